@@ -1,0 +1,53 @@
+"""The exceptions that planner raises.
+
+::
+
+    PlannerError
+    ├── FileError            a file cannot be read or understood
+    │   ├── MeshError        a mesh that cannot be graded: open, self-crossing, empty
+    │   └── PaletteError     a palette or printer file that breaks its schema
+    ├── UnknownNameError     a material, printer or palette that nothing is called
+    ├── ArgumentError        an option or argument outside what it may be
+    └── OutputError          the result cannot be written
+
+Every message says what is wrong, where, what was got against what is allowed, and what to do.
+A command maps any of them to exit code 2; whatever else escapes is a bug (exit code 70).
+"""
+
+__all__ = [
+    "ArgumentError",
+    "FileError",
+    "MeshError",
+    "OutputError",
+    "PaletteError",
+    "PlannerError",
+    "UnknownNameError",
+]
+
+
+class PlannerError(Exception):
+    """Base of all errors that planner raises on purpose."""
+
+
+class FileError(PlannerError):
+    """A file that cannot be read or understood."""
+
+
+class MeshError(FileError):
+    """A mesh that cannot be graded, with the place of the fault."""
+
+
+class PaletteError(FileError):
+    """A palette or printer file that breaks its schema; the message names the key."""
+
+
+class UnknownNameError(PlannerError):
+    """A name that stands for nothing, or for more than one thing; the message says what is near."""
+
+
+class ArgumentError(PlannerError):
+    """An option or argument outside what it may be."""
+
+
+class OutputError(PlannerError):
+    """A result that cannot be written: no permission, no space, or already there."""

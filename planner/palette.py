@@ -1,0 +1,342 @@
+"""What a printer can print: materials from softest to hardest, on the coordinate m.
+
+The coordinate m is an index of the mixture (TangoPlus 0, FLX9795 1, VeroWhitePlus 1.5 on the
+Connex3), not a volume fraction. A palette is data alone: the laws' mathematics lives in
+`planner.materials`.
+"""
+
+import difflib
+import hashlib
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+import msgspec
+
+from planner.errors import PaletteError, UnknownNameError
+
+__all__ = [
+    "LAW_PARAMETERS",
+    "LawParameters",
+    "Material",
+    "Palette",
+    "Reference",
+    "load_palette",
+    "nearest_names",
+    "parse_palette",
+]
+
+LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "linear": ("modulus_MPa",),
+        "neo-hookean": ("mu_MPa",),
+        "yeoh": ("c_MPa",),
+        "ogden": ("mu_MPa", "alpha"),
+        "martins": ("c1", "c2_MPa", "c3", "c4_MPa"),
+        "ogden-thesis": ("c", "strain_min", "strain_max"),
+    }
+)
+"""The models a palette file may name, with the parameters of each, in file units."""
+
+_SAME_LENGTH = {"ogden": ("mu_MPa", "alpha")}
+_LENGTH = {"yeoh": {"c_MPa": 3}, "ogden-thesis": {"c": 6}}
+
+
+@dataclass(frozen=True, slots=True)
+class LawParameters:
+    """The name of a constitutive law and its parameters, as a palette file holds them.
+
+    Parameters
+    ----------
+    model
+        A key of `LAW_PARAMETERS`.
+    parameters
+        Values by symbol; a scalar in the file is a tuple of one.
+    """
+
+    model: str
+    parameters: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The conditions at which a palette's laws were measured."""
+
+    strain_rate_per_s: float | None = None
+    temperature_C: float | None = None
+    soak_h: float | None = None
+    age_days: float | None = None
+    orientation: Literal["x", "y", "z"] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """One digital material.
+
+    Attributes
+    ----------
+    id
+        The name that goes into file names and plans: letters, digits, dot, dash, underscore.
+    coordinate
+        Place on the palette, m; strictly increasing from soft to hard.
+    elongation_at_break
+        Engineering strain at break.
+    law
+        The stress-free law that planning and simulation use.
+    published
+        The law as its source printed it, kept to reproduce the source; never planned with.
+    modulus_log_sd
+        Standard deviation of ln(modulus): how far a print's stiffness may lie from the law's.
+    deformation
+        "elastic" (a hyperelastic law to break) or "plastic" (Young's modulus alone).
+    """
+
+    id: str
+    coordinate: float
+    elongation_at_break: float
+    density_g_cm3: float
+    law: LawParameters
+    aliases: tuple[str, ...] = ()
+    colour: str = "#808080"
+    source: str = ""
+    deformation: Literal["elastic", "plastic"] = "elastic"
+    modulus_log_sd: float = 0.0
+    published: LawParameters | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """Materials from softest to hardest, with the conditions they were measured at.
+
+    Attributes
+    ----------
+    materials
+        Sorted by `Material.coordinate`, at least one.
+    sha256
+        Of the file's bytes, so that a plan can say what it was planned with.
+    """
+
+    name: str
+    materials: tuple[Material, ...]
+    reference: Reference = field(default_factory=Reference)
+    source: str = ""
+    sha256: str = ""
+
+    def resolve(self, name: str) -> Material:
+        """Return the material that `name` stands for.
+
+        An id or alias in any case, or the beginning of exactly one material's id or alias.
+
+        Raises
+        ------
+        UnknownNameError
+            Nothing, or more than one material, is called so; the message names what is near.
+        """
+        wanted = name.strip().casefold()
+        names = {m.id: [m.id.casefold(), *(a.casefold() for a in m.aliases)] for m in self.materials}
+        exact = [m for m in self.materials if wanted in names[m.id]]
+        if len(exact) == 1:
+            return exact[0]
+        begun = [m for m in self.materials if any(n.startswith(wanted) for n in names[m.id])]
+        if wanted and len(begun) == 1:
+            return begun[0]
+        ids = [m.id for m in self.materials]
+        if wanted and len(begun) > 1:
+            raise UnknownNameError(
+                f"material {name!r} is ambiguous in palette {self.name}: it may be "
+                f"{', '.join(m.id for m in begun)}; give more letters"
+            )
+        known = [*ids, *(a for m in self.materials for a in m.aliases)]
+        near = nearest_names(name, known)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        raise UnknownNameError(
+            f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
+        )
+
+    def index(self, material: Material) -> int:
+        """Return the place of a material from soft (0) to hard."""
+        return self.materials.index(material)
+
+
+def nearest_names(name: str, known: list[str]) -> list[str]:
+    """Return up to three of `known` that `name` may be a slip of, nearest first."""
+    folded = {k.casefold(): k for k in known}
+    return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]
+
+
+class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    id: str
+    coordinate: float
+    elongation_at_break: float
+    density_g_cm3: float
+    law: dict[str, Any]
+    aliases: list[str] = []
+    colour: str = "#808080"
+    source: str = ""
+    deformation: Literal["elastic", "plastic"] = "elastic"
+    modulus_log_sd: float = 0.0
+    published: dict[str, Any] | None = None
+
+
+class _ReferenceFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    strain_rate_per_s: float | None = None
+    temperature_C: float | None = None
+    soak_h: float | None = None
+    age_days: float | None = None
+    orientation: Literal["x", "y", "z"] | None = None
+
+
+class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    schema: int
+    name: str
+    kind: Literal["palette"]
+    material: list[_MaterialFile]
+    reference: _ReferenceFile = _ReferenceFile()
+    source: str = ""
+
+
+def load_palette(path: str | Path) -> Palette:
+    """Read a palette file (TOML).
+
+    Raises
+    ------
+    PaletteError
+        The file is missing, no TOML, or breaks the schema; the message names the key.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PaletteError(
+            f"palette {path}: cannot be read ({error.strerror or error}); "
+            "give the path of a palette file (TOML)"
+        ) from error
+    return parse_palette(data, name=str(path))
+
+
+def parse_palette(data: bytes, *, name: str) -> Palette:
+    """Make a palette of a palette file's bytes; `name` is what errors call it.
+
+    Raises
+    ------
+    PaletteError
+        See `load_palette`.
+    """
+    try:
+        document = tomllib.loads(data.decode("utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise PaletteError(f"palette {name}: not a TOML file: {error}") from error
+    try:
+        file = msgspec.convert(document, _PaletteFile)
+    except msgspec.ValidationError as error:
+        raise PaletteError(f"palette {name}: {error}") from error
+    if file.schema != 1:
+        raise PaletteError(
+            f"palette {name}: schema is {file.schema}, this version reads schema 1; "
+            "update planner or convert the file"
+        )
+    if not file.material:
+        raise PaletteError(f"palette {name}: no [[material]]; a palette needs at least one")
+    materials = tuple(_material(entry, name) for entry in file.material)
+    _check_names_and_order(materials, name)
+    return Palette(
+        name=file.name,
+        materials=materials,
+        reference=Reference(**msgspec.structs.asdict(file.reference)),
+        source=file.source,
+        sha256=hashlib.sha256(data).hexdigest(),
+    )
+
+
+def _material(entry: _MaterialFile, name: str) -> Material:
+    where = f"palette {name}: material {entry.id!r}"
+    if not entry.id or not all(c.isascii() and (c.isalnum() or c in "._-") for c in entry.id):
+        raise PaletteError(
+            f"{where}: the id goes into file names; use letters, digits, '.', '-' and '_'"
+        )
+    for key, value, low in (
+        ("coordinate", entry.coordinate, -math.inf),
+        ("elongation_at_break", entry.elongation_at_break, 0.0),
+        ("density_g_cm3", entry.density_g_cm3, 0.0),
+        ("modulus_log_sd", entry.modulus_log_sd, -1e-300),
+    ):
+        if not math.isfinite(value) or value <= low:
+            raise PaletteError(f"{where}: {key} is {value}; it must be finite and above {low:g}")
+    colour = entry.colour
+    if not (len(colour) == 7 and colour[0] == "#" and _is_hex(colour[1:])):
+        raise PaletteError(f"{where}: colour is {colour!r}; write it as '#RRGGBB'")
+    return Material(
+        id=entry.id,
+        coordinate=entry.coordinate,
+        elongation_at_break=entry.elongation_at_break,
+        density_g_cm3=entry.density_g_cm3,
+        law=_law(entry.law, f"{where}: law"),
+        aliases=tuple(entry.aliases),
+        colour=colour.upper(),
+        source=entry.source,
+        deformation=entry.deformation,
+        modulus_log_sd=entry.modulus_log_sd,
+        published=None if entry.published is None else _law(entry.published, f"{where}: published"),
+    )
+
+
+def _is_hex(text: str) -> bool:
+    return all(c in "0123456789abcdefABCDEF" for c in text)
+
+
+def _law(table: Mapping[str, Any], where: str) -> LawParameters:
+    model = table.get("model")
+    if not isinstance(model, str) or model not in LAW_PARAMETERS:
+        raise PaletteError(f"{where}: model is {model!r}; it must be one of {_list(LAW_PARAMETERS)}")
+    expected = LAW_PARAMETERS[model]
+    for key in table:
+        if key != "model" and key not in expected:
+            raise PaletteError(f"{where}: unknown key {key!r}; {model} takes {_list(expected)}")
+    parameters: dict[str, tuple[float, ...]] = {}
+    for key in expected:
+        if key not in table:
+            raise PaletteError(f"{where}: {key!r} is missing; {model} takes {_list(expected)}")
+        value = table[key]
+        values = value if isinstance(value, list) else [value]
+        if not values or not all(
+            isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v)
+            for v in values
+        ):
+            raise PaletteError(f"{where}: {key} is {value!r}; it must be finite numbers")
+        length = _LENGTH.get(model, {}).get(key)
+        if length is not None and len(values) != length:
+            raise PaletteError(f"{where}: {key} has {len(values)} values; {model} takes {length}")
+        parameters[key] = tuple(float(v) for v in values)
+    lengths = {key: len(parameters[key]) for key in _SAME_LENGTH.get(model, ())}
+    if len(set(lengths.values())) > 1:
+        raise PaletteError(f"{where}: {lengths}: these lists must be of one length")
+    return LawParameters(model, MappingProxyType(parameters))
+
+
+def _list(names: Mapping[str, object] | tuple[str, ...]) -> str:
+    return ", ".join(names)
+
+
+def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
+    seen: dict[str, str] = {}
+    for material in materials:
+        for called in (material.id, *material.aliases):
+            other = seen.setdefault(called.casefold(), material.id)
+            if other != material.id:
+                raise PaletteError(
+                    f"palette {name}: {called!r} names both {other} and {material.id}; "
+                    "ids and aliases must be unique"
+                )
+    if len({m.id for m in materials}) != len(materials):
+        raise PaletteError(f"palette {name}: two materials have one id; ids must be unique")
+    for softer, harder in zip(materials, materials[1:], strict=False):
+        if not softer.coordinate < harder.coordinate:
+            raise PaletteError(
+                f"palette {name}: coordinate of {harder.id} is {harder.coordinate:g}, not above "
+                f"{softer.coordinate:g} of {softer.id}; list materials from soft to hard with "
+                "rising coordinates"
+            )

@@ -1,0 +1,203 @@
+"""The Printer protocol, and how installed printers are found.
+
+A printer is an object published under the entry point group ``planner.printers``; planner
+imports none by name. `PrinterProfile` is the ready-made implementation, read from a
+``printer.toml``; `planner.testing.check_printer` tells a plugin's author what is missing.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from importlib.resources.abc import Traversable
+from types import MappingProxyType
+from typing import Protocol, runtime_checkable
+
+import msgspec
+
+from planner.errors import PaletteError, UnknownNameError
+from planner.palette import Palette, nearest_names, parse_palette
+
+__all__ = ["Printer", "PrinterProfile", "installed_printers", "load_profile", "printer"]
+
+GROUP = "planner.printers"
+
+
+@runtime_checkable
+class Printer(Protocol):
+    """What planner asks of a printer. Lengths in mm.
+
+    Attributes
+    ----------
+    name
+        Short name for the command line, as the entry point's.
+    title
+        Name as on the machine.
+    tray_mm
+        Largest part along x, y, z.
+    pixel_mm, layer_mm
+        Native pitch in the plane and along z.
+    minimum_wall_mm, minimum_feature_mm
+        Thinnest wall that survives, and smallest detail that prints undistorted.
+    base_resins
+        The resins in the cabinet that all digital materials are jetted from.
+    support
+        The support resin.
+    palettes
+        Names of the palettes it brings, the default first.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def tray_mm(self) -> tuple[float, float, float]: ...
+    @property
+    def pixel_mm(self) -> tuple[float, float]: ...
+    @property
+    def layer_mm(self) -> float: ...
+    @property
+    def minimum_wall_mm(self) -> float: ...
+    @property
+    def minimum_feature_mm(self) -> float: ...
+    @property
+    def base_resins(self) -> tuple[str, ...]: ...
+    @property
+    def support(self) -> str: ...
+    @property
+    def palettes(self) -> tuple[str, ...]: ...
+
+    def palette(self, name: str | None = None) -> Palette:
+        """Return a palette by name, or the default one."""
+        ...
+
+    def operator_name(self, material_id: str) -> str:
+        """Return what the printer's own software calls a material."""
+        ...
+
+    def job_notes(self) -> str:
+        """Return the how-to (Markdown) that goes beside the files, for the operator."""
+        ...
+
+
+class _ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    schema: int
+    name: str
+    title: str
+    tray_mm: tuple[float, float, float]
+    pixel_mm: tuple[float, float]
+    layer_mm: float
+    minimum_wall_mm: float
+    minimum_feature_mm: float
+    base_resins: list[str]
+    support: str
+    palettes: list[str]
+    operator_names: dict[str, str] = {}
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PrinterProfile:
+    """A `Printer` described by files: ``printer.toml``, ``palettes/*.toml``, ``job_notes.md``."""
+
+    name: str
+    title: str
+    tray_mm: tuple[float, float, float]
+    pixel_mm: tuple[float, float]
+    layer_mm: float
+    minimum_wall_mm: float
+    minimum_feature_mm: float
+    base_resins: tuple[str, ...]
+    support: str
+    palettes: tuple[str, ...]
+    operator_names: Mapping[str, str]
+    folder: Traversable
+
+    def palette(self, name: str | None = None) -> Palette:
+        """Return a palette by name, or the default one.
+
+        Raises
+        ------
+        UnknownNameError
+            The printer has no palette of that name.
+        PaletteError
+            The palette's file breaks the schema.
+        """
+        wanted = self.palettes[0] if name is None else name
+        if wanted not in self.palettes:
+            near = nearest_names(wanted, list(self.palettes))
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise UnknownNameError(
+                f"no palette {wanted!r} for printer {self.name}; {hint}"
+                f"it has {', '.join(self.palettes)}"
+            )
+        file = self.folder / "palettes" / f"{wanted}.toml"
+        return parse_palette(file.read_bytes(), name=wanted)
+
+    def operator_name(self, material_id: str) -> str:
+        """Return what the printer's own software calls a material."""
+        return self.operator_names.get(material_id, material_id)
+
+    def job_notes(self) -> str:
+        """Return the how-to (Markdown) that goes beside the files, for the operator."""
+        return (self.folder / "job_notes.md").read_text(encoding="utf-8")
+
+
+def load_profile(folder: Traversable) -> PrinterProfile:
+    """Read the profile in a plugin's package folder (``importlib.resources.files(__name__)``).
+
+    Raises
+    ------
+    PaletteError
+        ``printer.toml`` breaks its schema; the message names the key.
+    """
+    try:
+        document = tomllib.loads((folder / "printer.toml").read_text(encoding="utf-8"))
+        file = msgspec.convert(document, _ProfileFile)
+    except (OSError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+        raise PaletteError(f"printer {folder}: printer.toml: {error}") from error
+    if file.schema != 1 or not file.palettes:
+        raise PaletteError(f"printer {file.name}: printer.toml needs schema = 1 and a palette")
+    return PrinterProfile(
+        name=file.name,
+        title=file.title,
+        tray_mm=file.tray_mm,
+        pixel_mm=file.pixel_mm,
+        layer_mm=file.layer_mm,
+        minimum_wall_mm=file.minimum_wall_mm,
+        minimum_feature_mm=file.minimum_feature_mm,
+        base_resins=tuple(file.base_resins),
+        support=file.support,
+        palettes=tuple(file.palettes),
+        operator_names=MappingProxyType(dict(file.operator_names)),
+        folder=folder,
+    )
+
+
+def installed_printers() -> dict[str, EntryPoint]:
+    """Return the installed printers' entry points by name, sorted; nothing is loaded yet."""
+    return {e.name: e for e in sorted(entry_points(group=GROUP), key=lambda e: e.name)}
+
+
+def printer(name: str) -> Printer:
+    """Load an installed printer.
+
+    Raises
+    ------
+    UnknownNameError
+        No printer of that name is installed, or its plugin is not a printer.
+    """
+    found = installed_printers()
+    if name not in found:
+        near = nearest_names(name, list(found))
+        hint = f"did you mean {near[0]}? " if near else ""
+        known = ", ".join(found) or "none"
+        raise UnknownNameError(f"no printer {name!r}; {hint}installed: {known}")
+    loaded = found[name].load()
+    if not isinstance(loaded, Printer):
+        raise UnknownNameError(
+            f"printer {name!r}: {found[name].value} is not a planner.Printer; "
+            "run planner.testing.check_printer on it"
+        )
+    return loaded

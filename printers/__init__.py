@@ -1,0 +1,1 @@
+"""Printers that come with planner, each a plugin found by entry point."""
