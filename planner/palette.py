@@ -7,6 +7,7 @@ Connex3), not a volume fraction. A palette is data alone: the laws' mathematics 
 
 import difflib
 import hashlib
+import itertools
 import math
 import tomllib
 from collections.abc import Mapping
@@ -137,7 +138,7 @@ class Palette:
             Nothing, or more than one material, is called so; the message names what is near.
         """
         wanted = name.strip().casefold()
-        names = {m.id: [m.id.casefold(), *(a.casefold() for a in m.aliases)] for m in self.materials}
+        names = {m.id: [n.casefold() for n in (m.id, *m.aliases)] for m in self.materials}
         exact = [m for m in self.materials if wanted in names[m.id]]
         if len(exact) == 1:
             return exact[0]
@@ -291,7 +292,8 @@ def _is_hex(text: str) -> bool:
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
     model = table.get("model")
     if not isinstance(model, str) or model not in LAW_PARAMETERS:
-        raise PaletteError(f"{where}: model is {model!r}; it must be one of {_list(LAW_PARAMETERS)}")
+        known = _list(LAW_PARAMETERS)
+        raise PaletteError(f"{where}: model is {model!r}; it must be one of {known}")
     expected = LAW_PARAMETERS[model]
     for key in table:
         if key != "model" and key not in expected:
@@ -333,7 +335,7 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
                 )
     if len({m.id for m in materials}) != len(materials):
         raise PaletteError(f"palette {name}: two materials have one id; ids must be unique")
-    for softer, harder in zip(materials, materials[1:], strict=False):
+    for softer, harder in itertools.pairwise(materials):
         if not softer.coordinate < harder.coordinate:
             raise PaletteError(
                 f"palette {name}: coordinate of {harder.id} is {harder.coordinate:g}, not above "

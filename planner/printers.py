@@ -25,48 +25,57 @@ GROUP = "planner.printers"
 
 @runtime_checkable
 class Printer(Protocol):
-    """What planner asks of a printer. Lengths in mm.
-
-    Attributes
-    ----------
-    name
-        Short name for the command line, as the entry point's.
-    title
-        Name as on the machine.
-    tray_mm
-        Largest part along x, y, z.
-    pixel_mm, layer_mm
-        Native pitch in the plane and along z.
-    minimum_wall_mm, minimum_feature_mm
-        Thinnest wall that survives, and smallest detail that prints undistorted.
-    base_resins
-        The resins in the cabinet that all digital materials are jetted from.
-    support
-        The support resin.
-    palettes
-        Names of the palettes it brings, the default first.
-    """
+    """What planner asks of a printer. Lengths in mm."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Short name for the command line, as the entry point's."""
+        ...
+
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """Name as on the machine."""
+        ...
+
     @property
-    def tray_mm(self) -> tuple[float, float, float]: ...
+    def tray_mm(self) -> tuple[float, float, float]:
+        """Largest part along x, y, z."""
+        ...
+
     @property
-    def pixel_mm(self) -> tuple[float, float]: ...
+    def pixel_mm(self) -> tuple[float, float]:
+        """Native pitch in the plane."""
+        ...
+
     @property
-    def layer_mm(self) -> float: ...
+    def layer_mm(self) -> float:
+        """Native pitch along z."""
+        ...
+
     @property
-    def minimum_wall_mm(self) -> float: ...
+    def minimum_wall_mm(self) -> float:
+        """Thinnest wall that survives."""
+        ...
+
     @property
-    def minimum_feature_mm(self) -> float: ...
+    def minimum_feature_mm(self) -> float:
+        """Smallest detail that prints undistorted."""
+        ...
+
     @property
-    def base_resins(self) -> tuple[str, ...]: ...
+    def base_resins(self) -> tuple[str, ...]:
+        """The resins in the cabinet that all digital materials are jetted from."""
+        ...
+
     @property
-    def support(self) -> str: ...
+    def support(self) -> str:
+        """The support resin."""
+        ...
+
     @property
-    def palettes(self) -> tuple[str, ...]: ...
+    def palettes(self) -> tuple[str, ...]:
+        """Names of the palettes it brings, the default first."""
+        ...
 
     def palette(self, name: str | None = None) -> Palette:
         """Return a palette by name, or the default one."""

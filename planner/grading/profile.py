@@ -1,0 +1,197 @@
+"""Target stiffness along a field: modulus as a function of the field value u in 0..1."""
+
+import csv
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from planner.arrays import FloatArray, IntArray
+from planner.errors import ArgumentError, FileError
+from planner.palette import nearest_names
+
+__all__ = ["PROFILES", "Profile", "between", "read_profile"]
+
+Shape = Literal["log", "linear", "smooth"]
+_SHAPES: dict[str, Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
+PROFILES = ("log", "linear", "smooth", "steps:N", "FILE.csv")
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """A target modulus, monotone between knots.
+
+    Parameters
+    ----------
+    name
+        As the user gave it.
+    positions
+        Knots in 0..1, from 0 to 1, never falling; a position that stands twice is a jump.
+    moduli_MPa
+        Target at each knot.
+    shape
+        Between knots a, b with t = 0..1: ``log`` E = Ea (Eb/Ea)^t; ``linear`` E = Ea + (Eb - Ea) t;
+        ``smooth`` E = Ea (Eb/Ea)^(3 t^2 - 2 t^3).
+    """
+
+    name: str
+    positions: tuple[float, ...]
+    moduli_MPa: tuple[float, ...]
+    shape: Shape
+
+    def modulus_MPa(self, u: FloatArray | float) -> FloatArray:
+        """Return the target at field values `u`; at a jump, the value after it."""
+        position = np.asarray(self.positions)
+        u = np.asarray(u, dtype=float)
+        segment = np.clip(np.searchsorted(position, u, side="right") - 1, 0, len(position) - 2)
+        return self._within(segment, u)
+
+    def _within(self, segment: IntArray | int, u: FloatArray | float) -> FloatArray:
+        position, modulus = np.asarray(self.positions), np.asarray(self.moduli_MPa)
+        begin, length = position[segment], position[np.add(segment, 1)] - position[segment]
+        a, b = modulus[segment], modulus[np.add(segment, 1)]
+        t = np.clip((u - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        if self.shape == "linear":
+            return np.asarray(a + (b - a) * t)
+        if self.shape == "smooth":
+            t = t * t * (3.0 - 2.0 * t)
+        return np.asarray(a * (b / a) ** t)
+
+    def crossings(self, modulus_MPa: float) -> tuple[float, ...]:
+        """Return the field values at which the target passes through a modulus, rising.
+
+        Solved in closed form for every shape. A jump across the modulus counts; touching a
+        knot from one side without passing does not.
+        """
+        found = []
+        for i, (begin, end) in enumerate(itertools.pairwise(self.positions)):
+            a, b = self.moduli_MPa[i], self.moduli_MPa[i + 1]
+            if not (a < modulus_MPa <= b or b <= modulus_MPa < a):
+                continue
+            if self.shape == "linear":
+                t = (modulus_MPa - a) / (b - a)
+            else:
+                t = math.log(modulus_MPa / a) / math.log(b / a)
+            if self.shape == "smooth":
+                # The root in 0..1 of 3 t^2 - 2 t^3 = y, by the trigonometric form of the cubic.
+                t = 0.5 - math.sin(math.asin(max(-1.0, min(1.0, 1.0 - 2.0 * t))) / 3.0)
+            found.append(begin + (end - begin) * min(max(t, 0.0), 1.0))
+        return tuple(sorted(set(found)))
+
+    def interval_MPa(self, start: float, stop: float) -> tuple[float, float]:
+        """Return the lowest and highest target on the open interval (start, stop) of the field."""
+        values = []
+        for i, (begin, end) in enumerate(itertools.pairwise(self.positions)):
+            low, high = max(begin, start), min(end, stop)
+            if low < high:
+                values += [float(self._within(i, low)), float(self._within(i, high))]
+        return min(values), max(values)
+
+
+def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
+    """Make the profile that `spec` names between two moduli.
+
+    Parameters
+    ----------
+    spec
+        ``log``, ``linear``, ``smooth`` or ``steps:N`` (N equal steps, evenly spaced in log).
+
+    Raises
+    ------
+    ArgumentError
+        An unknown name, or fewer than two steps.
+    """
+    ends = (start_MPa, end_MPa)
+    if spec in _SHAPES:
+        return Profile(spec, (0.0, 1.0), ends, _SHAPES[spec])
+    if spec.startswith("steps:"):
+        try:
+            count = int(spec.removeprefix("steps:"))
+        except ValueError:
+            count = 0
+        if not 2 <= count <= 10_000:
+            raise ArgumentError(
+                f"--profile {spec}: the number of steps must be a whole number from 2 to 10000, "
+                "as in steps:5"
+            )
+        ratio = end_MPa / start_MPa
+        positions, moduli = [], []
+        for i in range(count):
+            positions += [i / count, (i + 1) / count]
+            moduli += [start_MPa * ratio ** (i / (count - 1))] * 2
+        return Profile(spec, tuple(positions), tuple(moduli), "log")
+    near = nearest_names(spec, ["log", "linear", "smooth", "steps:5"])
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise ArgumentError(f"--profile {spec}: no such profile; {hint}it takes {', '.join(PROFILES)}")
+
+
+def read_profile(
+    path: str | Path, moduli_MPa: Mapping[str, float], resolve: Callable[[str], str]
+) -> Profile:
+    """Read a profile from a CSV file.
+
+    Parameters
+    ----------
+    path
+        Columns ``position`` (0..1, rising; twice for a jump) and ``modulus_MPa`` or ``material``.
+        The target is log-linear between rows.
+    moduli_MPa
+        Modulus of each material by id.
+    resolve
+        Turns a material's name into its id.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or a row breaks the rules; the message names the line.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"profile {path}: cannot be read ({error}); give a CSV file") from error
+    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    columns = tuple(rows.fieldnames or [])
+    value_columns = [c for c in columns if c in ("modulus_MPa", "material")]
+    if "position" not in columns or len(value_columns) != 1:
+        raise FileError(
+            f"profile {path}: columns are {', '.join(columns) or 'none'}; it needs position and "
+            "one of modulus_MPa and material"
+        )
+    column = value_columns[0]
+    positions: list[float] = []
+    moduli: list[float] = []
+    for row in rows:
+        where = f"profile {path}, line {rows.line_num}"
+        position = _number(row.get("position"), f"{where}: position")
+        if column == "material":
+            modulus = moduli_MPa[resolve(str(row.get("material") or ""))]
+        else:
+            modulus = _number(row.get("modulus_MPa"), f"{where}: modulus_MPa")
+        if not 0.0 <= position <= 1.0 or (positions and position < positions[-1]):
+            raise FileError(f"{where}: position is {position:g}; positions rise from 0 to 1")
+        if len(positions) > 1 and position == positions[-2]:
+            raise FileError(
+                f"{where}: position {position:g} stands three times; a jump is two rows"
+            )
+        if not modulus > 0.0:
+            raise FileError(f"{where}: modulus_MPa is {modulus:g}; it must be above 0")
+        positions.append(position)
+        moduli.append(modulus)
+    if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
+        raise FileError(f"profile {path}: it needs rows from position 0 to position 1")
+    return Profile(path.name, tuple(positions), tuple(moduli), "log")
+
+
+def _number(text: str | None, where: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FileError(f"{where} is {text!r}; it must be a finite number")
+    return value
