@@ -1,0 +1,315 @@
+"""Plan and Region: the result of grading a part, and reading one back."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from planner.arrays import Float32Array, IntArray
+from planner.errors import FileError
+from planner.formats.json_document import decode_document, encode_document
+from planner.palette import nearest_names
+
+__all__ = [
+    "Check",
+    "Finding",
+    "Gradient",
+    "PaletteUsed",
+    "PartGraded",
+    "Plan",
+    "Region",
+    "Shell",
+    "Stiffness",
+    "Unreachable",
+    "plan_file",
+    "read_plan",
+]
+
+Pair = tuple[float, float]
+Point = tuple[float, float, float]
+Box = tuple[Point, Point]
+
+
+@dataclass(frozen=True, slots=True)
+class PaletteUsed:
+    """The palette a plan was made with."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class PartGraded:
+    """The part a plan was made for; adding `translation_mm` takes it to where the shells are."""
+
+    file: str
+    sha256: str
+    unit: str
+    volume_mm3: float
+    bounds_mm: Box
+    triangles: int
+    translation_mm: Point
+    repairs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Gradient:
+    """The wish: a field over the part, and a target along it (``from`` and ``to`` in the file)."""
+
+    field: Mapping[str, Any]
+    profile: Mapping[str, Any]
+    start: str | None
+    end: str | None
+    bands: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffness:
+    """What "modulus" means: secant of the nominal stress from rest to a working strain."""
+
+    measure: Literal["secant-nominal"]
+    at_strain: float
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """One band of the part: what was wanted, and what is printed there.
+
+    Attributes
+    ----------
+    field
+        Field values at which it begins and ends.
+    target_modulus_MPa
+        Lowest and highest target within it.
+    modulus_MPa, modulus_interval_MPa
+        Achieved modulus, and the interval that holds it with 95 % probability.
+    error
+        Achieved over highest target - 1, and achieved over lowest target - 1.
+    file, sha256, triangles
+        The STL that holds it; regions of one material share a file.
+    """
+
+    index: int
+    coordinate: float
+    field: Pair
+    target_modulus_MPa: Pair
+    modulus_MPa: float
+    modulus_interval_MPa: Pair
+    error: Pair
+    volume_mm3: float
+    mass_g: float
+    bounds_mm: Box
+    file: str
+    sha256: str
+    triangles: int
+    material: str | None = None
+    blend: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that was verified: a value against its limit."""
+
+    value: float
+    limit: float
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that will not print as planned, with its place and size."""
+
+    kind: str
+    message: str
+    material: str | None = None
+    place_mm: Point | None = None
+    size_mm: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unreachable:
+    """A stretch of the field whose target no material reaches."""
+
+    field: Pair
+    target_modulus_MPa: Pair
+    nearest: str
+    modulus_MPa: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shell:
+    """All of a part that is printed in one material, as it goes to the files.
+
+    Attributes
+    ----------
+    vertices, faces
+        (n, 3) float32 mm and (m, 3); closed, normals outwards.
+    stl
+        The same as the bytes of a binary STL.
+    properties
+        What the 3MF records of the material: coordinate, modulus, base resins.
+    """
+
+    material: str
+    operator_name: str
+    colour: str
+    file: str
+    vertices: Float32Array
+    faces: IntArray
+    stl: bytes
+    properties: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What to print where: the content of plan.json, and the shells until they are written."""
+
+    schema: Literal[1]
+    version: str
+    printer: str
+    palette: PaletteUsed
+    part: PartGraded
+    gradient: Gradient
+    stiffness: Stiffness
+    regions: tuple[Region, ...]
+    checks: Mapping[str, Check]
+    findings: tuple[Finding, ...] = ()
+    warnings: tuple[str, ...] = ()
+    unreachable: tuple[Unreachable, ...] = ()
+    shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
+    notes: str = field(default="", repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """The part's name: its file's, without folder and ending."""
+        return Path(self.part.file).stem
+
+    @property
+    def ok(self) -> bool:
+        """Whether every target is reached, every check holds and nothing was found."""
+        checks = all(check.ok for check in self.checks.values())
+        return checks and not self.findings and not self.unreachable
+
+    def document(self) -> dict[str, Any]:
+        """Return the plan as plan.json holds it."""
+        bare = dataclasses.replace(self, shells=(), notes="")
+        document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
+        del document["shells"], document["notes"]
+        gradient = document["gradient"]
+        document["gradient"] = {
+            "field": gradient["field"],
+            "profile": gradient["profile"],
+            "from": gradient.get("start"),
+            "to": gradient.get("end"),
+            "bands": gradient.get("bands"),
+        }
+        return document
+
+    def json(self) -> bytes:
+        """Return the bytes of plan.json."""
+        return encode_document(self.document())
+
+    def write(self, folder: str | Path | None = None, *, force: bool = False) -> Path:
+        """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.
+
+        The folder is whole or absent: everything goes to a temporary sibling first.
+
+        Parameters
+        ----------
+        folder
+            ``<part>-graded`` in the working directory by default.
+        force
+            Replace an earlier plan in that place.
+
+        Returns
+        -------
+        pathlib.Path
+            The folder.
+
+        Raises
+        ------
+        OutputError
+            The folder exists already, or cannot be written.
+        """
+        from planner.formats.folder import new_folder
+        from planner.formats.threemf import ThreemfObject, write_threemf
+
+        target = Path(f"{self.name}-graded" if folder is None else folder)
+        with new_folder(target, force=force) as scratch:
+            (scratch / "stl").mkdir()
+            for shell in self.shells:
+                (scratch / shell.file).write_bytes(shell.stl)
+            objects = [
+                ThreemfObject(
+                    name=Path(shell.file).stem,
+                    vertices=shell.vertices,
+                    faces=shell.faces,
+                    material_name=shell.material,
+                    colour=shell.colour,
+                    metadata=shell.properties,
+                )
+                for shell in self.shells
+            ]
+            write_threemf(scratch / f"{self.name}.3mf", objects, assembly_name=self.name)
+            if self.notes:
+                (scratch / "HOWTO.md").write_text(self.notes, encoding="utf-8", newline="\n")
+            (scratch / "plan.json").write_bytes(self.json())
+        return target
+
+
+def plan_file(path: str | Path) -> Path:
+    """Return the plan.json that a path means: itself, or the one in the folder.
+
+    Raises
+    ------
+    FileError
+        There is none.
+    """
+    path = Path(path)
+    if path.is_dir():
+        file = path / "plan.json"
+        if not file.is_file():
+            raise FileError(f"{path}: no plan.json in this folder; give a folder that grade wrote")
+        return file
+    if not path.is_file():
+        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        near = nearest_names(path.name, siblings)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise FileError(f"{path}: no such file or folder; {hint}give a plan.json or its folder")
+    return path
+
+
+def read_plan(path: str | Path) -> Plan:
+    """Read a plan from plan.json or the folder that holds it; its shells stay in their files.
+
+    Raises
+    ------
+    FileError
+        The file is missing, or is no plan of schema 1; the message names the key.
+    """
+    file = plan_file(path)
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise FileError(f"{file}: cannot be read ({error.strerror or error})") from error
+    document = decode_document(data, dict[str, Any], str(file))
+    gradient = document.get("gradient")
+    if isinstance(gradient, dict):
+        gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
+    document.pop("shells", None)
+    document.pop("notes", None)
+    try:
+        return msgspec.convert(document, Plan)
+    except msgspec.ValidationError as error:
+        raise FileError(f"{file}: {error}; it is not a plan.json of schema 1") from error
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list):
+        return [_without_none(v) for v in value]
+    return value
