@@ -1,0 +1,181 @@
+"""planner grade."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from planner.cli.options import AsJson, AtStrain, PaletteName, PrinterName, Quiet, choose
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+__all__ = ["grade"]
+
+
+def grade(
+    part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF.")],
+    from_: Annotated[
+        str | None, typer.Option("--from", help="Material where the gradient begins.")
+    ] = None,
+    to: Annotated[str | None, typer.Option("--to", help="Material where it ends.")] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
+        ),
+    ] = None,
+    profile: Annotated[
+        str,
+        typer.Option(
+            help="log, linear, smooth, steps:N, or a CSV file with position (0..1) and "
+            "modulus_MPa or material."
+        ),
+    ] = "log",
+    bands: Annotated[
+        int | None,
+        typer.Option(
+            help="Cut into N equal steps; by default the cuts lie where the nearest material "
+            "changes."
+        ),
+    ] = None,
+    blend: Annotated[
+        str, typer.Option(help="How a target between two materials is met: nearest.")
+    ] = "nearest",
+    at_strain: AtStrain = 0.1,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")
+    ] = None,
+    printer: PrinterName = "connex3",
+    palette: PaletteName = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder to write; <part>-graded by default."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier plan there.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Write nothing when something was found.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Plan and report, but write nothing.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Grade a part from one stiffness to another and write the files that print it.
+
+    Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
+    """
+    from planner.cli.output import progress
+    from planner.formats.folder import check_target
+    from planner.grading import grade as plan_part
+
+    machine, chosen = choose(printer, palette)
+    folder = Path(f"{part.stem}-graded") if output is None else output
+    if not dry_run:
+        check_target(folder, force=force)
+    with progress(not quiet and not as_json) as stage:
+        plan = plan_part(
+            part,
+            from_=from_,
+            to=to,
+            axis=axis,
+            profile=profile,
+            bands=bands,
+            blend=blend,
+            at_strain=at_strain,
+            unit=unit,
+            printer=machine,
+            palette=chosen,
+            progress=stage,
+        )
+        refused = strict and not plan.ok
+        if not (dry_run or refused):
+            stage("writing the files")
+            plan.write(folder, force=force)
+    _report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
+    return 0 if plan.ok else 1
+
+
+def _report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+    from planner.cli.output import finding, print_document, say, warn
+
+    if as_json:
+        print_document(plan.json())
+        return
+    if quiet:
+        return
+    for repair in plan.part.repairs:
+        warn(f"{plan.part.file}: {repair}")
+    for warning in plan.warnings:
+        warn(warning)
+    _table(plan)
+    for missed in plan.unreachable:
+        low, high = missed.target_modulus_MPa
+        finding(
+            f"target {low:.3g} .. {high:.3g} MPa at field {missed.field[0]:.3f} .. "
+            f"{missed.field[1]:.3f} is out of reach; the nearest is {missed.nearest} with "
+            f"{missed.modulus_MPa:.3g} MPa"
+        )
+    for found in plan.findings:
+        finding(found.message)
+    failed = [name for name, check in plan.checks.items() if not check.ok]
+    held = len(plan.checks) - len(failed)
+    say(
+        f"{held} of {len(plan.checks)} checks hold"
+        + (f"; not: {', '.join(failed)}" if failed else "")
+    )
+    if folder is None:
+        say("nothing was written")
+    else:
+        say(f"wrote {folder} (next: planner check {folder}; open {folder / 'HOWTO.md'})")
+
+
+def _table(plan: "Plan") -> None:
+    from planner.cli.output import figure, print_table
+
+    colours = {shell.material: shell.colour for shell in plan.shells}
+    span = plan.gradient.field.get("span_mm")
+    rows = []
+    for region in plan.regions:
+        low, high = region.target_modulus_MPa
+        start, stop = region.field
+        where = (
+            f"{start * span:.2f} .. {stop * span:.2f}"
+            if isinstance(span, float)
+            else f"{start:.4f} .. {stop:.4f}"
+        )
+        rows.append(
+            [
+                str(region.index),
+                region.material or "",
+                where,
+                f"{figure(low)} .. {figure(high)}",
+                figure(region.modulus_MPa),
+                f"{figure(region.modulus_interval_MPa[0])} .. "
+                f"{figure(region.modulus_interval_MPa[1])}",
+                f"{100 * region.error[0]:+.0f} .. {100 * region.error[1]:+.0f} %",
+                figure(region.volume_mm3, 4),
+                figure(region.mass_g),
+            ]
+        )
+    total = sum(r.volume_mm3 for r in plan.regions), sum(r.mass_g for r in plan.regions)
+    rows.append(["", "all", "", "", "", "", "", figure(total[0], 4), figure(total[1])])
+    print_table(
+        [
+            "#",
+            "material",
+            "along mm",
+            "target MPa",
+            "achieved",
+            "95 % interval",
+            "error",
+            "volume mm3",
+            "mass g",
+        ],
+        rows,
+        title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
+        f"{plan.stiffness.at_strain:g}",
+        right=["#", "achieved", "error", "volume mm3", "mass g"],
+        swatches=[colours.get(r.material or "", "#808080") for r in plan.regions] + ["default"],
+    )

@@ -1,0 +1,140 @@
+"""Make the sample parts: python samples/make_samples.py [FOLDER].
+
+- dogbone.stl: tensile specimen after ASTM D638 type IV, 115 x 19 x 4 mm.
+- dogbone-thesis.stl: the same scaled by 0.891, as Hemleben's 2017 thesis tested "a scaled size of
+  Type IV". The thesis does not print the scale; its 1 mm/s and a strain rate of 0.034 /s make the
+  narrow section 29.4 mm long, where D638 has 33 mm.
+- finger.stl: a pneumatic bending finger, 96 mm long, with six chambers and an inlet at its root.
+- gripper.stl: a two-jaw compliant gripper, one piece, 100 mm high.
+"""
+
+import itertools
+import sys
+from pathlib import Path
+
+import manifold3d as m3
+import numpy as np
+from planner.formats.stl import write_stl
+
+THESIS_SCALE = 29.4 / 33.0
+
+
+def dogbone() -> m3.Manifold:
+    """Make an ASTM D638 type IV specimen: 33 x 6 mm narrow section, fillets of 14 and 25 mm radius, 115 x 19 mm."""
+    length, grip_width, narrow_width, narrow_length = 115.0, 19.0, 6.0, 33.0
+    inner_radius, outer_radius, thickness = 14.0, 25.0, 4.0
+    # Along the edge: straight, an arc of the inner radius, an arc of the outer one back to
+    # straight. Both turn by the angle at which the half-width has grown from 3 to 9.5 mm.
+    rise = 0.5 * (grip_width - narrow_width)
+    turn = np.arccos(1.0 - rise / (inner_radius + outer_radius))
+    first = np.linspace(0.0, turn, 24)
+    edge = [
+        (
+            0.5 * narrow_length + inner_radius * np.sin(a),
+            0.5 * narrow_width + inner_radius * (1 - np.cos(a)),
+        )
+        for a in first
+    ]
+    run = (inner_radius + outer_radius) * np.sin(turn)
+    edge += [
+        (
+            0.5 * narrow_length + run - outer_radius * np.sin(a),
+            0.5 * grip_width - outer_radius * (1 - np.cos(a)),
+        )
+        for a in first[::-1][1:]
+    ]
+    edge += [(0.5 * length, 0.5 * grip_width)]
+    quarter = np.array(edge)
+    half = np.vstack([quarter, quarter[::-1] * [1, -1]])
+    outline = np.vstack([half, half[::-1] * [-1, 1]])
+    section = m3.CrossSection([outline[::-1]], m3.FillRule.NonZero)
+    # Refined so that a gradient shows on the surface as it would on a scanned or CAD mesh.
+    return m3.Manifold.extrude(section, thickness, n_divisions=3).refine_to_length(1.6)
+
+
+def finger() -> m3.Manifold:
+    """Make a bending finger: six chambers joined by a channel over a flat, stiffer floor."""
+    pitch, wall, width = 14.0, 1.6, 16.0
+    floor = _box(0.0, 96.0, -width / 2, width / 2, 0.0, 4.0)
+    ribs, cavities = [floor], [_box(-1.0, 90.0, -2.0, 2.0, 4.0, 7.0)]
+    root = m3.Manifold.hull(
+        floor.trim_by_plane([-1.0, 0.0, 0.0], -12.0) + _pin(6.0, 10.0, 7.0, 12.0)
+    )
+    ribs.append(root)
+    for i in range(6):
+        x = 12.0 + pitch * i
+        outside = m3.Manifold.hull(
+            _box(x, x + 11.0, -width / 2, width / 2, 0.0, 10.0) + _pin(x + 5.5, 14.5, 5.5, width)
+        )
+        inside = m3.Manifold.hull(
+            _box(x + wall, x + 11.0 - wall, -width / 2 + wall, width / 2 - wall, 4.0, 10.0)
+            + _pin(x + 5.5, 14.5, 5.5 - wall, width - 2 * wall)
+        )
+        ribs.append(outside)
+        cavities.append(inside)
+    ribs.append(_box(10.0, 94.0, -4.0, 4.0, 0.0, 8.6))
+    tip = _box(88.0, 96.0, -width / 2, width / 2, 0.0, 8.0)
+    body = m3.Manifold.batch_boolean([*ribs, tip], m3.OpType.Add)
+    return body - m3.Manifold.batch_boolean(cavities, m3.OpType.Add)
+
+
+def gripper() -> m3.Manifold:
+    """Make a palm with two curved jaws on thin hinges and a bore for the actuator."""
+    thickness = 12.0
+    palm = m3.CrossSection.square([60.0, 24.0]).translate([-30.0, 0.0])
+    jaw = []
+    for t in np.linspace(0.0, 1.0, 33):
+        x, z = 22.0 + 20.0 * np.sin(np.pi * t) * (1 - 0.35 * t) - 14.0 * t, 20.0 + 80.0 * t
+        jaw.append(m3.CrossSection.circle(5.5 - 2.2 * t, 40).translate([x, z]))
+    half = m3.CrossSection.batch_boolean(
+        [m3.CrossSection.batch_hull([a, b]) for a, b in itertools.pairwise(jaw)],
+        m3.OpType.Add,
+    )
+    outline = palm + half + half.mirror([1.0, 0.0])
+    plate = m3.Manifold.extrude(outline, thickness).translate([0.0, 0.0, -thickness / 2])
+    upright = plate.rotate([90.0, 0.0, 0.0])
+    bore = m3.Manifold.cylinder(26.0, 4.0, 4.0, 64).translate([0.0, 0.0, -1.0])
+    holes = [
+        m3.Manifold.cylinder(40.0, 1.7, 1.7, 32, center=True)
+        .rotate([90.0, 0.0, 0.0])
+        .translate([x, 0.0, 8.0])
+        for x in (-22.0, 22.0)
+    ]
+    return upright - m3.Manifold.batch_boolean([bore, *holes], m3.OpType.Add)
+
+
+def _box(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float) -> m3.Manifold:
+    return m3.Manifold.cube([x1 - x0, y1 - y0, z1 - z0]).translate([x0, y0, z0])
+
+
+def _pin(x: float, z: float, radius: float, width: float) -> m3.Manifold:
+    """Make a cylinder along y, centred."""
+    pin = m3.Manifold.cylinder(width, radius, radius, 48, center=True)
+    return pin.rotate([90.0, 0.0, 0.0]).translate([x, 0.0, z])
+
+
+def parts() -> dict[str, m3.Manifold]:
+    """Return every sample by its file's stem, standing on z = 0."""
+    made = {
+        "dogbone": dogbone(),
+        "dogbone-thesis": dogbone().scale([THESIS_SCALE] * 3),
+        "finger": finger(),
+        "gripper": gripper(),
+    }
+    return {
+        name: part.translate([0.0, 0.0, -part.bounding_box()[2]]) for name, part in made.items()
+    }
+
+
+def main() -> None:
+    """Write every sample as a binary STL."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
+    for name, part in parts().items():
+        mesh = part.to_mesh()
+        vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32)
+        write_stl(folder / f"{name}.stl", vertices, np.asarray(mesh.tri_verts), f"{name} in mm")
+        print(f"{name}.stl: {len(mesh.tri_verts)} triangles, {part.volume():.1f} mm3")
+
+
+if __name__ == "__main__":
+    main()
