@@ -1,3 +1,81 @@
-"""A print-job mixture planner for multi-material jetting printers."""
+"""A print-job mixture planner for multi-material jetting printers.
+
+>>> import planner
+>>> plan = planner.grade("finger.stl", from_="Tango", to="Vero", axis="x")  # doctest: +SKIP
+>>> plan.write("finger-graded")  # doctest: +SKIP
+
+Names are imported on first use, so that ``import planner`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from planner.errors import PlannerError
+    from planner.grading import (
+        Certificate,
+        Difference,
+        Mixture,
+        Profile,
+        certify,
+        differences,
+        grade,
+        mixture_for,
+    )
+    from planner.palette import Material, Palette, load_palette
+    from planner.plan import Plan, Region, read_plan
+    from planner.printers import Printer, installed_printers, printer
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Certificate",
+    "Difference",
+    "Material",
+    "Mixture",
+    "Palette",
+    "Plan",
+    "PlannerError",
+    "Printer",
+    "Profile",
+    "Region",
+    "certify",
+    "differences",
+    "grade",
+    "installed_printers",
+    "load_palette",
+    "mixture_for",
+    "printer",
+    "read_plan",
+]
+
+_HOME = {
+    "PlannerError": "planner.errors",
+    "Certificate": "planner.grading",
+    "Difference": "planner.grading",
+    "Mixture": "planner.grading",
+    "Profile": "planner.grading",
+    "certify": "planner.grading",
+    "differences": "planner.grading",
+    "grade": "planner.grading",
+    "mixture_for": "planner.grading",
+    "Material": "planner.palette",
+    "Palette": "planner.palette",
+    "load_palette": "planner.palette",
+    "Plan": "planner.plan",
+    "Region": "planner.plan",
+    "read_plan": "planner.plan",
+    "Printer": "planner.printers",
+    "installed_printers": "planner.printers",
+    "printer": "planner.printers",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'planner' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -90,6 +90,15 @@ class Profile:
             if low < high:
                 values += [float(self._within(i, low)), float(self._within(i, high))]
         return min(values), max(values)
+
+    def description(self) -> dict[str, Any]:
+        """Return the profile as plan.json holds it."""
+        return {
+            "name": self.name,
+            "shape": self.shape,
+            "positions": list(self.positions),
+            "moduli_MPa": list(self.moduli_MPa),
+        }
 
 
 def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:

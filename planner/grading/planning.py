@@ -1,0 +1,225 @@
+"""The main job: part + gradient + palette -> Plan."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from planner import __version__
+from planner.errors import ArgumentError
+from planner.geometry.fields import Field
+from planner.geometry.fields.axis import axis_field
+from planner.geometry.place import place
+from planner.geometry.shells import split
+from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
+from planner.grading.part_source import PartSource, open_part
+from planner.grading.printability import job_findings
+from planner.grading.profile import Profile, between, read_profile
+from planner.grading.regions import point, regions_of, shells_of
+from planner.grading.stiffness_scale import StiffnessScale, stiffness_scale
+from planner.grading.verification import shell_checks
+from planner.palette import Palette, load_palette
+from planner.plan import (
+    Gradient,
+    PaletteUsed,
+    PartGraded,
+    Plan,
+    Point,
+    Stiffness,
+    Unreachable,
+)
+from planner.printers import Printer
+from planner.printers import printer as load_printer
+
+__all__ = ["grade"]
+
+Progress = Callable[[str], None]
+
+
+def grade(
+    part: object,
+    *,
+    from_: str | None = None,
+    to: str | None = None,
+    axis: str | tuple[float, float, float] | None = None,
+    profile: str | Path | Profile = "log",
+    bands: int | None = None,
+    field: Field | None = None,
+    blend: str = "nearest",
+    at_strain: float = 0.1,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    unit: str | None = None,
+    name: str | None = None,
+    progress: Progress = lambda stage: None,
+) -> Plan:
+    """Plan the print of a part whose stiffness follows a gradient.
+
+    Parameters
+    ----------
+    part
+        Path of a mesh file, a mesh with ``vertices`` and ``faces`` (such as ``trimesh.Trimesh``),
+        or a pair (vertices, faces) in `unit`.
+    from_, to
+        Materials at the beginning and the end of the gradient, by id, alias or unique prefix.
+        Not needed with a profile file, which names its own targets.
+    axis
+        Direction of the gradient: ``x``, ``-z``, ``"1,0,1"`` or three numbers; the part's longest
+        extent by default.
+    profile
+        ``log``, ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
+    bands
+        Cut into so many equal steps of the field; by default the cuts lie where the nearest
+        material changes.
+    field
+        Any `Field` over the part, as placed for printing, instead of `axis`.
+    blend
+        How a target between two materials is met; ``nearest`` takes the nearer one.
+    at_strain
+        Working strain of the secant modulus.
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+    unit
+        Unit of the part's figures; mm unless the file says otherwise.
+    name
+        Name of the part; its file's stem by default.
+    progress
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Plan
+        `Plan.write` puts it on disk. `Plan.ok` is false when something was found.
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+    """
+    machine = load_printer(printer) if isinstance(printer, str) else printer
+    chosen = _palette(palette, machine)
+    scale = stiffness_scale(chosen, at_strain)
+    if blend != "nearest":
+        raise ArgumentError(f"--blend {blend}: this version takes nearest")
+    target, start, end = _target(profile, from_, to, scale)
+
+    progress("reading the part")
+    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    mesh, translation = place(source.part.mesh)
+    along = field if field is not None else axis_field(axis, mesh)
+
+    progress("cutting the shells")
+    steps = _bands(target, scale, bands)
+    _check_thickness(along, steps, machine)
+    pieces = split(mesh, along, np.array([band.start for band in steps[1:]]))
+    shells = shells_of(pieces, steps, scale, machine, source.name)
+
+    progress("verifying the shells")
+    checks = shell_checks([shell.stl for shell in shells], mesh.volume_mm3)
+    progress("looking for what will not print")
+    walls, findings = job_findings(mesh, along, steps, scale, machine)
+    return Plan(
+        schema=1,
+        version=__version__,
+        printer=machine.name,
+        palette=PaletteUsed(chosen.name, chosen.sha256),
+        part=_part_graded(source, translation),
+        gradient=Gradient(along.description(), target.description(), start, end, bands),
+        stiffness=Stiffness("secant-nominal", at_strain),
+        regions=regions_of(pieces, steps, scale, shells),
+        checks={**checks, **walls},
+        findings=findings,
+        warnings=source.warnings,
+        unreachable=_unreachable(target, scale),
+        shells=shells,
+        notes=machine.job_notes(),
+    )
+
+
+def _palette(palette: str | Path | Palette | None, machine: Printer) -> Palette:
+    if isinstance(palette, Palette):
+        return palette
+    if isinstance(palette, Path) or (palette is not None and palette.endswith(".toml")):
+        return load_palette(palette)
+    return machine.palette(palette)
+
+
+def _target(
+    profile: str | Path | Profile, from_: str | None, to: str | None, scale: StiffnessScale
+) -> tuple[Profile, str | None, str | None]:
+    """Return the target along the field and the ids of the materials at its ends."""
+    palette = scale.palette
+    start = None if from_ is None else palette.resolve(from_).id
+    end = None if to is None else palette.resolve(to).id
+    if isinstance(profile, Profile):
+        return profile, start, end
+    if isinstance(profile, Path) or profile.casefold().endswith(".csv"):
+        if start is not None or end is not None:
+            raise ArgumentError(
+                f"--profile {profile} names its own targets; leave out --from and --to"
+            )
+        moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
+        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
+    if start is None or end is None:
+        ids = ", ".join(material.id for material in palette.materials)
+        raise ArgumentError(
+            "give both ends of the gradient, as in --from Tango --to Vero; palette "
+            f"{palette.name} has {ids}"
+        )
+    if start == end:
+        raise ArgumentError(
+            f"--from {from_} and --to {to} are one material, {start}; a gradient needs two"
+        )
+    return between(profile, scale.modulus_of(start), scale.modulus_of(end)), start, end
+
+
+def _bands(target: Profile, scale: StiffnessScale, count: int | None) -> tuple[Band, ...]:
+    if count is None:
+        return natural_bands(target, scale.moduli_MPa)
+    if not 1 <= count <= 10_000:
+        raise ArgumentError(f"--bands {count}: it must be a whole number from 1 to 10000")
+    return equal_bands(target, scale.moduli_MPa, count)
+
+
+def _check_thickness(field: Field, steps: tuple[Band, ...], machine: Printer) -> None:
+    """Refuse bands thinner than the printer's layer, where the field has a length."""
+    span_mm = field.description().get("span_mm")
+    if not isinstance(span_mm, float):
+        return
+    thinnest = min(steps, key=lambda band: band.stop - band.start)
+    thickness_mm = (thinnest.stop - thinnest.start) * span_mm
+    if thickness_mm < machine.layer_mm:
+        fit = int(span_mm / machine.layer_mm)
+        raise ArgumentError(
+            f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
+            f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
+            f"{span_mm:.4g} mm; use fewer bands (at most {fit}) or a gentler profile, or check "
+            "the part's unit"
+        )
+
+
+def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
+    mesh = source.part.mesh
+    low, high = mesh.bounds_mm
+    return PartGraded(
+        file=source.file,
+        sha256=source.sha256,
+        unit=source.unit,
+        volume_mm3=mesh.volume_mm3,
+        bounds_mm=(point(low), point(high)),
+        triangles=len(mesh.faces),
+        translation_mm=translation_mm,
+        repairs=source.part.repairs,
+    )
+
+
+def _unreachable(target: Profile, scale: StiffnessScale) -> tuple[Unreachable, ...]:
+    return tuple(
+        Unreachable(
+            field=(missed.start, missed.stop),
+            target_modulus_MPa=missed.target_MPa,
+            nearest=scale.palette.materials[missed.grade].id,
+            modulus_MPa=scale.moduli_MPa[missed.grade],
+        )
+        for missed in shortfalls(target, scale.moduli_MPa)
+    )

@@ -1,0 +1,117 @@
+"""What tests of other projects call: golden plans, and a check for printer plugins.
+
+>>> from planner.testing import assert_golden
+>>> assert_golden("finger-graded", "golden/finger.json")  # doctest: +SKIP
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from planner.formats.json_document import encode_document
+from planner.formats.threemf import threemf_xml_hashes
+from planner.grading.difference import differences
+from planner.grading.stiffness_scale import stiffness_scale
+from planner.plan import Plan, plan_file, read_plan
+from planner.printers import Printer
+
+__all__ = ["assert_golden", "assert_same_plan", "check_printer", "golden_record"]
+
+
+def golden_record(folder: str | Path) -> dict[str, Any]:
+    """Return the hashes that stand for a plan's folder.
+
+    STL files and plan.json count by their bytes, the 3MF by its inner XML (deflate differs
+    between versions of zlib).
+    """
+    root = plan_file(folder).parent
+    record: dict[str, Any] = {"schema": 1, "files": {}}
+    for path in sorted(root.rglob("*")):
+        name = path.relative_to(root).as_posix()
+        if path.suffix == ".3mf":
+            record["files"][name] = threemf_xml_hashes(path)
+        elif path.is_file():
+            record["files"][name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return record
+
+
+def assert_golden(folder: str | Path, golden: str | Path, *, update: bool = False) -> None:
+    """Assert that a plan's folder is, byte for byte, the one a golden file was made from.
+
+    Parameters
+    ----------
+    folder
+        What `Plan.write` or ``planner grade`` wrote.
+    golden
+        JSON file of `golden_record`; written when `update` is true.
+
+    Raises
+    ------
+    AssertionError
+        With the files that differ.
+    """
+    record, golden = golden_record(folder), Path(golden)
+    if update:
+        golden.parent.mkdir(parents=True, exist_ok=True)
+        golden.write_bytes(encode_document(record))
+    expected = json.loads(golden.read_text(encoding="utf-8"))
+    names = {*expected["files"], *record["files"]}
+    differ = sorted(n for n in names if expected["files"].get(n) != record["files"].get(n))
+    assert not differ, f"{folder} differs from {golden} in: {', '.join(differ)}"
+
+
+def assert_same_plan(
+    plan: Plan | str | Path, expected: Plan | str | Path, tolerance: float = 1e-6
+) -> None:
+    """Assert that two plans mean the same, as ``planner diff`` does.
+
+    Raises
+    ------
+    AssertionError
+        With each difference in words.
+    """
+    a, b = (p if isinstance(p, Plan) else read_plan(p) for p in (expected, plan))
+    found = differences(a, b, tolerance)
+    lines = [f"{d.what} ({d.where}): {d.before} -> {d.after}" for d in found]
+    assert not found, "the plans differ:\n" + "\n".join(lines)
+
+
+def check_printer(printer: object) -> None:
+    """Assert that an object is a printer planner can plan for; call it in a plugin's tests.
+
+    Raises
+    ------
+    AssertionError
+        With everything that is missing or out of range.
+    """
+    assert isinstance(printer, Printer), (
+        f"{type(printer).__name__} lacks a part of planner.Printer: "
+        + ", ".join(sorted(n for n in _members() if not hasattr(printer, n)))
+    )
+    problems = []
+    for name in ("tray_mm", "pixel_mm"):
+        if not all(value > 0.0 for value in getattr(printer, name)):
+            problems.append(f"{name} is {getattr(printer, name)}; every length must be above 0")
+    for name in ("layer_mm", "minimum_wall_mm", "minimum_feature_mm"):
+        if not getattr(printer, name) > 0.0:
+            problems.append(f"{name} is {getattr(printer, name)}; it must be above 0")
+    if not printer.palettes:
+        problems.append("palettes is empty; a printer brings at least one")
+    if not printer.base_resins:
+        problems.append("base_resins is empty; digital materials are jetted from resins")
+    for name in printer.palettes:
+        palette = printer.palette(name)
+        if palette.name != name:
+            problems.append(f"palette {name!r} calls itself {palette.name!r}")
+        stiffness_scale(palette, 0.01)
+        for material in palette.materials:
+            if not printer.operator_name(material.id):
+                problems.append(f"operator_name({material.id!r}) is empty")
+    if not printer.job_notes().strip():
+        problems.append("job_notes() is empty; tell the operator how to print the files")
+    assert not problems, "\n".join(problems)
+
+
+def _members() -> set[str]:
+    return {name for name in vars(Printer) if not name.startswith("_")}
