@@ -1,7 +1,7 @@
 """Compile a loop over arrays once, and keep it where the user can write."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -18,7 +18,6 @@ def kernel(function: F) -> F:
     is writable, the function is compiled anew in each process.
     """
     try:
-        compiled: F = numba.njit(cache=True, error_model="numpy")(function)
+        return cast(F, numba.njit(cache=True, error_model="numpy")(function))
     except RuntimeError:
-        compiled = numba.njit(error_model="numpy")(function)
-    return compiled
+        return cast(F, numba.njit(error_model="numpy")(function))

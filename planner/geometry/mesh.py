@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Float32Array, FloatArray
+from planner.geometry.kernel import kernel
 
-__all__ = ["Mesh", "signed_volume_mm3"]
+__all__ = ["Mesh", "volume_and_area"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +45,28 @@ class Mesh:
         points = self.vertices[used]
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
-    @cached_property
+    @property
     def volume_mm3(self) -> float:
         """Signed volume in mm³: positive where normals point outwards."""
-        return signed_volume_mm3(self.vertices, self.faces)
+        return self._measure[0]
 
-    @cached_property
+    @property
     def area_mm2(self) -> float:
         """Surface area in mm²."""
-        corner = self.triangles
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        return float(0.5 * np.linalg.norm(normal, axis=1).sum())
+        return self._measure[1]
+
+    @cached_property
+    def _measure(self) -> tuple[float, float]:
+        return volume_and_area(self.vertices, self.faces)
 
 
-def signed_volume_mm3(vertices: FloatArray | Float32Array, faces: NDArray[np.int32]) -> float:
-    """Volume that a closed surface encloses, by the divergence theorem.
+def volume_and_area(
+    vertices: FloatArray | Float32Array, faces: NDArray[np.int32]
+) -> tuple[float, float]:
+    """Volume that a closed surface encloses, by the divergence theorem, and its area.
 
-    Summed about the middle of the faces' bounding box: about a distant origin the terms would
-    cancel and take the digits with them.
+    Summed about a vertex of the surface: about a distant origin the terms would cancel and take
+    the digits with them. The order of summation is fixed.
 
     Parameters
     ----------
@@ -71,13 +77,29 @@ def signed_volume_mm3(vertices: FloatArray | Float32Array, faces: NDArray[np.int
 
     Returns
     -------
-    float
-        Volume in mm³, negative for a surface turned inside out, 0 without faces.
+    volume_mm3, area_mm2 : float
+        The volume is negative for a surface turned inside out; both are 0 without faces.
     """
-    if len(faces) == 0:
-        return 0.0
-    corner = np.asarray(vertices, dtype=np.float64)[faces]
-    flat = corner.reshape(-1, 3)
-    corner = corner - (flat.min(axis=0) + flat.max(axis=0)) / 2
-    a, b, c = corner[:, 0], corner[:, 1], corner[:, 2]
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    volume_mm3, area_mm2 = _volume_and_area(vertices, faces)
+    return float(volume_mm3), float(area_mm2)
+
+
+@kernel
+def _volume_and_area(vertices: Any, faces: Any) -> Any:
+    volume = area = 0.0
+    if faces.shape[0] == 0:
+        return volume, area
+    ox, oy, oz = vertices[faces[0, 0]].astype(np.float64)
+    for i in range(faces.shape[0]):
+        i0, i1, i2 = faces[i, 0], faces[i, 1], faces[i, 2]
+        ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
+        ux = vertices[i1, 0] - ox - ax
+        uy = vertices[i1, 1] - oy - ay
+        uz = vertices[i1, 2] - oz - az
+        vx = vertices[i2, 0] - ox - ax
+        vy = vertices[i2, 1] - oy - ay
+        vz = vertices[i2, 2] - oz - az
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        volume += ax * nx + ay * ny + az * nz
+        area += np.sqrt(nx * nx + ny * ny + nz * nz)
+    return volume / 6.0, area / 2.0

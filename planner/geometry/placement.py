@@ -5,7 +5,7 @@ import numpy as np
 from planner.arrays import FloatArray
 from planner.errors import MeshError
 from planner.geometry.mesh import Mesh
-from planner.geometry.weld import cancel_opposite, repeats_index, weld
+from planner.geometry.weld import cancel_opposite, repeats_index, weld_points
 
 __all__ = ["place"]
 
@@ -45,7 +45,8 @@ def place(mesh: Mesh) -> tuple[Mesh, FloatArray]:
         )
     translation_mm = 1.0 - mesh.bounds_mm[0]
     rounded = (mesh.vertices + translation_mm).astype(np.float32)
-    vertices, faces = weld(rounded[mesh.faces])
+    vertices, index = weld_points(rounded)
+    faces = index[mesh.faces]
     faces = faces[~repeats_index(faces)]
     faces = faces[cancel_opposite(faces)]
     if len(faces) == 0:
@@ -53,5 +54,7 @@ def place(mesh: Mesh) -> tuple[Mesh, FloatArray]:
             "nothing is left of the mesh in single precision: the part has no thickness, or its "
             "unit is wrong; check the unit, or scale the part"
         )
-    used, compact = np.unique(faces.ravel(), return_inverse=True)
-    return Mesh(vertices[used].astype(np.float64), compact.reshape(-1, 3)), translation_mm
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces.ravel()] = True
+    compact = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return Mesh(vertices[used].astype(np.float64), compact[faces]), translation_mm

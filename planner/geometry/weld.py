@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from planner.arrays import BoolArray, Float32Array, FloatArray
 from planner.geometry.kernel import kernel
 
-__all__ = ["cancel_opposite", "counting_order", "repeats_index", "weld"]
+__all__ = ["cancel_opposite", "counting_order", "repeats_index", "weld", "weld_points"]
 
-Triangles = TypeVar("Triangles", Float32Array, FloatArray)
+Points = TypeVar("Points", Float32Array, FloatArray)
 
 
-def weld(triangles: Triangles) -> tuple[Triangles, NDArray[np.int32]]:
+def weld(triangles: Points) -> tuple[Points, NDArray[np.int32]]:
     """Index a triangle soup by exact position: corners of equal bits share a vertex.
 
     Minus zero counts as zero. Nothing is merged within a tolerance, no face is dropped.
@@ -30,10 +30,17 @@ def weld(triangles: Triangles) -> tuple[Triangles, NDArray[np.int32]]:
     faces : (k, 3) int32
         Indices into `vertices`.
     """
-    bits = np.uint32 if triangles.dtype == np.float32 else np.uint64
-    corners = np.ascontiguousarray(triangles).reshape(-1, 3).view(bits)
-    vertices, faces = _weld(corners, bits(1 << (8 * triangles.dtype.itemsize - 1)))
-    return vertices.view(triangles.dtype), faces.reshape(-1, 3)
+    vertices, faces = weld_points(triangles.reshape(-1, 3))
+    return vertices, faces.reshape(-1, 3)
+
+
+def weld_points(points: Points) -> tuple[Points, NDArray[np.int32]]:
+    """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
+    bits = np.uint32 if points.dtype == np.float32 else np.uint64
+    vertices, index = _weld(
+        np.ascontiguousarray(points).view(bits), bits(1 << (8 * points.dtype.itemsize - 1))
+    )
+    return vertices.view(points.dtype), index
 
 
 @kernel
@@ -88,7 +95,7 @@ def _slot(x: Any, y: Any, z: Any, shift: Any) -> Any:
 def repeats_index(faces: NDArray[np.int32]) -> BoolArray:
     """Tell which faces, (m, 3), name a vertex twice."""
     a, b, c = faces.T
-    return (a == b) | (b == c) | (c == a)
+    return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:

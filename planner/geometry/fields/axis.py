@@ -53,7 +53,7 @@ class AxisField:
         }
 
     def plane(self, level: float) -> tuple[FloatArray, float]:
-        """Unit normal and offset in mm of the plane n . x = offset where u = level."""
+        """Return unit normal and offset in mm of the plane n . x = offset where u = level."""
         return np.array(self.direction), self.start_mm + level * self.span_mm
 
 
@@ -92,13 +92,14 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
 
 
 def project(points_mm: FloatArray, direction: Sequence[float]) -> FloatArray:
-    """n . x of points (n, 3), summed in a fixed order so that it is the same on every machine."""
+    """Return n . x of points (n, 3), summed in a fixed order: the same bits on every machine."""
     x, y, z = np.asarray(points_mm, dtype=np.float64).T
-    return x * direction[0] + y * direction[1] + z * direction[2]
+    along: FloatArray = x * direction[0] + y * direction[1] + z * direction[2]
+    return along
 
 
 def _direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
-    """Unit vector of an axis as a user writes it."""
+    """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
         text = axis.strip().lower()
         if text.lstrip("+-") in UNITS and len(text) <= 2:

@@ -30,5 +30,5 @@ class PlanarField(Field, Protocol):
     """A field whose level sets are parallel planes, so that they can be cut exactly."""
 
     def plane(self, level: float) -> tuple[FloatArray, float]:
-        """Unit normal, towards larger values, and offset in mm of the plane n . x = offset."""
+        """Return the unit normal to larger values and the offset in mm of n . x = offset."""
         ...
