@@ -310,6 +310,6 @@ def read_plan(path: str | Path) -> Plan:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
-    if isinstance(value, list):
+    if isinstance(value, (list, tuple)):
         return [_without_none(v) for v in value]
     return value
