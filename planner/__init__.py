@@ -12,16 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.errors import PlannerError
-    from planner.grading import (
-        Certificate,
-        Difference,
-        Mixture,
-        Profile,
-        certify,
-        differences,
-        grade,
-        mixture_for,
-    )
+    from planner.grading.certificate import Certificate, certify
+    from planner.grading.difference import Difference, differences
+    from planner.grading.mixture import Mixture, mixture_for
+    from planner.grading.planning import grade
+    from planner.grading.profile import Profile
     from planner.palette import Material, Palette, load_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, printer
@@ -51,14 +46,14 @@ __all__ = [
 
 _HOME = {
     "PlannerError": "planner.errors",
-    "Certificate": "planner.grading",
-    "Difference": "planner.grading",
-    "Mixture": "planner.grading",
-    "Profile": "planner.grading",
-    "certify": "planner.grading",
-    "differences": "planner.grading",
-    "grade": "planner.grading",
-    "mixture_for": "planner.grading",
+    "Certificate": "planner.grading.certificate",
+    "Difference": "planner.grading.difference",
+    "Mixture": "planner.grading.mixture",
+    "Profile": "planner.grading.profile",
+    "certify": "planner.grading.certificate",
+    "differences": "planner.grading.difference",
+    "grade": "planner.grading.planning",
+    "mixture_for": "planner.grading.mixture",
     "Material": "planner.palette",
     "Palette": "planner.palette",
     "load_palette": "planner.palette",

@@ -68,7 +68,7 @@ def grade(
     """
     from planner.cli.output import progress
     from planner.formats.folder import check_target
-    from planner.grading import grade as plan_part
+    from planner.grading.planning import grade as plan_part
 
     machine, chosen = choose(printer, palette)
     folder = Path(f"{part.stem}-graded") if output is None else output
