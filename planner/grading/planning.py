@@ -9,7 +9,7 @@ from planner import __version__
 from planner.errors import ArgumentError
 from planner.geometry.fields import Field
 from planner.geometry.fields.axis import axis_field
-from planner.geometry.place import place
+from planner.geometry.placement import place
 from planner.geometry.shells import split
 from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
 from planner.grading.part_source import PartSource, open_part
