@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from planner.arrays import BoolArray, Float32Array, FloatArray
 from planner.geometry.kernel import kernel
 
-__all__ = ["cancel_opposite", "counting_order", "repeats_index", "weld", "weld_points"]
+__all__ = [
+    "cancel_opposite",
+    "counting_order",
+    "position_slot",
+    "repeats_index",
+    "weld",
+    "weld_points",
+]
 
 Points = TypeVar("Points", Float32Array, FloatArray)
 
@@ -57,7 +64,7 @@ def _weld(corners: Any, minus_zero: Any) -> Any:
         x = x if x != minus_zero else x ^ x
         y = y if y != minus_zero else y ^ y
         z = z if z != minus_zero else z ^ z
-        slot = _slot(x, y, z, shift)
+        slot = position_slot(x, y, z, shift)
         while True:
             j = table[slot]
             if j < 0:
@@ -74,7 +81,7 @@ def _weld(corners: Any, minus_zero: Any) -> Any:
             shift -= np.uint64(2)
             table = np.full(4 * table.size, -1, dtype=np.int32)
             for k in range(n):
-                slot = _slot(vertices[k, 0], vertices[k, 1], vertices[k, 2], shift)
+                slot = position_slot(vertices[k, 0], vertices[k, 1], vertices[k, 2], shift)
                 while table[slot] >= 0:
                     slot = (slot + 1) & (table.size - 1)
                 table[slot] = k
@@ -82,7 +89,7 @@ def _weld(corners: Any, minus_zero: Any) -> Any:
 
 
 @kernel
-def _slot(x: Any, y: Any, z: Any, shift: Any) -> Any:
+def position_slot(x: Any, y: Any, z: Any, shift: Any) -> Any:
     """Top bits of a product hash: low bits of round coordinates are all zero."""
     mixed = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)

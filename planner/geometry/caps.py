@@ -1,0 +1,179 @@
+"""Close the pieces of a divided surface: one triangulation a plane, shared by both sides."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import Float32Array, FloatArray
+from planner.errors import MeshError
+from planner.geometry.cut import LATTICE_MM, Divided
+from planner.geometry.kernel import kernel
+from planner.geometry.thin import flip_thin, side_clashes, split_sides
+
+__all__ = ["caps"]
+
+ROUNDS = 8
+"""Splitting a side at most this often; once has been enough wherever it was needed."""
+
+
+def caps(
+    divided: Divided, normal: FloatArray
+) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Triangulate every plane's cross-section between the vertices of its outline.
+
+    A vertex is added only in the middle of a diagonal that is already an edge of the surface,
+    as at a groove whose bottom lies in the plane: no edge then has four faces.
+
+    Parameters
+    ----------
+    divided : Divided
+        The surface.
+    normal : (3,) float64
+        Unit normal of the planes.
+
+    Returns
+    -------
+    vertices : (n, 3) float32
+        Those of `divided`, then the added ones.
+    cap_faces : (c, 3) int32
+        Triangles that face along the normal: outwards for the piece below.
+    cap_level : (c,) int32
+        The plane each triangle closes, increasing.
+
+    Raises
+    ------
+    MeshError
+        An outline is not closed, because the mesh is not.
+    """
+    # Without its largest component the normal is projected, exactly, on a coordinate plane.
+    drop = int(np.argmax(np.abs(normal)))
+    u, v = (drop + 1) % 3, (drop + 2) % 3
+    if normal[drop] < 0:
+        u, v = v, u
+    outline = divided.segment[divided.segment_below]
+    plane = divided.segment_plane[divided.segment_below]
+    corners, starts, loop_plane, astray = _loops(outline, plane, divided.vertices, u, v)
+    if astray >= 0:
+        place = ", ".join(f"{x:.6g}" for x in divided.vertices[astray].tolist())
+        raise MeshError(
+            f"the surface is open near ({place}) mm: a cut there has an outline with an end; "
+            "repair the mesh so that every edge has two faces"
+        )
+    cap_faces, cap_level = _triangulate(
+        divided.vertices[:, [u, v]].astype(np.float64), corners, starts, loop_plane
+    )
+    flip_thin(divided.vertices, cap_faces)
+    vertices = divided.vertices
+    for _ in range(ROUNDS):
+        sides = side_clashes(cap_faces, divided.segment, divided.segment_below)
+        if len(sides) == 0:
+            break
+        vertices, cap_faces, cap_level = split_sides(vertices, cap_faces, cap_level, sides)
+    return vertices, cap_faces, cap_level
+
+
+def _triangulate(
+    points: FloatArray,
+    corners: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    loop_plane: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Triangulate the loops of each plane, indices into the whole pool of vertices."""
+    from manifold3d import triangulate
+
+    faces = [np.empty((0, 3), dtype=np.int32)]
+    level = [np.empty(0, dtype=np.int32)]
+    order = np.argsort(loop_plane, kind="stable")
+    bounds = np.searchsorted(loop_plane[order], np.arange(loop_plane.max(initial=-1) + 2))
+    for i, (first, last) in enumerate(pairwise(bounds.tolist())):
+        if first == last:
+            continue
+        loops = [corners[starts[j] : starts[j + 1]] for j in order[first:last].tolist()]
+        local = triangulate([points[loop] for loop in loops], epsilon=LATTICE_MM)
+        found = np.concatenate(loops)[local]
+        a, b, c = found.T
+        found = found[(a != b) & (b != c) & (c != a)]
+        faces.append(found)
+        level.append(np.full(len(found), i, dtype=np.int32))
+    return np.concatenate(faces), np.concatenate(level)
+
+
+@kernel
+def _loops(outline: Any, plane: Any, pool: Any, u: Any, v: Any) -> Any:
+    """Chain the sides in a plane, turned over, to loops with the material on their left.
+
+    Sides that occur both ways cancel. Where loops touch at a vertex, a side continues with the
+    first one clockwise from where it came: every corner then spans one wedge of material.
+    """
+    count = outline.shape[0]
+    first = np.full(pool.shape[0], -1, dtype=np.int32)
+    later = np.empty(count, dtype=np.int32)
+    alive = np.zeros(count, dtype=np.bool_)
+    for e in range(count):
+        tail, head = outline[e, 1], outline[e, 0]
+        back, previous = first[head], -1
+        while back >= 0 and outline[back, 0] != tail:
+            previous, back = back, later[back]
+        if back >= 0:
+            alive[back] = False
+            if previous >= 0:
+                later[previous] = later[back]
+            else:
+                first[head] = later[back]
+        else:
+            alive[e] = True
+            later[e] = first[tail]
+            first[tail] = e
+
+    corners = np.empty(count, dtype=np.int32)
+    starts = np.zeros(count + 1, dtype=np.int32)
+    loop_plane = np.empty(count, dtype=np.int32)
+    loops = filled = 0
+    astray = -1
+    for seed in range(count):
+        if not alive[seed]:
+            continue
+        loop_plane[loops] = plane[seed]
+        # The seed stays in its vertex's list until the loop comes back to it.
+        e = seed
+        while True:
+            corners[filled] = outline[e, 1]
+            filled += 1
+            at, came = outline[e, 0], outline[e, 1]
+            best, before, previous, widest = -1, -1, -1, -1.0
+            candidate = first[at]
+            while candidate >= 0:
+                turn = 0.0
+                if later[first[at]] >= 0:
+                    turn = _clockwise(pool, u, v, at, came, outline[candidate, 0])
+                if best < 0 or turn < widest:
+                    best, before, widest = candidate, previous, turn
+                previous, candidate = candidate, later[candidate]
+            if best < 0:
+                return corners, starts, loop_plane, np.int64(at)
+            if before >= 0:
+                later[before] = later[best]
+            else:
+                first[at] = later[best]
+            alive[best] = False
+            if best == seed:
+                break
+            e = best
+        loops += 1
+        starts[loops] = filled
+    return corners[:filled], starts[: loops + 1], loop_plane[:loops], np.int64(astray)
+
+
+@kernel
+def _clockwise(pool: Any, u: Any, v: Any, at: Any, came: Any, to: Any) -> Any:
+    """Measure the clockwise turn from at-came to at-to, growing with the angle, in (0, 4]."""
+    cu, cv = np.float64(pool[came, u]) - pool[at, u], np.float64(pool[came, v]) - pool[at, v]
+    tu, tv = np.float64(pool[to, u]) - pool[at, u], np.float64(pool[to, v]) - pool[at, v]
+    cosine, sine = cu * tu + cv * tv, cv * tu - cu * tv
+    size = abs(cosine) + abs(sine)
+    if size == 0.0:
+        return 4.0
+    turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
+    return turn if turn > 0.0 else 4.0

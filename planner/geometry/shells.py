@@ -1,0 +1,193 @@
+"""Divide a part at levels of a field into pieces whose shells fit triangle for triangle."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import Float32Array, FloatArray
+from planner.errors import ArgumentError
+from planner.geometry.caps import caps
+from planner.geometry.cut import LATTICE_MM, divide, snap_distance_mm
+from planner.geometry.fields import Field, PlanarField
+from planner.geometry.kernel import kernel
+from planner.geometry.mesh import Mesh
+
+__all__ = ["Pieces", "piece_bounds_mm", "piece_volumes_mm3", "shell_faces", "split"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A part divided at L levels into L + 1 pieces, softest to hardest along the field.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float32
+        One pool for all pieces, in mm; no two positions are equal.
+    faces : (k, 3) int32
+        The part's surface, divided, with its orientation.
+    piece : (k,) int32
+        The piece each of `faces` belongs to.
+    cap_faces : (c, 3) int32
+        Interfaces, outwards for the piece below the level; turned over for the one above.
+    cap_level : (c,) int32
+        The level each of `cap_faces` lies in.
+    count : int
+        Number of pieces, L + 1; some may be empty.
+    """
+
+    vertices: Float32Array
+    faces: NDArray[np.int32]
+    piece: NDArray[np.int32]
+    cap_faces: NDArray[np.int32]
+    cap_level: NDArray[np.int32]
+    count: int
+
+
+def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pieces:
+    """Divide a part at levels of a field.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A closed part at float32 positions, as `planner.geometry.placement.place` returns it.
+    field : Field
+        In the coordinates of `mesh`.
+    levels : (L,) sequence of float
+        Field values of the interfaces, strictly increasing in (0, 1).
+
+    Returns
+    -------
+    Pieces
+        Every piece's shell is closed, and both sides of an interface have the same triangles.
+
+    Raises
+    ------
+    ArgumentError
+        Levels out of order, out of range or too close to be told apart in float32; positions
+        that float32 cannot hold; a field whose level sets are not planes.
+    MeshError
+        The part is open where a level meets it.
+    """
+    values = np.asarray(levels, dtype=np.float64)
+    if values.ndim != 1 or not (
+        np.isfinite(values).all() and (values > 0).all() and (values < 1).all()
+    ):
+        raise ArgumentError(f"levels {list(levels)}: every level must be a number between 0 and 1")
+    if not isinstance(field, PlanarField):
+        raise ArgumentError(
+            f"field {field.name!r}: its level sets are not planes, and only planes can be cut so "
+            "far; use an axis field"
+        )
+    if not (mesh.vertices.astype(np.float32) == mesh.vertices).all():
+        raise ArgumentError(
+            "the mesh has coordinates that float32 cannot hold; pass it through "
+            "planner.geometry.placement.place first"
+        )
+    normal, offsets_mm = _planes(field, values)
+    least_mm = 3.0 * snap_distance_mm(mesh.bounds_mm)
+    close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
+    if len(close):
+        i = int(close[0])
+        raise ArgumentError(
+            f"levels {values[i]:.9g} and {values[i + 1]:.9g} are "
+            f"{offsets_mm[i + 1] - offsets_mm[i]:.3g} mm apart along the field: they must "
+            f"increase by more than {least_mm:.3g} mm for this part; drop one of them"
+        )
+    divided = divide(mesh, normal, offsets_mm)
+    vertices, cap_faces, cap_level = caps(divided, normal)
+    return Pieces(vertices, divided.faces, divided.piece, cap_faces, cap_level, len(offsets_mm) + 1)
+
+
+def _planes(field: PlanarField, levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normal and offsets in mm; along a coordinate axis the offsets are float32 values."""
+    normal = np.asarray(field.plane(0.0)[0], dtype=np.float64)
+    offsets_mm = np.array([field.plane(level)[1] for level in levels.tolist()], dtype=np.float64)
+    if np.count_nonzero(normal) == 1:
+        offsets_mm = (np.rint(offsets_mm / LATTICE_MM) * LATTICE_MM).astype(np.float32)
+    return normal, offsets_mm.astype(np.float64)
+
+
+def shell_faces(pieces: Pieces, members: Collection[int]) -> NDArray[np.int32]:
+    """Faces of the union of some pieces, outwards, as indices into the pool of vertices.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        The divided part.
+    members : collection of int
+        Indices of the pieces to join.
+
+    Returns
+    -------
+    (m, 3) int32
+        The members' share of the surface, then interfaces with what is not a member.
+    """
+    chosen = np.zeros(pieces.count, dtype=np.bool_)
+    chosen[list(members)] = True
+    below, above = chosen[pieces.cap_level], chosen[pieces.cap_level + 1]
+    return np.concatenate(
+        [
+            pieces.faces[chosen[pieces.piece]],
+            pieces.cap_faces[below & ~above],
+            pieces.cap_faces[above & ~below][:, ::-1],
+        ]
+    )
+
+
+def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
+    """Volume of every piece in mm³, (count,); their sum is the part's volume."""
+    volumes: FloatArray = _volumes(
+        pieces.vertices, pieces.faces, pieces.piece, pieces.cap_faces, pieces.cap_level,
+        pieces.count,
+    )  # fmt: skip
+    return volumes
+
+
+def piece_bounds_mm(pieces: Pieces) -> FloatArray:
+    """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
+    bounds: FloatArray = _bounds(pieces.vertices, pieces.faces, pieces.piece, pieces.count)
+    return bounds
+
+
+@kernel
+def _volumes(
+    vertices: Any, faces: Any, piece: Any, cap_faces: Any, cap_level: Any, count: Any
+) -> Any:
+    volumes = np.zeros(count, dtype=np.float64)
+    if faces.shape[0] == 0:
+        return volumes
+    o = vertices[faces[0, 0]].astype(np.float64)
+    for i in range(faces.shape[0]):
+        volumes[piece[i]] += _six_volume(vertices, faces, i, o) / 6.0
+    for i in range(cap_faces.shape[0]):
+        volume = _six_volume(vertices, cap_faces, i, o) / 6.0
+        volumes[cap_level[i]] += volume
+        volumes[cap_level[i] + 1] -= volume
+    return volumes
+
+
+@kernel
+def _six_volume(vertices: Any, faces: Any, i: Any, o: Any) -> Any:
+    a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+    ax, ay, az = vertices[a, 0] - o[0], vertices[a, 1] - o[1], vertices[a, 2] - o[2]
+    bx, by, bz = vertices[b, 0] - o[0], vertices[b, 1] - o[1], vertices[b, 2] - o[2]
+    cx, cy, cz = vertices[c, 0] - o[0], vertices[c, 1] - o[1], vertices[c, 2] - o[2]
+    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+
+
+@kernel
+def _bounds(vertices: Any, faces: Any, piece: Any, count: Any) -> Any:
+    bounds = np.full((count, 2, 3), np.nan)
+    for i in range(faces.shape[0]):
+        box = bounds[piece[i]]
+        for j in range(3):
+            for k in range(3):
+                x = vertices[faces[i, j], k]
+                if not box[0, k] <= x:
+                    box[0, k] = x
+                if not box[1, k] >= x:
+                    box[1, k] = x
+    return bounds
