@@ -28,7 +28,9 @@ def main() -> None:
     """Plan the part with each profile, in memory, and print what comes out."""
     sample = Path(__file__).with_name("finger.stl")
     part = Path(sys.argv[1]) if len(sys.argv) > 1 else sample
-    print(f"{'profile':10} {'materials':>9} {'soft end MPa':>13} {'hard end MPa':>13} {'k N/mm':>9}")
+    print(
+        f"{'profile':10} {'materials':>9} {'soft end MPa':>13} {'hard end MPa':>13} {'k N/mm':>9}"
+    )
     for profile in ("log", "linear", "smooth"):
         plan = planner.grade(part, from_="Tango", to="FLX9795", axis="x", profile=profile)
         moduli = [region.modulus_MPa for region in plan.regions]

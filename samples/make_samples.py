@@ -14,13 +14,14 @@ from pathlib import Path
 
 import manifold3d as m3
 import numpy as np
-from planner.formats.stl import write_stl
+
+from planner.formats.stl import encode_stl
 
 THESIS_SCALE = 29.4 / 33.0
 
 
 def dogbone() -> m3.Manifold:
-    """Make an ASTM D638 type IV specimen: 33 x 6 mm narrow section, fillets of 14 and 25 mm radius, 115 x 19 mm."""
+    """Make an ASTM D638 type IV specimen: 33 x 6 mm narrow section, fillets of 14 and 25 mm."""
     length, grip_width, narrow_width, narrow_length = 115.0, 19.0, 6.0, 33.0
     inner_radius, outer_radius, thickness = 14.0, 25.0, 4.0
     # Along the edge: straight, an arc of the inner radius, an arc of the outer one back to
@@ -132,7 +133,8 @@ def main() -> None:
     for name, part in parts().items():
         mesh = part.to_mesh()
         vertices = np.asarray(mesh.vert_properties[:, :3], dtype=np.float32)
-        write_stl(folder / f"{name}.stl", vertices, np.asarray(mesh.tri_verts), f"{name} in mm")
+        data = encode_stl(vertices, np.asarray(mesh.tri_verts), f"{name} in mm")
+        (folder / f"{name}.stl").write_bytes(data)
         print(f"{name}.stl: {len(mesh.tri_verts)} triangles, {part.volume():.1f} mm3")
 
 

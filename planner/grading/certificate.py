@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import FileError, PlannerError
-from planner.formats.stl import read_stl
+from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
 from planner.grading.verification import shell_checks
 from planner.plan import Check, Plan, plan_file, read_plan
@@ -90,7 +90,7 @@ def certify(
     checks = {"files_altered": Check(altered, 0, altered == 0)}
     triangles = 0
     try:
-        triangles = sum(len(read_stl(data, name=name)) for name, data in soups.items())
+        triangles = sum(len(decode_stl(data, name)) for name, data in soups.items())
         checks |= shell_checks(list(soups.values()), plan.part.volume_mm3)
     except FileError as error:
         problems.append(str(error))
@@ -134,10 +134,12 @@ def _threemf_mismatches(root: Path, plan: Plan, soups: dict[str, bytes]) -> tupl
     if not path.is_file():
         return 1, []
     try:
-        objects = {item.name: item for item in read_threemf(path)}
+        model = read_threemf(path)
     except PlannerError as error:
         return 1, [str(error)]
-    mismatched, words = 0, []
+    objects = {item.name: item for item in model.objects}
+    words = [f"{path.name}: {remark}" for remark in model.remarks]
+    mismatched = len(words)
     for file, data in soups.items():
         stem = Path(file).stem
         if stem not in objects:
@@ -147,7 +149,7 @@ def _threemf_mismatches(root: Path, plan: Plan, soups: dict[str, bytes]) -> tupl
         item = objects.pop(stem)
         ours = np.asarray(item.vertices, dtype=np.float32)[item.faces]
         # Text keeps each coordinate to about one unit in the last place of float32.
-        theirs = read_stl(data, name=file)
+        theirs = decode_stl(data, file)
         if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=3e-7, atol=1e-9):
             mismatched += 1
             words.append(f"{path.name}: object {stem} is not the shell in {file}")

@@ -123,7 +123,7 @@ def grade(
         version=__version__,
         printer=machine.name,
         palette=PaletteUsed(chosen.name, chosen.sha256),
-        part=_part_graded(source, translation),
+        part=_part_graded(source, point(translation)),
         gradient=Gradient(along.description(), target.description(), start, end, bands),
         stiffness=Stiffness("secant-nominal", at_strain),
         regions=regions_of(pieces, steps, scale, shells),

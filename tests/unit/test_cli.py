@@ -1,0 +1,221 @@
+"""The command line as its users meet it: exit codes, what goes where, and what errors say."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from planner import __version__
+from planner.cli import run
+
+
+@pytest.fixture
+def finger(samples: Path) -> str:
+    return str(samples / "finger.stl")
+
+
+@pytest.fixture(autouse=True)
+def _in_scratch_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+GRADIENT = ["--from", "Tango", "--to", "Vero", "--axis", "x"]
+
+
+def test_version(capsys) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"planner {__version__}\n"
+
+
+def test_every_command_has_help_with_an_example(capsys) -> None:
+    import typer
+
+    from planner.cli.app import app
+
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    assert {"grade", "invert", "materials", "check", "diff", "printers"} <= set(commands)
+    for name, command in commands.items():
+        assert f"planner {name}" in (command.callback.__doc__ or ""), name
+        assert run([name, "--help"]) == 0
+        assert all(p.help for p in command.params), name
+
+
+def test_the_reference_page_is_the_commands(request) -> None:
+    """docs/reference/cli.md is what its generator makes of the commands now."""
+    import runpy
+
+    folder = request.config.rootpath / "docs" / "reference"
+    made = runpy.run_path(str(folder / "make_cli.py"))["reference"]()
+    assert (folder / "cli.md").read_text(encoding="utf-8") == made
+
+
+def test_grade_then_check_then_diff(finger: str, capsys) -> None:
+    assert run(["grade", finger, *GRADIENT]) in (0, 1)
+    out = capsys.readouterr().out
+    assert "TangoPlus" in out
+    assert "wrote finger-graded" in out
+    assert run(["check", "finger-graded"]) == 0
+    assert "is sound" in capsys.readouterr().out
+    assert run(["grade", finger, *GRADIENT, "--bands", "5", "-o", "five", "--quiet"]) in (0, 1)
+    assert capsys.readouterr().out == ""
+    assert run(["diff", "finger-graded", "finger-graded/plan.json"]) == 0
+    assert run(["diff", "finger-graded", "five"]) == 1
+
+
+def test_json_is_one_document_and_the_plan(finger: str, capsys) -> None:
+    run(["grade", finger, *GRADIENT, "--json"])
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == json.loads(Path("finger-graded/plan.json").read_text())
+    assert printed.err == ""
+
+
+def test_dry_run_writes_nothing(finger: str) -> None:
+    run(["grade", finger, *GRADIENT, "--dry-run"])
+    assert list(Path().iterdir()) == []
+
+
+def test_existing_output_needs_force(finger: str, capsys) -> None:
+    run(["grade", finger, *GRADIENT, "--quiet"])
+    before = Path("finger-graded/plan.json").stat().st_mtime_ns
+    assert run(["grade", finger, *GRADIENT]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert Path("finger-graded/plan.json").stat().st_mtime_ns == before
+    assert run(["grade", finger, *GRADIENT, "--force", "--quiet"]) in (0, 1)
+
+
+def test_strict_writes_nothing_when_something_was_found(finger: str, capsys) -> None:
+    Path("wish.csv").write_text("position,modulus_MPa\n0,0.001\n1,100\n")
+    arguments = ["grade", finger, "--profile", "wish.csv", "--axis", "x"]
+    assert run([*arguments, "--strict"]) == 1
+    assert "out of reach" in capsys.readouterr().err
+    assert not Path("finger-graded").exists()
+    assert run([*arguments, "--quiet"]) == 1
+    assert Path("finger-graded/plan.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--from", "Tango"], "both ends"),
+        (["--from", "Tango", "--to", "Tango"], "one material"),
+        (["--from", "Tnago", "--to", "Vero"], "did you mean"),
+        (["--from", "FLX97", "--to", "Vero"], "ambiguous"),
+        ([*GRADIENT, "--bands", "0"], "--bands 0"),
+        ([*GRADIENT, "--bands", "9000"], "thinner than a layer"),
+        ([*GRADIENT, "--at-strain", "10"], "10 % is 0.1"),
+        ([*GRADIENT, "--at-strain", "0"], "above 0"),
+        ([*GRADIENT, "--profile", "lgo"], "did you mean log"),
+        ([*GRADIENT, "--blend", "mixed"], "nearest"),
+        ([*GRADIENT, "--unit", "inches2"], "unit"),
+        ([*GRADIENT, "--printer", "conex3"], "did you mean connex3"),
+        ([*GRADIENT, "--palette", "nothing.toml"], "cannot be read"),
+        ([*GRADIENT, "--palette", "connex3-tango-verp"], "did you mean connex3-tango-vero"),
+        ([*GRADIENT, "-o", "no/such/place"], "folder"),
+        (["--from", "Tango", "--to", "Vero", "--axis", "w"], "axis"),
+        (["--from", "Tango", "--to", "Vero", "--axis", "0,0,0"], "axis"),
+        (["--profile", "none.csv"], "cannot be read"),
+        (["--bands", "many"], "many"),
+        (["--bnads", "3"], "--bands"),
+    ],
+)
+def test_bad_usage_is_one_line_and_writes_nothing(
+    finger: str, capsys, arguments: list[str], reason: str
+) -> None:
+    assert run(["grade", finger, *arguments]) == 2
+    printed = capsys.readouterr()
+    assert reason in printed.err
+    assert printed.err.startswith("planner: ")
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+    assert list(Path().iterdir()) == []
+
+
+def test_invert(capsys) -> None:
+    assert run(["invert", "--modulus", "1.2", "--json"]) == 0
+    (result,) = json.loads(capsys.readouterr().out)["results"]
+    blend = result["blend"]
+    assert blend["modulus_MPa"] == pytest.approx(1.2, rel=1e-9)
+    assert 0.0 < blend["fraction"] < 1.0
+    assert blend["modulus_interval_MPa"][0] < 1.2 < blend["modulus_interval_MPa"][1]
+
+
+@pytest.mark.parametrize(("modulus", "nearest"), [("0.001", "TangoPlus"), ("9e9", "VeroWhitePlus")])
+def test_invert_out_of_reach_names_the_nearest(capsys, modulus: str, nearest: str) -> None:
+    assert run(["invert", "-m", modulus, "--json"]) == 1
+    (result,) = json.loads(capsys.readouterr().out)["results"]
+    assert not result["reachable"]
+    assert result["nearest"]["material"] == nearest
+    assert run(["invert", "-m", modulus]) == 1
+    assert "out of reach" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("modulus", ["0", "-1", "nan", "inf", "soft"])
+def test_invert_refuses_what_is_no_modulus(capsys, modulus: str) -> None:
+    assert run(["invert", f"--modulus={modulus}"]) == 2
+    assert "modulus" in capsys.readouterr().err
+
+
+def test_printers_and_materials(capsys) -> None:
+    assert run(["printers", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["name"] == "connex3"
+    assert run(["materials", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["materials"]
+    moduli = [row["modulus_MPa"] for row in rows]
+    assert len(rows) == 10
+    assert moduli == sorted(moduli)
+
+
+def test_check_finds_an_altered_shell(finger: str, capsys) -> None:
+    run(["grade", finger, *GRADIENT, "--quiet"])
+    shell = sorted(Path("finger-graded/stl").iterdir())[0]
+    data = bytearray(shell.read_bytes())
+    data[200] ^= 0x10
+    shell.write_bytes(data)
+    assert run(["check", "finger-graded"]) == 1
+    assert shell.name in capsys.readouterr().err
+    shell.unlink()
+    assert run(["check", "finger-graded"]) == 1
+    assert "missing" in capsys.readouterr().err
+    assert run(["check", "."]) == 2
+
+
+def test_an_internal_error_is_70_and_says_so(monkeypatch, capsys) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("nought")
+
+    monkeypatch.setattr("planner.grading.mixture.mixture_for", broken)
+    assert run(["invert", "-m", "1"]) == 70
+    assert "bug in planner" in capsys.readouterr().err
+
+
+def test_an_interrupt_is_130(monkeypatch, capsys) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("planner.grading.mixture.mixture_for", interrupted)
+    assert run(["invert", "-m", "1"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_help_imports_no_numpy() -> None:
+    code = (
+        "import sys; from planner.cli import run; run(['--help']); "
+        "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'numba', 'trimesh')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, check=False)
+    assert done.returncode == 0
+
+
+def test_no_colour_and_no_control_codes_off_a_terminal(finger: str) -> None:
+    environment = {**os.environ, "FORCE_COLOR": "", "NO_COLOR": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "planner", "materials"],
+        capture_output=True,
+        check=True,
+        env=environment,
+    )
+    assert b"\x1b" not in done.stdout
+    assert b"VeroWhitePlus" in done.stdout
