@@ -1,0 +1,128 @@
+"""Output folders that are whole or absent."""
+
+import itertools
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from planner.errors import OutputError
+
+__all__ = ["check_target", "new_folder"]
+
+MARK = "plan.json"
+"""The file by which a folder is known as one that planner wrote."""
+
+
+def check_target(folder: str | Path, *, force: bool = False) -> Path:
+    """Make sure that a folder may be written, before hours are spent on its content.
+
+    An absent or empty folder may; one that planner wrote may with `force`; anything else never.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder with links and dots resolved.
+
+    Raises
+    ------
+    OutputError
+        Says what is there and what to do.
+    """
+    try:
+        target = Path(folder).resolve()
+        if target.is_dir():
+            content = {entry.name for entry in target.iterdir()}
+            if content and MARK not in content:
+                raise OutputError(
+                    f"{folder}: exists and holds no {MARK}, so planner did not write it and does "
+                    "not replace it; name another folder with --output"
+                )
+            if content and not force:
+                raise OutputError(
+                    f"{folder}: exists already; replace it with --force, or name another folder "
+                    "with --output"
+                )
+        elif target.exists():
+            raise OutputError(f"{folder}: is a file; name a folder with --output")
+        elif not target.parent.is_dir():
+            raise OutputError(
+                f"{folder}: there is no folder {target.parent} to put it into; create that first"
+            )
+    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
+        raise OutputError(f"{folder}: {_reason(error)}") from error
+    return target
+
+
+@contextmanager
+def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """Write a folder whole or not at all.
+
+    The body writes into the folder it is given, a sibling of the target, which takes the
+    target's name when the body ends. Whatever stops the body, an interrupt included, leaves the
+    target as it was and nothing beside it.
+
+    Parameters
+    ----------
+    folder
+        The target; see `check_target` for what may be there.
+    force
+        Replace an earlier plan.
+
+    Yields
+    ------
+    pathlib.Path
+        The folder to write into.
+
+    Raises
+    ------
+    OutputError
+        The target may not be written, or the system refused: no permission, no space.
+    """
+    target = check_target(folder, force=force)
+    scratch = None
+    try:
+        scratch = _make_sibling(target, "partial")
+        yield scratch
+        _exchange(scratch, target)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: {_reason(error)}; nothing was written; choose another place with --output"
+        ) from error
+    finally:
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _make_sibling(target: Path, suffix: str) -> Path:
+    """Make a folder beside `target`, which renaming reaches without copying."""
+    for number in itertools.count():
+        sibling = target.with_name(f".{target.name}.{suffix}{number or ''}")
+        try:
+            sibling.mkdir()
+        except FileExistsError:
+            continue
+        return sibling
+    raise AssertionError("count() does not end")
+
+
+def _exchange(scratch: Path, target: Path) -> None:
+    """Rename `scratch` to `target`; what was there is kept until that has worked."""
+    if not target.exists():
+        scratch.rename(target)
+        return
+    earlier = _make_sibling(target, "replaced")
+    kept = earlier / target.name
+    try:
+        target.rename(kept)
+        scratch.rename(target)
+    except BaseException:
+        if kept.exists() and not target.exists():
+            kept.rename(target)
+        earlier.rmdir()
+        raise
+    shutil.rmtree(earlier, ignore_errors=True)
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)

@@ -1,0 +1,416 @@
+"""3MF by lib3mf: one object a material under one assembly, the same bytes for the same content."""
+
+import ctypes
+import hashlib
+import re
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lib3mf
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import __version__
+from planner.arrays import Float32Array, FloatArray, IntArray
+from planner.errors import MeshError, OutputError
+from planner.formats.archive import canonical_archive, member_hashes
+
+__all__ = [
+    "NAMESPACE",
+    "ThreemfModel",
+    "ThreemfObject",
+    "decode_threemf",
+    "encode_threemf",
+    "read_threemf",
+    "threemf_xml_hashes",
+    "write_threemf",
+]
+
+NAMESPACE = "urn:planner:mixture:1"
+"""XML namespace of the metadata that the 3MF core specification has no name for."""
+
+_WELL_KNOWN: tuple[str, ...] = (
+    "Title",
+    "Designer",
+    "Description",
+    "Copyright",
+    "LicenseTerms",
+    "Rating",
+)
+_WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
+_UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, NAMESPACE)
+_FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
+_DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
+_MOST_TRIANGLES = 100_000_000
+_UNITS = {
+    lib3mf.ModelUnit.MicroMeter: "um",
+    lib3mf.ModelUnit.MilliMeter: "mm",
+    lib3mf.ModelUnit.CentiMeter: "cm",
+    lib3mf.ModelUnit.Inch: "inch",
+    lib3mf.ModelUnit.Foot: "ft",
+    lib3mf.ModelUnit.Meter: "m",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ThreemfObject:
+    """One mesh of a 3MF file, of one material.
+
+    Attributes
+    ----------
+    vertices, faces
+        (n, 3) positions, float32 for writing, and (m, 3) outward triangles.
+    material_name, colour
+        Entry of the base material group, ``#RRGGBB``; empty when a file that was read has none.
+    metadata
+        Of the object. Names that the core specification knows are written as they are, others
+        in `NAMESPACE`; they are plain words (letters, digits, ``_``, ``-``, ``.``).
+    """
+
+    name: str
+    vertices: Float32Array | FloatArray
+    faces: IntArray
+    material_name: str = ""
+    colour: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ThreemfModel:
+    """What a 3MF file puts on the tray.
+
+    Attributes
+    ----------
+    unit
+        mm, um, cm, m, inch or ft; what the objects' coordinates are in.
+    objects
+        Each mesh as often as it is placed, where it is placed, in the order of the build items.
+    metadata
+        Of the model.
+    remarks
+        The reader's warnings, and what was left out.
+    """
+
+    unit: str
+    objects: tuple[ThreemfObject, ...]
+    metadata: Mapping[str, str]
+    remarks: tuple[str, ...]
+
+
+def write_threemf(
+    path: str | Path,
+    objects: Sequence[ThreemfObject],
+    assembly_name: str,
+    metadata: Mapping[str, str] | None = None,
+) -> None:
+    """Write the file that `encode_threemf` makes.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written, or the content cannot be said in 3MF.
+    """
+    data = encode_threemf(objects, assembly_name, metadata)
+    try:
+        Path(path).write_bytes(data)
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror or error}") from error
+
+
+def encode_threemf(
+    objects: Sequence[ThreemfObject],
+    assembly_name: str,
+    metadata: Mapping[str, str] | None = None,
+) -> bytes:
+    """Make a 3MF file in mm: the objects as components of one assembly, built once.
+
+    Each material is one ``<base>`` with its display colour. The identifiers of objects,
+    components, item and build are derived from the content (UUID version 5), so that equal
+    content gives equal bytes.
+
+    Parameters
+    ----------
+    objects
+        At least one, each with at least one triangle.
+    assembly_name
+        Name of the assembly, and the model's title unless `metadata` has one.
+    metadata
+        Of the model, as `ThreemfObject.metadata`.
+
+    Raises
+    ------
+    OutputError
+        No objects, or a mesh, colour or metadata that 3MF cannot hold.
+    """
+    if not objects:
+        raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
+    wrapper = lib3mf.get_wrapper()
+    model = wrapper.CreateModel()
+    model.SetUnit(lib3mf.ModelUnit.MilliMeter)
+    heading = {"Title": assembly_name, "Application": f"planner {__version__}"}
+    _add_metadata(model.GetMetaDataGroup(), {**heading, **(metadata or {})}, assembly_name)
+    bases = model.AddBaseMaterialGroup()
+    entries: dict[tuple[str, str], int] = {}
+    digests = []
+    try:
+        assembly = model.AddComponentsObject()
+        identity = wrapper.GetIdentityTransform()
+        for number, item in enumerate(objects, start=1):
+            key = (item.material_name, item.colour)
+            if key not in entries:
+                colour = _colour(wrapper, item)
+                entries[key] = bases.AddMaterial(_text(item.material_name), colour)
+            digests.append(_digest(item))
+            mesh = _add_mesh(wrapper, model, item)
+            mesh.SetUUID(_identifier("object", number, digests[-1]))
+            mesh.SetObjectLevelProperty(bases.GetUniqueResourceID(), entries[key])
+            component = assembly.AddComponent(mesh, identity)
+            component.SetUUID(_identifier("component", number, digests[-1]))
+        whole = hashlib.sha256("\n".join((assembly_name, *digests)).encode("utf-8")).hexdigest()
+        assembly.SetName(_text(assembly_name))
+        assembly.SetUUID(_identifier("assembly", 0, whole))
+        model.AddBuildItem(assembly, identity).SetUUID(_identifier("item", 0, whole))
+        model.SetBuildUUID(_identifier("build", 0, whole))
+        return canonical_archive(_written(model), _FIRST)
+    except lib3mf.ELib3MFException as error:
+        raise OutputError(f"3MF of {assembly_name}: {error}") from error
+
+
+def read_threemf(path: str | Path, *, strict: bool = False) -> ThreemfModel:
+    """Read a 3MF file; see `decode_threemf`.
+
+    Raises
+    ------
+    MeshError
+        The file cannot be opened, or see `decode_threemf`.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
+    return decode_threemf(data, str(path), strict=strict)
+
+
+def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfModel:
+    """Read the bytes of a 3MF file: every model object where the build items put it.
+
+    Transforms of items and nested components are applied; a mirrored object's triangles are
+    turned over, so that outside stays outside. Supports and bare surfaces are left out.
+
+    Parameters
+    ----------
+    data, name
+        The whole file, and what errors call it.
+    strict
+        Take the file only if it follows the specification to the letter.
+
+    Raises
+    ------
+    MeshError
+        No 3MF, or it holds what is no mesh: a beam lattice, an implicit volume.
+    """
+    wrapper = lib3mf.get_wrapper()
+    model = wrapper.CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(strict)
+    remarks = []
+    try:
+        _read_from(reader, data)
+        warnings = [reader.GetWarning(i)[-1] for i in range(reader.GetWarningCount())]
+        remarks += [f"3MF reader: {text}" for text in dict.fromkeys(warnings)]
+        objects: list[ThreemfObject] = []
+        count = 0
+        items = model.GetBuildItems()
+        while items.MoveNext():
+            item = items.GetCurrent()
+            matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
+            for mesh, placed in _meshes(wrapper, item.GetObjectResource(), matrix, name, remarks):
+                count += mesh.GetTriangleCount()
+                if count > _MOST_TRIANGLES:
+                    raise MeshError(
+                        f"{name}: the build has more than {_MOST_TRIANGLES} triangles, components "
+                        "counted as often as they are placed; print fewer copies at once"
+                    )
+                objects.append(_object(wrapper, model, mesh, placed))
+        heading = _metadata(model.GetMetaDataGroup())
+        return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), heading, tuple(remarks))
+    except lib3mf.ELib3MFException as error:
+        raise MeshError(f"{name}: not a 3MF file that can be read: {error}") from error
+
+
+def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
+    """Return the SHA-256 of each part of a 3MF file by name, before compression.
+
+    Raises
+    ------
+    FileError
+        The file is missing or no zip archive.
+    """
+    return member_hashes(path)
+
+
+def _identifier(kind: str, number: int, digest: str) -> str:
+    return str(uuid.uuid5(_UUIDS, f"{kind}/{number}/{digest}"))
+
+
+def _digest(item: ThreemfObject) -> str:
+    text = "\n".join((item.name, item.material_name, item.colour, *map(str, item.metadata.items())))
+    digest = hashlib.sha256(text.encode("utf-8"))
+    digest.update(np.ascontiguousarray(item.vertices, dtype="<f4").tobytes())
+    digest.update(np.ascontiguousarray(item.faces, dtype="<i4").tobytes())
+    return digest.hexdigest()
+
+
+def _text(value: str) -> str:
+    """Replace the control characters that XML cannot hold."""
+    return re.sub(r"[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", value)
+
+
+def _colour(wrapper: Any, item: ThreemfObject) -> Any:
+    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", item.colour):
+        raise OutputError(
+            f"3MF object {item.name}: colour is {item.colour!r}; write it as '#RRGGBB'"
+        )
+    return wrapper.RGBAToColor(*bytes.fromhex(item.colour[1:]), 255)
+
+
+def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:
+    for name, value in metadata.items():
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", name):
+            raise OutputError(
+                f"3MF of {owner}: metadata {name!r}: a name begins with a letter and goes on "
+                "with letters, digits, '_', '.' and '-'"
+            )
+        namespace = "" if name in _WELL_KNOWN else NAMESPACE
+        group.AddMetaData(namespace, name, _text(value), "xs:string", True)
+
+
+def _add_mesh(wrapper: Any, model: Any, item: ThreemfObject) -> Any:
+    vertices = np.ascontiguousarray(item.vertices, dtype=np.float32)
+    faces = np.ascontiguousarray(item.faces, dtype=np.uint32)
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
+        raise OutputError(f"3MF object {item.name}: {fault}; leave it out or mend the mesh")
+    mesh = model.AddMeshObject()
+    # lib3mf's own SetGeometry takes Python lists: 700 times slower on a million triangles.
+    wrapper.checkError(
+        mesh,
+        wrapper.lib.lib3mf_meshobject_setgeometry(
+            mesh._handle,
+            ctypes.c_uint64(len(vertices)),
+            (lib3mf.Position * len(vertices)).from_buffer_copy(vertices),
+            ctypes.c_uint64(len(faces)),
+            (lib3mf.Triangle * len(faces)).from_buffer_copy(faces),
+        ),
+    )
+    mesh.SetName(_text(item.name))
+    _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
+    return mesh
+
+
+def _written(model: Any) -> bytes:
+    writer = model.QueryWriter("3mf")
+    writer.SetDecimalPrecision(_DECIMALS)
+    stream = bytearray()
+    place = 0
+
+    def write(address: int, size: int, _: int) -> None:
+        nonlocal place
+        stream[place : place + size] = ctypes.string_at(address, size)
+        place += size
+
+    def seek(position: int, _: int) -> None:
+        nonlocal place
+        place = position
+
+    writer.WriteToCallback(lib3mf.WriteCallback(write), lib3mf.SeekCallback(seek), None)
+    return bytes(stream)
+
+
+def _read_from(reader: Any, data: bytes) -> None:
+    place = 0
+
+    def read(address: int, size: int, _: int) -> None:
+        nonlocal place
+        chunk = data[place : place + size]
+        ctypes.memmove(address, chunk, len(chunk))
+        place += size
+
+    def seek(position: int, _: int) -> None:
+        nonlocal place
+        place = position
+
+    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), lib3mf.SeekCallback(seek), None)
+
+
+def _meshes(
+    wrapper: Any, resource: Any, matrix: FloatArray, name: str, remarks: list[str]
+) -> Iterator[tuple[Any, FloatArray]]:
+    """Yield the meshes under an object, each with the matrix from its points to the tray."""
+    called = f"object {resource.GetName() or resource.GetResourceID()!r}"
+    if resource.GetType() != lib3mf.ObjectType.Model and not resource.IsComponentsObject():
+        remark = f"{called} is no model but support or a surface: left out"
+        remarks += [] if remark in remarks else [remark]
+    elif resource.IsComponentsObject():
+        for number in range(resource.GetComponentCount()):
+            component = resource.GetComponent(number)
+            own = _matrix(component.GetTransform()) if component.HasTransform() else np.eye(4)
+            inner = component.GetObjectResource()
+            yield from _meshes(wrapper, inner, own @ matrix, name, remarks)
+    elif not resource.IsMeshObject() or resource.BeamLattice().GetBeamCount() > 0:
+        raise MeshError(
+            f"{name}: {called} is an implicit volume or a beam lattice; planner reads meshes: "
+            "export the part as triangles"
+        )
+    else:
+        yield resource, matrix
+
+
+def _matrix(transform: Any) -> FloatArray:
+    """Return a transform as the 4x4 matrix that row vectors (x, y, z, 1) are multiplied by."""
+    matrix = np.eye(4)
+    matrix[:, :3] = np.frombuffer(transform, dtype=np.float32).reshape(4, 3)
+    return matrix
+
+
+def _object(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> ThreemfObject:
+    stored = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32)
+    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32).astype(np.int32)
+    vertices: Float32Array | FloatArray = stored
+    if not np.array_equal(matrix, np.eye(4)):
+        x, y, z = stored.astype(np.float64).T
+        vertices = np.stack(
+            [x * row[0] + y * row[1] + z * row[2] + row[3] for row in matrix.T[:3]], axis=1
+        )
+        if np.linalg.det(matrix) < 0.0:
+            faces = np.ascontiguousarray(faces[:, ::-1])
+    material, colour = _material(wrapper, model, mesh)
+    return ThreemfObject(
+        mesh.GetName(), vertices, faces, material, colour, _metadata(mesh.GetMetaDataGroup())
+    )
+
+
+def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any) -> NDArray[Any]:
+    """Copy one of a mesh's arrays at once; lib3mf's own getters make a list of objects."""
+    count = mesh.GetVertexCount() if what == "vertices" else mesh.GetTriangleCount()
+    buffer = (type_ * count)()
+    get = getattr(wrapper.lib, f"lib3mf_meshobject_get{what}")
+    wrapper.checkError(mesh, get(mesh._handle, ctypes.c_uint64(count), ctypes.c_uint64(0), buffer))
+    return np.frombuffer(buffer, dtype=dtype).reshape(-1, 3).copy()
+
+
+def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str]:
+    group, entry, has = mesh.GetObjectLevelProperty()
+    if not has or model.GetPropertyTypeByID(group) != lib3mf.PropertyType.BaseMaterial:
+        return "", ""
+    bases = model.GetBaseMaterialGroupByID(group)
+    red, green, blue, _ = wrapper.ColorToRGBA(bases.GetDisplayColor(entry))
+    return bases.GetName(entry), f"#{red:02X}{green:02X}{blue:02X}"
+
+
+def _metadata(group: Any) -> dict[str, str]:
+    entries = (group.GetMetaData(i) for i in range(group.GetMetaDataCount()))
+    return {entry.GetName(): entry.GetValue() for entry in entries}
