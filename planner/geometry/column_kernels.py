@@ -1,0 +1,281 @@
+"""The loops behind `planner.geometry.columns`: from triangles to runs of voxels along z.
+
+Every choice of "which column does this triangle cover" is made in integers, with half-open
+intervals, so that a closed oriented mesh crosses each column with signs that sum to zero.
+Lattice units below are 1 / `LATTICE` of a voxel, with voxel centres at multiples of `LATTICE`.
+"""
+
+import numpy as np
+
+from planner.arrays import FloatArray, IntArray
+from planner.geometry.kernel import kernel
+
+__all__ = ["LATTICE", "bin_triangles", "fill_runs", "slab_runs", "snap"]
+
+_SHIFT = 16
+LATTICE = 1 << _SHIFT
+"""Steps in a voxel that vertices are rounded to."""
+
+
+@kernel
+def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> IntArray:
+    """Return vertices (n, 3) in lattice units, int64; voxel (i, j, k) is centred at LATTICE ijk."""
+    snapped = np.empty(vertices.shape, np.int64)
+    for v in range(len(vertices)):
+        for axis in range(3):
+            voxel = (vertices[v, axis] - origin[axis]) / pitch[axis]
+            snapped[v, axis] = np.int64(np.floor(voxel * LATTICE + 0.5)) - LATTICE // 2
+    return snapped
+
+
+@kernel
+def _ceil_voxel(coordinate: int) -> int:
+    return (coordinate + (LATTICE - 1)) >> _SHIFT
+
+
+@kernel
+def bin_triangles(
+    snapped: IntArray, faces: IntArray, nx: int, ny: int, slab_rows: int
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Sort triangles into slabs of rows.
+
+    Returns
+    -------
+    offsets, members, spans
+        Slab s holds the faces ``members[offsets[s]:offsets[s + 1]]``, which cross at most
+        ``spans[s]`` of its rows in all. Faces that cover no column (steep or small) are left out.
+    """
+    slabs = (ny + slab_rows - 1) // slab_rows
+    offsets = np.zeros(slabs + 1, np.int64)
+    spans = np.zeros(slabs, np.int64)
+    low = np.empty(len(faces), np.int32)
+    high = np.empty(len(faces), np.int32)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
+        ay, by, cy = snapped[a, 1], snapped[b, 1], snapped[c, 1]
+        first = max(_ceil_voxel(min(ay, by, cy)), 0)
+        last = min(_ceil_voxel(max(ay, by, cy)), ny)
+        left = max(_ceil_voxel(min(ax, bx, cx)), 0)
+        right = min(_ceil_voxel(max(ax, bx, cx)), nx)
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        low[f], high[f] = 0, 0
+        if first < last and left < right and area != 0:
+            low[f], high[f] = first, last
+            for s in range(first // slab_rows, (last - 1) // slab_rows + 1):
+                offsets[s + 1] += 1
+                spans[s] += min(last, (s + 1) * slab_rows) - max(first, s * slab_rows)
+    for s in range(slabs):
+        offsets[s + 1] += offsets[s]
+    members = np.empty(offsets[slabs], np.int32)
+    cursor = offsets[:-1].copy()
+    for f in range(len(faces)):
+        if low[f] < high[f]:
+            for s in range(low[f] // slab_rows, (high[f] - 1) // slab_rows + 1):
+                members[cursor[s]] = f
+                cursor[s] += 1
+    return offsets, members, spans
+
+
+@kernel
+def _first_pixel(x0: int, y0: int, x1: int, y1: int, per_row: float, y: int) -> int:
+    # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division,
+    # estimated in floating point (per_row = 1 / denominator) and mended in integers.
+    denominator = (y1 - y0) << _SHIFT
+    numerator = x0 * (y1 - y0) + (x1 - x0) * (y - y0)
+    pixel = int(numerator * per_row)
+    while pixel * denominator < numerator:
+        pixel += 1
+    while (pixel - 1) * denominator >= numerator:
+        pixel -= 1
+    return pixel
+
+
+@kernel
+def _spans(
+    snapped: IntArray,
+    faces: IntArray,
+    members: IntArray,
+    row0: int,
+    row1: int,
+    nx: int,
+    counts: IntArray,
+    columns: IntArray,
+    heights: FloatArray,
+) -> int:
+    # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) in
+    # `columns`; z at the first column and its rise a column in `heights`. `counts` gets +1 where
+    # a span begins and -1 where it ends, so that its running sum counts a column's crossings.
+    n = 0
+    for m in range(len(members)):
+        f = members[m]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        area = (snapped[b, 0] - snapped[a, 0]) * (snapped[c, 1] - snapped[a, 1]) - (
+            snapped[c, 0] - snapped[a, 0]
+        ) * (snapped[b, 1] - snapped[a, 1])
+        exit_sign = 1 if area > 0 else 0  # the normal points up: the line leaves the body
+        # vertices by rising y, so that both triangles at an edge divide the same numbers
+        if snapped[b, 1] < snapped[a, 1]:
+            a, b = b, a
+        if snapped[c, 1] < snapped[b, 1]:
+            b, c = c, b
+        if snapped[b, 1] < snapped[a, 1]:
+            a, b = b, a
+        ax, ay, az = snapped[a, 0], snapped[a, 1], snapped[a, 2]
+        bx, by, bz = snapped[b, 0], snapped[b, 1], snapped[b, 2]
+        cx, cy, cz = snapped[c, 0], snapped[c, 1], snapped[c, 2]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        per_area = 1.0 / area
+        rise = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) * per_area * LATTICE
+        long_edge = 1.0 / ((cy - ay) << _SHIFT)
+        lower = 1.0 / (max(by - ay, 1) << _SHIFT)
+        upper = 1.0 / (max(cy - by, 1) << _SHIFT)
+        first = max(_ceil_voxel(ay), row0)
+        last = min(_ceil_voxel(cy), row1)
+        for row in range(first, last):
+            y = row << _SHIFT
+            left = _first_pixel(ax, ay, cx, cy, long_edge, y)
+            if y < by:
+                right = _first_pixel(ax, ay, bx, by, lower, y)
+            else:
+                right = _first_pixel(bx, by, cx, cy, upper, y)
+            if left > right:
+                left, right = right, left
+            left, right = max(left, 0), min(right, nx)
+            if left >= right:
+                continue
+            x = left << _SHIFT
+            weight_b = (x - ax) * (cy - ay) - (cx - ax) * (y - ay)
+            weight_c = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+            columns[n, 0] = (row - row0) * nx + left
+            columns[n, 1] = right - left
+            columns[n, 2] = exit_sign
+            heights[n, 0] = az + (
+                (weight_b * per_area) * (bz - az) + (weight_c * per_area) * (cz - az)
+            )
+            heights[n, 1] = rise
+            counts[columns[n, 0]] += 1
+            counts[columns[n, 0] + columns[n, 1]] -= 1
+            n += 1
+    return n
+
+
+@kernel
+def _sort(keys: IntArray, first: int, last: int) -> None:
+    # Shell sort: insertion sort for the usual handful, no quadratic worst case for a stack.
+    gap = 1
+    while gap < (last - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            key = keys[i]
+            j = i
+            while j >= first + gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 3
+
+
+@kernel
+def slab_runs(
+    snapped: IntArray,
+    faces: IntArray,
+    members: IntArray,
+    spans: int,
+    row0: int,
+    row1: int,
+    nx: int,
+    nz: int,
+    shortest: int,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Return the runs of one slab of rows.
+
+    Parameters
+    ----------
+    spans
+        At least the number of rows that the members cross in all.
+    shortest
+        A run of fewer voxels is lengthened to this many (0: it is dropped when empty).
+
+    Returns
+    -------
+    offsets, start, stop, faults
+        Runs of column c: ``start[offsets[c]:offsets[c + 1]]``. ``faults``: columns whose signs
+        do not sum to zero, columns where the winding is negative over more than one voxel (one
+        may come from rounding), and the first faulty column of each kind (-1: none).
+    """
+    total = (row1 - row0) * nx
+    cursor = np.zeros(total + 1, np.int32)
+    columns = np.empty((spans, 3), np.int32)
+    heights = np.empty((spans, 2), np.float64)
+    n = _spans(snapped, faces, members, row0, row1, nx, cursor, columns, heights)
+    crossings, here = 0, 0
+    for c in range(total):
+        here += cursor[c]
+        cursor[c] = crossings
+        crossings += here
+    keys = np.empty(crossings, np.int32)
+    for s in range(n):
+        column, z, rise, sign = columns[s, 0], heights[s, 0], heights[s, 1], columns[s, 2]
+        for i in range(columns[s, 1]):
+            lattice = int(np.floor(z + rise * i + 0.5))
+            voxel = min(max(_ceil_voxel(lattice), 0), nz)
+            # entries sort before exits of the same voxel: touching bodies make one run
+            keys[cursor[column + i]] = np.int32(voxel << 1) | sign
+            cursor[column + i] += 1
+
+    offsets = np.zeros(total + 1, np.int64)
+    start = np.empty(crossings // 2, np.int32)
+    stop = np.empty(crossings // 2, np.int32)
+    faults = np.zeros(4, np.int64)
+    faults[2:] = -1
+    runs, first = 0, 0
+    for c in range(total):
+        last = cursor[c]
+        if last - first == 2:
+            if keys[first] > keys[first + 1]:
+                keys[first], keys[first + 1] = keys[first + 1], keys[first]
+        elif last - first > 2:
+            _sort(keys, first, last)
+        winding, low, below, inverted = 0, 0, 0, False
+        for i in range(first, last):
+            voxel = keys[i] >> 1
+            if keys[i] & 1 == 0:
+                winding += 1
+                if winding == 1:
+                    low = voxel
+                elif winding == 0:
+                    inverted |= voxel - below > 1
+            else:
+                winding -= 1
+                if winding == 0:
+                    high = min(max(voxel, low + shortest), nz)
+                    if low >= high:
+                        low = high - shortest
+                    if runs > offsets[c] and low <= stop[runs - 1]:
+                        stop[runs - 1] = max(high, stop[runs - 1])
+                    elif low < high:
+                        start[runs], stop[runs] = low, high
+                        runs += 1
+                elif winding == -1:
+                    below = voxel
+        if winding != 0:
+            faults[0] += 1
+            if faults[2] < 0:
+                faults[2] = c
+        if inverted:
+            faults[1] += 1
+            if faults[3] < 0:
+                faults[3] = c
+        offsets[c + 1] = runs
+        first = last
+    return offsets, start[:runs], stop[:runs], faults
+
+
+@kernel
+def fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArray) -> None:
+    """Set the voxels of runs to one in a zeroed (columns, nz) uint8 array."""
+    for c in range(len(offsets) - 1):
+        for r in range(offsets[c], offsets[c + 1]):
+            dense[c, start[r] : stop[r]] = 1
