@@ -13,7 +13,6 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner import __version__
 from planner.arrays import Float32Array, FloatArray, IntArray
 from planner.errors import MeshError, OutputError
 from planner.formats.archive import canonical_archive, member_hashes
@@ -150,7 +149,7 @@ def encode_threemf(
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
-    heading = {"Title": assembly_name, "Application": f"planner {__version__}"}
+    heading = {"Title": assembly_name, "Application": "planner"}
     _add_metadata(model.GetMetaDataGroup(), {**heading, **(metadata or {})}, assembly_name)
     bases = model.AddBaseMaterialGroup()
     entries: dict[tuple[str, str], int] = {}
