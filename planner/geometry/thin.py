@@ -64,7 +64,7 @@ def _flip(vertices: Any, faces: Any, thin: Any) -> Any:
             if other < 0 or moved[other // 3]:
                 continue
             f = other // 3
-            d = faces[f, (other + 2) % 3 if other % 3 == 0 else (other % 3 + 2) % 3]
+            d = faces[f, (other % 3 + 2) % 3]
             now = min(squared_height(vertices, a, b, c), squared_height(vertices, b, a, d))
             then = min(squared_height(vertices, c, a, d), squared_height(vertices, d, b, c))
             if then > now and half[_find(table, c, d)] < 0 and half[_find(table, d, c)] < 0:
