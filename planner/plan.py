@@ -49,6 +49,7 @@ class PartGraded:
     sha256: str
     unit: str
     volume_mm3: float
+    area_mm2: float
     bounds_mm: Box
     triangles: int
     translation_mm: Point

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
 from planner.geometry.kernel import kernel
-from planner.geometry.mesh import Mesh, volume_and_area
+from planner.geometry.mesh import volume_and_area
 from planner.geometry.weld import (
     cancel_opposite,
     counting_order,
@@ -18,7 +18,7 @@ from planner.geometry.weld import (
     weld_points,
 )
 
-__all__ = ["Audit", "Interfaces", "audit", "interfaces_cancel"]
+__all__ = ["Audit", "Interfaces", "Measured", "audit", "interfaces_cancel"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,15 +251,29 @@ class Interfaces:
         )
 
 
-def interfaces_cancel(shells: Sequence[Float32Array], part: Mesh) -> Interfaces:
+class Measured(Protocol):
+    """A solid known by its volume and area alone."""
+
+    @property
+    def volume_mm3(self) -> float:
+        """Enclosed volume."""
+        ...
+
+    @property
+    def area_mm2(self) -> float:
+        """Surface area."""
+        ...
+
+
+def interfaces_cancel(shells: Sequence[Float32Array], part: Measured) -> Interfaces:
     """Test that shells fill a part and touch triangle for triangle.
 
     Parameters
     ----------
     shells : sequence of (k, 3, 3) float32
         All shells as they stand in their files, in mm.
-    part : Mesh
-        The part they were cut from, in the same place.
+    part : Measured
+        The part they were cut from: a `Mesh`, or a record of its volume and area.
 
     Returns
     -------
@@ -274,7 +288,7 @@ def interfaces_cancel(shells: Sequence[Float32Array], part: Mesh) -> Interfaces:
     volume_mm3, area_mm2 = volume_and_area(vertices, rest)
     # Positions of the part come first; rounding has moved only what is not among them.
     moved = rest[(rest > index[: len(points[0])].max(initial=-1)).any(axis=1)]
-    spacing_mm = float(np.spacing(np.float32(np.abs(part.bounds_mm).max())))
+    spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
     extent_mm = float(np.ptp(part.bounds_mm, axis=0).max())
     digits = 1e-12 * part.area_mm2
     return Interfaces(

@@ -91,7 +91,7 @@ def certify(
     triangles = 0
     try:
         triangles = sum(len(decode_stl(data, name)) for name, data in soups.items())
-        checks |= shell_checks(list(soups.values()), plan.part.volume_mm3)
+        checks |= shell_checks(list(soups.values()), plan.part)
     except FileError as error:
         problems.append(str(error))
     checks |= _region_checks(plan)

@@ -115,7 +115,7 @@ def grade(
     shells = shells_of(pieces, steps, scale, machine, source.name)
 
     progress("verifying the shells")
-    checks = shell_checks([shell.stl for shell in shells], mesh.volume_mm3)
+    checks = shell_checks([shell.stl for shell in shells], mesh)
     progress("looking for what will not print")
     walls, findings = job_findings(mesh, along, steps, scale, machine)
     return Plan(
@@ -206,6 +206,7 @@ def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
         sha256=source.sha256,
         unit=source.unit,
         volume_mm3=mesh.volume_mm3,
+        area_mm2=mesh.area_mm2,
         bounds_mm=(point(low), point(high)),
         triangles=len(mesh.faces),
         translation_mm=translation_mm,
