@@ -1,6 +1,7 @@
 """A plan's folder verified anew, from its files alone."""
 
 import hashlib
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,7 +122,7 @@ def _region_checks(plan: Plan) -> dict[str, Check]:
     total = sum(region.volume_mm3 for region in plan.regions)
     error = abs(total / plan.part.volume_mm3 - 1.0)
     edges = [region.field for region in plan.regions]
-    gaps = sum(a[1] > b[0] + 1e-9 for a, b in zip(edges, edges[1:], strict=False))
+    gaps = sum(a[1] > b[0] + 1e-9 for a, b in itertools.pairwise(edges))
     return {
         "regions_volume_error": Check(error, 1e-6, error <= 1e-6),
         "regions_out_of_order": Check(gaps, 0, gaps == 0),

@@ -22,7 +22,7 @@ def shells_of(
     """Unite the pieces of each material into one shell set, from soft to hard."""
     grades = np.array([band.grade for band in steps])
     occupied = piece_volumes_mm3(pieces) > 0.0
-    shells = []
+    shells: list[Shell] = []
     for grade in sorted(set(grades[occupied].tolist())):
         material = scale.palette.materials[grade]
         faces = shell_faces(pieces, np.flatnonzero(grades == grade))
@@ -60,7 +60,7 @@ def regions_of(
     bounds = piece_bounds_mm(pieces)
     files = {shell.material: shell for shell in shells}
     hashes = {shell.material: hashlib.sha256(shell.stl).hexdigest() for shell in shells}
-    regions = []
+    regions: list[Region] = []
     for number, band in enumerate(steps):
         if volumes[number] <= 0.0:
             continue
