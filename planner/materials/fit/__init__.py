@@ -1,0 +1,1 @@
+"""Laws fitted to tensile tests, with intervals and a choice among them."""

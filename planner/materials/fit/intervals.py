@@ -1,0 +1,161 @@
+"""Intervals of fitted parameters that know that points along one curve are not independent.
+
+The profile of the cost over one parameter gives the interval's shape, skewed or open as it may
+be; how far the cost may rise is set by the scatter between specimens (the adjustment of a
+clustered likelihood by R. Chandler and S. Bate 2007): Student's t with one degree of freedom
+fewer than specimens, squared, times the ratio of the parameter's variance between specimens (the
+sandwich estimate) to the one that independent points would have. For a law that is linear in its
+parameter and specimens of equal sampling that is the t interval of the specimens' own estimates.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import BoolArray, FloatArray, IntArray
+from planner.materials.fit.law_fit import LawFit
+from planner.materials.fit.sample import Sample
+from planner.materials.fit.varpro import Held, Solutions, minimise
+
+__all__ = ["Intervals", "intervals"]
+
+ROUNDS = 9
+"""Secant steps towards the profile's crossing; each refits the other parameters."""
+
+CLOSE = 0.02
+"""Relative error of the crossing's distance at which the search ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Intervals:
+    """Two-sided intervals of a fit's parameters.
+
+    Attributes
+    ----------
+    a, c
+        Low and high, shapes (q, 2) and (p, 2), in the file's terms; infinite where the tests
+        leave a side open, the bound where it stopped the search.
+    level
+        Nominal coverage.
+    basis
+        "specimens" or "one specimen": the latter leaves out the scatter between specimens.
+    independent_points
+        How many independent points the curve of a single specimen counts for; None otherwise.
+    """
+
+    a: FloatArray
+    c: FloatArray
+    level: float
+    basis: str
+    independent_points: float | None
+
+
+def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
+    """Return profile intervals of all parameters of a fit."""
+    from scipy.stats import t as student
+
+    q, p = fit.law.nonlinear, fit.law.columns
+    jacobian, residual = _linearised(fit, sample)
+    size = np.sqrt((jacobian**2).sum(axis=0))
+    unit = jacobian / size
+    # The floor keeps directions that the tests do not determine finite.
+    inverse = np.linalg.inv(unit.T @ unit + 1e-12 * np.eye(p + q))
+    count = sample.specimens
+    if count > 1:
+        scores = np.stack([unit[own].T @ residual[own] for own in _own(sample)])
+        variance = np.einsum("ij,sj->si", inverse, scores) ** 2
+        variance = variance.sum(axis=0) * count / (count - 1)
+        freedom, points, basis = count - 1.0, None, "specimens"
+    else:
+        points = _independent_points(residual, sample)
+        freedom, basis = max(points - (p + q), 1.0), "one specimen"
+        variance = np.diag(inverse) * (residual @ residual) / freedom
+    t = float(student.ppf(0.5 + 0.5 * level, freedom))
+    reach = t * np.sqrt(variance) / size
+    rise = t * t * variance / np.diag(inverse)
+    found = _crossings(fit, sample, reach, rise)
+    return Intervals(found[:q], found[q:], level, basis, points)
+
+
+def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative of the scaled residual by (a, file's c), and the residual."""
+    phi, slope = fit.law.evaluate(sample.stretch, fit.a[None])
+    divisor, change = (d[0] for d in fit.law.divisor(fit.a[None]))
+    by_c = phi[0] * divisor
+    by_a = (slope[0] * divisor + phi[0] * change) * fit.c if fit.law.nonlinear else slope[0]
+    factor = sample.factor
+    residual = factor * (by_c @ fit.c - sample.stress_MPa)
+    return factor[:, None] * np.concatenate([by_a, by_c], axis=1), residual
+
+
+def _own(sample: Sample) -> list[BoolArray]:
+    return [sample.specimen == number for number in np.unique(sample.specimen)]
+
+
+def _independent_points(residual: FloatArray, sample: Sample) -> float:
+    """Return n (1 - r) / (1 + r), r the correlation of neighbouring residuals along strain."""
+    ordered = residual[np.argsort(sample.stretch, kind="stable")]
+    r = float(ordered[1:] @ ordered[:-1] / max(float(ordered @ ordered), 1e-300))
+    r = min(max(r, 0.0), 0.99)
+    return len(residual) * (1.0 - r) / (1.0 + r)
+
+
+def _crossings(fit: LawFit, sample: Sample, reach: FloatArray, rise: FloatArray) -> FloatArray:
+    """Return where each parameter's profile has risen by `rise`, below and above, shape (k, 2)."""
+    law, q = fit.law, fit.law.nonlinear
+    k = q + law.columns
+    best = np.concatenate([fit.a, fit.c])
+    floor = np.abs(best) * 1e-9 + 1e-300
+    which = np.repeat(np.arange(k), 2)
+    side = np.tile([-1.0, 1.0], k)
+    distance = np.maximum(reach, floor)[which]
+    limit = np.full(2 * k, np.inf)
+    for j, (low, high) in enumerate(law.bounds(float(sample.stretch.max()))):
+        limit[2 * j : 2 * j + 2] = best[j] - low, high - best[j]
+    target = np.maximum(rise, 1e-14 * fit.cost)[which]
+    starts = np.tile(fit.a, (2 * k, 1))
+    inside = np.zeros(2 * k)
+    outside = np.full(2 * k, np.inf)
+    open_side = np.zeros(2 * k, dtype=bool)
+    todo = np.arange(2 * k)
+    for _ in range(ROUNDS):
+        distance[todo] = np.minimum(distance[todo], limit[todo])
+        at = best[which[todo]] + side[todo] * distance[todo]
+        found = _profile(fit, sample, which[todo], at, starts[todo])
+        starts[todo] = found.a
+        risen = np.maximum(found.cost - fit.cost, 0.0)
+        ratio = np.sqrt(risen / target[todo])
+        under = ratio < 1.0
+        inside[todo[under]] = np.maximum(inside[todo[under]], distance[todo[under]])
+        outside[todo[~under]] = np.minimum(outside[todo[~under]], distance[todo[~under]])
+        open_side[todo] = under & (distance[todo] >= limit[todo])
+        step = distance[todo] / np.clip(ratio, 0.2, 5.0)
+        bracketed = np.isfinite(outside[todo])
+        beyond = (step <= inside[todo]) | (step >= outside[todo])
+        halved = 0.5 * (inside[todo] + np.where(bracketed, outside[todo], inside[todo]))
+        step = np.where(beyond & bracketed, halved, step)
+        done = (np.abs(ratio - 1.0) < CLOSE) | open_side[todo]
+        distance[todo] = np.where(done, distance[todo], step)
+        todo = todo[~done]
+        if not len(todo):
+            break
+    never = ~np.isfinite(outside) & (which >= q)
+    unreached = np.isin(np.arange(2 * k), todo) & never
+    ends = best[which] + side * np.where(unreached, np.inf, np.minimum(distance, limit))
+    out: FloatArray = ends.reshape(k, 2)
+    return out
+
+
+def _profile(
+    fit: LawFit, sample: Sample, which: IntArray, at: FloatArray, starts: FloatArray
+) -> Solutions:
+    q, p = fit.law.nonlinear, fit.law.columns
+    rows = np.arange(len(which))
+    held_a = np.zeros((len(which), q), dtype=bool)
+    held_c = np.full((len(which), p), np.nan)
+    first = which < q
+    a = starts.copy()
+    held_a[rows[first], which[first]] = True
+    a[rows[first], which[first]] = at[first]
+    held_c[rows[~first], which[~first] - q] = at[~first]
+    return minimise(fit.law, sample, a, Held(held_a, held_c))
