@@ -1,0 +1,235 @@
+"""Stiffness at any coordinate of a palette, between its catalogue grades too.
+
+Between neighbours a and b the logarithm of the nominal stress is linear in the coordinate,
+P = Pa^(1-t) Pb^t with t = (m - ma)/(mb - ma). Hence a blend is stress-free at rest, increases
+with stretch, is exact at the grades and stiffens with m at every strain; its inverse is closed.
+It is also the posterior mean of ln P as a Wiener process in m known at the grades, which gives
+the interval: a Brownian bridge between grades that are themselves uncertain.
+"""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.arrays import FloatArray, IntArray
+from planner.errors import ArgumentError, PaletteError
+from planner.materials.blend import BlendLaw
+from planner.materials.laws import Law, OgdenThesis, make_law
+from planner.materials.laws.law import positive_stretch
+from planner.materials.stiffness import secant_modulus_MPa
+from planner.palette import Palette
+
+__all__ = ["CoefficientModel"]
+
+_LADDER_STRAINS = 201
+
+
+@dataclass(frozen=True, slots=True)
+class CoefficientModel:
+    """The consistent law of every mixture of a palette.
+
+    Coordinates and strains are numbers or arrays that broadcast; results have their shape.
+
+    Attributes
+    ----------
+    laws
+        Of the catalogue grades, from soft to hard.
+    strain_limit
+        Smallest elongation at break of the elastic grades (of all, if none is elastic): the
+        working strains, over which stiffness is known to rise with the coordinate.
+
+    Raises
+    ------
+    PaletteError
+        The stiffness does not rise strictly from grade to grade at some working strain, is not
+        positive there, or a law is not stress-free at rest.
+    """
+
+    palette: Palette
+    laws: tuple[Law, ...] = field(init=False)
+    strain_limit: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        materials = self.palette.materials
+        elastic = [m for m in materials if m.deformation == "elastic"] or materials
+        limit = min(m.elongation_at_break for m in elastic)
+        object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
+        object.__setattr__(self, "strain_limit", limit)
+        _check_ladder(self)
+
+    @property
+    def coordinates(self) -> FloatArray:
+        """Coordinates of the grades, strictly rising."""
+        return np.array([m.coordinate for m in self.palette.materials])
+
+    def grade_moduli_MPa(self, at_strain: ArrayLike) -> FloatArray:
+        """Return the secant moduli of the grades: one row a grade, soft to hard."""
+        return np.stack([secant_modulus_MPa(law, at_strain) for law in self.laws])
+
+    def modulus_MPa(self, coordinate: ArrayLike, at_strain: ArrayLike) -> FloatArray:
+        """Return the secant modulus of the nominal stress.
+
+        Raises
+        ------
+        ArgumentError
+            A coordinate outside the palette, or a strain not above -1.
+        """
+        lower, upper, t = self.bracket(coordinate)
+        strain = np.asarray(at_strain, dtype=np.float64)
+        softer = self._of_grade(secant_modulus_MPa, lower, strain)
+        harder = self._of_grade(secant_modulus_MPa, upper, strain)
+        return softer ** (1.0 - t) * harder**t
+
+    def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
+        """Return the nominal stress.
+
+        Raises
+        ------
+        ArgumentError
+            A coordinate outside the palette, or a stretch not above 0.
+        """
+        strain = positive_stretch(stretch) - 1.0
+        return self.modulus_MPa(coordinate, strain) * strain
+
+    def tangent_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
+        """Return the derivative of the nominal stress by the stretch.
+
+        Raises
+        ------
+        ArgumentError
+            A coordinate outside the palette, or a stretch not above 0.
+        """
+        lower, upper, t = self.bracket(coordinate)
+        strain = positive_stretch(stretch) - 1.0
+        softer = self._of_grade(secant_modulus_MPa, lower, strain)
+        harder = self._of_grade(secant_modulus_MPa, upper, strain)
+        share = (1.0 - t) * self._of_grade(_tangent_MPa, lower, strain) / softer
+        share = share + t * self._of_grade(_tangent_MPa, upper, strain) / harder
+        return softer ** (1.0 - t) * harder**t * share
+
+    def modulus_interval_MPa(
+        self, coordinate: ArrayLike, at_strain: ArrayLike, level: float = 0.95
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the interval that holds a print's modulus with probability `level`.
+
+        ln(modulus) is normal about the model's, with variance
+        (1-t)² va + t² vb + σ² (mb - ma) t (1-t): the grades' own `Material.modulus_log_sd`
+        squared, and the bridge of a Wiener process whose σ the palette's grades give when each
+        in turn is left out and predicted from its neighbours.
+
+        Raises
+        ------
+        ArgumentError
+            As `modulus_MPa`, or a level not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
+        lower, upper, t = self.bracket(coordinate)
+        variances = np.array([m.modulus_log_sd**2 for m in self.palette.materials])
+        gap = self.coordinates[upper] - self.coordinates[lower]
+        bridge = self.wiener_variance(at_strain) * gap * t * (1.0 - t)
+        variance = (1.0 - t) ** 2 * variances[lower] + t**2 * variances[upper] + bridge
+        factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * np.sqrt(variance))
+        modulus = self.modulus_MPa(coordinate, at_strain)
+        return modulus / factor, modulus * factor
+
+    def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:
+        """Return σ², the variance of ln(modulus) a unit of coordinate, at a strain.
+
+        The mean square of the leave-one-grade-out residuals, each over the variance that a
+        bridge of σ = 1 has there. The grades' own scatter is not taken off, so σ errs on the
+        wide side. Two grades leave nothing out: then σ² is that of the one step. One has none.
+        """
+        log_moduli = np.log(self.grade_moduli_MPa(at_strain))
+        steps = np.diff(log_moduli, axis=0)
+        gaps = np.diff(self.coordinates).reshape(-1, *(1,) * (steps.ndim - 1))
+        if len(steps) < 2:
+            return np.asarray(np.sum(steps**2 / gaps, axis=0))
+        before, after = gaps[:-1], gaps[1:]
+        residuals = (steps[:-1] * after - steps[1:] * before) / (before + after)
+        return np.asarray(np.mean(residuals**2 * (before + after) / (before * after), axis=0))
+
+    def law_at(self, coordinate: float) -> Law:
+        """Return the law at one coordinate: a grade's own, or a blend of two.
+
+        Raises
+        ------
+        ArgumentError
+            The coordinate is outside the palette.
+        """
+        lower, upper, t = self.bracket(float(coordinate))
+        if t == 0.0:
+            return self.laws[int(lower)]
+        return BlendLaw(self.laws[int(lower)], self.laws[int(upper)], float(t))
+
+    def bracket(self, coordinate: ArrayLike) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the grades below and above, and how far between them, 0..1.
+
+        At a grade the fraction is 0; at the last one both are it.
+
+        Raises
+        ------
+        ArgumentError
+            A coordinate outside the palette.
+        """
+        m = np.asarray(coordinate, dtype=np.float64)
+        c = self.coordinates
+        allowed = (m >= c[0]) & (m <= c[-1])
+        if not allowed.all():
+            raise ArgumentError(
+                f"coordinate {m[~allowed].flat[0]:g}: palette {self.palette.name} goes from "
+                f"{c[0]:g} to {c[-1]:g}"
+            )
+        lower = np.asarray(np.searchsorted(c, m, side="right") - 1)
+        upper = np.minimum(lower + 1, len(c) - 1)
+        gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
+        return lower, upper, np.asarray((m - c[lower]) / gap)
+
+    def _of_grade(
+        self, function: Callable[[Law, FloatArray], FloatArray], grade: IntArray, strain: FloatArray
+    ) -> FloatArray:
+        if strain.ndim == 0:
+            return np.array([function(law, strain) for law in self.laws])[grade]
+        grade, strain = np.broadcast_arrays(grade, strain)
+        result = np.empty(grade.shape)
+        for k in np.unique(grade):
+            here = grade == k
+            result[here] = function(self.laws[k], strain[here])
+        return result
+
+
+def _tangent_MPa(law: Law, strain: FloatArray) -> FloatArray:
+    return law.tangent_MPa(1.0 + strain)
+
+
+def _check_ladder(model: CoefficientModel) -> None:
+    name, materials = model.palette.name, model.palette.materials
+    for material, law in zip(materials, model.laws, strict=True):
+        if isinstance(law, OgdenThesis):
+            raise PaletteError(
+                f"palette {name}: material {material.id!r}: law: {material.law.model} is not "
+                "stress-free at rest; give it under 'published' and a stress-free law here"
+            )
+    strains = np.linspace(0.0, model.strain_limit, _LADDER_STRAINS)
+    moduli = model.grade_moduli_MPa(strains)
+    for material, row in zip(materials, moduli, strict=True):
+        bad = ~((row > 0.0) & np.isfinite(row))
+        if bad.any():
+            raise PaletteError(
+                f"palette {name}: material {material.id!r}: law: the secant modulus is "
+                f"{row[bad][0]:g} MPa at strain {strains[bad][0]:g}; it must be above 0 at all "
+                f"working strains, 0 to {model.strain_limit:g}"
+            )
+    for (i, softer), (j, harder) in itertools.pairwise(enumerate(materials)):
+        bad = moduli[i] >= moduli[j]
+        if bad.any():
+            raise PaletteError(
+                f"palette {name}: {harder.id} ({moduli[j][bad][0]:.4g} MPa) is not stiffer than "
+                f"{softer.id} ({moduli[i][bad][0]:.4g} MPa) at strain {strains[bad][0]:g}; "
+                f"stiffness must rise with the coordinate at all working strains, 0 to "
+                f"{model.strain_limit:g}: reorder the materials or correct a law"
+            )
