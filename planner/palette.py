@@ -26,6 +26,7 @@ __all__ = [
     "Material",
     "Palette",
     "Reference",
+    "Uncertainty",
     "load_palette",
     "nearest_names",
     "parse_palette",
@@ -74,6 +75,35 @@ class Reference:
     orientation: Literal["x", "y", "z"] | None = None
 
 
+class Uncertainty(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """How sure a fitted law is.
+
+    Attributes
+    ----------
+    specimens
+        Number of specimens behind the law.
+    level
+        Nominal coverage of the intervals.
+    law_low, law_high
+        Ends of the parameters' intervals by symbol, infinite where tests leave a side open.
+    basis
+        What the intervals rest on.
+    nrmse
+        Root mean square error over the largest stress.
+    held_out_error
+        Relative error on specimens that took no part in the fit.
+    """
+
+    specimens: int
+    level: float = 0.95
+    law_low: dict[str, tuple[float, ...]] = {}
+    law_high: dict[str, tuple[float, ...]] = {}
+    basis: str = ""
+    r2: float | None = None
+    nrmse: float | None = None
+    held_out_error: float | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Material:
     """One digital material.
@@ -94,6 +124,8 @@ class Material:
         Standard deviation of ln(modulus): how far a print's stiffness may lie from the law's.
     deformation
         "elastic" (a hyperelastic law to break) or "plastic" (Young's modulus alone).
+    uncertainty
+        Of the law, where it was fitted to tests.
     """
 
     id: str
@@ -107,6 +139,7 @@ class Material:
     deformation: Literal["elastic", "plastic"] = "elastic"
     modulus_log_sd: float = 0.0
     published: LawParameters | None = None
+    uncertainty: Uncertainty | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +214,7 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     deformation: Literal["elastic", "plastic"] = "elastic"
     modulus_log_sd: float = 0.0
     published: dict[str, Any] | None = None
+    uncertainty: Uncertainty | None = None
 
 
 class _ReferenceFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -282,6 +316,7 @@ def _material(entry: _MaterialFile, name: str) -> Material:
         deformation=entry.deformation,
         modulus_log_sd=entry.modulus_log_sd,
         published=None if entry.published is None else _law(entry.published, f"{where}: published"),
+        uncertainty=entry.uncertainty,
     )
 
 
