@@ -1,0 +1,240 @@
+"""What a tensile test says of a material without any law: modulus, toughness, elongation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.errors import ArgumentError
+from planner.materials.curve import Curve
+from planner.materials.deformation import Deformation, deformation, yield_strain
+from planner.materials.linear_part import LinearPart, linear_part
+
+__all__ = [
+    "SECANT_STRAINS",
+    "Characteristics",
+    "MaterialCharacteristics",
+    "Spread",
+    "characterise",
+    "characterise_material",
+    "spread",
+    "toe_compensated",
+]
+
+SECANT_STRAINS = (0.1, 0.5, 1.0)
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Characteristics:
+    """One specimen's figures. Strains count from the toe-compensated origin.
+
+    Attributes
+    ----------
+    modulus_MPa
+        Young's modulus: the slope of the linear part.
+    modulus_uncompensated_MPa
+        Stress over strain at the end of the linear part with strains as recorded; equal to the
+        modulus where the linear part runs from the origin and there is no toe.
+    toe_strain
+        What was taken off the strains; 0 where there is no toe.
+    toughness_MJ_m3
+        Area under the curve to break, in MJ/m3 (MPa).
+    elongation_at_break
+        Strain at break, a fraction.
+    strength_MPa
+        Largest nominal stress.
+    secant_MPa
+        Stress over strain by strain; None beyond break.
+    """
+
+    specimen: str
+    modulus_MPa: float
+    modulus_uncompensated_MPa: float
+    linear_strain: tuple[float, float]
+    toe_strain: float
+    toughness_MJ_m3: float
+    elongation_at_break: float
+    strength_MPa: float
+    secant_MPa: Mapping[float, float | None]
+    yield_strain: float | None
+    deformation: Deformation
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Mean and scatter of one figure over replicates.
+
+    Attributes
+    ----------
+    sd, cv
+        Standard deviation (n - 1) and its ratio to the mean; None for one specimen.
+    interval
+        95 % interval of the mean by Student's t; None for one specimen.
+    """
+
+    mean: float
+    n: int
+    sd: float | None
+    cv: float | None
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialCharacteristics:
+    """One material's figures over its specimens; names of `spreads` are those of the table."""
+
+    material: str
+    specimens: tuple[Characteristics, ...]
+    spreads: Mapping[str, Spread]
+    deformation: Deformation
+    agree: bool
+
+    @property
+    def n(self) -> int:
+        """Number of specimens."""
+        return len(self.specimens)
+
+
+def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
+    """Return the curve with strains counted from the end of its toe (ASTM D638, annex A1).
+
+    Points before that origin are dropped; a curve without a toe comes back as it is.
+    """
+    part = linear_part(curve) if part is None else part
+    if part.toe_strain == 0.0:
+        return curve
+    keep = curve.strain >= part.toe_strain
+    return replace(
+        curve,
+        strain=curve.strain[keep] - part.toe_strain,
+        stress_MPa=curve.stress_MPa[keep],
+        time_s=None if curve.time_s is None else curve.time_s[keep],
+        notes=(*curve.notes, _toe_note(curve, part)),
+    )
+
+
+def characterise(
+    curve: Curve, *, secant_strains: Sequence[float] = SECANT_STRAINS
+) -> Characteristics:
+    """Take a loading curve's figures.
+
+    Raises
+    ------
+    FileError
+        The curve has no rising part to take a slope from.
+    ArgumentError
+        A secant strain is not above 0.
+    """
+    for strain in secant_strains:
+        if not 0.0 < strain < np.inf:
+            raise ArgumentError(f"secant strain is {strain:g}; it must be a number above 0")
+    part = linear_part(curve)
+    strain = curve.strain - part.toe_strain
+    end = part.stop - 1
+    elongation = float(strain[-1])
+    at_yield = yield_strain(curve)
+    if at_yield is not None:
+        at_yield -= part.toe_strain
+    # The line's own stress, so that noise on one point does not reach the chord.
+    end_stress = part.modulus_MPa * (float(curve.strain[end]) - part.zero_strain)
+    notes = [_toe_note(curve, part)]
+    origin_area = 0.0
+    if part.toe_strain == 0.0 and strain[0] > 0.0:
+        origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
+    return Characteristics(
+        specimen=curve.specimen,
+        modulus_MPa=part.modulus_MPa,
+        modulus_uncompensated_MPa=end_stress / float(curve.strain[end]),
+        linear_strain=(float(strain[part.start]), float(strain[end])),
+        toe_strain=part.toe_strain,
+        toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
+        elongation_at_break=elongation,
+        strength_MPa=float(np.max(curve.stress_MPa)),
+        secant_MPa=MappingProxyType(
+            {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
+        ),
+        yield_strain=at_yield,
+        deformation=deformation(part.modulus_MPa, elongation, at_yield),
+        notes=tuple(notes),
+    )
+
+
+def characterise_material(
+    material: str, curves: Sequence[Curve], *, secant_strains: Sequence[float] = SECANT_STRAINS
+) -> MaterialCharacteristics:
+    """Take the figures of a material's specimens, with their spread.
+
+    Raises
+    ------
+    FileError, ArgumentError
+        See `characterise`.
+    """
+    found = tuple(characterise(curve, secant_strains=secant_strains) for curve in curves)
+    figures: dict[str, Callable[[Characteristics], float | None]] = {
+        "modulus_MPa": lambda c: c.modulus_MPa,
+        "modulus_uncompensated_MPa": lambda c: c.modulus_uncompensated_MPa,
+        "toughness_MJ_m3": lambda c: c.toughness_MJ_m3,
+        "elongation_at_break": lambda c: c.elongation_at_break,
+        "strength_MPa": lambda c: c.strength_MPa,
+    }
+    for strain in secant_strains:
+        figures[f"secant_{strain:g}_MPa"] = lambda c, strain=strain: c.secant_MPa[strain]
+    spreads = {}
+    for name, figure in figures.items():
+        values = [value for c in found if (value := figure(c)) is not None]
+        if values:
+            spreads[name] = spread(values)
+    yields = [c.yield_strain for c in found if c.yield_strain is not None]
+    whole = deformation(
+        spreads["modulus_MPa"].mean,
+        spreads["elongation_at_break"].mean,
+        float(np.mean(yields)) if 2 * len(yields) > len(found) else None,
+    )
+    agree = all(c.deformation.kind == whole.kind for c in found)
+    return MaterialCharacteristics(material, found, MappingProxyType(spreads), whole, agree)
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Return mean, standard deviation, coefficient of variation and 95 % t-interval."""
+    n = len(values)
+    mean = float(np.mean(values))
+    if n < 2:
+        return Spread(mean, n, None, None, None)
+    from scipy.special import stdtrit
+
+    sd = float(np.std(values, ddof=1))
+    half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2)) * sd / np.sqrt(n)
+    cv = sd / abs(mean) if mean else None
+    return Spread(mean, n, sd, cv, (mean - float(half), mean + float(half)))
+
+
+def _secant(curve: Curve, toe: float, strain: float) -> float | None:
+    """Stress over strain, the stress from a line through the points nearby."""
+    x = curve.strain - toe
+    if strain > x[-1] or strain < x[0]:
+        return None
+    near = np.abs(x - strain)
+    # Five points even out noise; fewer than the curve's scale, they add no bias to speak of.
+    at = np.sort(np.argsort(near, kind="stable")[:5])
+    u = x[at] - strain
+    v = curve.stress_MPa[at]
+    sxx = float(np.sum((u - u.mean()) ** 2))
+    if float(np.ptp(u)) > 0.1 * strain or sxx == 0.0:
+        return float(np.interp(strain, x, curve.stress_MPa)) / strain
+    slope = float(np.sum((u - u.mean()) * (v - v.mean()))) / sxx
+    return float(v.mean() - slope * u.mean()) / strain
+
+
+def _toe_note(curve: Curve, part: LinearPart) -> str:
+    where = f"specimen {curve.specimen}"
+    if part.toe_strain:
+        return (
+            f"{where}: a toe; strains count from {part.toe_strain:.4g}, where the tangent at the "
+            "steepest slope meets zero stress (ASTM D638, annex A1)"
+        )
+    if part.kind == "origin":
+        return f"{where}: steepens to its break; modulus at the origin, strains not shifted"
+    return f"{where}: no toe; strains not shifted"
