@@ -45,7 +45,13 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The models a palette file may name, with the parameters of each, in file units."""
 
 _SAME_LENGTH = {"ogden": ("mu_MPa", "alpha")}
-_LENGTH = {"yeoh": {"c_MPa": 3}, "ogden-thesis": {"c": 6}}
+_LENGTH = {
+    "linear": {"modulus_MPa": 1},
+    "neo-hookean": {"mu_MPa": 1},
+    "yeoh": {"c_MPa": 3},
+    "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
+    "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
+}
 
 
 @dataclass(frozen=True, slots=True)
