@@ -72,7 +72,7 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
     normal : (3,) float64
         Unit normal n of the planes.
     offsets_mm : (L,) float64
-        Increasing, more than three snap distances apart. For a normal along an axis, float32
+        Increasing, more than two snap distances apart. For a normal along an axis, float32
         values: new points then lie exactly in their plane.
 
     Returns
@@ -82,9 +82,27 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
         which the material is.
     """
     axis = int(np.argmax(np.abs(normal))) if np.count_nonzero(normal) == 1 else -1
-    vertices, faces, piece, segment, merged = _divide(
-        mesh.vertices, mesh.faces, normal, axis, offsets_mm, snap_distance_mm(mesh.bounds_mm)
-    )
+    along, code = _classify(mesh.vertices, normal, offsets_mm, snap_distance_mm(mesh.bounds_mm))
+    crossings, triangles, sides = _size(mesh.faces, code)
+    # New points: at most two a crossing, as each side of an edge finds its own.
+    n, most = len(mesh.vertices), 2 * crossings
+    vertices = np.empty((n + most, 3), dtype=np.float32)
+    vertices[:n] = mesh.vertices
+    tag = np.full(n + most, -1, dtype=np.int32)
+    tag[:n][code % 2 == 1] = code[code % 2 == 1]
+    origin = np.empty((most, 2), dtype=np.int32)
+    merged = np.zeros(n + most, dtype=np.bool_)
+    bits = max(4, int(2 * (np.count_nonzero(tag >= 0) + most)).bit_length())
+    table = np.full(1 << bits, -1, dtype=np.int32)
+    faces, piece = np.empty((triangles, 3), dtype=np.int32), np.empty(triangles, dtype=np.int32)
+    segment = np.empty((sides, 4), dtype=np.int32)
+    made, written, drawn = _divide(
+        mesh.vertices, mesh.faces, normal, axis, offsets_mm, along, code, vertices,
+        vertices.view(np.uint32), tag, origin, merged, table, np.uint64(64 - bits), faces, piece,
+        segment,
+    )  # fmt: skip
+    vertices, merged = vertices[: n + made], merged[: n + made]
+    faces, piece, segment = faces[:written], piece[:written], segment[:drawn]
     if merged.any():
         touched = np.flatnonzero(merged[faces].any(axis=1))
         doubled = touched[~_cancel_in_pieces(faces[touched], piece[touched])]
@@ -104,12 +122,11 @@ def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> Boo
 
 
 @kernel
-def _divide(vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, snap: Any) -> Any:
-    n, m = vertices.shape[0], faces.shape[0]
-    # One pass over the faces sizes the output, a second writes it.
+def _classify(vertices: Any, normal: Any, offsets: Any, snap: Any) -> Any:
+    """Place every vertex along the normal: code 2i in piece i, 2i + 1 in plane i."""
+    n = vertices.shape[0]
     along = np.empty(n, dtype=np.float64)
     code = np.empty(n, dtype=np.int32)
-    lying = 0
     for i in range(n):
         s = normal[0] * vertices[i, 0] + normal[1] * vertices[i, 1] + normal[2] * vertices[i, 2]
         along[i] = s
@@ -120,52 +137,52 @@ def _divide(vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, sna
                 low = middle + 1
             else:
                 high = middle
-        # Even codes 2i lie in piece i, odd ones 2i + 1 in plane i.
         code[i] = 2 * low
         if low < offsets.size and offsets[low] <= s + snap:
             code[i] += 1
-            lying += 1
+    return along, code
 
-    triangles = segments = crossings = 0
-    for f in range(m):
+
+@kernel
+def _has_side(c0: Any, c1: Any, c2: Any) -> Any:
+    """Tell whether two of a triangle's corners lie in one plane."""
+    return (c0 == c1 and c0 & 1) or (c1 == c2 and c1 & 1) or (c2 == c0 and c2 & 1)
+
+
+@kernel
+def _size(faces: Any, code: Any) -> Any:
+    """Count planes that cross triangles, and the most triangles and sides in planes to come."""
+    crossings = sides = 0
+    for f in range(faces.shape[0]):
         c0, c1, c2 = code[faces[f, 0]], code[faces[f, 1]], code[faces[f, 2]]
         crossed = max(c0, c1, c2) // 2 - (min(c0, c1, c2) + 1) // 2
         if crossed > 0:
             crossings += crossed
-            triangles += 1 + 2 * crossed
-            segments += 3 * (1 + 2 * crossed)
-        else:
-            triangles += 1
-            if (c0 == c1 and c0 & 1) or (c1 == c2 and c1 & 1) or (c2 == c0 and c2 & 1):
-                segments += 3
+            sides += 3 * (1 + 2 * crossed)
+        elif _has_side(c0, c1, c2):
+            sides += 3
+    return crossings, faces.shape[0] + 2 * crossings, sides
 
-    # New points: two a crossing, each found from both sides of its edge.
-    pool = np.empty((n + 2 * crossings, 3), dtype=np.float32)
-    origin = np.empty((2 * crossings, 2), dtype=np.int32)
-    merged = np.zeros(n + 2 * crossings, dtype=np.bool_)
-    tag = np.empty(n + 2 * crossings, dtype=np.int32)
-    bits = 4
-    while (1 << bits) < 2 * (lying + 2 * crossings):
-        bits += 1
-    table = np.full(1 << bits, -1, dtype=np.int32)
-    shift = np.uint64(64 - bits)
-    raw = pool.view(np.uint32)
+
+@kernel
+def _divide(
+    vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, along: Any, code: Any,
+    pool: Any, raw: Any, tag: Any, origin: Any, merged: Any, table: Any, shift: Any,
+    out_face: Any, out_piece: Any, segment: Any,
+) -> Any:  # fmt: skip
+    """Fill the output; return how many points, triangles and sides there are."""
+    n = vertices.shape[0]
     for i in range(n):
-        pool[i, 0], pool[i, 1], pool[i, 2] = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        tag[i] = code[i] if code[i] & 1 else -1
-        if code[i] & 1:
+        if tag[i] >= 0:
             slot = position_slot(raw[i, 0], raw[i, 1], raw[i, 2], shift)
             while table[slot] >= 0:
                 slot = (slot + 1) & (table.size - 1)
             table[slot] = i
-
-    out_face = np.empty((triangles, 3), dtype=np.int32)
-    out_piece = np.empty(triangles, dtype=np.int32)
-    segment = np.empty((segments, 4), dtype=np.int32)
-    polygon = np.empty(5, dtype=np.int32)
+    polygon = np.empty(5, dtype=np.int64)
     made = written = drawn = 0
-    for f in range(m):
-        lo, mid, hi = faces[f, 0], faces[f, 1], faces[f, 2]
+    for f in range(faces.shape[0]):
+        # One integer type for indices: kernels called below are then compiled once.
+        lo, mid, hi = np.int64(faces[f, 0]), np.int64(faces[f, 1]), np.int64(faces[f, 2])
         c0, c1, c2 = code[lo], code[mid], code[hi]
         first = (min(c0, c1, c2) + 1) // 2
         last = max(c0, c1, c2) // 2
@@ -175,7 +192,7 @@ def _divide(vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, sna
             out_face[written, 0], out_face[written, 1], out_face[written, 2] = lo, mid, hi
             out_piece[written] = first
             written += 1
-            if (c0 == c1 and c0 & 1) or (c1 == c2 and c1 & 1) or (c2 == c0 and c2 & 1):
+            if _has_side(c0, c1, c2):
                 drawn = _draw(segment, drawn, tag, lo, mid, hi, first)
             continue
 
@@ -194,25 +211,25 @@ def _divide(vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, sna
                 above = c2
                 long_above = short_above = hi
             else:
-                long_above, made = _meet(
-                    vertices, along, lo, hi, k, offsets[k], axis, normal, pool, raw, n,
-                    made, origin, merged, table, shift,
-                )  # fmt: skip
-                tag[long_above] = above
-                if above == c1:
-                    short_above = mid
-                elif above < c1:
-                    short_above, made = _meet(
-                        vertices, along, lo, mid, k, offsets[k], axis, normal, pool, raw, n,
+                long_above = short_above = mid
+                for side in range(2):
+                    low, high = lo, hi
+                    if side == 1:
+                        if above == c1:
+                            continue
+                        if above < c1:
+                            high = mid
+                        else:
+                            low = mid
+                    v, made = _meet(
+                        vertices, along, low, high, offsets[k], axis, normal, pool, raw, n,
                         made, origin, merged, table, shift,
                     )  # fmt: skip
-                    tag[short_above] = above
-                else:
-                    short_above, made = _meet(
-                        vertices, along, mid, hi, k, offsets[k], axis, normal, pool, raw, n,
-                        made, origin, merged, table, shift,
-                    )  # fmt: skip
-                    tag[short_above] = above
+                    tag[v] = above
+                    if side == 0:
+                        long_above = v
+                    else:
+                        short_above = v
             # Counter-clockwise along lo, mid, hi; the middle corner first where it takes part.
             corners = 0
             if (c1 > below or k == first) and (c1 < above or k == last):
@@ -237,16 +254,15 @@ def _divide(vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, sna
                     written += 1
                     drawn = _draw(segment, drawn, tag, a, b, c, k)
             long_below, short_below, below = long_above, short_above, above
-    total = n + made
-    return pool[:total], out_face[:written], out_piece[:written], segment[:drawn], merged[:total]
+    return made, written, drawn
 
 
 @kernel
 def _meet(
-    vertices: Any, along: Any, low: Any, high: Any, k: Any, offset: Any, axis: Any, normal: Any,
+    vertices: Any, along: Any, low: Any, high: Any, offset: Any, axis: Any, normal: Any,
     pool: Any, raw: Any, n: Any, made: Any, origin: Any, merged: Any, table: Any, shift: Any,
 ) -> Any:  # fmt: skip
-    """Find the index of the point where the edge low-high meets plane k, or make it."""
+    """Find the index of the point where the edge low-high meets a plane, or make it."""
     t = (offset - along[low]) / (along[high] - along[low])
     i = n + made
     for j in range(3):
@@ -261,11 +277,11 @@ def _meet(
         if raw[j, 0] == raw[i, 0] and raw[j, 1] == raw[i, 1] and raw[j, 2] == raw[i, 2]:
             if j < n or origin[j - n, 0] != low or origin[j - n, 1] != high:
                 merged[j] = True
-            return j, made
+            return np.int64(j), made
         slot = (slot + 1) & (table.size - 1)
     table[slot] = i
     origin[made, 0], origin[made, 1] = low, high
-    return np.int32(i), made + 1
+    return np.int64(i), made + 1
 
 
 @kernel

@@ -87,7 +87,7 @@ def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pie
             "planner.geometry.placement.place first"
         )
     normal, offsets_mm = _planes(field, values)
-    least_mm = 3.0 * snap_distance_mm(mesh.bounds_mm)
+    least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)
     close = np.flatnonzero(~(np.diff(offsets_mm) > least_mm))
     if len(close):
         i = int(close[0])

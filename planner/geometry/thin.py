@@ -67,13 +67,38 @@ def _flip(vertices: Any, faces: Any, thin: Any) -> Any:
             d = faces[f, (other % 3 + 2) % 3]
             now = min(squared_height(vertices, a, b, c), squared_height(vertices, b, a, d))
             then = min(squared_height(vertices, c, a, d), squared_height(vertices, d, b, c))
-            if then > now and half[_find(table, c, d)] < 0 and half[_find(table, d, c)] < 0:
+            if (
+                then > now
+                and half[_find(table, c, d)] < 0
+                and half[_find(table, d, c)] < 0
+                and _same_side(vertices, b, a, d, c, a, d)
+                and _same_side(vertices, b, a, d, d, b, c)
+            ):
                 faces[i, 0], faces[i, 1], faces[i, 2] = c, a, d
                 faces[f, 0], faces[f, 1], faces[f, 2] = d, b, c
                 moved[i] = moved[f] = True
                 flips += 1
         if flips == 0:
             break
+
+
+@kernel
+def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """Tell whether the normals of triangles a-b-c and d-e-f are less than 90 degrees apart."""
+    dot = 0.0
+    for i in range(3):
+        dot += _normal(vertices, a, b, c, i) * _normal(vertices, d, e, f, i)
+    return dot > 0.0
+
+
+@kernel
+def _normal(vertices: Any, a: Any, b: Any, c: Any, i: Any) -> Any:
+    j, k = (i + 1) % 3, (i + 2) % 3
+    uj = np.float64(vertices[b, j]) - vertices[a, j]
+    uk = np.float64(vertices[b, k]) - vertices[a, k]
+    vj = np.float64(vertices[c, j]) - vertices[a, j]
+    vk = np.float64(vertices[c, k]) - vertices[a, k]
+    return uj * vk - uk * vj
 
 
 @kernel
