@@ -15,11 +15,11 @@ import numpy as np
 from planner.arrays import BoolArray, FloatArray, IntArray
 from planner.materials.fit.law_fit import LawFit
 from planner.materials.fit.sample import Sample
-from planner.materials.fit.varpro import Held, Solutions, minimise
+from planner.materials.fit.varpro import Held, minimise
 
 __all__ = ["Intervals", "intervals"]
 
-ROUNDS = 9
+ROUNDS = 14
 """Secant steps towards the profile's crossing; each refits the other parameters."""
 
 CLOSE = 0.02
@@ -101,61 +101,69 @@ def _independent_points(residual: FloatArray, sample: Sample) -> float:
 
 
 def _crossings(fit: LawFit, sample: Sample, reach: FloatArray, rise: FloatArray) -> FloatArray:
-    """Return where each parameter's profile has risen by `rise`, below and above, shape (k, 2)."""
-    law, q = fit.law, fit.law.nonlinear
-    k = q + law.columns
+    """Return where each parameter's profile has risen by `rise`, below and above, shape (k, 2).
+
+    The square root of the rise grows about evenly with the distance, so that a secant step from
+    the best fit all but hits; it is kept within the bracket found so far.
+    """
+    q = fit.law.nonlinear
+    k = q + fit.law.columns
     best = np.concatenate([fit.a, fit.c])
-    floor = np.abs(best) * 1e-9 + 1e-300
-    which = np.repeat(np.arange(k), 2)
-    side = np.tile([-1.0, 1.0], k)
-    distance = np.maximum(reach, floor)[which]
+    which, side = np.repeat(np.arange(k), 2), np.tile([-1.0, 1.0], k)
     limit = np.full(2 * k, np.inf)
-    for j, (low, high) in enumerate(law.bounds(float(sample.stretch.max()))):
-        limit[2 * j : 2 * j + 2] = best[j] - low, high - best[j]
-    target = np.maximum(rise, 1e-14 * fit.cost)[which]
-    starts = np.tile(fit.a, (2 * k, 1))
-    inside = np.zeros(2 * k)
-    outside = np.full(2 * k, np.inf)
-    open_side = np.zeros(2 * k, dtype=bool)
+    bounds = fit.law.bounds(float(sample.stretch.max()))
+    limit[: 2 * q] = (np.abs(bounds - fit.a[:, None])).ravel()
+    target = np.maximum(rise, 1e-12 * fit.objective)[which]
+    distance = np.maximum(reach, 1e-9 * np.abs(best) + 1e-300)[which]
+    inside, outside = np.zeros(2 * k), np.full(2 * k, np.inf)
+    near = np.tile(fit.a, (2 * k, 1))
     todo = np.arange(2 * k)
     for _ in range(ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
-        at = best[which[todo]] + side[todo] * distance[todo]
-        found = _profile(fit, sample, which[todo], at, starts[todo])
-        starts[todo] = found.a
-        risen = np.maximum(found.cost - fit.cost, 0.0)
-        ratio = np.sqrt(risen / target[todo])
+        at = distance[todo]
+        cost, near[todo] = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
+        ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target[todo])
         under = ratio < 1.0
-        inside[todo[under]] = np.maximum(inside[todo[under]], distance[todo[under]])
-        outside[todo[~under]] = np.minimum(outside[todo[~under]], distance[todo[~under]])
-        open_side[todo] = under & (distance[todo] >= limit[todo])
-        step = distance[todo] / np.clip(ratio, 0.2, 5.0)
-        bracketed = np.isfinite(outside[todo])
-        beyond = (step <= inside[todo]) | (step >= outside[todo])
-        halved = 0.5 * (inside[todo] + np.where(bracketed, outside[todo], inside[todo]))
-        step = np.where(beyond & bracketed, halved, step)
-        done = (np.abs(ratio - 1.0) < CLOSE) | open_side[todo]
-        distance[todo] = np.where(done, distance[todo], step)
+        inside[todo] = np.where(under, np.maximum(inside[todo], at), inside[todo])
+        outside[todo] = np.where(under, outside[todo], np.minimum(outside[todo], at))
+        done = (np.abs(ratio - 1.0) < CLOSE) | (under & (at >= limit[todo]))
+        step = at / np.clip(ratio, 0.1, 10.0)
+        astray = (step <= inside[todo]) | (step >= outside[todo])
+        middle = 0.5 * (inside[todo] + np.where(np.isinf(outside[todo]), 2 * at, outside[todo]))
+        distance[todo] = np.where(done, at, np.where(astray, middle, step))
         todo = todo[~done]
         if not len(todo):
             break
-    never = ~np.isfinite(outside) & (which >= q)
-    unreached = np.isin(np.arange(2 * k), todo) & never
-    ends = best[which] + side * np.where(unreached, np.inf, np.minimum(distance, limit))
-    out: FloatArray = ends.reshape(k, 2)
+    # A search that ran out of rounds gives the wider end of its bracket.
+    distance[todo] = np.minimum(outside[todo], limit[todo])
+    out: FloatArray = (best[which] + side * distance).reshape(k, 2)
     return out
 
 
 def _profile(
-    fit: LawFit, sample: Sample, which: IntArray, at: FloatArray, starts: FloatArray
-) -> Solutions:
-    q, p = fit.law.nonlinear, fit.law.columns
-    rows = np.arange(len(which))
-    held_a = np.zeros((len(which), q), dtype=bool)
-    held_c = np.full((len(which), p), np.nan)
-    first = which < q
-    a = starts.copy()
-    held_a[rows[first], which[first]] = True
-    a[rows[first], which[first]] = at[first]
-    held_c[rows[~first], which[~first] - q] = at[~first]
-    return minimise(fit.law, sample, a, Held(held_a, held_c))
+    fit: LawFit,
+    sample: Sample,
+    which: IntArray,
+    best: FloatArray,
+    offset: FloatArray,
+    near: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the least cost with one parameter held a row, and the nonlinear ones there.
+
+    Each is sought from two starts: the best fit, and the last point of this profile.
+    """
+    q, rows = fit.law.nonlinear, np.arange(len(which))
+    held_a = np.zeros((len(rows), q), dtype=bool)
+    held_c = np.full((len(rows), fit.law.columns), np.nan)
+    by_a, by_c = which < q, which >= q
+    at = best[which] + offset
+    held_a[rows[by_a], which[by_a]] = True
+    held_c[rows[by_c], which[by_c] - q] = at[by_c]
+    starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
+    for start in starts:
+        start[rows[by_a], which[by_a]] = at[by_a]
+    held = Held(np.tile(held_a, (2, 1)), np.tile(held_c, (2, 1)))
+    found = minimise(fit.law, sample, np.concatenate(starts), held)
+    cost = found.cost.reshape(2, -1)
+    lower = cost.argmin(axis=0)
+    return cost[lower, rows], found.a.reshape(2, len(rows), q)[lower, rows]

@@ -61,6 +61,8 @@ class LawFit:
         Nonlinear parameters (q,) and the law's coefficients (p,) in file terms.
     cost
         Mean square of the residual over its scale; see `Sample`.
+    objective
+        What was minimised: the cost with the ridge's part; see `planner.materials.fit.varpro`.
     r2, adjusted_r2
         Of nominal stress, each specimen with equal weight. The adjustment counts the resampled
         points, which are correlated: it flatters, and is no criterion of choice.
@@ -73,6 +75,7 @@ class LawFit:
     a: FloatArray
     c: FloatArray
     cost: float
+    objective: float
     r2: float
     adjusted_r2: float
     nrmse: float
@@ -130,7 +133,8 @@ def fit_law(
         parameters=LawParameters(law.model, MappingProxyType(law.parameters(a, c))),
         a=a,
         c=c,
-        cost=float(final.cost[0]),
+        cost=float(((sample.factor * residual) ** 2).sum()),
+        objective=float(final.cost[0]),
         r2=r2,
         adjusted_r2=1.0 - (1.0 - r2) * (count - 1) / max(count - used - 1, 1),
         nrmse=float(np.sqrt(error) / sample.stress_MPa.max()),
