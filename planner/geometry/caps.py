@@ -10,7 +10,7 @@ from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
 from planner.geometry.cut import LATTICE_MM, Divided
 from planner.geometry.kernel import kernel
-from planner.geometry.thin import flip_thin, side_clashes, split_sides
+from planner.geometry.mend import first_unfilled, flip_thin, side_clashes, split_sides
 
 __all__ = ["caps"]
 
@@ -45,7 +45,7 @@ def caps(
     Raises
     ------
     MeshError
-        An outline is not closed, because the mesh is not.
+        An outline is not closed, because the mesh is not, or has no triangulation.
     """
     # Without its largest component the normal is projected, exactly, on a coordinate plane.
     drop = int(np.argmax(np.abs(normal)))
@@ -56,15 +56,20 @@ def caps(
     plane = divided.segment_plane[divided.segment_below]
     corners, starts, loop_plane, astray = _loops(outline, plane, divided.vertices, u, v)
     if astray >= 0:
-        place = ", ".join(f"{x:.6g}" for x in divided.vertices[astray].tolist())
         raise MeshError(
-            f"the surface is open near ({place}) mm: a cut there has an outline with an end; "
+            f"the surface is open near {_place(divided, astray)}: the outline of a cut ends there; "
             "repair the mesh so that every edge has two faces"
         )
     cap_faces, cap_level = _triangulate(
         divided.vertices[:, [u, v]].astype(np.float64), corners, starts, loop_plane
     )
     flip_thin(divided.vertices, cap_faces)
+    unfilled = int(first_unfilled(cap_faces, divided.segment, divided.segment_below))
+    if unfilled >= 0:
+        raise MeshError(
+            f"the cross-section near {_place(divided, unfilled)} cannot be divided into triangles: "
+            "its outline crosses itself; repair the mesh, or move the level"
+        )
     vertices = divided.vertices
     for _ in range(ROUNDS):
         sides = side_clashes(cap_faces, divided.segment, divided.segment_below)
@@ -72,6 +77,12 @@ def caps(
             break
         vertices, cap_faces, cap_level = split_sides(vertices, cap_faces, cap_level, sides)
     return vertices, cap_faces, cap_level
+
+
+def _place(divided: Divided, vertex: int) -> str:
+    """Write a vertex's position for a message."""
+    x, y, z = divided.vertices[vertex].tolist()
+    return f"({x:.6g}, {y:.6g}, {z:.6g}) mm"
 
 
 def _triangulate(

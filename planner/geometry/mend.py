@@ -9,7 +9,7 @@ from planner.arrays import Float32Array
 from planner.geometry.cut import LATTICE_MM, squared_height
 from planner.geometry.kernel import kernel
 
-__all__ = ["flip_thin", "side_clashes", "split_sides"]
+__all__ = ["first_unfilled", "flip_thin", "side_clashes", "split_sides"]
 
 THIN_MM = LATTICE_MM / 4
 """Readers drop triangles lower than 1e-8 mm and so open a surface; float32 cannot promise more
@@ -127,6 +127,46 @@ def _find(table: Any, a: Any, b: Any) -> Any:
     while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (table.size - 1)
     return slot
+
+
+@kernel
+def first_unfilled(faces: Any, segment: Any, below: Any) -> Any:
+    """Find where caps and the surface below them do not close.
+
+    Parameters
+    ----------
+    faces, segment, below
+        As for `side_clashes`.
+
+    Returns
+    -------
+    int
+        A vertex at a side that occurs more often one way than the other; -1 if there is none.
+    """
+    size = 16
+    while size < 2 * (segment.shape[0] + 3 * faces.shape[0]):
+        size *= 2
+    table = np.zeros(size, dtype=np.int64)
+    net = np.zeros(size, dtype=np.int32)
+    for i in range(faces.shape[0]):
+        for j in range(3):
+            a, b = faces[i, j], faces[i, (j + 1) % 3]
+            _count(table, net, a, b)
+    for i in range(segment.shape[0]):
+        if below[i]:
+            _count(table, net, segment[i, 0], segment[i, 1])
+    for slot in range(size):
+        if net[slot] != 0:
+            return table[slot] >> 32
+    return -1
+
+
+@kernel
+def _count(table: Any, net: Any, a: Any, b: Any) -> Any:
+    low, high = min(a, b), max(a, b)
+    slot = _find(table, low, high)
+    table[slot] = (np.int64(low) << 32) + high + 1
+    net[slot] += 1 if a == low else -1
 
 
 @kernel
