@@ -8,17 +8,20 @@ docs/explanation/thesis-numbers.md.
 import math
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from planner.arrays import FloatArray
+from planner.formats.palette_toml import encode_palette
 from planner.materials.laws.ogden_thesis import literal_stress_MPa
+from planner.palette import LawParameters, Material, Palette, Reference
 from printers.connex3.ogden_fit import fit_ogden
 from printers.connex3.thesis import Published, Thesis, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct
 
-__all__ = ["PALETTE", "fit_strains", "palette_text", "reading_log_sd"]
+__all__ = ["PALETTE", "derived_palette", "fit_strains", "palette_bytes", "reading_log_sd"]
 
 PALETTE = Path(__file__).parent / "palettes" / "connex3-tango-vero.toml"
 
@@ -28,22 +31,18 @@ coefficients of variation of 1 to 9 %."""
 
 _READING_STRAINS = np.geomspace(0.02, 0.5, 15)
 
-_HEADER = """\
-# Derived from thesis.toml by `python -m printers.connex3.derive`; edit that, not this.
-# `law`: stress-free, for planning. `published`: eq. 3.8 as printed, never planned with.
-schema = 1
-name = "connex3-tango-vero"
-kind = "palette"
-source = "{source}; see docs/explanation/thesis-numbers.md"
-
-# 1 mm/s on a gauge of about 29 mm; hand-cleaned without water, 8 to 10 days after printing.
-[reference]
-strain_rate_per_s = 0.034
-temperature_C = 23.0
-soak_h = 0.0
-age_days = 9.0
-orientation = "x"
+_COMMENT = b"""\
+# Derived from thesis.toml by `python -m printers.connex3.derive`: edit that, not this. A law is
+# stress-free at rest, for planning; what is published is eq. 3.8 as printed, never planned with.
 """
+
+_REFERENCE = Reference(
+    strain_rate_per_s=0.034,  # 1 mm/s on a gauge of about 29 mm
+    temperature_C=23.0,
+    soak_h=0.0,
+    age_days=9.0,
+    orientation="x",
+)
 
 
 class _Entry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -82,81 +81,66 @@ def reading_log_sd(curve: CorrectedCurve) -> float:
     return float(np.sqrt(np.mean(np.square(shifts))))
 
 
-def palette_text() -> str:
-    """Return the palette file."""
+def derived_palette() -> Palette:
+    """Return the palette."""
     thesis = load_thesis()
     catalogue = msgspec.toml.decode(
         (files("printers.connex3") / "catalogue.toml").read_bytes(), type=_Catalogue
     )
-    entries = {entry.id: entry for entry in catalogue.material}
-    return _HEADER.format(source=thesis.source) + "".join(
-        _material(thesis, published, entries[published.id], catalogue.density_g_cm3)
-        for published in thesis.materials
+    soft, hard = (catalogue.density_g_cm3[thesis.materials[k].id] for k in (0, -1))
+    last = thesis.coordinate(thesis.materials[-1])
+    materials = []
+    for published, entry in zip(thesis.materials, catalogue.material, strict=True):
+        coordinate = thesis.coordinate(published)
+        materials.append(
+            Material(
+                id=published.id,
+                coordinate=coordinate,
+                elongation_at_break=published.elongation_at_break,
+                density_g_cm3=round(soft + (hard - soft) * coordinate / last, 4),
+                aliases=tuple(entry.aliases),
+                colour=entry.colour,
+                **(_elastic(published) if published.c else _plastic(published, thesis)),
+            )
+        )
+    return Palette(
+        name=PALETTE.stem,
+        materials=tuple(materials),
+        reference=_REFERENCE,
+        source=f"{thesis.source}; see docs/explanation/thesis-numbers.md",
     )
 
 
-def _material(
-    thesis: Thesis, published: Published, entry: _Entry, densities: dict[str, float]
-) -> str:
-    soft, hard = thesis.materials[0], thesis.materials[-1]
-    m = thesis.coordinate(published)
-    share = m / thesis.coordinate(hard)
-    density = (1.0 - share) * densities[soft.id] + share * densities[hard.id]
-    aliases = ", ".join(f'"{alias}"' for alias in entry.aliases)
-    lines = [
-        "",
-        "[[material]]",
-        f'id = "{published.id}"',
-        f"coordinate = {m!r}",
-        f"elongation_at_break = {published.elongation_at_break:.2f}",
-        f"density_g_cm3 = {density:.4f}",
-        f"aliases = [{aliases}]",
-        f'colour = "{entry.colour}"',
-    ]
-    if published.c:
-        lines += _elastomer(published)
-    else:
-        lines += [
-            'deformation = "plastic"',
-            f"modulus_log_sd = {_rigid_log_sd(thesis):.3f}",
-            'source = "Young\'s modulus of Table 3.1; density interpolated"',
-            "[material.law]",
-            'model = "linear"',
-            f"modulus_MPa = {published.youngs_modulus_MPa!r}",
-        ]
-    return "\n".join(lines) + "\n"
+def palette_bytes() -> bytes:
+    """Return the palette file."""
+    return _COMMENT + encode_palette(derived_palette())
 
 
-def _elastomer(published: Published) -> list[str]:
+def _elastic(published: Published) -> dict[str, Any]:
     curve = correct(published)
     strain = fit_strains(curve)
     law = fit_ogden(strain, curve.nominal_stress_MPa(strain), published.elongation_at_break)
-    log_sd = math.hypot(SPECIMEN_LOG_SD, reading_log_sd(curve))
-    return [
-        f"modulus_log_sd = {log_sd:.3f}",
-        f'source = "Table 3.2, toe of {curve.toe:.4f} taken off; density interpolated"',
-        "[material.law]",
-        'model = "ogden"',
-        f"mu_MPa = {_numbers(law.mu_MPa)}",
-        f"alpha = {_numbers(law.alpha)}",
-        "[material.published]",
-        'model = "ogden-thesis"',
-        f"c = {_numbers(published.c)}",
-        f"strain_min = {curve.onset:.4f}",
-        f"strain_max = {published.elongation_at_break:.2f}",
-    ]
+    valid = {"strain_min": (curve.onset,), "strain_max": (published.elongation_at_break,)}
+    return {
+        "law": LawParameters("ogden", {"mu_MPa": law.mu_MPa, "alpha": law.alpha}),
+        "published": LawParameters("ogden-thesis", {"c": published.c, **valid}),
+        "modulus_log_sd": round(math.hypot(SPECIMEN_LOG_SD, reading_log_sd(curve)), 3),
+        "source": f"Table 3.2, toe of {curve.toe:.4f} taken off; density by interpolation of the base resins'",
+        "deformation": "elastic",
+    }
 
 
-def _rigid_log_sd(thesis: Thesis) -> float:
-    """Table 3.1 against a curve, where both can be believed: the hardest elastomer."""
+def _plastic(published: Published, thesis: Thesis) -> dict[str, Any]:
+    # Table 3.1 against a curve, where both can be believed: at the hardest elastomer.
     hardest = thesis.elastomers[-1]
     reading = math.log(hardest.youngs_modulus_MPa / correct(hardest).modulus_MPa)
-    return math.hypot(SPECIMEN_LOG_SD, reading)
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    return f"[{', '.join(f'{value:.7g}' for value in values)}]"
+    return {
+        "law": LawParameters("linear", {"modulus_MPa": (published.youngs_modulus_MPa,)}),
+        "modulus_log_sd": round(math.hypot(SPECIMEN_LOG_SD, reading), 3),
+        "source": "Young's modulus of Table 3.1; density by interpolation of the base resins'",
+        "deformation": "plastic",
+    }
 
 
 if __name__ == "__main__":
-    PALETTE.write_text(palette_text(), encoding="utf-8", newline="\n")
+    PALETTE.write_bytes(palette_bytes())
