@@ -1,0 +1,83 @@
+"""The shipped palette is what derive.py makes of the thesis, and is what it says."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from planner.materials.laws import Ogden, make_law
+from planner.palette import Material, parse_palette
+from printers.connex3.derive import PALETTE, fit_strains, palette_bytes, reading_log_sd
+from printers.connex3.ogden_fit import TOLERANCE, fit_ogden, relative_rms
+from printers.connex3.thesis import Published, load_thesis
+from printers.connex3.toe import correct
+
+THESIS = load_thesis()
+SHIPPED = parse_palette(PALETTE.read_bytes(), name=PALETTE.name)
+ELASTIC = [
+    pytest.param(p, m, id=p.id) for p, m in zip(THESIS.elastomers, SHIPPED.materials, strict=False)
+]
+
+
+def test_derive_makes_the_shipped_palette() -> None:
+    assert palette_bytes() == PALETTE.read_bytes()
+
+
+def test_order_and_coordinates() -> None:
+    assert [m.id for m in SHIPPED.materials] == [p.id for p in THESIS.materials]
+    # Palette files hold nine digits.
+    np.testing.assert_allclose(
+        [m.coordinate for m in SHIPPED.materials], np.arange(10) / 6, rtol=1e-8
+    )
+    brightness = [
+        sum(w * int(m.colour[i : i + 2], 16) for w, i in ((0.2126, 1), (0.7152, 3), (0.0722, 5)))
+        for m in SHIPPED.materials
+    ]
+    assert all(softer > harder for softer, harder in pairwise(brightness))
+
+
+@pytest.mark.parametrize(("published", "material"), ELASTIC)
+def test_the_law_follows_the_corrected_curve(published: Published, material: Material) -> None:
+    curve = correct(published)
+    strain = fit_strains(curve)
+    law = make_law(material.law)
+    assert isinstance(law, Ogden)
+    assert relative_rms(law, strain, curve.nominal_stress_MPa(strain)) <= TOLERANCE
+    # The tangent at rest is extrapolated from 0.5 %; within the hardest grade's reading error.
+    assert law.initial_modulus_MPa == pytest.approx(curve.modulus_MPa, rel=0.07)
+    assert max(abs(a) for a in law.alpha) <= 30.0
+    assert max(abs(mu) for mu in law.mu_MPa) < 10.0
+    stretch = np.linspace(0.7, 1.0 + published.elongation_at_break, 2001)
+    assert (law.tangent_MPa(stretch) > 0.0).all()
+
+
+@pytest.mark.parametrize(("published", "material"), ELASTIC)
+def test_the_published_law_is_kept_beside_it(published: Published, material: Material) -> None:
+    assert material.published is not None
+    assert material.published.parameters["c"] == published.c
+    assert material.published.parameters["strain_max"] == (published.elongation_at_break,)
+    onset = correct(published).onset
+    assert material.published.parameters["strain_min"][0] == pytest.approx(onset, abs=1e-9)
+
+
+@pytest.mark.parametrize(("published", "material"), ELASTIC)
+def test_uncertainty_holds_reading_and_specimens(published: Published, material: Material) -> None:
+    reading = reading_log_sd(correct(published))
+    # Written to three decimals.
+    assert material.modulus_log_sd == pytest.approx(np.hypot(reading, 0.05), abs=5.1e-4)
+
+
+def test_fit_finds_a_law_it_was_given() -> None:
+    """Exact data of a two-term law on the grid of exponents: its moduli come back."""
+    strain = np.geomspace(0.005, 0.6, 100)
+    truth = Ogden((-3.7, 1.5), (-12.0, 3.0))
+    found = fit_ogden(strain, truth.nominal_stress_MPa(1.0 + strain), 0.6)
+    assert found.alpha == truth.alpha
+    # Moduli are rounded to seven digits.
+    assert found.mu_MPa == pytest.approx(truth.mu_MPa, rel=1e-6)
+
+
+def test_fit_refuses_a_curve_that_no_stable_law_follows() -> None:
+    strain = np.geomspace(0.005, 0.6, 100)
+    with pytest.raises(ValueError, match="no stable Ogden law"):
+        fit_ogden(strain, 1.0 + np.sin(20.0 * strain) ** 2, 0.6)

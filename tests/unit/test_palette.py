@@ -1,0 +1,132 @@
+"""The palette file: what it becomes, how names resolve, and what is refused with which words."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from planner.errors import PaletteError, UnknownNameError
+from planner.palette import Palette, load_palette, parse_palette
+from planner.printers import printer
+
+SOUND = """
+schema = 1
+name = "two"
+kind = "palette"
+[reference]
+temperature_C = 23.0
+[[material]]
+id = "Soft-1"
+coordinate = 0.0
+elongation_at_break = 0.8
+density_g_cm3 = 1.1
+aliases = ["Tango"]
+[material.law]
+model = "ogden"
+mu_MPa = [0.9, -0.1]
+alpha = [2.0, -1.4]
+[[material]]
+id = "Stiff"
+coordinate = 1.0
+elongation_at_break = 0.2
+density_g_cm3 = 1.2
+deformation = "plastic"
+[material.law]
+model = "linear"
+modulus_MPa = 100
+"""
+
+
+def parse(text: str) -> Palette:
+    return parse_palette(text.encode(), name="two.toml")
+
+
+def test_a_sound_file() -> None:
+    palette = parse(SOUND)
+    soft, stiff = palette.materials
+    assert (soft.id, soft.coordinate, soft.aliases) == ("Soft-1", 0.0, ("Tango",))
+    assert dict(soft.law.parameters) == {"mu_MPa": (0.9, -0.1), "alpha": (2.0, -1.4)}
+    assert dict(stiff.law.parameters) == {"modulus_MPa": (100.0,)}
+    assert (soft.deformation, stiff.deformation) == ("elastic", "plastic")
+    assert palette.reference.temperature_C == 23.0
+    assert palette.reference.soak_h is None
+    # SHA-256 is the file's: another byte, another sum.
+    assert len(palette.sha256) == 64
+    assert parse(SOUND + "\n").sha256 != palette.sha256
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("schema = 1", "schema = 2", "schema is 2"),
+        ('name = "two"', 'nam = "two"', "unknown field `nam`"),
+        ('kind = "palette"', 'kind = "printer"', "kind"),
+        ("temperature_C", "temprature_C", "unknown field `temprature_C`"),
+        ("coordinate = 1.0", "coordinate = 0.0", "coordinate of Stiff is 0, not above 0"),
+        ("coordinate = 1.0", "coordinate = nan", "coordinate is nan"),
+        ("elongation_at_break = 0.2", "elongation_at_break = 0.0", "elongation_at_break is 0"),
+        ("density_g_cm3 = 1.2", "density_g_cm3 = -1.2", "density_g_cm3 is -1.2"),
+        ('id = "Stiff"', 'id = "a/b"', "the id goes into file names"),
+        ('id = "Stiff"', 'id = "Soft-1"', "two materials have one id"),
+        ('id = "Stiff"', 'id = "TANGO"', "'TANGO' names both Soft-1 and TANGO"),
+        ('model = "linear"', 'model = "gent"', "model is 'gent'; it must be one of linear"),
+        ("modulus_MPa = 100", "E = 100", "unknown key 'E'; linear takes modulus_MPa"),
+        ("modulus_MPa = 100", "", "'modulus_MPa' is missing"),
+        ("modulus_MPa = 100", 'modulus_MPa = "100"', "it must be finite numbers"),
+        ("modulus_MPa = 100", "modulus_MPa = inf", "it must be finite numbers"),
+        ("modulus_MPa = 100", "modulus_MPa = [1.0, 2.0]", "has 2 values; linear takes 1"),
+        ("alpha = [2.0, -1.4]", "alpha = [2.0]", "must be of one length"),
+        ('aliases = ["Tango"]', 'colour = "red"', "colour is 'red'"),
+        ("schema = 1", "schema = ", "not a TOML file"),
+    ],
+)
+def test_a_fault_is_named(old: str, new: str, words: str) -> None:
+    assert SOUND.count(old) == 1
+    with pytest.raises(PaletteError, match=re.escape(words)) as caught:
+        parse(SOUND.replace(old, new))
+    assert "two.toml" in str(caught.value)
+
+
+def test_no_material_is_refused() -> None:
+    with pytest.raises(PaletteError, match="needs at least one"):
+        parse('schema = 1\nname = "none"\nkind = "palette"\nmaterial = []')
+
+
+def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(PaletteError, match="cannot be read"):
+        load_palette(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(PaletteError, match="not a TOML file"):
+        load_palette(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "material"),
+    [
+        ("TangoPlus", "TangoPlus"),
+        ("tango", "TangoPlus"),
+        ("Vero", "VeroWhitePlus"),
+        (" verowhite ", "VeroWhitePlus"),
+        ("flx9750-dm", "FLX9750"),
+        ("FLX976", "FLX9760"),
+        ("FLX 9795", "FLX9795"),
+        ("RGD8430", "RGD8430"),
+        ("RGD835", "VeroWhitePlus"),
+    ],
+)
+def test_names_of_the_connex3(name: str, material: str) -> None:
+    assert printer("connex3").palette().resolve(name).id == material
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("FLX", "ambiguous"),
+        ("FLX9755", "did you mean"),
+        ("", "it has TangoPlus"),
+        ("Agilus30", "no material 'Agilus30'"),
+    ],
+)
+def test_names_that_stand_for_nothing_or_too_much(name: str, words: str) -> None:
+    with pytest.raises(UnknownNameError, match=words):
+        printer("connex3").palette().resolve(name)
