@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from planner.cli.characterise import characterise
 from planner.cli.check import check
 from planner.cli.diff import diff
 from planner.cli.grade import grade
@@ -47,6 +48,7 @@ def planner(
 app.command()(grade)
 app.command()(invert)
 app.command()(materials)
+app.command()(characterise)
 app.command()(check)
 app.command()(diff)
 app.command()(printers)

@@ -1,6 +1,6 @@
 """What a tensile test says of a material without any law: modulus, toughness, elongation."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -24,6 +24,10 @@ __all__ = [
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
 CONFIDENCE = 0.95
+_FIGURES = (
+    "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
+    "strength_MPa",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +132,9 @@ def characterise(
     ArgumentError
         A secant strain is not above 0.
     """
-    for strain in secant_strains:
-        if not 0.0 < strain < np.inf:
-            raise ArgumentError(f"secant strain is {strain:g}; it must be a number above 0")
+    for value in secant_strains:
+        if not 0.0 < value < np.inf:
+            raise ArgumentError(f"secant strain is {value:g}; it must be a number above 0")
     part = linear_part(curve)
     strain = curve.strain - part.toe_strain
     end = part.stop - 1
@@ -173,20 +177,16 @@ def characterise_material(
         See `characterise`.
     """
     found = tuple(characterise(curve, secant_strains=secant_strains) for curve in curves)
-    figures: dict[str, Callable[[Characteristics], float | None]] = {
-        "modulus_MPa": lambda c: c.modulus_MPa,
-        "modulus_uncompensated_MPa": lambda c: c.modulus_uncompensated_MPa,
-        "toughness_MJ_m3": lambda c: c.toughness_MJ_m3,
-        "elongation_at_break": lambda c: c.elongation_at_break,
-        "strength_MPa": lambda c: c.strength_MPa,
+    figures: dict[str, list[float | None]] = {
+        name: [getattr(c, name) for c in found] for name in _FIGURES
     }
     for strain in secant_strains:
-        figures[f"secant_{strain:g}_MPa"] = lambda c, strain=strain: c.secant_MPa[strain]
-    spreads = {}
-    for name, figure in figures.items():
-        values = [value for c in found if (value := figure(c)) is not None]
-        if values:
-            spreads[name] = spread(values)
+        figures[f"secant_{strain:g}_MPa"] = [c.secant_MPa[strain] for c in found]
+    spreads = {
+        name: spread(known)
+        for name, values in figures.items()
+        if (known := [value for value in values if value is not None])
+    }
     yields = [c.yield_strain for c in found if c.yield_strain is not None]
     whole = deformation(
         spreads["modulus_MPa"].mean,
@@ -237,4 +237,10 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
         )
     if part.kind == "origin":
         return f"{where}: steepens to its break; modulus at the origin, strains not shifted"
+    if part.start == 0 and part.zero_strain > 0.0 and curve.strain[0] > 0.0:
+        return (
+            f"{where}: the record starts within the linear part, at strain {curve.strain[0]:.4g}, "
+            f"whose line meets zero stress at {part.zero_strain:.4g}; no toe is recorded, strains "
+            "not shifted"
+        )
     return f"{where}: no toe; strains not shifted"

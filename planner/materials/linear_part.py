@@ -3,18 +3,21 @@
 The rule, in the order it is applied:
 
 1. Slopes of short windows along the curve up to its peak; a window is just long enough that
-   noise leaves the steepest slope uncertain by at most 2 % (standard error).
-2. The tangent sought is the steepest one of the first rise: the largest slope before the slopes
-   first fall below 80 % of it. The final upturn of a rubber is thereby out of the question.
+   scatter leaves the steepest slope of the beginning uncertain by at most 2 % (standard error),
+   and no longer than a sixth of the points.
+2. The tangent sought is the steepest of the first rise: before the slopes first fall below 80 %
+   of their largest so far, and within the first 0.2 of strain, by which grips have seated and
+   slack is drawn out. The final upturn of a rubber is thereby out of the question.
 3. From there the linear part grows both ways while the windows' slopes stay within 5 % of the
    least-squares slope of what it holds already (plus three standard errors), until it no longer
    changes. Its least-squares slope is Young's modulus.
-4. A toe is there if the record begins before the linear part, above its line, and the line meets
-   zero stress at a positive strain by more than three standard errors. Strains then count from
-   that point (ASTM D638, annex A1: the tangent at the maximum slope, extrapolated to zero stress).
+4. A toe is there if the line meets zero stress behind the record's first point, by more than
+   three standard errors and half a step, and the points before lie above it. Strains then count
+   from that point (ASTM D638, annex A1: the tangent at the maximum slope, extrapolated to zero
+   stress).
 
-A curve that steepens all the way to its break, as a rubber's may, has no such tangent: its
-modulus is the slope at the origin, and nothing is shifted.
+A curve that steepens on beyond that range, as a rubber's may, has no such tangent: its modulus
+is the slope at the origin, and nothing is shifted.
 """
 
 from dataclasses import dataclass
@@ -22,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.arrays import FloatArray
+from planner.arrays import BoolArray, FloatArray, IntArray
 from planner.errors import FileError
 from planner.materials.curve import Curve
 from planner.materials.rupture import noise_sd
@@ -32,8 +35,11 @@ __all__ = ["LinearPart", "linear_part"]
 SLOPE_ERROR = 0.02
 FIRST_FALL = 0.8
 LINEARITY = 0.05
-TOE_STRESS_SHARE = 0.3
-"""Above this share of the peak stress, a steepening is an upturn and no toe."""
+TOE_RANGE = 0.2
+"""Strain within which the linear part begins."""
+
+LONG_SHARE = 0.2
+"""A line over this share of the peak stress is one, though the slopes rise on behind it."""
 
 _MINIMUM_WINDOW = 5
 
@@ -76,24 +82,23 @@ class _Lines:
             np.concatenate([[0.0], np.cumsum(values)]) for values in (u, v, u * u, u * v, v * v)
         ]
 
-    def _moments(self, start: FloatArray, stop: FloatArray) -> tuple[FloatArray, ...]:
-        i, j = np.asarray(start, dtype=np.int64), np.asarray(stop, dtype=np.int64)
+    def _moments(self, i: IntArray, j: IntArray) -> tuple[FloatArray, ...]:
         n = (j - i).astype(np.float64)
         u, v, uu, uv, vv = (s[j] - s[i] for s in self._sums)
         return n, u / n, v / n, uu - u * u / n, uv - u * v / n, vv - v * v / n
 
-    def slopes(self, width: int) -> tuple[FloatArray, FloatArray]:
-        """Slopes of all windows of `width` points, and the spread of x within each (Sxx)."""
-        last = len(self._sums[0]) - 1
-        start = np.arange(last - width + 1, dtype=np.float64)
-        _, _, _, sxx, sxy, _ = self._moments(start, start + width)
+    def windows(self, width: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Slopes of all windows of `width` points, spread of x (Sxx), scatter about each line."""
+        start = np.arange(len(self._sums[0]) - width)
+        _, _, _, sxx, sxy, syy = self._moments(start, start + width)
         sxx = np.where(sxx > 0.0, sxx, np.inf)
-        return sxy / sxx, sxx
+        slopes = sxy / sxx
+        return slopes, sxx, np.sqrt(np.maximum(syy - slopes * sxy, 0.0) / (width - 2))
 
     def line(self, start: int, stop: int) -> tuple[float, float, float, float]:
         """Slope, its standard error, where the line meets zero, and that strain's error."""
         n, u, v, sxx, sxy, syy = (
-            float(m) for m in self._moments(np.float64(start), np.float64(stop))
+            float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
         )
         if not sxx > 0.0:
             return 0.0, np.inf, 0.0, np.inf
@@ -125,15 +130,12 @@ def linear_part(curve: Curve) -> LinearPart:
         )
     lines = _Lines(x, y)
     noise = noise_sd(y)
-    width, slopes, errors = _windows(lines, noise, peak)
-    steepest, fell = _steepest_of_first_rise(slopes, errors)
-    start, stop = _grow(lines, slopes, errors, steepest, width)
+    begins = x - x[0] <= TOE_RANGE
+    slopes, errors, width = _windows(lines, begins, noise)
+    seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)])
+    start, stop = _grow(lines, slopes, errors, seed, width)
     kind: Literal["line", "origin"] = "line"
-    height = float(y[-1])
-    long_enough = y[stop - 1] - y[start] >= 0.2 * height
-    # A mean over a few points, so that noise on one of them decides nothing.
-    low_enough = float(np.median(y[start : start + 3])) <= TOE_STRESS_SHARE * height
-    if not low_enough or not (fell or long_enough):
+    if still_rising and y[stop - 1] - y[start] < LONG_SHARE * y[-1]:
         kind = "origin"
         start, stop = _grow(lines, slopes, errors, 0, width)
     modulus, error, zero, zero_error = lines.line(start, stop)
@@ -143,33 +145,42 @@ def linear_part(curve: Curve) -> LinearPart:
             f"{x[start]:.4g}; check the columns, or cut the record before the loading"
         )
     toe = 0.0
-    if kind == "line" and start >= 2 and zero > x[0]:
-        # The error of the line alone is blind to the spacing of points.
+    if kind == "line":
         spacing = float(np.median(np.diff(x[:stop])))
-        above = float(np.mean(y[:start] - modulus * (x[:start] - zero))) > 0.0
-        if above and zero > max(3.0 * zero_error, 0.0) and zero - x[0] > 0.5 * spacing:
+        front = x < zero
+        # On the line itself, they show a load that was not zeroed, and no toe.
+        above = y[front] - modulus * (x[front] - zero)
+        if zero - x[0] > max(3.0 * zero_error, 0.5 * spacing) and float(
+            np.mean(above)
+        ) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
     return LinearPart(start, stop, modulus, error, toe, kind, zero)
 
 
-def _windows(lines: _Lines, noise: float, count: int) -> tuple[int, FloatArray, FloatArray]:
-    """Width, slopes and standard errors of the shortest windows that are certain enough."""
-    width = min(_MINIMUM_WINDOW, max(3, count // 4))
+def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray, FloatArray, int]:
+    """Slopes, their standard errors, and the width of the shortest windows that do."""
+    count = len(begins)
+    width = min(_MINIMUM_WINDOW, max(3, count // 6))
     while True:
-        slopes, spread = lines.slopes(width)
-        errors = noise / np.sqrt(spread)
-        at = int(np.argmax(slopes - 2.0 * errors))
-        if errors[at] <= SLOPE_ERROR * slopes[at] or width * 1.5 > count / 4:
-            return width, slopes, errors
+        slopes, spread, scatter = lines.windows(width)
+        near = begins[: len(slopes)]
+        # Typical scatter, so that one stray point neither spoils nor excuses its window.
+        errors = max(noise, float(np.median(scatter[near]))) / np.sqrt(spread)
+        at = int(np.argmax(np.where(near, slopes, -np.inf)))
+        if errors[at] <= SLOPE_ERROR * slopes[at] or width * 1.5 > count / 6:
+            return slopes, errors, width
         width = int(width * 1.5)
 
 
-def _steepest_of_first_rise(slopes: FloatArray, errors: FloatArray) -> tuple[int, bool]:
-    """Index of the steepest window of the first rise, and whether a fall ended that rise."""
+def _steepest(slopes: FloatArray, errors: FloatArray, near: BoolArray) -> tuple[int, bool]:
+    """Index of the steepest window of the first rise, and whether steeper ones follow it."""
     highest = np.maximum.accumulate(slopes - errors)
     fallen = np.flatnonzero((slopes + 2.0 * errors < FIRST_FALL * highest) & (highest > 0.0))
-    end = int(fallen[0]) if len(fallen) else len(slopes)
-    return int(np.argmax(slopes[: max(end, 1)])), bool(len(fallen))
+    end = max(int(fallen[0]), 1) if len(fallen) else len(slopes)
+    rise = slopes[:end]
+    seed = int(np.argmax(np.where(near[:end], rise, -np.inf)))
+    limit = (1.0 + LINEARITY) * slopes[seed] + 3.0 * errors[seed]
+    return seed, bool(np.any(rise[seed:] > limit))
 
 
 def _grow(

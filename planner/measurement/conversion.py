@@ -150,7 +150,7 @@ def _time(
         return None
     if time[0] < 0.0:
         notes.append(f"{where}: time starts at {time[0]:g} s; counted from there")
-        return np.subtract(time, time[0])
+        time = time - time[0]
     return time
 
 
