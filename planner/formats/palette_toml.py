@@ -1,12 +1,15 @@
 """Palette files: TOML in one canonical form, so that equal palettes are equal bytes."""
 
+import contextlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
+from planner.errors import OutputError
 from planner.palette import LAW_PARAMETERS, LawParameters, Material, Palette, Uncertainty
 
-__all__ = ["SIGNIFICANT_DIGITS", "encode_palette"]
+__all__ = ["SIGNIFICANT_DIGITS", "encode_palette", "write_palette"]
 
 SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
@@ -27,6 +30,31 @@ def encode_palette(palette: Palette) -> bytes:
     `SIGNIFICANT_DIGITS`; UTF-8. `Palette.sha256` is not written: it is the file's own.
     """
     return ("\n".join(_lines(palette)) + "\n").encode("utf-8")
+
+
+def write_palette(palette: Palette, path: str | Path, *, force: bool = False) -> None:
+    """Write a palette file whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file is there already and `force` is false, or the system refused.
+    """
+    target = Path(path)
+    if target.exists() and not force:
+        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
+    scratch = target.with_name(f".{target.name}.partial")
+    try:
+        scratch.write_bytes(encode_palette(palette))
+        scratch.replace(target)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: {error.strerror or error}; nothing was written; choose another place with "
+            "--output"
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            scratch.unlink()
 
 
 def _lines(palette: Palette) -> Iterator[str]:

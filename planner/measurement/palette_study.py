@@ -1,5 +1,6 @@
 """From a study's groups of curves to a palette, with a report of every law that was tried."""
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -162,7 +163,7 @@ def _coordinates(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
             f"--coordinate {missing[0]}=... or a column coordinate in specimens.csv, or none"
         )
-    for softer, harder in zip(ordered, ordered[1:], strict=False):
+    for softer, harder in itertools.pairwise(ordered):
         if not found[softer] < found[harder]:
             raise ArgumentError(
                 f"coordinate of {harder} is {found[harder]:g}, not above {found[softer]:g} of "
