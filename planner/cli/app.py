@@ -7,6 +7,7 @@ import typer
 from planner.cli.characterise import characterise
 from planner.cli.check import check
 from planner.cli.diff import diff
+from planner.cli.fit import fit
 from planner.cli.grade import grade
 from planner.cli.invert import invert
 from planner.cli.materials import materials
@@ -48,6 +49,7 @@ def planner(
 app.command()(grade)
 app.command()(invert)
 app.command()(materials)
+app.command()(fit)
 app.command()(characterise)
 app.command()(check)
 app.command()(diff)

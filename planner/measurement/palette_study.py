@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
@@ -15,6 +15,7 @@ from planner.materials.fit.law_choice import Candidate
 from planner.materials.fit.law_fit import STARTS
 from planner.materials.fit.material_fit import MaterialFit, fit_material
 from planner.materials.fit.sample import Weighting
+from planner.materials.fit.scatter import ASSUMED_LOG_SD
 from planner.materials.fit.separable import candidate_laws
 from planner.materials.laws import make_law
 from planner.materials.stiffness import secant_modulus_MPa
@@ -77,6 +78,7 @@ def fit_study(
     level: float = 0.95,
     coordinates: Mapping[str, float] | None = None,
     densities_g_cm3: Mapping[str, float] | None = None,
+    stage: Callable[[str], None] = lambda stage: None,
 ) -> PaletteStudy:
     """Fit every material of a study and put them on the coordinate m.
 
@@ -90,6 +92,8 @@ def fit_study(
     densities_g_cm3
         Density by material. Without it: the column ``density_g_cm3``, else
         `DEFAULT_DENSITY_G_CM3`, which is noted.
+    stage
+        Told which material is fitted.
 
     Raises
     ------
@@ -103,9 +107,17 @@ def fit_study(
     notes = list(study.notes)
     fits: dict[str, MaterialFit] = {}
     for material, curves in study.groups.items():
+        stage(f"fitting {material}")
         fit = fit_material(material, curves, laws, weighting=weighting, starts=starts, level=level)
         notes.extend(note for note in fit.notes if note not in notes)
         fits[material] = fit
+    single = [material for material, fit in fits.items() if fit.characteristics.n == 1]
+    if single:
+        notes.append(
+            f"one specimen of {', '.join(single)}: that tells nothing of the scatter between "
+            f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
+            "strain left out"
+        )
     ordered = sorted(fits, key=lambda material: _stiffness(fits[material], fits))
     places = _coordinates(study, ordered, coordinates, notes)
     densities = _densities(study, ordered, densities_g_cm3, notes)

@@ -79,11 +79,6 @@ def fit_material(
             f"material {material}: its specimens deform unlike one another; taken as "
             f"{found.deformation.kind}, because {found.deformation.reason}"
         )
-    if found.n == 1:
-        notes.append(
-            f"material {material}: one specimen tells nothing of the scatter between specimens; "
-            "5 % is assumed, and laws are judged on blocks of strain left out"
-        )
     if found.deformation.kind == "plastic":
         law, uncertainty, scatter = _linear(found, level)
         return MaterialFit(material, found, law, uncertainty, scatter, None, tuple(notes))

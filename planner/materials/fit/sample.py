@@ -10,7 +10,7 @@ from planner.arrays import BoolArray, FloatArray, IntArray
 from planner.errors import ArgumentError
 from planner.materials.curve import Curve
 
-__all__ = ["RELATIVE_FLOOR", "Sample", "Weighting", "sample_of"]
+__all__ = ["RELATIVE_FLOOR", "Sample", "Weighting", "sample_of", "weighting_of"]
 
 Weighting: TypeAlias = Literal["relative", "absolute"]
 
@@ -68,6 +68,22 @@ class Sample:
         )
 
 
+def weighting_of(name: str) -> Weighting:
+    """Return the weighting of that name.
+
+    Raises
+    ------
+    ArgumentError
+        There is none.
+    """
+    match name:
+        case "relative":
+            return "relative"
+        case "absolute":
+            return "absolute"
+    raise ArgumentError(f"weighting {name!r}: choose relative or absolute")
+
+
 def sample_of(
     curves: Sequence[Curve],
     *,
@@ -90,10 +106,8 @@ def sample_of(
     Raises
     ------
     ArgumentError
-        No curve, a curve without tension, or an unknown weighting.
+        No curve, or a curve without tension.
     """
-    if weighting not in ("relative", "absolute"):
-        raise ArgumentError(f"weighting {weighting!r}: choose relative or absolute")
     if not curves:
         raise ArgumentError("no curve to fit a law to; give at least one specimen")
     stretch, stress, specimen = [], [], []

@@ -42,10 +42,10 @@ def stability(fit: LawFit, working_strain: float, margin: float = MARGIN) -> Sta
     Parameters
     ----------
     working_strain
-        The working range is from rest to this strain; it is checked from ``-margin *
-        working_strain`` (not below -0.5) to ``(1 + margin) * working_strain``.
+        The working range is from rest to this strain; it is checked from ``-margin`` times it
+        (not below ``-margin``) to ``1 + margin`` times it.
     """
-    low, high = max(-0.5, -margin * working_strain), (1.0 + margin) * working_strain
+    low, high = -margin * min(working_strain, 1.0), (1.0 + margin) * working_strain
     strain = np.linspace(low, high, POINTS)
     rises = np.diff(law_stress_MPa(fit.law, fit.a, fit.c, 1.0 + strain)) > 0.0
     middle = 0.5 * (strain[1:] + strain[:-1])
