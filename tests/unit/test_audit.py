@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from manifold3d import Manifold
+
+from planner.errors import MeshError
+from planner.geometry.audit import audit, interfaces_cancel
+from planner.geometry.mesh import Mesh
+
+
+def soup(solid):
+    mesh = solid.to_mesh()
+    return np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)]
+
+
+CUBE = soup(Manifold.cube([2.0, 3.0, 4.0]))
+
+
+def test_a_box():
+    found = audit(CUBE)
+    assert found.sound
+    assert (found.triangles, found.vertices, found.bodies) == (12, 8, 1)
+    assert found.volume_mm3 == pytest.approx(24, rel=1e-15)
+    assert found.area_mm2 == pytest.approx(52, rel=1e-15)
+    np.testing.assert_array_equal(found.bounds_mm, [[0, 0, 0], [2, 3, 4]])
+    assert found.first_fault_mm is None
+
+
+def test_a_missing_face_opens_three_edges():
+    found = audit(CUBE[1:])
+    assert (found.open_edges, found.overused_edges) == (3, 0)
+    edges = {tuple((CUBE[0][i] + CUBE[0][i - 1]) / 2) for i in range(3)}
+    assert found.first_fault_mm in edges
+    assert not found.closed
+
+
+def test_a_flipped_face_overuses_its_edges():
+    flipped = CUBE.copy()
+    flipped[5] = flipped[5, ::-1]
+    found = audit(flipped)
+    assert (found.open_edges, found.overused_edges) == (0, 3)
+
+
+def test_inside_out_is_closed_but_not_sound():
+    found = audit(CUBE[:, ::-1])
+    assert found.closed
+    assert found.volume_mm3 == pytest.approx(-24, rel=1e-15)
+    assert not found.sound
+
+
+def test_a_doubled_face_is_a_duplicate_either_way_round():
+    for extra in (CUBE[3:4], CUBE[3:4, ::-1]):
+        found = audit(np.concatenate([CUBE, extra]))
+        assert found.duplicate_faces == 1
+        assert found.overused_edges == 3
+    # Two triangles back to back close each other: only the duplicate gives them away.
+    pair = audit(np.concatenate([CUBE[:1], CUBE[:1, ::-1]]))
+    assert pair.closed
+    assert pair.duplicate_faces == 1
+    assert not pair.sound
+
+
+def test_degenerate_and_flat_faces():
+    point = np.zeros((1, 3, 3), dtype=np.float32)
+    line = np.array([[[0, 0, 0], [1, 1, 1], [3, 3, 3]]], dtype=np.float32)
+    found = audit(np.concatenate([CUBE, point, line]))
+    assert (found.degenerate_faces, found.flat_faces) == (1, 1)
+
+
+def test_cubes_that_touch_along_an_edge():
+    touching = np.concatenate([CUBE, CUBE + np.float32([2, 3, 0])])
+    found = audit(touching)
+    assert found.overused_edges == 1
+    assert found.first_fault_mm == (2.0, 3.0, 2.0)
+
+
+def test_bodies_are_joined_by_edges_not_by_vertices():
+    assert audit(np.concatenate([CUBE, CUBE + np.float32([2, 3, 4])])).bodies == 2
+    shell = Manifold.sphere(2, 32) - Manifold.sphere(1, 32)
+    found = audit(soup(shell))
+    assert found.bodies == 2
+    assert found.sound
+
+
+def test_nothing_and_not_a_number():
+    found = audit(np.empty((0, 3, 3), dtype=np.float32))
+    assert not found.sound
+    assert np.isfinite(found.bounds_mm).all()
+    broken = CUBE.copy()
+    broken[7, 1, 2] = np.inf
+    with pytest.raises(MeshError, match="triangle 7"):
+        audit(broken)
+
+
+def halves(shift=0.0, turn=False):
+    """A box in two, the upper half's lower face moved or triangulated differently."""
+    low = soup(Manifold.cube([1, 1, 1]))
+    high = soup(Manifold.cube([1, 1, 1]).translate([0, 0, 1 + shift]))
+    if turn:
+        # The other diagonal of the interface.
+        flat = (high[:, :, 2] == 1).all(axis=1)
+        corners = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], dtype=np.float32)
+        shared = set(map(tuple, high[flat][0][:, :2])) & set(map(tuple, high[flat][1][:, :2]))
+        start = next(i for i in range(4) if tuple(corners[i]) not in shared)
+        ring = np.c_[np.roll(corners, -start, axis=0), np.ones(4)].astype(np.float32)
+        high[flat] = [ring[[0, 1, 2]], ring[[0, 2, 3]]]
+    return [low, high]
+
+
+@pytest.mark.parametrize(
+    ("shells", "ok"),
+    [
+        (halves(), True), (halves(shift=1e-4), False), (halves(turn=True), False),
+        (halves()[:1], False), ([*halves(), halves()[0]], False),
+        ([halves()[0], halves()[1][:, ::-1]], False), ([], False),
+    ],
+)  # fmt: skip
+def test_interfaces(shells, ok):
+    box = soup(Manifold.cube([1, 1, 2]))
+    part = Mesh(box.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    found = interfaces_cancel(shells, part)
+    assert found.ok is ok
+    if ok:
+        assert (found.cancelled, found.remaining) == (2, 20)
