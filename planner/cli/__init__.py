@@ -6,6 +6,7 @@ Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, noth
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 __all__ = ["main"]
 
@@ -27,7 +28,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     from planner.cli.output import complain
     from planner.errors import PlannerError
 
-    usage_error = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
+    # The common base of usage errors has no public name in typer.
+    bases = typer.BadParameter.__mro__
+    usage_error: Any = next(base for base in bases if base.__name__ == "ClickException")
     command = typer.main.get_command(app)
     try:
         result = command.main(
@@ -39,7 +42,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         complain(str(error))
         return BAD_INPUT
     except usage_error as error:
-        complain(f"{error.format_message()} (see planner --help)")  # type: ignore[attr-defined]
+        complain(f"{error.format_message()} (see planner --help)")
         return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):
         complain("interrupted; nothing was left behind")

@@ -1,5 +1,7 @@
 """planner printers."""
 
+from typing import Any
+
 from planner.cli.options import AsJson
 
 __all__ = ["printers"]
@@ -13,7 +15,7 @@ def printers(as_json: AsJson = False) -> int:
     from planner.cli.output import print_document, print_table
     from planner.printers import installed_printers, printer
 
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name, entry in installed_printers().items():
         machine = printer(name)
         rows.append(

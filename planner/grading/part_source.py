@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.arrays import FloatArray, IntArray
 from planner.errors import ArgumentError
-from planner.formats.mesh_file import MILLIMETRES, read_mesh, unit_scale_mm
-from planner.geometry.part import Part, make_part
+from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
+from planner.geometry.part import Part, make_part, part_from_arrays
 
 __all__ = ["PartSource", "open_part"]
 
@@ -54,28 +55,27 @@ def open_part(
         made = make_part(file.triangles, name=called, tray_mm=tray_mm)
         warnings = (*file.notes, *made.warnings)
         return PartSource(made, called, path.name, file.sha256, file.unit, warnings)
-    triangles = _triangles(part)
-    in_mm = triangles * unit_scale_mm(unit or MILLIMETRES)
+    vertices, faces = _arrays(part)
+    used = canonical_unit(unit or MILLIMETRES)
     called = _safe(name or "part")
-    made = make_part(in_mm, name=called, tray_mm=tray_mm)
-    digest = hashlib.sha256(np.ascontiguousarray(triangles).tobytes()).hexdigest()
-    return PartSource(made, called, called, digest, unit or MILLIMETRES, made.warnings)
+    made = part_from_arrays(vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm)
+    digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
+    return PartSource(made, called, called, digest, used, made.warnings)
 
 
-def _triangles(part: object) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _arrays(part: object) -> tuple[FloatArray, IntArray]:
     vertices = getattr(part, "vertices", None)
     faces = getattr(part, "faces", None)
     if vertices is None and isinstance(part, tuple) and len(part) == 2:
         vertices, faces = part
     try:
-        points = np.asarray(vertices, dtype=np.float64)
-        corners = np.asarray(faces, dtype=np.int64)
-        if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
-            raise ValueError
-        return points[corners]
-    except (TypeError, ValueError, IndexError):
+        return (
+            np.ascontiguousarray(vertices, dtype=np.float64),
+            np.ascontiguousarray(faces, dtype=np.int64),
+        )
+    except (TypeError, ValueError):
         raise ArgumentError(
-            f"a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
+            "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
             f"these arrays; got {type(part).__name__}"
         ) from None
 

@@ -10,10 +10,10 @@ from planner.errors import ArgumentError
 from planner.geometry.fields import Field
 from planner.geometry.fields.axis import axis_field
 from planner.geometry.placement import place
-from planner.geometry.shells import split
+from planner.geometry.shells import piece_volumes_mm3, split
 from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
+from planner.grading.findings import print_checks
 from planner.grading.part_source import PartSource, open_part
-from planner.grading.printability import job_findings
 from planner.grading.profile import Profile, between, read_profile
 from planner.grading.regions import point, regions_of, shells_of
 from planner.grading.stiffness_scale import StiffnessScale, stiffness_scale
@@ -117,7 +117,8 @@ def grade(
     progress("verifying the shells")
     checks = shell_checks([shell.stl for shell in shells], mesh)
     progress("looking for what will not print")
-    walls, findings = job_findings(mesh, along, steps, scale, machine)
+    volumes_mm3 = piece_volumes_mm3(pieces)
+    printing, findings = print_checks(mesh, along, steps, volumes_mm3, chosen, machine)
     return Plan(
         schema=1,
         version=__version__,
@@ -127,7 +128,7 @@ def grade(
         gradient=Gradient(along.description(), target.description(), start, end, bands),
         stiffness=Stiffness("secant-nominal", at_strain),
         regions=regions_of(pieces, steps, scale, shells),
-        checks={**checks, **walls},
+        checks={**checks, **printing},
         findings=findings,
         warnings=source.warnings,
         unreachable=_unreachable(target, scale),
