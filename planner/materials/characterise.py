@@ -39,8 +39,8 @@ class Characteristics:
     modulus_MPa
         Young's modulus: the slope of the linear part.
     modulus_uncompensated_MPa
-        Stress over strain at the end of the linear part with strains as recorded; equal to the
-        modulus where the linear part runs from the origin and there is no toe.
+        Stress over strain at the end of the linear part with strains as recorded: what the
+        modulus would be without compensation. Equal to it for a line from the origin.
     toe_strain
         What was taken off the strains; 0 where there is no toe.
     toughness_MJ_m3
@@ -142,8 +142,6 @@ def characterise(
     at_yield = yield_strain(curve)
     if at_yield is not None:
         at_yield -= part.toe_strain
-    # The line's own stress, so that noise on one point does not reach the chord.
-    end_stress = part.modulus_MPa * (float(curve.strain[end]) - part.zero_strain)
     notes = [_toe_note(curve, part)]
     origin_area = 0.0
     if part.toe_strain == 0.0 and strain[0] > 0.0:
@@ -151,7 +149,7 @@ def characterise(
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
-        modulus_uncompensated_MPa=end_stress / float(curve.strain[end]),
+        modulus_uncompensated_MPa=part.end_stress_MPa / float(curve.strain[end]),
         linear_strain=(float(strain[part.start]), float(strain[end])),
         toe_strain=part.toe_strain,
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
@@ -236,7 +234,9 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
             "steepest slope meets zero stress (ASTM D638, annex A1)"
         )
     if part.kind == "origin":
-        return f"{where}: steepens to its break; modulus at the origin, strains not shifted"
+        return f"{where}: steepens from the start; modulus at the origin, strains not shifted"
+    if part.kind == "arc":
+        return f"{where}: bends from the start; modulus at the origin, no toe, strains not shifted"
     if part.start == 0 and part.zero_strain > 0.0 and curve.strain[0] > 0.0:
         return (
             f"{where}: the record starts within the linear part, at strain {curve.strain[0]:.4g}, "

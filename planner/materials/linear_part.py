@@ -16,6 +16,10 @@ The rule, in the order it is applied:
    from that point (ASTM D638, annex A1: the tangent at the maximum slope, extrapolated to zero
    stress).
 
+5. A part that begins with the record and yet bends is the arc of a rubber and no line: a parabola
+   through it changes its slope by more than a fifth, and by three standard errors. Its modulus is the parabola's slope
+   at the beginning, and nothing is shifted.
+
 A curve that steepens on beyond that range, as a rubber's may, has no such tangent: its modulus
 is the slope at the origin, and nothing is shifted.
 """
@@ -41,6 +45,9 @@ TOE_RANGE = 0.2
 LONG_SHARE = 0.2
 """A line over this share of the peak stress is one, though the slopes rise on behind it."""
 
+ARC_CHANGE = 0.2
+"""Relative change of slope over a part that is an arc."""
+
 _MINIMUM_WINDOW = 5
 
 
@@ -57,8 +64,10 @@ class LinearPart:
     toe_strain
         The strain from which strains count; 0 where there is no toe.
     kind
-        "line" (a linear part was found) or "origin" (the curve steepens throughout; the slope
-        at its beginning).
+        "line" (a linear part was found), "arc" (the curve bends from its beginning) or "origin"
+        (it steepens on); the modulus of the latter two is the slope at the beginning.
+    end_stress_MPa
+        Stress of the line or arc at the end of the part.
     zero_strain
         Where the line meets zero stress, shifted or not.
     """
@@ -68,8 +77,9 @@ class LinearPart:
     modulus_MPa: float
     modulus_se_MPa: float
     toe_strain: float
-    kind: Literal["line", "origin"]
+    kind: Literal["line", "arc", "origin"]
     zero_strain: float
+    end_stress_MPa: float
 
 
 class _Lines:
@@ -134,11 +144,16 @@ def linear_part(curve: Curve) -> LinearPart:
     slopes, errors, width = _windows(lines, begins, noise)
     seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)])
     start, stop = _grow(lines, slopes, errors, seed, width)
-    kind: Literal["line", "origin"] = "line"
+    kind: Literal["line", "arc", "origin"] = "line"
     if still_rising and y[stop - 1] - y[start] < LONG_SHARE * y[-1]:
         kind = "origin"
         start, stop = _grow(lines, slopes, errors, 0, width)
     modulus, error, zero, zero_error = lines.line(start, stop)
+    end_stress = modulus * (float(x[stop - 1]) - zero)
+    arc = _arc(x[start:stop], y[start:stop]) if start == 0 else None
+    if arc is not None:
+        kind = "arc" if kind == "line" else kind
+        modulus, error, zero, end_stress = arc
     if modulus <= 0.0:
         raise FileError(
             f"specimen {curve.specimen}: the stress does not rise with strain at strain "
@@ -154,7 +169,26 @@ def linear_part(curve: Curve) -> LinearPart:
             np.mean(above)
         ) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
-    return LinearPart(start, stop, modulus, error, toe, kind, zero)
+    return LinearPart(start, stop, modulus, error, toe, kind, zero, end_stress)
+
+
+def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float, float, float] | None:
+    """Slope at the first point, its error, zero and last stress of a parabola that bends.
+
+    None where the parabola's bend is not significant, or its slope not positive.
+    """
+    if len(x) < _MINIMUM_WINDOW or x[-1] <= x[0]:
+        return None
+    scale = float(x[-1] - x[0])
+    terms = np.vander((x - x[0]) / scale, 3, increasing=True)
+    inverse = np.linalg.pinv(terms)
+    level, slope, bend = (float(c) for c in inverse @ y)
+    scatter = float(np.sum((y - terms @ np.array([level, slope, bend])) ** 2)) / (len(x) - 3)
+    slope_error, bend_error = np.sqrt(scatter * np.sum(inverse[1:] ** 2, axis=1))
+    if slope <= 0.0 or abs(bend) <= max(3.0 * bend_error, 0.5 * ARC_CHANGE * slope):
+        return None
+    zero = float(x[0]) - level * scale / slope
+    return slope / scale, float(slope_error) / scale, zero, level + slope + bend
 
 
 def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray, FloatArray, int]:
