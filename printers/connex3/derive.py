@@ -21,7 +21,14 @@ from printers.connex3.ogden_fit import fit_ogden
 from printers.connex3.thesis import Published, Thesis, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct
 
-__all__ = ["PALETTE", "derived_palette", "fit_strains", "palette_bytes", "reading_log_sd"]
+__all__ = [
+    "PALETTE",
+    "derived_palette",
+    "fit_strains",
+    "palette_bytes",
+    "reading_log_sd",
+    "rigid_reading_log_sd",
+]
 
 PALETTE = Path(__file__).parent / "palettes" / "connex3-tango-vero.toml"
 
@@ -35,6 +42,8 @@ _COMMENT = b"""\
 # Derived from thesis.toml by `python -m printers.connex3.derive`: edit that, not this. A law is
 # stress-free at rest, for planning; what is published is eq. 3.8 as printed, never planned with.
 """
+
+_DENSITY = "density interpolated between the base resins"
 
 _REFERENCE = Reference(
     strain_rate_per_s=0.034,  # 1 mm/s on a gauge of about 29 mm
@@ -81,6 +90,22 @@ def reading_log_sd(curve: CorrectedCurve) -> float:
     return float(np.sqrt(np.mean(np.square(shifts))))
 
 
+def rigid_reading_log_sd(published: Published, thesis: Thesis) -> float:
+    """Return how far ln(modulus) of a rigid grade moves under other readings of Table 3.1.
+
+    Root mean square of two: Table 3.1 against the curve at the hardest elastomer, where both
+    can be believed; and the modulus of the straight line to the break that has the grade's own
+    toughness, 2 U / ε².
+    """
+    hardest = thesis.elastomers[-1]
+    line = 2.0 * published.toughness_MJ_m3 / published.elongation_at_break**2
+    readings = (
+        math.log(hardest.youngs_modulus_MPa / correct(hardest).modulus_MPa),
+        math.log(line / published.youngs_modulus_MPa),
+    )
+    return math.sqrt(sum(r**2 for r in readings) / len(readings))
+
+
 def derived_palette() -> Palette:
     """Return the palette."""
     thesis = load_thesis()
@@ -125,19 +150,18 @@ def _elastic(published: Published) -> dict[str, Any]:
         "law": LawParameters("ogden", {"mu_MPa": law.mu_MPa, "alpha": law.alpha}),
         "published": LawParameters("ogden-thesis", {"c": published.c, **valid}),
         "modulus_log_sd": round(math.hypot(SPECIMEN_LOG_SD, reading_log_sd(curve)), 3),
-        "source": f"Table 3.2, toe of {curve.toe:.4f} taken off; density by interpolation of the base resins'",
+        "source": f"Table 3.2, toe of {curve.toe:.4f} taken off; {_DENSITY}",
         "deformation": "elastic",
     }
 
 
 def _plastic(published: Published, thesis: Thesis) -> dict[str, Any]:
-    # Table 3.1 against a curve, where both can be believed: at the hardest elastomer.
-    hardest = thesis.elastomers[-1]
-    reading = math.log(hardest.youngs_modulus_MPa / correct(hardest).modulus_MPa)
     return {
         "law": LawParameters("linear", {"modulus_MPa": (published.youngs_modulus_MPa,)}),
-        "modulus_log_sd": round(math.hypot(SPECIMEN_LOG_SD, reading), 3),
-        "source": "Young's modulus of Table 3.1; density by interpolation of the base resins'",
+        "modulus_log_sd": round(
+            math.hypot(SPECIMEN_LOG_SD, rigid_reading_log_sd(published, thesis)), 3
+        ),
+        "source": f"Young's modulus of Table 3.1; {_DENSITY}",
         "deformation": "plastic",
     }
 

@@ -67,6 +67,14 @@ def test_uncertainty_holds_reading_and_specimens(published: Published, material:
     assert material.modulus_log_sd == pytest.approx(np.hypot(reading, 0.05), abs=5.1e-4)
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"), [("RGD8430", 0.3053), ("RGD8425", 0.5965), ("VeroWhitePlus", 0.1954)]
+)
+def test_uncertainty_of_the_rigid_grades(name: str, expected: float) -> None:
+    """Of ln(60.47/46.33) and ln(2 U / ε² / E), by hand from Table 3.1."""
+    assert SHIPPED.resolve(name).modulus_log_sd == pytest.approx(expected, abs=6e-4)
+
+
 def test_fit_finds_a_law_it_was_given() -> None:
     """Exact data of a two-term law on the grid of exponents: its moduli come back."""
     strain = np.geomspace(0.005, 0.6, 100)
