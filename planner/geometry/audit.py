@@ -9,7 +9,7 @@ import numpy as np
 from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
 from planner.geometry.kernel import kernel
-from planner.geometry.mesh import volume_and_area
+from planner.geometry.mesh import Mesh, volume_and_area
 from planner.geometry.weld import (
     cancel_opposite,
     counting_order,
@@ -273,14 +273,16 @@ def interfaces_cancel(shells: Sequence[Float32Array], part: Measured) -> Interfa
     shells : sequence of (k, 3, 3) float32
         All shells as they stand in their files, in mm.
     part : Measured
-        The part they were cut from: a `Mesh`, or a record of its volume and area.
+        The part they were cut from, in the same place: a `Mesh`, or a record of its volume and
+        area, with which any position may have been moved by rounding.
 
     Returns
     -------
     Interfaces
         `ok` where exactly opposite triangles cancel and the part's surface remains.
     """
-    points = [part.vertices.astype(np.float32), *(shell.reshape(-1, 3) for shell in shells)]
+    own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
+    points = [own.astype(np.float32), *(shell.reshape(-1, 3) for shell in shells)]
     vertices, index = weld_points(np.concatenate(points))
     faces = index[len(points[0]) :].reshape(-1, 3)
     faces = faces[~repeats_index(faces)]
@@ -289,7 +291,7 @@ def interfaces_cancel(shells: Sequence[Float32Array], part: Measured) -> Interfa
     # Positions of the part come first; rounding has moved only what is not among them.
     moved = rest[(rest > index[: len(points[0])].max(initial=-1)).any(axis=1)]
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
-    extent_mm = float(np.ptp(part.bounds_mm, axis=0).max())
+    extent_mm = float(np.ptp(vertices, axis=0).max())
     digits = 1e-12 * part.area_mm2
     return Interfaces(
         cancelled=(len(faces) - len(rest)) // 2,
