@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from planner.arrays import Float32Array, FloatArray, IntArray
-from planner.errors import MeshError
+from planner.errors import MeshError, OutputError
 
 __all__ = ["decode_stl", "encode_stl", "require_finite"]
 
@@ -91,9 +91,20 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
     -------
     bytes
         84 + 50 m of them.
+
+    Raises
+    ------
+    OutputError
+        A vertex is not finite.
     """
     text = f"STL {header}" if header.lstrip().casefold().startswith("solid") else header
     points = np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0.0)  # no -0.0
+    if not np.isfinite(points).all():
+        first = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise OutputError(
+            f"STL {header}: vertex {first + 1} is {points[first].tolist()}: not finite; mend the "
+            "mesh before it is written"
+        )
     records = np.zeros(len(faces), dtype=_RECORD)
     for start in range(0, len(faces), _BLOCK):
         block = records[start : start + _BLOCK]
@@ -174,7 +185,8 @@ def _ascii_error(data: bytes, place: int, grammar: list[str], name: str) -> Mesh
     words = re.compile(rb"\S+").finditer(data, place)
     for position, expected in enumerate(grammar):
         found = next(words, None)
-        if found is None:
+        word = "" if found is None else found.group().decode("ascii", "replace")
+        if found is None or (found.end() == len(data) and len(word) < len(expected)):
             line = data.count(b"\n") + 1
             return MeshError(
                 f"{name}: line {line}: the file ends where {_called(expected)} should follow: "
@@ -182,7 +194,6 @@ def _ascii_error(data: bytes, place: int, grammar: list[str], name: str) -> Mesh
             )
         if position in (2, 3, 4):  # the normal, which nobody reads
             continue
-        word = found.group().decode("ascii", "replace")
         numeric = re.fullmatch(_NUMBER, found.group(), re.IGNORECASE) is not None
         if not (numeric if expected == "#" else word.casefold() == expected):
             line = data.count(b"\n", 0, found.start()) + 1

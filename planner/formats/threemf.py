@@ -43,7 +43,7 @@ _WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
 _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
-_MOST_TRIANGLES = 100_000_000
+_MOST_OBJECTS, _MOST_TRIANGLES = 10_000, 100_000_000
 _UNITS = {
     lib3mf.ModelUnit.MicroMeter: "um",
     lib3mf.ModelUnit.MilliMeter: "mm",
@@ -228,10 +228,11 @@ def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfMo
             matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
             for mesh, placed in _meshes(wrapper, item.GetObjectResource(), matrix, name, remarks):
                 count += mesh.GetTriangleCount()
-                if count > _MOST_TRIANGLES:
+                if count > _MOST_TRIANGLES or len(objects) == _MOST_OBJECTS:
                     raise MeshError(
-                        f"{name}: the build has more than {_MOST_TRIANGLES} triangles, components "
-                        "counted as often as they are placed; print fewer copies at once"
+                        f"{name}: the build has more than {_MOST_OBJECTS} objects or "
+                        f"{_MOST_TRIANGLES} triangles, components counted as often as they are "
+                        "placed; print fewer copies at once"
                     )
                 objects.append(_object(wrapper, model, mesh, placed))
         heading = _metadata(model.GetMetaDataGroup())
