@@ -45,8 +45,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         complain(f"{error.format_message()} (see planner --help)")
         return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):
-        complain("interrupted; nothing was left behind")
-        return INTERRUPTED
+        result = INTERRUPTED
     except BrokenPipeError:
         # The reader of our output went away (as with `| head`): no one is left to tell.
         sys.stderr.close()
@@ -57,4 +56,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
         complain("".join(traceback.format_exception(error)).rstrip())
         complain("this is a bug in planner: please report the lines above and the command")
         return INTERNAL_ERROR
+    if result == INTERRUPTED:  # typer turns an interrupt into this code itself
+        complain("interrupted; nothing was left behind")
     return result if isinstance(result, int) else 0

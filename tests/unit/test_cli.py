@@ -117,7 +117,7 @@ def test_strict_writes_nothing_when_something_was_found(finger: str, capsys) -> 
         (["--from", "Tango", "--to", "Vero", "--axis", "w"], "axis"),
         (["--from", "Tango", "--to", "Vero", "--axis", "0,0,0"], "axis"),
         (["--profile", "none.csv"], "cannot be read"),
-        (["--bands", "many"], "many"),
+        (["--bands", "many"], "'--bands'"),
         (["--bnads", "3"], "--bands"),
     ],
 )
