@@ -134,7 +134,7 @@ def draw(path: Path) -> None:
         curve = correct(published)
         colour, end = colours[published.id], published.elongation_at_break
         if published.id in ("TangoPlus", "FLX9740", "FLX9750"):
-            x = np.geomspace(0.004, 0.45, 300)
+            x = np.geomspace(0.004, 0.45, 120)
             stress = literal_stress_MPa(published.c, x)
             below = x <= curve.onset
             printed.plot(x[below], stress[below], ":", color=colour)
@@ -142,20 +142,20 @@ def draw(path: Path) -> None:
             ends = np.array([curve.toe, curve.onset])
             printed.plot(ends, curve.modulus_MPa * (ends - curve.toe), "k", lw=0.8)
             printed.plot(curve.onset, curve.modulus_MPa * (curve.onset - curve.toe), "ko", ms=3.5)
-        s = np.geomspace(0.005, end - curve.toe, 80)
+        s = np.geomspace(0.005, end - curve.toe, 30)
         secant.loglog(s, curve.nominal_stress_MPa(s) / s, ".", ms=3, color=colour)
         law = MODEL.laws[THESIS.materials.index(published)]
-        s = np.geomspace(0.002, end, 80)
-        secant.loglog(s, law.nominal_stress_MPa(1.0 + s) / s, color=colour, label=published.id)
+        s = np.geomspace(0.002, end, 40)
+        secant.loglog(s, law.nominal_stress_MPa(1.0 + s) / s, color=colour)
+        secant.text(0.002, 1.06 * law.initial_modulus_MPa, published.id, fontsize=7)
     printed.set(xlim=(0, 0.45), ylim=(-0.08, 0.36), xlabel="crosshead strain")
     printed.set(ylabel="nominal stress, MPa", title="as printed, tangent and toe")
     secant.set(xlabel="strain, toe taken off", ylabel="secant modulus, MPa")
     secant.set(title="corrected curves (dots) and laws", ylim=(0.25, 80.0))
-    for axes in (printed, secant):
-        axes.legend(fontsize=7, frameon=False, loc="best")
+    printed.legend(fontsize=7, frameon=False, loc="lower right")
 
     m = MODEL.coordinates
-    fine = np.linspace(m[0], m[-1], 301)
+    fine = np.linspace(m[0], m[-1], 91)
     low, high = MODEL.modulus_interval_MPa(fine, 0.1)
     rungs.fill_between(fine, low, high, color="#D5546E", alpha=0.2, lw=0, label="95 % at 10 %")
     rungs.semilogy(fine, MODEL.modulus_MPa(fine, 0.1), color="#A51F99", label="model at 10 %")

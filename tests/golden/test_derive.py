@@ -1,6 +1,8 @@
 """The shipped palette is what derive.py makes of the thesis, and is what it says."""
 
+import importlib.util
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,3 +91,14 @@ def test_fit_refuses_a_curve_that_no_stable_law_follows() -> None:
     strain = np.geomspace(0.005, 0.6, 100)
     with pytest.raises(ValueError, match="no stable Ogden law"):
         fit_ogden(strain, 1.0 + np.sin(20.0 * strain) ** 2, 0.6)
+
+
+def test_the_page_shows_what_is_computed() -> None:
+    folder = Path(__file__).resolve().parents[2] / "docs" / "explanation"
+    spec = importlib.util.spec_from_file_location("thesis_numbers", folder / "thesis_numbers.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    page = (folder / "thesis-numbers.md").read_text(encoding="utf-8")
+    assert script.with_tables(page) == page

@@ -154,3 +154,29 @@ def test_martins_and_yeoh_are_cauchy_stresses() -> None:
     np.testing.assert_allclose(
         Yeoh((c1, c2, c3)).nominal_stress_MPa(stretch) * stretch, yeoh, atol=1e-13
     )
+
+
+def test_the_onset_is_the_inflexion_where_there_is_one() -> None:
+    for published in THESIS.elastomers:
+        onset = flattest_tangent(published)
+        around = literal_tangent_MPa(published.c, onset + np.array([-2e-4, 2e-4]), order=2)
+        assert (around[0] > 0.0 > around[1]) == (published.id != "FLX9740")
+
+
+def test_the_rule_puts_the_grade_without_inflexion_where_its_neighbours_would() -> None:
+    soft, middle, hard = (correct(p).modulus_MPa for p in THESIS.elastomers[:3])
+    assert middle == pytest.approx((soft * hard) ** 0.5, rel=0.01)
+
+
+def test_hardness_sides_with_table_3_2() -> None:
+    """Gent, Rubber Chem. Technol. 31 (1958): E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)).
+
+    S is Shore A: 26 to 28 for FLX930 (its data sheet), the last digits of the mixtures' names.
+    """
+    ratios = []
+    for published in THESIS.elastomers:
+        S = 27.0 if published.id == "TangoPlus" else float(published.id[-2:])
+        gent = 0.0981 * (56.0 + 7.62336 * S) / (0.137505 * (254.0 - 2.54 * S))
+        ratios.append((gent / correct(published).modulus_MPa, gent / published.youngs_modulus_MPa))
+    assert all(1 / 3 < curve < 3 for curve, _ in ratios)
+    assert max(table for _, table in ratios) > 100
