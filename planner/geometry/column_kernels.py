@@ -220,7 +220,7 @@ def slab_runs(
         column, z, rise, sign = columns[s, 0], heights[s, 0], heights[s, 1], columns[s, 2]
         for i in range(columns[s, 1]):
             lattice = int(np.floor(z + rise * i + 0.5))
-            voxel = min(max(_ceil_voxel(lattice), 0), nz)
+            voxel = min(max(_ceil_voxel(lattice), -1), nz + 1)
             # entries sort before exits of the same voxel: touching bodies make one run
             keys[cursor[column + i]] = np.int32(voxel << 1) | sign
             cursor[column + i] += 1
@@ -250,14 +250,17 @@ def slab_runs(
             else:
                 winding -= 1
                 if winding == 0:
-                    high = min(max(voxel, low + shortest), nz)
-                    if low >= high:
-                        low = high - shortest
-                    if runs > offsets[c] and low <= stop[runs - 1]:
-                        stop[runs - 1] = max(high, stop[runs - 1])
-                    elif low < high:
-                        start[runs], stop[runs] = low, high
-                        runs += 1
+                    high = voxel
+                    if high - low < shortest:
+                        low = min(low, nz - shortest) if low <= nz else low
+                        high = low + shortest
+                    low, high = max(low, 0), min(high, nz)
+                    if low < high:
+                        if runs > offsets[c] and low <= stop[runs - 1]:
+                            stop[runs - 1] = max(high, stop[runs - 1])
+                        else:
+                            start[runs], stop[runs] = low, high
+                            runs += 1
                 elif winding == -1:
                     below = voxel
         if winding != 0:

@@ -17,7 +17,7 @@ from planner.geometry.columns import Columns
 from planner.geometry.fields import Field, PlanarField
 from planner.geometry.kernel import kernel
 
-__all__ = ["LabelledColumns", "label_columns", "label_volumes_mm3", "layers"]
+__all__ = ["LabelledColumns", "label_by_planes", "label_columns", "label_volumes_mm3", "layers"]
 
 _MOST_LABELS = 1 << 15
 
@@ -62,6 +62,13 @@ def label_columns(columns: Columns, field: Field, levels: Sequence[float]) -> La
         )
     planes = [field.plane(float(level)) for level in values]
     normal = planes[0][0] if planes else np.zeros(3)
+    return label_by_planes(columns, normal, np.array([offset for _, offset in planes], np.float64))
+
+
+def label_by_planes(
+    columns: Columns, normal: FloatArray, offsets_mm: FloatArray
+) -> LabelledColumns:
+    """Split the runs of columns at parallel planes normal . x = offset, offsets rising in mm."""
     start, stop, label, offsets = _split_runs(
         columns.offsets,
         columns.start,
@@ -71,7 +78,7 @@ def label_columns(columns: Columns, field: Field, levels: Sequence[float]) -> La
         np.array(columns.grid.pitch_mm),
         np.array(columns.grid.shape),
         np.asarray(normal, dtype=np.float64),
-        np.array([offset for _, offset in planes], dtype=np.float64),
+        offsets_mm,
     )
     return LabelledColumns(
         columns.grid, columns.first_row, offsets, start, stop, columns.faults, label

@@ -1,0 +1,254 @@
+"""Erosion, dilation and components of voxel sets, 64 voxels a word.
+
+A set is an array of words (rows, columns, words) with room around it: `ROOM` empty columns on
+either side of each row and one empty word at either end of each column. What lies beyond the
+rows counts as empty.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import BoolArray, IntArray
+from planner.geometry.kernel import kernel
+
+__all__ = [
+    "ROOM",
+    "Bits",
+    "add_runs",
+    "ball",
+    "components",
+    "empty_set",
+    "grow",
+    "members",
+    "morph",
+    "runs_of",
+]
+
+Bits = NDArray[np.uint64]
+
+ROOM = 6
+"""Empty columns on either side: the largest radius in voxels that `morph` takes."""
+
+
+def empty_set(rows: int, columns: int, voxels: int) -> Bits:
+    """Return an empty set for columns of so many voxels."""
+    return np.zeros((rows, columns + 2 * ROOM, (voxels + 63) // 64 + 2), np.uint64)
+
+
+def ball(radius: int) -> IntArray:
+    """Return a ball of voxels as lines: row and column offset, half-length; longest first.
+
+    The ball holds the offsets (i, j, k) with i² + j² + k² <= radius².
+    """
+    reach = range(-radius, radius + 1)
+    lines = [
+        (i, j, int(np.sqrt(radius**2 - i**2 - j**2)))
+        for i in reach
+        for j in reach
+        if i**2 + j**2 <= radius**2
+    ]
+    return np.array(sorted(lines, key=lambda line: -line[2]), dtype=np.int64)
+
+
+@kernel
+def add_runs(
+    bits: Bits,
+    first_row: int,
+    offsets: IntArray,
+    start: IntArray,
+    stop: IntArray,
+    wanted: BoolArray,
+) -> None:
+    """Add the runs marked in `wanted` of whole rows of columns, from row `first_row` on."""
+    columns = bits.shape[1] - 2 * ROOM
+    for c in range(len(offsets) - 1):
+        row, column = first_row + c // columns, ROOM + c % columns
+        for r in range(offsets[c], offsets[c + 1]):
+            if wanted[r]:
+                for word in range(start[r] >> 6, ((stop[r] - 1) >> 6) + 1):
+                    low = max(start[r] - (word << 6), 0)
+                    high = min(stop[r] - (word << 6), 64)
+                    mask = ~np.uint64(0) >> np.uint64(64 - (high - low))
+                    bits[row, column, 1 + word] |= mask << np.uint64(low)
+
+
+@kernel
+def morph(source: Bits, lines: IntArray, dilate: bool) -> Bits:
+    """Erode or dilate by a `ball`.
+
+    Dilation is the erosion of the complement. A line of half-length m erodes as m steps of
+    half-length one, so lines are taken longest first and a step is made between lengths.
+    """
+    out = np.zeros_like(source)
+    rows, columns, words = source.shape
+    flip = ~np.uint64(0) if dilate else np.uint64(0)
+    line = np.empty(words, np.uint64)
+    step = np.empty(words, np.uint64)
+    for row in range(rows):
+        for column in range(ROOM, columns - ROOM):
+            if not dilate and not source[row, column].any():
+                continue
+            line[:] = ~np.uint64(0)
+            length = lines[0, 2]
+            for i in range(len(lines)):
+                while length > lines[i, 2]:
+                    for w in range(1, words - 1):
+                        here = line[w]
+                        up = (here << np.uint64(1)) | (line[w - 1] >> np.uint64(63))
+                        down = (here >> np.uint64(1)) | (line[w + 1] << np.uint64(63))
+                        step[w] = here & up & down
+                    line[1 : words - 1] = step[1 : words - 1]
+                    length -= 1
+                at, beside = row + lines[i, 0], column + lines[i, 1]
+                if 0 <= at < rows:
+                    for w in range(words):
+                        line[w] &= source[at, beside, w] ^ flip
+                elif not dilate:
+                    line[:] = 0
+            for w in range(1, words - 1):
+                out[row, column, w] = line[w] ^ flip
+    return out
+
+
+@kernel
+def grow(source: Bits, within: Bits, diagonal: bool) -> Bits:
+    """Add the neighbours that lie within a set: 6 across faces, or 18 across faces and edges."""
+    out = np.zeros_like(source)
+    rows, columns, words = source.shape
+    cross = np.empty(words, np.uint64)
+    corner = np.empty(words, np.uint64)
+    for row in range(rows):
+        above, below = max(row - 1, 0), min(row + 1, rows - 1)
+        for c in range(ROOM, columns - ROOM):
+            missing = np.uint64(0)
+            for w in range(words):
+                missing |= within[row, c, w] ^ source[row, c, w]
+            if missing == 0:
+                out[row, c] = source[row, c]
+                continue
+            for w in range(words):
+                cross[w] = source[above, c, w] | source[below, c, w]
+                cross[w] |= source[row, c - 1, w] | source[row, c + 1, w]
+                corner[w] = source[above, c - 1, w] | source[above, c + 1, w]
+                corner[w] |= source[below, c - 1, w] | source[below, c + 1, w]
+            for w in range(words):
+                along = source[row, c, w] | cross[w] if diagonal else source[row, c, w]
+                beside = corner[w] if diagonal else cross[w]
+                line = along | beside | (along << np.uint64(1)) | (along >> np.uint64(1))
+                if w > 0:
+                    before = source[row, c, w - 1] | (cross[w - 1] if diagonal else np.uint64(0))
+                    line |= before >> np.uint64(63)
+                if w < words - 1:
+                    after = source[row, c, w + 1] | (cross[w + 1] if diagonal else np.uint64(0))
+                    line |= after << np.uint64(63)
+                out[row, c, w] = line & within[row, c, w]
+    return out
+
+
+@kernel
+def runs_of(bits: Bits, low: int, high: int) -> IntArray:
+    """Return the runs of rows low <= row < high: (n, 4) int32 of row, column, start, stop."""
+    columns, words = bits.shape[1], bits.shape[2]
+    runs = np.empty((64, 4), np.int32)
+    n = 0
+    for row in range(low, high):
+        for column in range(ROOM, columns - ROOM):
+            inside = False
+            for w in range(1, words):  # the empty last word ends the last run
+                word = bits[row, column, w]
+                if word == (~np.uint64(0) if inside else np.uint64(0)):
+                    continue
+                for b in range(64):
+                    if ((word >> np.uint64(b)) & np.uint64(1) == 1) == inside:
+                        continue
+                    voxel = (w - 1) * 64 + b
+                    if inside:
+                        runs[n, 3] = voxel
+                        n += 1
+                    else:
+                        if n == len(runs):
+                            runs = np.concatenate((runs, np.empty_like(runs)))
+                        runs[n, 0], runs[n, 1], runs[n, 2] = row, column - ROOM, voxel
+                    inside = not inside
+    return runs[:n].copy()
+
+
+@kernel
+def members(runs: IntArray, bits: Bits) -> IntArray:
+    """Return the first, the middle and the last voxel of each run that are in a set.
+
+    (n, 3) int32, -1 where a run has none in the set.
+    """
+    found = np.full((len(runs), 3), -1, np.int32)
+    for r in range(len(runs)):
+        row, column = runs[r, 0], runs[r, 1] + ROOM
+        n = 0
+        for wanted in (0, 1):
+            # count first, then stop at the middle one
+            middle, n = n // 2, 0
+            for w in range(runs[r, 2] >> 6, ((runs[r, 3] - 1) >> 6) + 1):
+                word = bits[row, column, 1 + w]
+                voxel = max(w << 6, runs[r, 2])
+                word >>= np.uint64(voxel & 63)
+                while word != 0 and voxel < runs[r, 3]:
+                    if word & np.uint64(1) == 1:
+                        if wanted == 0:
+                            if n == 0:
+                                found[r, 0] = voxel
+                            found[r, 2] = voxel
+                        elif n == middle:
+                            found[r, 1] = voxel
+                        n += 1
+                    word >>= np.uint64(1)
+                    voxel += 1
+                if wanted == 1 and found[r, 1] >= 0:
+                    break
+            if n == 0:
+                break
+    return found
+
+
+@kernel
+def components(runs: IntArray) -> IntArray:
+    """Return for each run the number of its component, 26-connected, by first appearance.
+
+    Runs rise by row, column and start, as from `runs_of`.
+    """
+    n = len(runs)
+    parent = np.arange(n)
+    key = np.empty(n, np.int64)
+    width = np.int64(runs[:, 1].max() + 3) if n else np.int64(1)
+    for r in range(n):
+        key[r] = runs[r, 0] * width + runs[r, 1] + 1
+    steps = np.array([-width - 1, -width, -width + 1, -1])
+    pointer = np.zeros(4, np.int64)
+    for r in range(n):
+        for s in range(4):
+            line = key[r] + steps[s]
+            p = pointer[s]
+            while p < n and key[p] < line:
+                p += 1
+            pointer[s] = p
+            while p < n and key[p] == line and runs[p, 2] <= runs[r, 3]:
+                if runs[p, 3] >= runs[r, 2]:
+                    a, b = p, r
+                    while parent[a] != a:
+                        parent[a] = parent[parent[a]]
+                        a = parent[a]
+                    while parent[b] != b:
+                        parent[b] = parent[parent[b]]
+                        b = parent[b]
+                    parent[max(a, b)] = min(a, b)
+                p += 1
+    number = np.empty(n, np.int64)
+    count = 0
+    for r in range(n):
+        root = r
+        while parent[root] != root:
+            root = parent[root]
+        if root == r:
+            number[r] = count
+            count += 1
+        else:
+            number[r] = number[root]
+    return number

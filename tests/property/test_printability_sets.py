@@ -1,0 +1,134 @@
+"""Word-parallel set operations agree with scipy's, and inscribed balls with known ones."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy import ndimage
+
+from planner.geometry.inscribed import inscribed_ball
+from planner.geometry.morphology import (
+    ROOM,
+    add_runs,
+    ball,
+    components,
+    empty_set,
+    grow,
+    members,
+    morph,
+    runs_of,
+)
+
+SHAPE = (11, 9, 150)  # columns cross two word borders
+AROUND = ndimage.generate_binary_structure(3, 3)
+
+
+def packed(dense):
+    rows, columns, voxels = dense.shape
+    bits = empty_set(rows, columns, voxels)
+    for i, j, k in np.argwhere(dense):
+        bits[i, ROOM + j, 1 + k // 64] |= np.uint64(1) << np.uint64(k % 64)
+    return bits
+
+
+def unpacked(bits, shape):
+    words = bits[:, ROOM : ROOM + shape[1], 1:]
+    bools = (words[..., None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+    return bools.reshape(*words.shape[:2], -1)[..., : shape[2]].astype(bool)
+
+
+@pytest.fixture(params=range(3))
+def sets(request):
+    """A blobby set and a larger one around it."""
+    rng = np.random.default_rng(request.param)
+    noise = ndimage.gaussian_filter(rng.standard_normal(SHAPE), 1.5)
+    return noise > 0.05, noise > -0.1
+
+
+def sphere(radius):
+    i, j, k = np.ogrid[-radius : radius + 1, -radius : radius + 1, -radius : radius + 1]
+    return i**2 + j**2 + k**2 <= radius**2
+
+
+@pytest.mark.parametrize("radius", [1, 2, 3, 5])
+def test_morphology_by_a_ball(sets, radius):
+    _, dense = sets
+    dense = ndimage.binary_dilation(dense, iterations=radius)
+    eroded = ndimage.binary_erosion(dense, sphere(radius))
+    dilated = ndimage.binary_dilation(eroded, sphere(radius))
+    small = morph(packed(dense), ball(radius), False)
+    assert np.array_equal(unpacked(small, SHAPE), eroded)
+    assert np.array_equal(unpacked(morph(small, ball(radius), True), SHAPE), dilated)
+
+
+@pytest.mark.parametrize(("diagonal", "neighbours"), [(False, 1), (True, 2)])
+def test_growth_within_a_set(sets, diagonal, neighbours):
+    dense, within = sets
+    structure = ndimage.generate_binary_structure(3, neighbours)
+    expected = ndimage.binary_dilation(dense, structure) & within
+    grown = grow(packed(dense), packed(within), diagonal)
+    assert np.array_equal(unpacked(grown, SHAPE), expected)
+
+
+def test_runs_members_and_components(sets):
+    sparse, dense = sets
+    dense = dense ^ ndimage.binary_erosion(dense)
+    runs = runs_of(packed(dense), 0, SHAPE[0])
+    assert (runs[:, 3] - runs[:, 2]).sum() == dense.sum()
+    starts = np.argwhere(dense & ~np.roll(np.pad(dense, ((0, 0), (0, 0), (0, 1))), 1, 2)[..., :-1])
+    assert np.array_equal(runs[:, :3], starts)
+    labels, count = ndimage.label(dense, AROUND)
+    number = components(runs)
+    assert number.max() + 1 == count
+    expected = labels[tuple(runs[:, :3].T)]
+    assert len(set(zip(number.tolist(), expected.tolist(), strict=True))) == count
+    for run, found in zip(runs, members(runs, packed(sparse)), strict=True):
+        inside = run[2] + np.flatnonzero(sparse[run[0], run[1], run[2] : run[3]])
+        middle = [inside[0], inside[len(inside) // 2], inside[-1]] if len(inside) else [-1] * 3
+        assert found.tolist() == middle
+
+
+def test_runs_become_sets():
+    offsets = np.array([0, 2, 2, 3, 4])  # two rows of two columns
+    start, stop = np.array([0, 64, 3, 60]), np.array([1, 128, 130, 70])
+    bits = empty_set(2, 2, 130)
+    add_runs(bits, 0, offsets, start, stop, np.array([True, True, True, False]))
+    expected = np.zeros((2, 2, 130), bool)
+    expected[0, 0, [0, *range(64, 128)]] = True
+    expected[1, 0, 3:] = True
+    assert np.array_equal(unpacked(bits, expected.shape), expected)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_inscribed_ball_of_a_turned_box(seed):
+    """The ball in a box of 2 x 1 x 3 about its centre touches the two nearest faces: radius 0.5."""
+    rng = np.random.default_rng(seed)
+    body = trimesh.creation.box((2, 1, 3))
+    body.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+    start = rng.uniform(-0.1, 0.1, 3)
+    normal, faces = np.array([0.0, 0, 1]), np.asarray(body.faces, dtype=np.int32)
+    centre, radius = inscribed_ball(
+        np.asarray(body.vertices), faces, start, normal, -np.inf, np.inf, 0.2, 5.0
+    )
+    assert 0.5 - 0.2 / 16 <= radius <= 0.5 + 1e-9
+    distance = np.abs(
+        body.face_normals @ centre - np.einsum("ij,ij->i", body.face_normals, body.triangles[:, 0])
+    )
+    assert radius == pytest.approx(distance.min(), abs=1e-9)
+    between = inscribed_ball(np.asarray(body.vertices), faces, start, normal, -0.1, 0.3, 0.3, 5.0)
+    assert between[1] == pytest.approx(0.2, abs=0.3 / 16)
+
+
+def test_inscribed_ball_starting_outside_climbs_in():
+    body = trimesh.creation.icosphere(3, 0.1)
+    centre, radius = inscribed_ball(
+        np.asarray(body.vertices),
+        np.asarray(body.faces, dtype=np.int32),
+        np.array([0.12, 0.0, 0.02]),
+        np.array([0.0, 0, 1]),
+        -np.inf,
+        np.inf,
+        0.2,
+        1.0,
+    )
+    assert np.linalg.norm(centre) < 0.03
+    assert radius == pytest.approx(0.1, abs=0.02)
