@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from planner.arrays import FloatArray
+from planner.arrays import FloatArray, IntArray
 from planner.materials.laws import Ogden
 
 __all__ = ["fit_ogden", "relative_rms"]
@@ -51,25 +51,31 @@ def _best(
     count = round(_ALPHA_MAX / step)
     alpha = step * np.array([k for k in range(-count, count + 1) if k != 0])
     columns = _terms(1.0 + strain, alpha) / stress_MPa[:, np.newaxis]
-    choice = np.array(list(itertools.combinations(range(len(alpha)), terms)))
-    # Normal equations of all choices at once, out of one Gram matrix; only to rank them.
-    gram = columns.T @ columns
-    right = columns.sum(axis=0)[choice]
-    mu = np.linalg.solve(
-        gram[choice[:, :, np.newaxis], choice[:, np.newaxis, :]], right[..., np.newaxis]
-    )[..., 0]
-    squares = len(strain) - np.sum(mu * right, axis=1)
-    parts = mu * alpha[choice]
-    sound = np.abs(parts).sum(axis=1) <= _CANCELLATION_MAX * parts.sum(axis=1)
-    order = np.flatnonzero(sound)[np.argsort(squares[sound], kind="stable")]
+    target = np.ones(len(strain))
+    choices = np.array(list(itertools.combinations(range(len(alpha)), terms)))
     stretches = np.linspace(_STABLE_FROM, 1.0 + strain_max, 201)
-    for place in order:
-        exponents = alpha[choice[place]]
-        moduli = np.linalg.lstsq(columns[:, choice[place]], np.ones(len(strain)), rcond=None)[0]
-        law = Ogden(tuple(_rounded(m) for m in moduli), tuple(float(a) for a in exponents))
-        if law.initial_modulus_MPa > 0.0 and (law.tangent_MPa(stretches) > 0.0).all():
+    for place in np.argsort(-_explained(columns, target, choices), kind="stable"):
+        chosen = choices[place]
+        moduli = np.linalg.lstsq(columns[:, chosen], target, rcond=None)[0]
+        parts = moduli * alpha[chosen]
+        if np.abs(parts).sum() > _CANCELLATION_MAX * parts.sum():
+            continue
+        law = Ogden(tuple(_rounded(m) for m in moduli), tuple(alpha[chosen].tolist()))
+        if (law.tangent_MPa(stretches) > 0.0).all():
             return law
     return None
+
+
+def _explained(columns: FloatArray, target: FloatArray, choices: IntArray) -> FloatArray:
+    """Return the squares of `target` that each choice of columns explains.
+
+    The columns span a dozen directions within rounding; seen in these alone, an orthogonal basis
+    of each choice is cheap, and exact enough to rank alike on any machine.
+    """
+    u, size, v = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    kept = size > 1e-13 * size[0]
+    basis = np.linalg.qr((size[kept, np.newaxis] * v[kept])[:, choices].transpose(1, 0, 2))[0]
+    return np.asarray((((target @ u[:, kept]) @ basis) ** 2).sum(axis=-1))
 
 
 def _terms(stretch: FloatArray, alpha: FloatArray) -> FloatArray:
