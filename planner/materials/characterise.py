@@ -215,12 +215,12 @@ def _secant(curve: Curve, toe: float, strain: float) -> float | None:
     if strain > x[-1] or strain < x[0]:
         return None
     near = np.abs(x - strain)
-    # Five points even out noise; fewer than the curve's scale, they add no bias to speak of.
+    # Five points even out noise; where they lie too far apart, two have to do.
     at = np.sort(np.argsort(near, kind="stable")[:5])
     u = x[at] - strain
     v = curve.stress_MPa[at]
     sxx = float(np.sum((u - u.mean()) ** 2))
-    if float(np.ptp(u)) > 0.1 * strain or sxx == 0.0:
+    if float(np.ptp(u)) > 0.5 * strain or sxx == 0.0:
         return float(np.interp(strain, x, curve.stress_MPa)) / strain
     slope = float(np.sum((u - u.mean()) * (v - v.mean()))) / sxx
     return float(v.mean() - slope * u.mean()) / strain

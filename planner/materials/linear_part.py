@@ -17,8 +17,8 @@ The rule, in the order it is applied:
    stress).
 
 5. A part that begins with the record and yet bends is the arc of a rubber and no line: a parabola
-   through it changes its slope by more than a fifth, and by three standard errors. Its modulus is the parabola's slope
-   at the beginning, and nothing is shifted.
+   through it changes its slope by more than a tenth, and by five standard errors. Its modulus is
+   the parabola's slope at the beginning, and nothing is shifted.
 
 A curve that steepens on beyond that range, as a rubber's may, has no such tangent: its modulus
 is the slope at the origin, and nothing is shifted.
@@ -45,7 +45,7 @@ TOE_RANGE = 0.2
 LONG_SHARE = 0.2
 """A line over this share of the peak stress is one, though the slopes rise on behind it."""
 
-ARC_CHANGE = 0.2
+ARC_CHANGE = 0.1
 """Relative change of slope over a part that is an arc."""
 
 _MINIMUM_WINDOW = 5
@@ -185,7 +185,7 @@ def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float, float, float] | No
     level, slope, bend = (float(c) for c in inverse @ y)
     scatter = float(np.sum((y - terms @ np.array([level, slope, bend])) ** 2)) / (len(x) - 3)
     slope_error, bend_error = np.sqrt(scatter * np.sum(inverse[1:] ** 2, axis=1))
-    if slope <= 0.0 or abs(bend) <= max(3.0 * bend_error, 0.5 * ARC_CHANGE * slope):
+    if slope <= 0.0 or abs(bend) <= max(5.0 * bend_error, 0.5 * ARC_CHANGE * slope):
         return None
     zero = float(x[0]) - level * scale / slope
     return slope / scale, float(slope_error) / scale, zero, level + slope + bend

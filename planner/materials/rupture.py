@@ -10,31 +10,33 @@ from planner.materials.curve import MINIMUM_POINTS, Curve
 
 __all__ = ["noise_sd", "without_tail"]
 
-BROKEN_SHARE = 0.6
+BROKEN_SHARE = 0.2
 """A stress below this share of the peak, behind the peak, is a broken specimen's."""
 
+RUPTURE_SHARE = 0.25
+"""A fall by this share of the peak from one point to the next is rupture at once."""
+
 SUDDEN_SHARE = 0.03
-"""A fall of more than this share of the peak from one point to the next is rupture, not yield."""
+"""A fall of more than this share from one point to the next, just before rupture, belongs to it."""
 
 
 def noise_sd(values: FloatArray) -> float:
     """Return the standard deviation of point-to-point noise.
 
-    From the median absolute second difference, which a smooth course and single jumps leave
-    almost untouched; white noise of deviation s has second differences of deviation sqrt(6) s.
+    From the median absolute third difference, which a smooth course and single jumps leave
+    almost untouched; white noise of deviation s has third differences of deviation sqrt(20) s.
     """
-    if len(values) < 3:
+    if len(values) < 4:
         return 0.0
-    second = np.diff(values, 2)
-    return float(1.4826 * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
+    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
 
 
 def without_tail(curve: Curve) -> Curve:
     """Cut what a record holds behind rupture, and note it.
 
-    Rupture is where the stress behind its peak falls below `BROKEN_SHARE` of it, or where the
-    record ends in a sudden fall; the sudden falls before that point are cut as well. A drop
-    behind a yield point is slow and stays.
+    Rupture is where the stress behind its peak falls below `BROKEN_SHARE` of it, or by
+    `RUPTURE_SHARE` of it at once, or where the record ends in a sudden fall; the sudden falls
+    (`SUDDEN_SHARE`) just before are cut as well. A drop behind a yield point is slow and stays.
 
     Raises
     ------
@@ -50,12 +52,13 @@ def without_tail(curve: Curve) -> Curve:
             f"specimen {curve.specimen}: the curve never loads (stress reaches {height:g} MPa, "
             f"noise is {noise:.2g} MPa); check the load cell, the sign and the columns"
         )
-    below = np.flatnonzero(stress[peak:] < BROKEN_SHARE * height)
-    last = peak + int(below[0]) - 1 if len(below) else len(stress) - 1
+    behind = stress[peak:]
+    broken = behind[1:] < BROKEN_SHARE * height
+    broken |= -np.diff(behind) > max(RUPTURE_SHARE * height, 6.0 * noise)
+    last = peak + int(np.argmax(broken)) if broken.any() else len(stress) - 1
     sudden = max(SUDDEN_SHARE * height, 6.0 * noise)
     while last > peak and stress[last - 1] - stress[last] > sudden:
         last -= 1
-    # A fall that ends the record may stand in its very last points only.
     cut = len(stress) - 1 - last
     if not cut:
         return curve

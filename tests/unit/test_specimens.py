@@ -1,0 +1,111 @@
+"""specimens.csv: what it tells, and every row that is refused with line and column."""
+
+from pathlib import Path
+
+import pytest
+
+from planner.errors import ArgumentError, FileError
+from planner.formats.tensile import read_specimens
+from planner.measurement.study import read_study
+
+HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"
+
+
+def listing(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "specimens.csv"
+    path.write_text(text)
+    return path
+
+
+def curve(slope: float = 3.0, gauge: float = 10.0) -> str:
+    lines = [f"{0.1 * i:.2f},{0.5 * i:.3f},{slope * 0.5 * i / gauge:.6f}" for i in range(30)]
+    return "time_s,displacement_mm,force_N\n" + "\n".join(lines) + "\n"
+
+
+def test_a_row(tmp_path: Path) -> None:
+    path = listing(tmp_path, HEAD + "S1,FLX9740,3,2,,Ann\n")
+    (row,) = read_specimens(path)
+    assert (row.material, row.area_mm2, row.gauge_mm) == ("FLX9740", 6.0, None)
+    assert row.covariates == {"operator": "Ann"}
+
+
+def test_measured_sizes_go_first(tmp_path: Path) -> None:
+    text = "specimen,material,width_mm,thickness_mm,measured_width_mm\nS1,A,3,2,3.5\n"
+    assert read_specimens(listing(tmp_path, text))[0].area_mm2 == 7.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,size\na,1\n", "'specimen' and 'material'"),
+        (HEAD + "S1,A,3,0,15,\n", "line 2: thickness_mm is '0'; it must be a number above 0"),
+        (HEAD + "S1,A,3,two,15,\n", "line 2: thickness_mm is 'two'"),
+        (HEAD + "S1,A,3,2,15,\nS1,A,3,2,15,\n", "line 3: specimen 'S1' stands on line 2"),
+        (HEAD + "S1,,3,2,15,\n", "exactly one of 'material' and 'profile'"),
+        (HEAD + ",A,3,2,15,\n", "column 'specimen' is empty"),
+        (HEAD + "S1,A,3,2,15,a,b\n", "line 2: 7 cells for 6 columns"),
+        (HEAD, "no specimen"),
+        ("specimen,material,protocol\nS1,A,fast\n", "protocol is 'fast'"),
+        ("specimen,material,material\nS1,A,B\n", "two columns 'material'"),
+    ],
+)
+def test_bad_lists_are_refused_with_line_and_column(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    with pytest.raises(FileError, match=message):
+        read_specimens(listing(tmp_path, text))
+
+
+def test_the_list_groups_and_sizes_the_files(tmp_path: Path) -> None:
+    listing(
+        tmp_path,
+        "specimen,material,profile,file,width_mm,thickness_mm,gauge_mm,protocol\n"
+        "b,B,,one.csv,2,1,10,\na,A,,two.csv,4,1,10,monotonic\n"
+        "c,A,,three.csv,4,1,10,cyclic\ng,,bar.csv,four.csv,4,1,10,\n",
+    )
+    for name in ("one", "two", "three", "four", "fields"):
+        (tmp_path / f"{name}.csv").write_text(curve())
+    study = read_study(sorted(tmp_path.glob("*.csv")))
+    assert list(study.groups) == ["B", "A"]
+    # Force 3 N a unit strain over 2 mm2 and 4 mm2; 1e-9: nine digits in the text.
+    assert study.groups["B"][0].stress_MPa[2] == pytest.approx(0.15, abs=1e-9)
+    assert study.groups["A"][0].stress_MPa[2] == pytest.approx(0.075, abs=1e-9)
+    notes = " ".join(study.notes)
+    for said in ("c: protocol cyclic", "g: a graded bar", "fields.csv: not named"):
+        assert said in notes
+    assert [c.specimen for c in read_study([tmp_path]).groups["A"]] == ["a"]
+
+
+def test_names_group_replicates_without_a_list(tmp_path: Path) -> None:
+    names = ["FLX9740-1", "FLX9740_02", "FLX9740 S3", "Ecoflex 00-10", "Ecoflex 00-30"]
+    for name in names:
+        (tmp_path / f"{name}.csv").write_text(curve())
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert {m: len(c) for m, c in study.groups.items()} == {
+        "Ecoflex 00-10": 1,
+        "Ecoflex 00-30": 1,
+        "FLX9740": 3,
+    }
+    forced = read_study([tmp_path], material="X", width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert list(forced.groups) == ["X"]
+
+
+def test_missing_sizes_and_files_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(curve())
+    with pytest.raises(FileError, match="specimen a: the gauge length is unknown"):
+        read_study([path])
+    with pytest.raises(FileError, match="specimen a: the section is unknown"):
+        read_study([path], gauge_mm=10)
+    with pytest.raises(ArgumentError, match="thickness_mm is 0"):
+        read_study([path], gauge_mm=10, width_mm=1, thickness_mm=0)
+    with pytest.raises(ArgumentError, match="no tensile file"):
+        read_study([])
+
+
+def test_one_id_from_two_files_is_refused(tmp_path: Path) -> None:
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "a.csv").write_text(curve())
+    with pytest.raises(FileError, match=r"specimen 'a' was read from a\.csv already"):
+        read_study([tmp_path / "x", tmp_path / "y"], width_mm=2, thickness_mm=1, gauge_mm=10)

@@ -1,0 +1,133 @@
+"""Tensile files: the layouts of MESURgauge, Bluehill and plain CSV, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import FileError
+from planner.formats.tensile import TensileTable, read_tensile
+
+TIME = np.arange(10) * 0.1
+TRAVEL_MM = 0.5 * np.arange(10)
+LOAD_N = 2.0 * np.arange(10) ** 0.5
+
+
+def read(tmp_path: Path, text: str | bytes, name: str = "a.csv") -> TensileTable:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    (table,) = read_tensile(path)
+    return table
+
+
+def rows(form: str, *, load: float = 1.0, travel: float = 1.0, end: str = "\n") -> str:
+    return "".join(
+        form.format(n=n, t=t, d=d / travel, f=f / load) + end
+        for n, (t, d, f) in enumerate(zip(TIME, TRAVEL_MM, LOAD_N, strict=True), start=1)
+    )
+
+
+MARK10 = (
+    "8/14/2017  10:46 AM\r\nUnits: lbF\r\nReadings: Continuous\r\nX-Axis: Travel\r\n"
+    "Travel Unit: in\r\nReading\tLoad\tTravel\tTime\r\n"
+    + rows("{n}\t{f:.9f}\t{d:.9f}\t{t:.3f}", load=4.4482216152605, travel=25.4, end="\r\n")
+)
+BLUEHILL = (
+    '"General : Specimen label","x1"\r\n"Dimension : Width","3.10","mm"\r\n'
+    '"Dimension : Thickness","0.1","in"\r\n\r\n'
+    '"Results Table 1"\r\n"","Maximum Load (N)","Tensile strain at Break (%)"\r\n'
+    '"1","6.0","30"\r\n\r\n"Time","Extension","Load"\r\n"(s)","(mm)","(kN)"\r\n'
+    + rows('"{t:.3f}","{d:.4f}","{f:.12f}"', load=1000.0, end="\r\n")
+)
+PLAIN = "time_s,displacement_mm,force_N\n" + rows("{t:.3f},{d:.4f},{f:.9f}")
+EUROPEAN = "Time (s);Position (mm);Load (N)\n" + rows("{t:.3f};{d:.4f};{f:.9f}").replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        MARK10,
+        MARK10.replace("\t", ","),
+        BLUEHILL,
+        PLAIN,
+        EUROPEAN,
+        PLAIN.encode("utf-16"),
+        b"\xef\xbb\xbf" + PLAIN.encode(),
+    ],
+    ids=["mark10", "mark10-commas", "bluehill", "plain", "european", "utf-16", "bom"],
+)
+def test_one_record_in_every_layout(tmp_path: Path, text: str | bytes) -> None:
+    table = read(tmp_path, text)
+    assert list(table.columns) >= ["displacement_mm"]
+    # 1e-7 N and mm: the texts' own rounding.
+    np.testing.assert_allclose(table.columns["force_N"], LOAD_N, atol=1e-7)
+    np.testing.assert_allclose(table.columns["displacement_mm"], TRAVEL_MM, atol=1e-7)
+    np.testing.assert_allclose(table.columns["time_s"], TIME, atol=1e-7)
+
+
+def test_the_head_tells_sizes_and_units(tmp_path: Path) -> None:
+    table = read(tmp_path, BLUEHILL)
+    assert table.metadata["width_mm"] == 3.1
+    # 1e-12: one product.
+    assert table.metadata["thickness_mm"] == pytest.approx(2.54, rel=1e-12)
+    assert table.metadata["specimen"] == "x1"
+    assert "MESURgauge" in read(tmp_path, MARK10).notes[0]
+
+
+def test_thousands_in_quotes(tmp_path: Path) -> None:
+    text = 'Time (s),Travel (mm),Load (N)\n0,0,0\n1,1,"1,234.5"\n'
+    assert read(tmp_path, text).columns["force_N"][1] == 1234.5
+
+
+def test_specimens_in_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "curves.csv"
+    path.write_text("specimen,time_s,displacement_mm,force_N\nA,0,0,0\nB,0,0,1\nA,1,1,2\n")
+    first, second = read_tensile(path)
+    assert (first.specimen, second.specimen) == ("A", "B")
+    np.testing.assert_array_equal(first.columns["force_N"], [0.0, 2.0])
+    np.testing.assert_array_equal(first.lines, [2, 4])
+
+
+def test_columns_by_position_in_a_file_without_headings(tmp_path: Path) -> None:
+    path = tmp_path / "treloar.txt"
+    path.write_text("   0.0255    1.0200\n   0.1344    1.1250\n")
+    (table,) = read_tensile(path, columns=["stress_MPa", "stretch"])
+    # 1e-15: one subtraction of numbers near 1.
+    np.testing.assert_allclose(table.columns["strain"], [0.02, 0.125], atol=1e-15)
+    np.testing.assert_array_equal(table.columns["stress_MPa"], [0.0255, 0.1344])
+    with pytest.raises(FileError, match="column 'stres' is unknown"):
+        read_tensile(path, columns=["stres", "stretch"])
+
+
+def test_what_follows_a_blank_line_is_left_out_and_noted(tmp_path: Path) -> None:
+    table = read(tmp_path, PLAIN + "\nComment,by hand,\n")
+    assert len(table.lines) == 10
+    assert "line 13" in table.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("a,b\n1,2\n", "no row of headings"),
+        (PLAIN.replace("force_N", "Load (stone)"), "unknown unit 'stone' of force"),
+        (PLAIN.replace("force_N", "Load"), "column 'Load': no unit"),
+        (PLAIN.replace("0.5000,2.0", "0.5000,nan"), "line 3, column 'force_N': 'nan"),
+        (PLAIN.replace("0.5000,2.0", "0.5000,x2.0"), "line 3, column 'force_N': 'x2.0"),
+        (PLAIN.replace("0.100,0.5000,2.000000000", "0.100,0.5000"), "line 3: 2 cells"),
+        ("time_s,displacement_mm,force_N\n", "no numbers below"),
+        (b"\x00\x01\x02", "binary"),
+        (MARK10.replace("X-Axis: Travel", "Units: N"), "unit of force is 'N' here and 'lbF'"),
+    ],
+)
+def test_bad_files_are_refused_with_the_place(
+    tmp_path: Path, text: str | bytes, message: str
+) -> None:
+    with pytest.raises(FileError, match=message) as caught:
+        read(tmp_path, text)
+    assert str(tmp_path) in str(caught.value) or "a.csv" in str(caught.value)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be read"):
+        read_tensile(tmp_path / "none.csv")
