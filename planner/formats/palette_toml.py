@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from planner.errors import OutputError
-from planner.palette import LAW_PARAMETERS, LawParameters, Material, Palette, Uncertainty
+from planner.palette import LawParameters, Material, Palette, Uncertainty
 
 __all__ = ["SIGNIFICANT_DIGITS", "encode_palette", "write_palette"]
 
@@ -15,12 +15,8 @@ SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
 mathematical libraries of different machines differ."""
 
-_SCALARS = {
-    symbol
-    for model, symbols in LAW_PARAMETERS.items()
-    for symbol in symbols
-    if model in ("linear", "neo-hookean", "martins") or symbol.startswith("strain")
-}
+_LISTS = {"yeoh", "ogden", "ogden-thesis"}
+"""Models whose parameters are lists whatever their length; the others' are single figures."""
 
 
 def encode_palette(palette: Palette) -> bytes:
@@ -103,15 +99,9 @@ def _material(material: Material) -> Iterator[str]:
 def _law(key: str, law: LawParameters) -> Iterator[str]:
     yield f"[material.{key}]"
     yield f"model = {_text(law.model)}"
-    yield from _parameters(law.parameters)
-
-
-def _parameters(parameters: Mapping[str, Sequence[float]]) -> Iterator[str]:
-    for symbol, values in parameters.items():
-        if len(values) == 1 and symbol in _SCALARS:
-            yield f"{symbol} = {_number(values[0])}"
-        else:
-            yield f"{symbol} = {_list(values)}"
+    for symbol, values in law.parameters.items():
+        single = len(values) == 1 and (law.model not in _LISTS or symbol.startswith("strain"))
+        yield f"{symbol} = {_number(values[0]) if single else _list(values)}"
 
 
 def _uncertainty(uncertainty: Uncertainty) -> Iterator[str]:

@@ -152,13 +152,18 @@ def _uncertainty(chosen: Candidate, ends: Intervals, count: int, scheme: str) ->
     return Uncertainty(
         specimens=count,
         level=ends.level,
-        law_low=law.parameters(ends.a[:, 0], ends.c[:, 0]),
-        law_high=law.parameters(ends.a[:, 1], ends.c[:, 1]),
+        law_low=_rounded(law.parameters(ends.a[:, 0], ends.c[:, 0])),
+        law_high=_rounded(law.parameters(ends.a[:, 1], ends.c[:, 1])),
         basis=f"{basis}; held out: {scheme}",
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
         held_out_error=chosen.held_out_error,
     )
+
+
+def _rounded(parameters: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+    """Round ends of intervals, which are found to 2 %, to four digits."""
+    return {k: tuple(float(f"{v:.4g}") for v in values) for k, values in parameters.items()}
 
 
 def _linear(
