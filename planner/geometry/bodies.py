@@ -52,7 +52,7 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
     notes = []
     if not full.all() and full.any():
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
-    pairs = _box_pairs(bounds, full)
+    pairs = _box_pairs(bounds, full, touching)
     parent = _parents(vertices, topology, volume, bounds, pairs)
     outward = _outward(volume, parent)
     turned = full & (outward != (volume > 0.0))
@@ -84,8 +84,10 @@ def _turned_note(turned: BoolArray, full: BoolArray) -> str:
     return f"{int(turned.sum())} of {int(full.sum())} bodies were inside out: turned"
 
 
-def _box_pairs(bounds: FloatArray, full: BoolArray) -> list[tuple[int, int]]:
+def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
     """Return the pairs of bodies whose bounding boxes overlap, by a sweep along x."""
+    if touching:  # boxes that only touch count as well
+        bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
     order = np.flatnonzero(full)
     order = order[np.argsort(bounds[order, 0, 0], kind="stable")]
     low, high = bounds[order, 0], bounds[order, 1]

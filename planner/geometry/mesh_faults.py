@@ -21,6 +21,8 @@ def describe_faults(vertices: FloatArray, topology: Topology) -> str:
     """
     if len(topology.faces) == 0:
         return "every triangle has two equal corners; export the part again"
+    if (np.ptp(vertices, axis=0) == 0.0).any():
+        return "it is flat and encloses no volume; export it with a thickness in every direction"
     opened, crowded = topology.edges(OPEN), topology.edges(CROWDED)
     if len(opened) == 3 * len(topology.faces):
         return (

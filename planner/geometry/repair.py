@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import BoolArray, FloatArray
+from planner.geometry.contacts import part_at_crowded_edges
 from planner.geometry.topology import CROWDED, OPEN, Topology, consistent_winding
 from planner.geometry.weld import cancel_opposite, repeats_index
 
@@ -195,15 +196,14 @@ def turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
 
 def _touching(state: Repaired) -> Repaired | None:
     """Give bodies that meet at crowded edges vertices of their own."""
-    topology = state.topology
-    if len(topology.edges(OPEN)) or topology.bodies < 2:
+    crowded = len(state.topology.edges(CROWDED))
+    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.edges(OPEN)):
         return None
-    corner = topology.faces.ravel().astype(np.int64)
-    key = np.repeat(topology.body, 3).astype(np.int64) * len(state.vertices) + corner
-    unique, index = np.unique(key, return_inverse=True)
-    vertices = state.vertices[unique % len(state.vertices)]
-    apart = Topology(index.reshape(-1, 3).astype(np.int32))
-    return Repaired(vertices, apart, state.notes, touching=True) if apart.closed else None
+    apart = part_at_crowded_edges(state.vertices, state.topology)
+    if apart is None:
+        return None
+    vertices, faces = apart
+    return Repaired(vertices, Topology(faces), state.notes, touching=True)
 
 
 def _tolerance_mm(vertices: FloatArray) -> float:

@@ -1,0 +1,380 @@
+"""Parts: what is taken as it is, what is repaired and said, what is refused with its place."""
+
+import itertools
+import re
+
+import manifold3d
+import numpy as np
+import pytest
+
+from planner.errors import ArgumentError, MeshError
+from planner.geometry.part import make_part, part_from_arrays, part_from_trimesh
+from planner.geometry.topology import Topology
+from planner.geometry.weld import weld
+
+BOX_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+BOX_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+BOX_FACES = np.array([f for a, b, c, d in BOX_QUADS for f in [(a, b, c), (a, c, d)]])
+
+
+def box(size=(1, 1, 1), at=(0, 0, 0)):
+    return (BOX_CORNERS * size + at)[BOX_FACES]
+
+
+def solid(manifold):
+    mesh = manifold.to_mesh64()
+    return np.asarray(mesh.vert_properties)[np.asarray(mesh.tri_verts, dtype=np.int64), :3]
+
+
+def sphere(radius=5.0, at=(0, 0, 0), segments=48):
+    return solid(manifold3d.Manifold.sphere(radius, segments).translate(at))
+
+
+def inward(triangles):
+    return triangles[:, ::-1]
+
+
+def volume(triangles):
+    return np.einsum("ij,ij->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+
+
+def part(*bodies, **options):
+    return make_part(np.concatenate(bodies), name="p", **options)
+
+
+def is_closed(made):
+    return Topology(weld(made.mesh.triangles)[1]).closed
+
+
+def test_sound_mesh_is_taken_as_it_is():
+    triangles = sphere(at=(100, -50, 3))
+    made = part(triangles)
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert made.repairs == made.warnings == ()
+    assert made.name == "p"
+
+
+def test_same_soup_same_part():
+    triangles = np.concatenate([sphere(), sphere(at=(3, 0, 0)), inward(box(at=(20, 0, 0)))])
+    first, second = (make_part(triangles, name="p") for _ in range(2))
+    assert first.mesh.vertices.tobytes() == second.mesh.vertices.tobytes()
+    assert first.mesh.faces.tobytes() == second.mesh.faces.tobytes()
+    assert first.repairs == second.repairs
+
+
+def test_inside_out():
+    made = part(inward(box((10, 10, 10))))
+    assert made.mesh.volume_mm3 == pytest.approx(1000)
+    assert made.repairs == ("the part was inside out: turned",)
+
+
+def test_one_of_several_bodies_inside_out():
+    made = part(box((4, 4, 4)), inward(box((4, 4, 4), at=(9, 0, 0))), box((4, 4, 4), at=(18, 0, 0)))
+    assert made.mesh.volume_mm3 == pytest.approx(3 * 64)
+    assert made.repairs == ("1 of 3 bodies were inside out: turned",)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_faces_turned_over_at_random(seed):
+    triangles = sphere()
+    turned = np.random.default_rng(seed).random(len(triangles)) < 0.3
+    made = part(np.where(turned[:, None, None], triangles[:, ::-1], triangles))
+    assert made.mesh.volume_mm3 == pytest.approx(volume(triangles), rel=1e-12)
+    assert made.repairs == (f"{turned.sum()} triangles were turned over: now all agree",)
+
+
+def test_cavity_stays_a_cavity():
+    triangles = np.concatenate([box((10, 10, 10)), inward(box((4, 4, 4), at=(3, 3, 3)))])
+    made = make_part(triangles, name="p")
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert made.mesh.volume_mm3 == pytest.approx(1000 - 64)
+    assert made.repairs == ()
+
+
+def test_hollow_part_inside_out():
+    made = part(inward(box((10, 10, 10))), box((4, 4, 4), at=(3, 3, 3)))
+    assert made.mesh.volume_mm3 == pytest.approx(1000 - 64)
+    assert made.repairs == ("the part was inside out: turned",)
+
+
+def test_body_inside_a_cavity():
+    hollow = [box((10, 10, 10)), inward(box((8, 8, 8), at=(1, 1, 1)))]
+    rattle = box((4, 4, 4), at=(3, 3, 3))
+    made = part(*hollow, rattle)
+    assert made.mesh.volume_mm3 == pytest.approx(1000 - 512 + 64)
+    assert made.repairs == ()
+    wrong = part(*hollow, inward(rattle))  # inward inside a cavity can only be an error
+    assert wrong.mesh.volume_mm3 == pytest.approx(1000 - 512 + 64)
+    assert wrong.repairs == ("1 of 3 bodies were inside out: turned",)
+
+
+def test_overlapping_bodies_are_united():
+    """Two unit-depth boxes that share a quarter: inclusion-exclusion gives the volume."""
+    made = part(box((10, 10, 1)), box((10, 10, 1), at=(5, 5, 0.25)))
+    assert made.mesh.volume_mm3 == pytest.approx(100 + 100 - 25 * 0.75)
+    assert made.repairs == ("2 bodies overlapped (18.75 mm3 counted twice): united",)
+    assert is_closed(made)
+
+
+def test_solid_inside_a_solid_is_an_overlap():
+    made = part(box((10, 10, 10)), box((4, 4, 4), at=(3, 3, 3)))
+    assert made.mesh.volume_mm3 == pytest.approx(1000)
+    assert made.repairs == ("2 bodies overlapped (64 mm3 counted twice): united",)
+
+
+def test_overlap_leaves_other_bodies_and_cavities_alone():
+    far = sphere(at=(100, 0, 0))
+    hollow = [box((10, 10, 10)), inward(box((4, 4, 4), at=(3, 3, 3)))]
+    made = part(far, *hollow, box((10, 10, 10), at=(9, 1, 1)))
+    assert made.mesh.volume_mm3 == pytest.approx(volume(far) + 2000 - 64 - 81, rel=1e-9)
+    assert np.array_equal(made.mesh.triangles[: len(far)], far)
+
+
+def test_bounding_boxes_that_overlap_are_no_overlap():
+    """Two tilted plates side by side: their boxes overlap, they do not."""
+    plate = manifold3d.Manifold.cube((20, 20, 1)).rotate((45, 0, 0))
+    triangles = np.concatenate([solid(plate), solid(plate.translate((0, 0, 3)))])
+    made = make_part(triangles, name="p")
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert made.repairs == ()
+
+
+def test_boxes_face_to_face_become_one():
+    made = part(box((5, 5, 5)), box((5, 5, 5), at=(5, 0, 0)))
+    assert made.mesh.volume_mm3 == pytest.approx(250)
+    assert made.repairs == ("2 pairs of opposite triangles dropped: a wall without thickness",)
+    assert is_closed(made)
+
+
+def test_bodies_that_share_an_edge_and_overlap_are_united():
+    """A prism stands on half of a box's top: they share an edge of the box, faces touch."""
+    made = part(box((4, 4, 4)), box((2, 4, 4), at=(0, 0, 4)))
+    assert made.mesh.volume_mm3 == pytest.approx(64 + 32)
+    assert made.repairs == ("2 bodies touched: united",)
+    assert is_closed(made)
+
+
+def test_bodies_that_touch_along_an_edge_are_refused():
+    with pytest.raises(
+        MeshError,
+        match=r"1 edge in all 2 mm long with up to 4 faces, the first "
+        r"at \(2, 2, 1\) mm: bodies or walls touch",
+    ):
+        part(box((2, 2, 2)), box((2, 2, 2), at=(2, 2, 0)))
+
+
+def test_body_that_touches_itself_along_an_edge_is_refused():
+    """A U of boxes whose ends meet at one edge: the faces pair up, the contact remains."""
+    bent = box((4, 1, 1)), box((1, 3, 1), at=(0, 1, 0)), box((3, 1, 1), at=(1, 3, 0))
+    closing = box((1, 2, 1), at=(4, 1, 0))
+    with pytest.raises(MeshError, match="touch along a line"):
+        part(*bent, closing)
+
+
+def test_bodies_that_touch_at_a_point_are_taken():
+    made = part(box((2, 2, 2)), box((2, 2, 2), at=(2, 2, 2)))
+    assert made.mesh.volume_mm3 == pytest.approx(16)
+    assert made.repairs == ()
+
+
+def test_faces_that_occur_twice():
+    triangles = box((3, 3, 3))
+    rolled = np.roll(triangles[2:5], 1, axis=1)  # the same faces from another corner
+    made = part(triangles, rolled)
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert made.repairs == ("3 triangles that occur twice dropped",)
+
+
+def test_fin_without_thickness():
+    triangles = box((3, 3, 3))
+    fin = np.array([[[0, 0, 3], [3, 0, 3], [1, 0, 9]]], dtype=float)
+    made = part(triangles, fin, inward(fin))
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert len(made.repairs) == 1
+
+
+def test_degenerate_faces():
+    triangles = box((3, 3, 3))
+    needle = triangles[:2, [0, 0, 1]]
+    made = part(needle, triangles)
+    assert np.array_equal(made.mesh.triangles, triangles)
+    assert made.repairs == ("2 triangles with two equal corners dropped",)
+
+
+def test_body_without_volume_is_dropped():
+    leaf = np.array([[[50, 0, 0], [53, 0, 0], [50, 3, 0]]], dtype=float)
+    made = part(box((3, 3, 3)), leaf, inward(leaf))
+    assert made.mesh.volume_mm3 == pytest.approx(27)
+    assert made.repairs == ("1 of 2 bodies without volume dropped",)
+
+
+def test_near_vertices_are_joined():
+    """One corner of one face is off by a millionth of the extent."""
+    triangles = box((10, 10, 10))
+    triangles[0, 0] += 1e-5
+    made = part(triangles)
+    assert is_closed(made)
+    assert made.mesh.volume_mm3 == pytest.approx(1000, rel=1e-5)
+    assert "joined to others at most 1.7e-05 mm away" in made.repairs[0]
+
+
+def test_gap_wider_than_the_tolerance_stays_open():
+    triangles = box((10, 10, 10))
+    triangles[0, 0] += 1e-3
+    with pytest.raises(MeshError, match="open"):
+        part(triangles)
+
+
+def test_edge_that_ends_on_another():
+    """One of two faces along an edge is divided at its middle, the other is not."""
+    triangles = box((10, 10, 10))
+    a, b, c = triangles[0]
+    halves = np.array([[a, (a + b) / 2, c], [(a + b) / 2, b, c]])
+    made = part(halves, triangles[1:])
+    assert is_closed(made)
+    assert made.mesh.volume_mm3 == pytest.approx(1000)
+    assert made.repairs == ("1 edge that ends on the middle of another joined to it",)
+
+
+def test_open_mesh_says_where():
+    triangles = box((10, 10, 10), at=(5, 0, 0))
+    with pytest.raises(
+        MeshError,
+        match=r"p: the surface is open: 4 edges with one face around 1 "
+        r"hole of 40 mm around \(10, 5, 10\) mm",
+    ):
+        part(triangles[:-2])
+
+
+def test_two_holes():
+    triangles = sphere()
+    far_apart = [np.argmin(triangles[:, 0, 0]), np.argmax(triangles[:, 0, 0])]
+    with pytest.raises(MeshError, match="6 edges with one face around 2 holes, the longest of"):
+        part(np.delete(triangles, far_apart, axis=0))
+
+
+def test_soup():
+    with pytest.raises(MeshError, match="its 40 triangles share no edge"):
+        part(np.random.default_rng(0).random((40, 3, 3)))
+
+
+def test_moebius_strip():
+    with pytest.raises(MeshError, match="open"):
+        part(moebius())
+
+
+def moebius(steps=24):
+    angle = np.linspace(0, 2 * np.pi, steps + 1)[:, None]
+    side = np.array([-1.0, 1.0])
+    radius = 10 + side * np.cos(angle / 2)
+    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), side * np.sin(angle / 2)], -1)
+    rim[-1] = rim[0, ::-1]
+    a, b, c, d = rim[:-1, 0], rim[1:, 0], rim[1:, 1], rim[:-1, 1]
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def test_surface_with_one_side():
+    """The projective plane with six vertices: every edge has two faces, none can agree."""
+    points = np.random.default_rng(3).random((6, 3)) * 10
+    faces = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5), (0, 5, 1)]
+    faces += [(1, 2, 4), (2, 3, 5), (3, 4, 1), (4, 5, 2), (5, 1, 3)]
+    with pytest.raises(MeshError, match="one side only"):
+        part(points[np.array(faces)])
+
+
+@pytest.mark.parametrize(
+    "triangles",
+    [
+        np.array([[[0, 0, 0], [3, 0, 0], [0, 3, 0]], [[0, 0, 0], [0, 3, 0], [3, 0, 0]]], float),
+        box((5, 5, 0)),
+        box((5, 5, 1e-9)),
+    ],
+)
+def test_no_volume(triangles):
+    with pytest.raises(MeshError, match="encloses no volume"):
+        part(triangles)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+def test_impossible_coordinates(value):
+    triangles = box((5, 5, 5))
+    triangles[3, 1, 2] = value
+    with pytest.raises(MeshError, match=re.escape(f"triangle 4 has a coordinate of {value}")):
+        part(triangles)
+
+
+def test_empty():
+    with pytest.raises(MeshError, match="no triangles"):
+        make_part(np.empty((0, 3, 3)), name="p")
+
+
+def test_surface_that_crosses_itself():
+    """A sphere pulled through itself: the cap is turned inside out beyond the far side."""
+    triangles = sphere(10.0, segments=64)
+    z = triangles[:, :, 2]
+    triangles[:, :, 2] = np.where(z > 8, z - 25, z)
+    with pytest.raises(MeshError, match=r"the surface crosses itself: .* mm3; unite or mend"):
+        part(triangles)
+
+
+def test_one_body_that_overlaps_itself():
+    """A thick helix whose turns overlap is one closed surface, enclosed twice in places."""
+    turns, circle = np.linspace(0, 4 * np.pi, 121), np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    u, v = np.repeat(turns, 24), np.tile(circle, 121)
+    radius = 10 + 2 * np.cos(v)
+    rise = 2 * np.sin(v) + u / (2 * np.pi)
+    points = np.stack([radius * np.cos(u), radius * np.sin(u), rise], axis=1)
+    ring = np.arange(24)
+    faces = [
+        f
+        for k in range(120)
+        for i, j in zip(ring, np.roll(ring, -1), strict=True)
+        for f in [
+            (24 * k + i, 24 * k + 24 + i, 24 * k + 24 + j),
+            (24 * k + i, 24 * k + 24 + j, 24 * k + j),
+        ]
+    ]
+    faces += [(0, i + 1, i) for i in range(1, 23)][::-1]
+    last = 24 * 120
+    faces += [(last, last + i, last + i + 1) for i in range(1, 23)]
+    with pytest.raises(MeshError, match="enclosed 2 times"):
+        part_from_arrays(points, np.array(faces), name="p")
+
+
+def test_unit_hints():
+    small = part(sphere(0.02)).warnings
+    assert "under 1 mm in every direction; it looks like m: with --unit m it is 40" in small[0]
+    tray = (490.0, 390.0, 200.0)
+    assert part(box((400, 300, 100)), tray_mm=tray).warnings == ()
+    (long,) = part(box((100, 480, 100)), tray_mm=tray).warnings
+    assert "turn it to fit" in long
+    (huge,) = part(box((1e5, 1e4, 1e4)), tray_mm=tray).warnings
+    assert "--unit um it is 100 x 10 x 10 mm" in huge
+
+
+def test_arrays_and_meshes():
+    class Mesh:
+        vertices, faces = BOX_CORNERS.tolist(), BOX_FACES.tolist()
+
+    made = part_from_trimesh(Mesh(), name="cube")
+    assert made.name == "cube"
+    assert made.mesh.volume_mm3 == pytest.approx(1)
+    assert part_from_arrays(BOX_CORNERS, BOX_FACES).mesh.volume_mm3 == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (BOX_CORNERS[:, :2], BOX_FACES, r"\(n, 3\)"),
+        (BOX_CORNERS, BOX_FACES + 1, "faces name vertices 1 to 8; there are 8"),
+        (BOX_CORNERS, BOX_FACES - 1, "faces name vertices -1 to 6"),
+    ],
+)
+def test_arrays_that_are_no_mesh(vertices, faces, message):
+    with pytest.raises(ArgumentError, match=message):
+        part_from_arrays(vertices, faces)
+
+
+def test_object_without_faces():
+    with pytest.raises(ArgumentError, match="a str has no vertices and faces"):
+        part_from_trimesh("part.stl")
