@@ -229,10 +229,10 @@ def slab_runs(
     start = np.empty(crossings // 2, np.int32)
     stop = np.empty(crossings // 2, np.int32)
     faults = np.zeros(4, np.int64)
-    faults[2:] = -1
+    faults[2], faults[3] = -1, -1
     runs, first = 0, 0
     for c in range(total):
-        last = cursor[c]
+        last = int(cursor[c])
         if last - first == 2:
             if keys[first] > keys[first + 1]:
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]

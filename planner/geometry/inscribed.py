@@ -36,40 +36,41 @@ def inscribed_ball(
         Where no ball fits, the radius is zero.
     """
     near = np.empty(len(faces), np.int64)
+    around = reach + 2 * step
     n = 0
     for f in range(len(faces)):
         apart = False
         for axis in range(3):
-            a, b, c = (
-                vertices[faces[f, 0], axis],
-                vertices[faces[f, 1], axis],
-                vertices[faces[f, 2], axis],
-            )
-            around = reach + 2 * step
-            apart |= min(a, b, c) > point[axis] + around or max(a, b, c) < point[axis] - around
+            a = vertices[faces[f, 0], axis] - point[axis]
+            b = vertices[faces[f, 1], axis] - point[axis]
+            c = vertices[faces[f, 2], axis] - point[axis]
+            apart |= min(a, b, c) > around or max(a, b, c) < -around
         if not apart:
             near[n] = f
             n += 1
     near = near[:n]
     best = _depth(vertices, faces, near, point, normal, low, high, reach)
-    centre, origin, trial = point.copy(), point.copy(), point.copy()
+    centre, start, trial = np.empty(3), np.empty(3), np.empty(3)
+    for axis in range(3):
+        centre[axis] = point[axis]
     size = step / 2
     while size >= step / 16:
         moved = False
-        start = centre.copy()
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                for k in range(-1, 2):
-                    trial[0] = start[0] + i * size
-                    trial[1] = start[1] + j * size
-                    trial[2] = start[2] + k * size
-                    if np.abs(trial - origin).max() > step:
-                        continue
-                    depth = _depth(vertices, faces, near, trial, normal, low, high, reach)
-                    if depth > best + 1e-9:
-                        best = depth
-                        centre[:] = trial
-                        moved = True
+        for axis in range(3):
+            start[axis] = centre[axis]
+        for neighbour in range(27):
+            strayed, digits = False, neighbour
+            for axis in range(3):
+                trial[axis] = start[axis] + (digits % 3 - 1) * size
+                strayed |= abs(trial[axis] - point[axis]) > step
+                digits //= 3
+            if strayed:
+                continue
+            depth = _depth(vertices, faces, near, trial, normal, low, high, reach)
+            if depth > best + 1e-9:
+                moved, best = True, depth
+                for axis in range(3):
+                    centre[axis] = trial[axis]
         if not moved:
             size /= 2
     return centre, max(best, 0.0)

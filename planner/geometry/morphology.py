@@ -79,16 +79,19 @@ def morph(source: Bits, lines: IntArray, dilate: bool) -> Bits:
     Dilation is the erosion of the complement. A line of half-length m erodes as m steps of
     half-length one, so lines are taken longest first and a step is made between lengths.
     """
-    out = np.zeros_like(source)
     rows, columns, words = source.shape
+    out = np.zeros(source.shape, np.uint64)
     flip = ~np.uint64(0) if dilate else np.uint64(0)
     line = np.empty(words, np.uint64)
     step = np.empty(words, np.uint64)
     for row in range(rows):
         for column in range(ROOM, columns - ROOM):
-            if not dilate and not source[row, column].any():
+            any_here = np.uint64(0)
+            for w in range(words):
+                any_here |= source[row, column, w]
+                line[w] = ~np.uint64(0)
+            if any_here == 0 and not dilate:
                 continue
-            line[:] = ~np.uint64(0)
             length = lines[0, 2]
             for i in range(len(lines)):
                 while length > lines[i, 2]:
@@ -97,14 +100,16 @@ def morph(source: Bits, lines: IntArray, dilate: bool) -> Bits:
                         up = (here << np.uint64(1)) | (line[w - 1] >> np.uint64(63))
                         down = (here >> np.uint64(1)) | (line[w + 1] << np.uint64(63))
                         step[w] = here & up & down
-                    line[1 : words - 1] = step[1 : words - 1]
+                    for w in range(1, words - 1):
+                        line[w] = step[w]
                     length -= 1
                 at, beside = row + lines[i, 0], column + lines[i, 1]
                 if 0 <= at < rows:
                     for w in range(words):
                         line[w] &= source[at, beside, w] ^ flip
                 elif not dilate:
-                    line[:] = 0
+                    for w in range(words):
+                        line[w] = 0
             for w in range(1, words - 1):
                 out[row, column, w] = line[w] ^ flip
     return out
@@ -113,8 +118,8 @@ def morph(source: Bits, lines: IntArray, dilate: bool) -> Bits:
 @kernel
 def grow(source: Bits, within: Bits, diagonal: bool) -> Bits:
     """Add the neighbours that lie within a set: 6 across faces, or 18 across faces and edges."""
-    out = np.zeros_like(source)
     rows, columns, words = source.shape
+    out = np.zeros(source.shape, np.uint64)
     cross = np.empty(words, np.uint64)
     corner = np.empty(words, np.uint64)
     for row in range(rows):
@@ -123,8 +128,8 @@ def grow(source: Bits, within: Bits, diagonal: bool) -> Bits:
             missing = np.uint64(0)
             for w in range(words):
                 missing |= within[row, c, w] ^ source[row, c, w]
+                out[row, c, w] = source[row, c, w]
             if missing == 0:
-                out[row, c] = source[row, c]
                 continue
             for w in range(words):
                 cross[w] = source[above, c, w] | source[below, c, w]
@@ -167,10 +172,14 @@ def runs_of(bits: Bits, low: int, high: int) -> IntArray:
                         n += 1
                     else:
                         if n == len(runs):
-                            runs = np.concatenate((runs, np.empty_like(runs)))
+                            longer = np.empty((2 * n, 4), np.int32)
+                            for r in range(n):
+                                for i in range(4):
+                                    longer[r, i] = runs[r, i]
+                            runs = longer
                         runs[n, 0], runs[n, 1], runs[n, 2] = row, column - ROOM, voxel
                     inside = not inside
-    return runs[:n].copy()
+    return runs[:n]
 
 
 @kernel
@@ -179,8 +188,10 @@ def members(runs: IntArray, bits: Bits) -> IntArray:
 
     (n, 3) int32, -1 where a run has none in the set.
     """
-    found = np.full((len(runs), 3), -1, np.int32)
+    found = np.empty((len(runs), 3), np.int32)
     for r in range(len(runs)):
+        for i in range(3):
+            found[r, i] = -1
         row, column = runs[r, 0], runs[r, 1] + ROOM
         n = 0
         for wanted in (0, 1):
@@ -215,16 +226,18 @@ def components(runs: IntArray) -> IntArray:
     Runs rise by row, column and start, as from `runs_of`.
     """
     n = len(runs)
-    parent = np.arange(n)
+    parent = np.empty(n, np.int64)
     key = np.empty(n, np.int64)
-    width = np.int64(runs[:, 1].max() + 3) if n else np.int64(1)
+    width = 0
     for r in range(n):
+        width = max(width, runs[r, 1] + 3)
+    for r in range(n):
+        parent[r] = r
         key[r] = runs[r, 0] * width + runs[r, 1] + 1
-    steps = np.array([-width - 1, -width, -width + 1, -1])
     pointer = np.zeros(4, np.int64)
     for r in range(n):
-        for s in range(4):
-            line = key[r] + steps[s]
+        for s in range(4):  # the three columns of the row before, and the column before
+            line = key[r] - 1 if s == 3 else key[r] - width - 1 + s
             p = pointer[s]
             while p < n and key[p] < line:
                 p += 1
