@@ -99,7 +99,7 @@ def run(name, solid):
         sliced = median_s(lambda: by_trimesh(mesh, normal, offsets), runs=1)
         print(f"  trimesh slice_plane    {sliced:9.4f} s   {sliced / ours:6.1f} x")
     except ImportError as missing:
-        print(f"  trimesh slice_plane    needs {missing.name}")
+        print(f"  trimesh slice_plane    {missing}")
     soup = mesh.triangles.astype(np.float32)
     print(f"  audit of the part      {median_s(lambda: audit(soup), 3):9.4f} s")
     sound = sum(audit(soup).sound for soup in soups)

@@ -29,8 +29,10 @@ class Mesh:
     faces: NDArray[np.int32]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64))
-        object.__setattr__(self, "faces", np.ascontiguousarray(self.faces, dtype=np.int32))
+        # Kernels are compiled for one kind of array: contiguous and writable.
+        vertices = np.require(self.vertices, np.float64, ["C", "W"])
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", np.require(self.faces, np.int32, ["C", "W"]))
 
     @cached_property
     def triangles(self) -> FloatArray:

@@ -45,7 +45,8 @@ def weld_points(points: Points) -> tuple[Points, NDArray[np.int32]]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
     bits = np.uint32 if points.dtype == np.float32 else np.uint64
     vertices, index = _weld(
-        np.ascontiguousarray(points).view(bits), bits(1 << (8 * points.dtype.itemsize - 1))
+        np.require(points, requirements=["C", "W"]).view(bits),
+        bits(1 << (8 * points.dtype.itemsize - 1)),
     )
     return vertices.view(points.dtype), index
 
