@@ -331,11 +331,10 @@ def _is_hex(text: str) -> bool:
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
-    given = table.get("model")
-    model = given.replace("_", "-") if isinstance(given, str) else ""  # neo_hookean is one too
-    if model not in LAW_PARAMETERS:
+    model = table.get("model")
+    if not isinstance(model, str) or model not in LAW_PARAMETERS:
         known = _list(LAW_PARAMETERS)
-        raise PaletteError(f"{where}: model is {given!r}; it must be one of {known}")
+        raise PaletteError(f"{where}: model is {model!r}; it must be one of {known}")
     expected = LAW_PARAMETERS[model]
     for key in table:
         if key != "model" and key not in expected:

@@ -87,13 +87,6 @@ def test_a_fault_is_named(old: str, new: str, words: str) -> None:
     assert "two.toml" in str(caught.value)
 
 
-@pytest.mark.parametrize("model", ["neo_hookean", "neo-hookean"])
-def test_both_spellings_of_a_model(model: str) -> None:
-    text = SOUND.replace('"linear"', f'"{model}"').replace("modulus_MPa = 100", "mu_MPa = 30")
-    law = parse(text).materials[1].law
-    assert (law.model, dict(law.parameters)) == ("neo-hookean", {"mu_MPa": (30.0,)})
-
-
 def test_no_material_is_refused() -> None:
     with pytest.raises(PaletteError, match="needs at least one"):
         parse('schema = 1\nname = "none"\nkind = "palette"\nmaterial = []')
