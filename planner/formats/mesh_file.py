@@ -27,7 +27,8 @@ _ALIASES = (
     ("m", ("meter", "metre")),
     ("inch", ("in", "inches", '"')),
     ("ft", ("foot", "feet", "'")),
-    ("um", ("micron", "micrometer", "micrometre", "µm")),
+    # In lower case the micro sign is a mu.
+    ("um", ("micron", "micrometer", "micrometre", "\u03bcm")),
 )
 _ALSO_CALLED = MappingProxyType({alias: unit for unit, known in _ALIASES for alias in known})
 _BY_TRIMESH = ("ply", "obj", "off", "glb")

@@ -1,0 +1,182 @@
+"""Mesh files: every format gives the same part, units are honest, errors say what to do."""
+
+import hashlib
+
+import lib3mf
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import ArgumentError, FileError, MeshError
+from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
+from planner.formats.stl import encode_stl
+from planner.formats.threemf import ThreemfObject, write_threemf
+
+
+@pytest.fixture
+def box():
+    return trimesh.creation.box((2, 4, 6))
+
+
+def corners(triangles):
+    return np.unique(np.asarray(triangles).reshape(-1, 3).round(6), axis=0)
+
+
+@pytest.mark.parametrize("kind", EXTENSIONS)
+def test_each_format_gives_the_same_triangles(kind, box, tmp_path):
+    path = tmp_path / f"part.{kind}"
+    if kind == "3mf":
+        faces = box.faces.astype(np.int32)
+        item = ThreemfObject("x", box.vertices.astype(np.float32), faces, "m", "#000000")
+        write_threemf(path, [item], "x")
+    else:
+        box.export(path)
+    mesh = read_mesh(path, "mm")
+    assert mesh.triangles.dtype == np.float64
+    assert mesh.triangles.shape == (12, 3, 3)
+    assert np.array_equal(corners(mesh.triangles), corners(box.triangles))
+    assert mesh.name == "part"
+    assert mesh.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("name", ["part.STL", "my part.v2.stl"])
+def test_names(name, box, tmp_path):
+    (tmp_path / name).write_bytes(encode_stl(box.vertices, box.faces, "x"))
+    assert read_mesh(tmp_path / name).name == name[:-4]
+
+
+@pytest.mark.parametrize(
+    ("unit", "millimetres"),
+    [
+        *(("mm", 1), ("cm", 10), ("m", 1000), ("inch", 25.4), ("ft", 304.8), ("um", 0.001)),
+        *(("in", 25.4), ("Inches", 25.4), ("feet", 304.8), ("µm", 0.001), ("microns", 0.001)),
+        *(("millimetres", 1), ("METER", 1000), ('"', 25.4)),
+    ],
+)
+def test_units(unit, millimetres, box, tmp_path):
+    (tmp_path / "a.stl").write_bytes(encode_stl(box.vertices, box.faces, "x"))
+    mesh = read_mesh(tmp_path / "a.stl", unit)
+    assert unit_scale_mm(unit) == millimetres
+    assert unit_scale_mm(mesh.unit) == millimetres
+    assert np.ptp(mesh.triangles, axis=(0, 1)) == pytest.approx(np.array([2, 4, 6]) * millimetres)
+
+
+def test_unknown_unit(tmp_path):
+    with pytest.raises(ArgumentError, match=r"--unit inhc: no such unit; did you mean inch\?"):
+        read_mesh(tmp_path / "not even there.stl", "inhc")
+    with pytest.raises(ArgumentError, match="it may be mm, cm, m, inch, ft, um"):
+        unit_scale_mm("parsec")
+
+
+def test_formats_without_a_unit_are_in_mm(box, tmp_path):
+    (tmp_path / "a.stl").write_bytes(encode_stl(box.vertices, box.faces, "x"))
+    assert read_mesh(tmp_path / "a.stl").unit == "mm"
+    assert read_mesh(tmp_path / "a.stl").notes == ()
+
+
+def test_glb_is_in_metres_and_says_so(box, tmp_path):
+    """The glTF 2.0 specification, 3.4: the units of all linear distances are metres."""
+    box.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb")
+    assert mesh.unit == "m"
+    assert "glTF" in mesh.notes[0]
+    assert np.ptp(mesh.triangles, axis=(0, 1)).max() == pytest.approx(6000)
+
+
+def test_glb_transforms_apply(box, tmp_path):
+    scene = trimesh.Scene(box)
+    scene.add_geometry(box, transform=trimesh.transformations.translation_matrix((10, 0, 0)))
+    scene.export(tmp_path / "a.glb")
+    mesh = read_mesh(tmp_path / "a.glb", "mm")
+    assert len(mesh.triangles) == 24
+    assert mesh.triangles[..., 0].max() == pytest.approx(11)
+
+
+def threemf_in(unit, box, path):
+    """A file of lib3mf's own, with the box twice, in some unit."""
+    wrapper = lib3mf.get_wrapper()
+    model = wrapper.CreateModel()
+    model.SetUnit(unit)
+    mesh = model.AddMeshObject()
+    mesh.SetGeometry(
+        [lib3mf.Position(tuple(p)) for p in box.vertices.tolist()],
+        [lib3mf.Triangle(tuple(f)) for f in box.faces.tolist()],
+    )
+    model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+    away = wrapper.GetIdentityTransform()
+    away.Fields[3][0] = 10.0
+    model.AddBuildItem(mesh, away)
+    model.QueryWriter("3mf").WriteToFile(str(path))
+
+
+def test_3mf_unit_and_objects(box, tmp_path):
+    threemf_in(lib3mf.ModelUnit.Inch, box, tmp_path / "a.3mf")
+    mesh = read_mesh(tmp_path / "a.3mf")
+    assert mesh.unit == "inch"
+    assert mesh.notes == ("holds 2 placed objects, graded together as one part",)
+    assert mesh.triangles[..., 0].max() == pytest.approx(11 * 25.4)
+    asked = read_mesh(tmp_path / "a.3mf", "cm")
+    assert asked.unit == "cm"
+    assert asked.notes[-1] == "read in cm as asked, though the file says inch"
+    assert asked.triangles[..., 0].max() == pytest.approx(110)
+
+
+def test_missing_file_names_a_near_one(box, tmp_path):
+    box.export(tmp_path / "finger.stl")
+    with pytest.raises(FileError, match=r"no such file; did you mean finger\.stl\?"):
+        read_mesh(tmp_path / "fingr.stl")
+    with pytest.raises(FileError, match="check the name and the folder"):
+        read_mesh(tmp_path / "no folder" / "x.stl")
+
+
+def test_folder(tmp_path):
+    (tmp_path / "part.stl").mkdir()
+    with pytest.raises(FileError, match="is a folder"):
+        read_mesh(tmp_path / "part.stl")
+
+
+@pytest.mark.parametrize("name", ["part.step", "part", "part.stl.zip"])
+def test_ending_that_is_not_read(name, tmp_path):
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(MeshError, match="stl, 3mf, ply, obj, off, glb"):
+        read_mesh(tmp_path / name)
+
+
+def test_name_with_a_zero_byte():
+    with pytest.raises(FileError, match="cannot be read"):
+        read_mesh("a\0.stl")
+
+
+@pytest.mark.parametrize("kind", EXTENSIONS)
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 200, b"ply\nformat", b"v 1 2\nf 1 2 3\n", b"OFF\n"]
+)
+def test_damaged_files(kind, content, tmp_path):
+    path = tmp_path / f"bad.{kind}"
+    path.write_bytes(content)
+    with pytest.raises(MeshError, match=r"bad\."):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize("kind", ["ply", "obj", "off", "glb", "3mf"])
+def test_files_cut_short(kind, box, tmp_path):
+    """Whatever is cut away, the answer is a MeshError or fewer finite triangles."""
+    path = tmp_path / f"a.{kind}"
+    if kind == "3mf":
+        threemf_in(lib3mf.ModelUnit.MilliMeter, box, path)
+    else:
+        box.export(path)
+    data = path.read_bytes()
+    for cut in np.linspace(1, len(data) - 1, 25).astype(int).tolist():
+        path.write_bytes(data[:cut])
+        try:
+            mesh = read_mesh(path)
+        except MeshError:
+            continue
+        assert np.isfinite(mesh.triangles).all()
+
+
+def test_not_finite(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")
+    with pytest.raises(MeshError, match="triangle 1 of 1 has a coordinate nan"):
+        read_mesh(tmp_path / "a.obj")
