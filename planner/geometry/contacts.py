@@ -78,12 +78,15 @@ def _pairs(
     if balance[-1] != 0:
         return None
     start = int(np.argmin(balance)) + 1
-    pairs, stack = [], []
+    pairs: list[tuple[int, int]] = []
+    opened: list[int] = []
+    closed: list[int] = []
     for _, opens, half in around[start:] + around[:start]:
-        if opens:
-            stack.append(half)
-        else:
-            pairs.append((stack.pop(), half))
+        (opened if opens else closed).append(half)
+        if len(opened) == len(closed):  # out of the solid again
+            # Where several solids overlap, files hold one after the other: pair in that order.
+            pairs += zip(sorted(opened), sorted(closed), strict=True)
+            opened, closed = [], []
     return pairs
 
 

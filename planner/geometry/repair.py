@@ -41,9 +41,9 @@ def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | Non
     """Make a mesh closed and consistently wound, if plain repairs do.
 
     Each repair is kept only where it changes something; none is kept unless the mesh is closed
-    in the end: faces that occur twice, pairs of opposite faces, border vertices within
-    `TOLERANCE` of each other or of another border edge, faces turned over, and bodies that
-    share the vertices of an edge at which they touch.
+    in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
+    touch, faces that occur twice, border vertices within `TOLERANCE` of each other or of
+    another border edge, and faces turned over.
 
     Parameters
     ----------
@@ -56,7 +56,9 @@ def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | Non
         None where the mesh stays open or crowded at edges.
     """
     state = Repaired(vertices, Topology(faces))
-    for repair in (_duplicates, _opposites, _near_vertices, _junctions, _winding, _touching):
+    # Where faces balance at each edge, bodies touch or coincide and no face may go.
+    steps = (_opposites, _touching, _duplicates, _near_vertices, _junctions, _winding, _touching)
+    for repair in steps:
         if state.topology.closed:
             break
         state = repair(state) or state
@@ -202,8 +204,10 @@ def _touching(state: Repaired) -> Repaired | None:
     apart = part_at_crowded_edges(state.vertices, state.topology)
     if apart is None:
         return None
-    vertices, faces = apart
-    return Repaired(vertices, Topology(faces), state.notes, touching=True)
+    topology = Topology(apart[1])
+    if not topology.closed:
+        return None
+    return Repaired(apart[0], topology, state.notes, touching=True)
 
 
 def _tolerance_mm(vertices: FloatArray) -> float:
