@@ -1,5 +1,6 @@
 """Bands: cuts lie where the nearest material changes, or at equal steps."""
 
+import itertools
 import math
 
 import numpy as np
@@ -27,7 +28,7 @@ def test_every_place_takes_the_nearest_material(knots: list[float], shape) -> No
     bands = natural_bands(profile, LADDER)
     assert bands[0].start == 0.0
     assert bands[-1].stop == 1.0
-    for band, following in zip(bands, bands[1:], strict=False):
+    for band, following in itertools.pairwise(bands):
         assert band.stop == following.start
         assert band.grade != following.grade
     for band in bands:
@@ -44,7 +45,7 @@ def test_log_profile_uses_every_material_once() -> None:
     bands = natural_bands(between("log", LADDER[0], LADDER[-1]), LADDER)
     assert [band.grade for band in bands] == list(range(10))
     total = math.log(LADDER[-1] / LADDER[0])
-    for band, (a, b) in zip(bands[1:], zip(LADDER, LADDER[1:], strict=False), strict=True):
+    for band, (a, b) in zip(bands[1:], itertools.pairwise(LADDER), strict=True):
         # Analytic: the cut between two rungs lies at their geometric mean.
         expected = math.log(math.sqrt(a * b) / LADDER[0]) / total
         assert band.start == pytest.approx(expected, rel=1e-12)
