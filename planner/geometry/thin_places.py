@@ -12,6 +12,7 @@ from planner.geometry.mesh import Mesh
 from planner.geometry.morphology import (
     ROOM,
     Bits,
+    active_words,
     add_runs,
     ball,
     components,
@@ -125,36 +126,36 @@ def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
     lines = ball(raster.radius)
     found = []
     for first, last, low, region in _windows(mesh, band, raster):
-        opened = morph(morph(region, lines, False), lines, True)
-        core = region & ~_grown(opened, region, raster.reach)
-        if core.any():
-            thin = region & ~opened
-            place = _grown(core, thin, raster.reach)
-            runs = runs_of(place, first - low, last - low)
-            if len(runs):
-                beside = place & grow(region & ~place, region, True)
-                touching = members(runs, beside)[:, 0] >= 0
-                counting = members(runs, core)
-                depth, voxel = _deepest(runs, region, core, raster.radius)
-                runs[:, 0] += low
-                table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
-                found.append(np.column_stack(table).astype(np.int64))
+        active = active_words(region, raster.radius)
+        opened = morph(region, lines, False, region, active)
+        opened = morph(opened, lines, True, region, active)
+        reached = opened.copy()
+        if not grow(reached, region, raster.reach):
+            continue
+        core = region & ~reached
+        place, thin = core.copy(), region & ~opened
+        grow(place, thin, raster.reach)
+        runs = runs_of(place, first - low, last - low)
+        if len(runs):
+            beside = region & ~place
+            grow(beside, region, 2)
+            touching = members(runs, place & beside)[:, 0] >= 0
+            counting = members(runs, core)
+            depth, voxel = _deepest(runs, region, active, core, raster.radius)
+            runs[:, 0] += low
+            table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
+            found.append(np.column_stack(table).astype(np.int64))
     return _gather(np.concatenate(found), raster.radius) if found else []
 
 
-def _grown(source: Bits, within: Bits, steps: int) -> Bits:
-    # alternating 6 and 18 neighbours: an octagonal ball, its radius true to 13 %
-    for step in range(steps):
-        source = grow(source, within, step % 2 == 1)
-    return source
-
-
-def _deepest(runs: IntArray, region: Bits, core: Bits, radius: int) -> tuple[IntArray, IntArray]:
+def _deepest(
+    runs: IntArray, region: Bits, active: BoolArray, core: Bits, radius: int
+) -> tuple[IntArray, IntArray]:
     # per run: the radius of the largest ball around a core voxel, and the voxel (-1: no core)
     voxel = members(runs, core)[:, 1]
     depth = np.where(voxel >= 0, 0, -1)
     for size in range(1, radius + 1):
-        inner = members(runs, morph(region, ball(size), False) & core)[:, 1]
+        inner = members(runs, morph(region, ball(size), False, region, active) & core)[:, 1]
         if not (inner >= 0).any():
             break
         voxel = np.where(inner >= 0, inner, voxel)

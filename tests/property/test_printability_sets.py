@@ -8,6 +8,7 @@ from scipy import ndimage
 from planner.geometry.inscribed import inscribed_ball
 from planner.geometry.morphology import (
     ROOM,
+    active_words,
     add_runs,
     ball,
     components,
@@ -50,23 +51,39 @@ def sphere(radius):
 
 
 @pytest.mark.parametrize("radius", [1, 2, 3, 5])
-def test_morphology_by_a_ball(sets, radius):
-    _, dense = sets
-    dense = ndimage.binary_dilation(dense, iterations=radius)
+def test_opening_by_a_ball(sets, radius):
+    """Also where whole words are full with full words around, which are not worked on."""
+    dense = ndimage.binary_dilation(sets[1], iterations=radius)
+    dense[:, :, 20:] |= np.indices(SHAPE)[0][:, :, 20:] > 1
+    region = packed(dense)
+    active = active_words(region, radius)
     eroded = ndimage.binary_erosion(dense, sphere(radius))
-    dilated = ndimage.binary_dilation(eroded, sphere(radius))
-    small = morph(packed(dense), ball(radius), False)
+    opened = ndimage.binary_dilation(eroded, sphere(radius))
+    small = morph(region, ball(radius), False, region, active)
     assert np.array_equal(unpacked(small, SHAPE), eroded)
-    assert np.array_equal(unpacked(morph(small, ball(radius), True), SHAPE), dilated)
+    back = morph(small, ball(radius), True, region, active)
+    assert np.array_equal(unpacked(back, SHAPE), opened)
 
 
-@pytest.mark.parametrize(("diagonal", "neighbours"), [(False, 1), (True, 2)])
-def test_growth_within_a_set(sets, diagonal, neighbours):
+def test_words_deep_inside_are_not_worked_on():
+    region = packed(np.ones((12, 14, 5 * 64), bool))
+    active = active_words(region, 2)
+    inner = np.zeros_like(active)
+    inner[2:-2, ROOM + 2 : -ROOM - 2, 2:-2] = True
+    assert np.array_equal(active, (region != 0) & ~inner)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 7])
+def test_growth_within_a_set(sets, steps):
     dense, within = sets
-    structure = ndimage.generate_binary_structure(3, neighbours)
-    expected = ndimage.binary_dilation(dense, structure) & within
-    grown = grow(packed(dense), packed(within), diagonal)
+    expected = ndimage.binary_erosion(dense) & within
+    grown = packed(expected)
+    for step in range(steps):
+        structure = ndimage.generate_binary_structure(3, 1 + step % 2)
+        expected = ndimage.binary_dilation(expected, structure) & within
+    left = grow(grown, packed(within), steps)
     assert np.array_equal(unpacked(grown, SHAPE), expected)
+    assert (left == 0) == np.array_equal(expected, within)
 
 
 def test_runs_members_and_components(sets):
