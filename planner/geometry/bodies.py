@@ -73,8 +73,12 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
         united = _unite(vertices, groups, touching) if len(groups) > 1 else None
         if united is not None:
             rest = vertices[faces[keep & ~met[solid[body]]]]
-            vertices, faces = weld(np.concatenate([rest, united.triangles]))
-            return Arranged(vertices, faces[~repeats_index(faces)], (*notes, united.note))
+            soup: FloatArray = np.concatenate([rest, united.triangles])
+            points, welded = weld(soup)
+            welded = welded[~repeats_index(welded)]
+            if not touching and not Topology(welded).closed:  # what was united touches the rest
+                return arrange_bodies(vertices, topology, touching=True)
+            return Arranged(points, welded, (*notes, united.note))
     return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
 
 

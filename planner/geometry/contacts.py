@@ -9,6 +9,7 @@ from planner.geometry.topology import CROWDED, Topology
 __all__ = ["part_at_crowded_edges"]
 
 _DIGITS = 9  # of an angle in radians: faces nearer than that lie on each other
+_HALF_TURN = round(np.pi, _DIGITS)
 
 
 def part_at_crowded_edges(
@@ -71,6 +72,7 @@ def _pairs(
         face, corner = divmod(half, 3)
         arm = vertices[faces[face, (corner + 2) % 3]] - vertices[edge[0]]
         angle = round(float(np.arctan2(arm @ second, arm @ first)), _DIGITS)
+        angle = abs(angle) if angle == -_HALF_TURN else angle
         opens = _ends(faces, half) != edge
         around.append((angle, opens, half))  # of equal angles the closing one first
     around.sort()

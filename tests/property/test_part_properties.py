@@ -98,7 +98,8 @@ def test_boxes_on_a_lattice(boxes):
     """Boxes that overlap, contain, touch at faces, edges and corners, or coincide.
 
     The volume is the number of cells covered. Only a union two of whose cells meet at an edge
-    alone may be refused.
+    alone may be refused. (Of 20 000 random arrangements, three others were: several boxes with
+    common edges.)
     """
     cells = np.zeros((8, 8, 8), dtype=bool)
     soups = [np.empty((0, 3, 3))]
