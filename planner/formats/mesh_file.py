@@ -168,7 +168,7 @@ Read = tuple[FloatArray, str | None, tuple[str, ...]]
 
 
 def _threemf(data: bytes, name: str) -> Read:
-    from planner.formats.threemf import decode_threemf
+    from planner.formats.threemf_reader import decode_threemf
 
     model = decode_threemf(data, name)
     corners = [item.vertices.astype(np.float64)[item.faces] for item in model.objects]

