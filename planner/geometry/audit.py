@@ -18,7 +18,7 @@ from planner.geometry.weld import (
     weld_points,
 )
 
-__all__ = ["Audit", "Interfaces", "Measured", "audit", "interfaces_cancel"]
+__all__ = ["Audit", "Interfaces", "Measured", "audit", "audit_welded", "interfaces_cancel"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +105,12 @@ def audit(triangles: Float32Array | FloatArray) -> Audit:
             f"{triangles[row].tolist()}; export the part again"
         )
     vertices, faces = weld(triangles)  # type: ignore[type-var] # either type, returned as it is
+    return audit_welded(Mesh(vertices.astype(np.float64), faces))
+
+
+def audit_welded(mesh: Mesh) -> Audit:
+    """Audit a mesh whose equal positions are one vertex already; see `audit`."""
+    vertices, faces = mesh.vertices, mesh.faces
     proper = faces[~repeats_index(faces)]
     opened, overused, flat, duplicates, bodies, fault = _audit(vertices, proper)
     volume_mm3, area_mm2 = volume_and_area(vertices, proper)
@@ -265,13 +271,13 @@ class Measured(Protocol):
         ...
 
 
-def interfaces_cancel(shells: Sequence[Float32Array], part: Measured) -> Interfaces:
+def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> Interfaces:
     """Test that shells fill a part and touch triangle for triangle.
 
     Parameters
     ----------
-    shells : sequence of (k, 3, 3) float32
-        All shells as they stand in their files, in mm.
+    shells : sequence of (k, 3, 3) float32 or Mesh
+        All shells as they stand in their files, in mm, welded or not.
     part : Measured
         The part they were cut from, in the same place: a `Mesh`, or a record of its volume and
         area, with which any position may have been moved by rounding.
@@ -282,14 +288,22 @@ def interfaces_cancel(shells: Sequence[Float32Array], part: Measured) -> Interfa
         `ok` where exactly opposite triangles cancel and the part's surface remains.
     """
     own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
-    points = [own.astype(np.float32), *(shell.reshape(-1, 3) for shell in shells)]
+    points, corners = [own.astype(np.float32)], [np.empty(0, dtype=np.int64)]
+    for shell in shells:
+        before = sum(map(len, points))
+        if isinstance(shell, Mesh):
+            points.append(shell.vertices.astype(np.float32))
+            corners.append(before + shell.faces.ravel().astype(np.int64))
+        else:
+            points.append(shell.reshape(-1, 3))
+            corners.append(before + np.arange(3 * len(shell)))
     vertices, index = weld_points(np.concatenate(points))
-    faces = index[len(points[0]) :].reshape(-1, 3)
+    faces = index[np.concatenate(corners)].reshape(-1, 3)
     faces = faces[~repeats_index(faces)]
     rest = faces[cancel_opposite(faces)]
     volume_mm3, area_mm2 = volume_and_area(vertices, rest)
     # Positions of the part come first; rounding has moved only what is not among them.
-    moved = rest[(rest > index[: len(points[0])].max(initial=-1)).any(axis=1)]
+    moved = rest[(rest > index[: len(own)].max(initial=-1)).any(axis=1)]
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
     extent_mm = float(np.ptp(vertices, axis=0).max())
     digits = 1e-12 * part.area_mm2

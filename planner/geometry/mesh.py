@@ -42,10 +42,8 @@ class Mesh:
     @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
-        used = np.zeros(len(self.vertices), dtype=np.bool_)
-        used[self.faces.ravel()] = True
-        points = self.vertices[used]
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        bounds_mm: FloatArray = _bounds(self.vertices, self.faces)
+        return bounds_mm
 
     @property
     def volume_mm3(self) -> float:
@@ -84,6 +82,18 @@ def volume_and_area(
     """
     volume_mm3, area_mm2 = _volume_and_area(vertices, faces)
     return float(volume_mm3), float(area_mm2)
+
+
+@kernel
+def _bounds(vertices: Any, faces: Any) -> Any:
+    bounds = np.empty((2, 3))
+    bounds[0], bounds[1] = np.inf, -np.inf
+    for i in range(faces.shape[0]):
+        for j in range(3):
+            for k in range(3):
+                x = vertices[faces[i, j], k]
+                bounds[0, k], bounds[1, k] = min(bounds[0, k], x), max(bounds[1, k], x)
+    return bounds
 
 
 @kernel

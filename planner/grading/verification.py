@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.arrays import Float32Array
+from planner.arrays import Float32Array, FloatArray
 from planner.formats.stl import decode_stl
-from planner.geometry.audit import Measured, audit, interfaces_cancel
+from planner.geometry.audit import Measured, audit_welded, interfaces_cancel
 from planner.geometry.columns import grid_for, iterate_columns
 from planner.geometry.mesh import Mesh
 from planner.geometry.weld import weld
@@ -37,19 +37,15 @@ def shell_checks(files: Sequence[bytes], part: Measured) -> dict[str, Check]:
         have winding numbers that add up to the part's, so it can differ from 0 only where a
         shell is turned inside out in places; it is measured on columns of voxels.
     """
-    soups: list[Float32Array] = [
-        np.asarray(decode_stl(data, f"shell {number}"), dtype=np.float32)
-        for number, data in enumerate(files)
-    ]
-    audits = [audit(soup) for soup in soups]
-    meshes = [_welded(soup) for soup in soups]
+    meshes = [_welded(decode_stl(data, f"shell {n}")) for n, data in enumerate(files)]
+    audits = [audit_welded(mesh) for mesh in meshes]
     unsound = sum(
         not (found.sound and _accepted(mesh)) for found, mesh in zip(audits, meshes, strict=True)
     )
-    fit = interfaces_cancel(soups, part)
+    fit = interfaces_cancel(meshes, part)
     total = sum(found.volume_mm3 for found in audits)
     error = abs(total / part.volume_mm3 - 1.0)
-    shared = _shared_mm3(meshes, soups) / part.volume_mm3
+    shared = _shared_mm3(meshes) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
         "volume_error": Check(error, VOLUME_ERROR_LIMIT, error <= VOLUME_ERROR_LIMIT),
@@ -58,9 +54,13 @@ def shell_checks(files: Sequence[bytes], part: Measured) -> dict[str, Check]:
     }
 
 
-def _shared_mm3(meshes: Sequence[Mesh], soups: Sequence[Float32Array]) -> float:
+def _shared_mm3(meshes: Sequence[Mesh]) -> float:
     """Measure on columns what lies in more than one shell."""
-    together = _welded(np.concatenate(soups))
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    together = Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+    )
     extent_mm = together.bounds_mm[1] - together.bounds_mm[0]
     grid = grid_for(together.bounds_mm, float(extent_mm.max()) / _COLUMNS_ACROSS)
     voxels = [
@@ -70,8 +70,8 @@ def _shared_mm3(meshes: Sequence[Mesh], soups: Sequence[Float32Array]) -> float:
     return abs(sum(voxels[1:]) - voxels[0]) * grid.voxel_mm3
 
 
-def _welded(soup: Float32Array) -> Mesh:
-    vertices, faces = weld(soup)
+def _welded(soup: Float32Array | FloatArray) -> Mesh:
+    vertices, faces = weld(soup.astype(np.float32))
     return Mesh(vertices.astype(np.float64), faces)
 
 

@@ -82,7 +82,7 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
     if axis is None:
         axis = "xyz"[int(np.argmax(bounds_mm[1] - bounds_mm[0]))]
     direction = _direction(axis)
-    extent = project(mesh.vertices[np.unique(mesh.faces)], direction)
+    extent = project(mesh.vertices, direction)[mesh.faces]
     start_mm, end_mm = float(extent.min()), float(extent.max())
     if not end_mm > start_mm:
         raise ArgumentError(
