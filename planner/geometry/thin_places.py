@@ -27,8 +27,9 @@ __all__ = ["Band", "Place", "Raster", "raster_for", "thin_places"]
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
 _COARSEST_RADIUS = 2
-_SET_BYTES = 48 << 20  # of one set of a slab; about six live at once
-_LEAST_ROWS = 16  # of a slab without its halo, or the halo would cost most of the time
+_SET_BYTES = 16 << 20  # of one set of a slab without its halo; about ten live at once
+_LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
+_MOST_WORK = {5: 5_000_000, 4: 10_000_000, 3: 200_000_000}  # columns times lines of the ball
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ class Raster:
 
     @property
     def halo(self) -> int:
-        """Rows on either side of a slab that bear on it."""
-        return 2 * self.radius + 2 * self.reach + 1
+        """Rows on either side of a slab that bear on it, once it is opened."""
+        return 2 * self.reach + 1
 
     def position_mm(self, voxel: IntArray) -> FloatArray:
         """Return the centre of a voxel in the mesh's axes."""
@@ -98,16 +99,16 @@ class Place:
 
 
 def raster_for(low_mm: FloatArray, high_mm: FloatArray, diameter_mm: float) -> Raster:
-    """Choose the finest grid whose slabs fit the memory for a box and a ball."""
+    """Choose a grid for a box and a ball: the finest that is cheap in memory and time."""
     order = np.argsort(high_mm - low_mm, kind="stable")
     for radius in range(FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
         pitch = diameter_mm / (2 * radius + 1)
         origin = low_mm[order] - pitch
         shape = np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2
         row_bytes = (int(shape[0]) + 2 * ROOM) * (int(shape[2]) // 64 + 3) * 8
-        halo = 2 * radius + 2 * (2 * radius + 1) + 1
-        rows = _SET_BYTES // row_bytes - 2 * halo
-        if rows >= min(_LEAST_ROWS, int(shape[1])):
+        rows = _SET_BYTES // row_bytes
+        work = int(shape[0]) * int(shape[1]) * len(ball(radius))
+        if rows >= min(_LEAST_ROWS, int(shape[1])) and work <= _MOST_WORK.get(radius, 0):
             break
     x, y, z = (float(o) for o in origin)
     nx, ny, nz = (int(n) for n in shape)
@@ -123,12 +124,9 @@ def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
     extends back to it. A sharp corner, where such voxels take up less than the ball's radius in
     every direction, does not count.
     """
-    lines = ball(raster.radius)
     found = []
-    for first, last, low, region in _windows(mesh, band, raster):
-        active = active_words(region, raster.radius)
-        opened = morph(region, lines, False, region, active)
-        opened = morph(opened, lines, True, region, active)
+    slabs = _windows(_opened(mesh, band, raster), raster, raster.halo)
+    for first, last, low, (region, opened) in slabs:
         reached = opened.copy()
         if not grow(reached, region, raster.reach):
             continue
@@ -141,17 +139,16 @@ def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
             grow(beside, region, 2)
             touching = members(runs, place & beside)[:, 0] >= 0
             counting = members(runs, core)
-            depth, voxel = _deepest(runs, region, active, core, raster.radius)
+            depth, voxel = _deepest(runs, region, core, raster.radius)
             runs[:, 0] += low
             table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
             found.append(np.column_stack(table).astype(np.int64))
     return _gather(np.concatenate(found), raster.radius) if found else []
 
 
-def _deepest(
-    runs: IntArray, region: Bits, active: BoolArray, core: Bits, radius: int
-) -> tuple[IntArray, IntArray]:
+def _deepest(runs: IntArray, region: Bits, core: Bits, radius: int) -> tuple[IntArray, IntArray]:
     # per run: the radius of the largest ball around a core voxel, and the voxel (-1: no core)
+    active = active_words(region, radius)
     voxel = members(runs, core)[:, 1]
     depth = np.where(voxel >= 0, 0, -1)
     for size in range(1, radius + 1):
@@ -190,39 +187,54 @@ def _gather(runs: IntArray, shortest: int) -> list[Place]:
     return places
 
 
-def _windows(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[int, int, int, Bits]]:
-    # slabs with their halo: rows first to last of interest, the window's own first row, and it
-    chunks = _chunks(mesh, band, raster)
+def _windows(
+    chunks: Iterator[tuple[Bits, ...]], raster: Raster, halo: int
+) -> Iterator[tuple[int, int, int, tuple[Bits, ...]]]:
+    # slabs with a halo: rows first to last of interest, the window's first row, and its sets
     rows = raster.grid.shape[1]
     held, base = next(chunks), 0
     for first in range(0, rows, raster.slab_rows):
         last = min(first + raster.slab_rows, rows)
-        low, high = max(first - raster.halo, 0), min(last + raster.halo, rows)
-        parts, until = [held[low - base :]], base + len(held)
+        low, high = max(first - halo, 0), min(last + halo, rows)
+        parts = [tuple(part[low - base :] for part in held)]
+        until = base + len(held[0])
         while until < high:
             parts.append(next(chunks))
-            until += len(parts[-1])
-        held, base = np.concatenate(parts) if len(parts) > 1 else parts[0], low
-        yield first, last, low, held[: high - low]
+            until += len(parts[-1][0])
+        if len(parts) > 1:
+            held = tuple(np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+        else:
+            held = parts[0]
+        base = low
+        yield first, last, low, tuple(part[: high - low] for part in held)
 
 
-def _chunks(mesh: Mesh, band: Band, raster: Raster) -> Iterator[Bits]:
-    # the band's voxels, a few rows at a time; sheets thinner than a voxel are added from the
-    # columns along the other two axes
+def _opened(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]]:
+    # the band's voxels and those of them that the ball reaches, slab by slab
+    lines = ball(raster.radius)
+    windows = _windows(_chunks(mesh, band, raster), raster, 2 * raster.radius)
+    for first, last, low, (region,) in windows:
+        active = active_words(region, raster.radius)
+        eroded = morph(region, lines, False, region, active)
+        opened = morph(eroded, lines, True, region, active)
+        yield region[first - low : last - low], opened[first - low : last - low]
+
+
+def _chunks(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]]:
+    # the band's voxels; sheets thinner than a voxel come from columns along the other two axes
     columns, _, voxels = raster.grid.shape
     sheets = np.concatenate(
         [_thin_voxels(mesh, band, raster, turn) for turn in ((2, 1, 0), (0, 2, 1))]
     )
     sheets = sheets[np.argsort(sheets[:, 1], kind="stable")]
-    rows = min(raster.slab_rows, raster.halo)
-    for slab, wanted in _band_columns(mesh, band, raster, rows):
+    for slab, wanted in _band_columns(mesh, band, raster, raster.slab_rows):
         bits = empty_set(slab.rows, columns, voxels)
         add_runs(bits, 0, slab.offsets, slab.start, slab.stop, wanted)
         ends = np.searchsorted(sheets[:, 1], [slab.first_row, slab.first_row + slab.rows])
         column, row, voxel = sheets[ends[0] : ends[1]].T
         words = (row - slab.first_row, ROOM + column, 1 + (voxel >> 6))
         np.bitwise_or.at(bits, words, np.uint64(1) << (voxel & 63).astype(np.uint64))
-        yield bits
+        yield (bits,)
 
 
 def _thin_voxels(mesh: Mesh, band: Band, raster: Raster, turn: tuple[int, int, int]) -> IntArray:
