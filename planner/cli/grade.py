@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 __all__ = ["grade"]
 
+_FINDINGS_SHOWN = 10
+
 
 def grade(
     part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF.")],
@@ -105,10 +107,8 @@ def _report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) ->
         return
     if quiet:
         return
-    for repair in plan.part.repairs:
-        warn(f"{plan.part.file}: {repair}")
-    for warning in plan.warnings:
-        warn(warning)
+    for remark in (*plan.part.repairs, *plan.warnings):
+        warn(f"{plan.part.file}: {remark}")
     _table(plan)
     for missed in plan.unreachable:
         low, high = missed.target_modulus_MPa
@@ -117,8 +117,10 @@ def _report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) ->
             f"{missed.field[1]:.3f} is out of reach; the nearest is {missed.nearest} with "
             f"{missed.modulus_MPa:.3g} MPa"
         )
-    for found in plan.findings:
+    for found in plan.findings[:_FINDINGS_SHOWN]:
         finding(found.message)
+    if len(plan.findings) > _FINDINGS_SHOWN:
+        finding(f"{len(plan.findings) - _FINDINGS_SHOWN} more of these are in plan.json")
     failed = [name for name, check in plan.checks.items() if not check.ok]
     held = len(plan.checks) - len(failed)
     say(

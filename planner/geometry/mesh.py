@@ -92,6 +92,9 @@ def _bounds(vertices: Any, faces: Any) -> Any:
         for j in range(3):
             for k in range(3):
                 x = vertices[faces[i, j], k]
+                if np.isnan(x):  # no comparison would notice it
+                    bounds[:] = np.nan
+                    return bounds
                 bounds[0, k], bounds[1, k] = min(bounds[0, k], x), max(bounds[1, k], x)
     return bounds
 

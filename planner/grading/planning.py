@@ -110,7 +110,7 @@ def grade(
 
     progress("cutting the shells")
     steps = _bands(target, scale, bands)
-    _check_thickness(along, steps, machine)
+    _check_thickness(along, steps, machine, source.warnings)
     pieces = split(mesh, along, np.array([band.start for band in steps[1:]]))
     shells = shells_of(pieces, steps, scale, machine, source.name)
 
@@ -182,7 +182,9 @@ def _bands(target: Profile, scale: StiffnessScale, count: int | None) -> tuple[B
     return equal_bands(target, scale.moduli_MPa, count)
 
 
-def _check_thickness(field: Field, steps: tuple[Band, ...], machine: Printer) -> None:
+def _check_thickness(
+    field: Field, steps: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
+) -> None:
     """Refuse bands thinner than the printer's layer, where the field has a length."""
     span_mm = field.description().get("span_mm")
     if not isinstance(span_mm, float):
@@ -191,11 +193,12 @@ def _check_thickness(field: Field, steps: tuple[Band, ...], machine: Printer) ->
     thickness_mm = (thinnest.stop - thinnest.start) * span_mm
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
+        unit = next((warning for warning in warnings if "--unit" in warning), None)
         raise ArgumentError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
-            f"{span_mm:.4g} mm; use fewer bands (at most {fit}) or a gentler profile, or check "
-            "the part's unit"
+            f"{span_mm:.4g} mm; "
+            + (unit or f"use fewer bands (at most {fit}) or a gentler profile")
         )
 
 
