@@ -6,6 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from planner.cli.characterise import (
+    ColumnNames,
+    GaugeMm,
+    MaterialName,
+    SpecimensFile,
+    TensileFiles,
+    ThicknessMm,
+    WidthMm,
+)
 from planner.cli.options import AsJson, Quiet
 
 if TYPE_CHECKING:
@@ -15,12 +24,7 @@ __all__ = ["fit"]
 
 
 def fit(
-    tests: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Tensile files (CSV), or a folder with a specimens.csv.", metavar="TESTS"
-        ),
-    ],
+    files: TensileFiles,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Palette file (TOML) to write.")
     ] = Path("palette.toml"),
@@ -50,21 +54,12 @@ def fit(
     level: Annotated[
         float, typer.Option("--level", min=0.5, max=0.999, help="Coverage of the intervals.")
     ] = 0.95,
-    specimens: Annotated[
-        Path | None, typer.Option("--specimens", help="List of specimens (specimens.csv).")
-    ] = None,
-    material: Annotated[
-        str | None, typer.Option("--material", help="What all specimens are made of.")
-    ] = None,
-    width_mm: Annotated[
-        float | None, typer.Option("--width-mm", help="Width of specimens that give none.")
-    ] = None,
-    thickness_mm: Annotated[
-        float | None, typer.Option("--thickness-mm", help="Thickness of specimens that give none.")
-    ] = None,
-    gauge_mm: Annotated[
-        float | None, typer.Option("--gauge-mm", help="Gauge length of specimens that give none.")
-    ] = None,
+    specimens: SpecimensFile = None,
+    material: MaterialName = None,
+    width_mm: WidthMm = None,
+    thickness_mm: ThicknessMm = None,
+    gauge_mm: GaugeMm = None,
+    columns: ColumnNames = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the palette file.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -87,12 +82,13 @@ def fit(
             f"{output}: exists already; replace it with --force, or name another with --output"
         )
     study = read_study(
-        tests,
+        files,
         specimens=specimens,
         material=material,
         width_mm=width_mm,
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
+        columns=None if columns is None else [name.strip() for name in columns.split(",")],
     )
     with progress(not (quiet or as_json)) as stage:
         result = fit_study(

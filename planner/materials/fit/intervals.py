@@ -4,8 +4,9 @@ The profile of the cost over one parameter gives the interval's shape, skewed or
 be; how far the cost may rise is set by the scatter between specimens (the adjustment of a
 clustered likelihood by R. Chandler and S. Bate 2007): Student's t with one degree of freedom
 fewer than specimens, squared, times the ratio of the parameter's variance between specimens (the
-sandwich estimate) to the one that independent points would have. For a law that is linear in its
-parameter and specimens of equal sampling that is the t interval of the specimens' own estimates.
+linearised jackknife, one specimen left out in turn) to the one that independent points would
+have. For a law that is linear in its parameter and specimens of equal sampling that is the t
+interval of the specimens' own estimates.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ ROUNDS = 14
 
 CLOSE = 0.02
 """Relative error of the crossing's distance at which the search ends."""
+
+FLOOR = 1e-10
+"""Added to the normal matrix of unit columns: directions without information stay finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,30 +55,38 @@ class Intervals:
 
 
 def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
-    """Return profile intervals of all parameters of a fit."""
+    """Return intervals of all parameters of a fit.
+
+    Nonlinear parameters are profiled, and so is the coefficient beside a single one.
+    Coefficients of linear laws have Student's interval, which is their profile's; those of laws
+    with several nonlinear terms too, for their profiles have many branches, of which no search
+    finds the lowest reliably.
+    """
     from scipy.stats import t as student
 
     q, p = fit.law.nonlinear, fit.law.columns
     jacobian, residual = _linearised(fit, sample)
     size = np.sqrt((jacobian**2).sum(axis=0))
     unit = jacobian / size
-    # The floor keeps directions that the tests do not determine finite.
-    inverse = np.linalg.inv(unit.T @ unit + 1e-12 * np.eye(p + q))
+    inverse = np.linalg.inv(unit.T @ unit + FLOOR * np.eye(p + q))
     count = sample.specimens
+    variance: FloatArray
     if count > 1:
-        scores = np.stack([unit[own].T @ residual[own] for own in _own(sample)])
-        variance = np.einsum("ij,sj->si", inverse, scores) ** 2
-        variance = variance.sum(axis=0) * count / (count - 1)
+        moves = np.stack([_without(unit, residual, own) for own in _own(sample)])
+        variance = (moves**2).sum(axis=0) * (count - 1) / count
         freedom, points, basis = count - 1.0, None, "specimens"
     else:
         points = _independent_points(residual, sample)
         freedom, basis = max(points - (p + q), 1.0), "one specimen"
-        variance = np.diag(inverse) * (residual @ residual) / freedom
+        variance = np.diag(inverse) * float(residual @ residual) / freedom
     t = float(student.ppf(0.5 + 0.5 * level, freedom))
     reach = t * np.sqrt(variance) / size
     rise = t * t * variance / np.diag(inverse)
-    found = _crossings(fit, sample, reach, rise)
-    return Intervals(found[:q], found[q:], level, basis, points)
+    best = np.concatenate([fit.a, fit.c])
+    ends = best[:, None] + reach[:, None] * np.array([-1.0, 1.0])
+    profiled = np.arange(q + p if q == p == 1 else q)
+    ends[profiled] = _crossings(fit, sample, profiled, reach, rise)
+    return Intervals(ends[:q], ends[q:], level, basis, points)
 
 
 def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
@@ -86,6 +98,13 @@ def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
     factor = sample.factor
     residual = factor * (by_c @ fit.c - sample.stress_MPa)
     return factor[:, None] * np.concatenate([by_a, by_c], axis=1), residual
+
+
+def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
+    """Return how far the linearised estimate moves when one specimen is left out."""
+    rest = unit[~own]
+    normal = rest.T @ rest + FLOOR * np.eye(unit.shape[1])
+    return np.asarray(np.linalg.solve(normal, unit[own].T @ residual[own]), dtype=np.float64)
 
 
 def _own(sample: Sample) -> list[BoolArray]:
@@ -100,16 +119,19 @@ def _independent_points(residual: FloatArray, sample: Sample) -> float:
     return len(residual) * (1.0 - r) / (1.0 + r)
 
 
-def _crossings(fit: LawFit, sample: Sample, reach: FloatArray, rise: FloatArray) -> FloatArray:
+def _crossings(
+    fit: LawFit, sample: Sample, profiled: IntArray, reach: FloatArray, rise: FloatArray
+) -> FloatArray:
     """Return where each parameter's profile has risen by `rise`, below and above, shape (k, 2).
 
-    The square root of the rise grows about evenly with the distance, so that a secant step from
-    the best fit all but hits; it is kept within the bracket found so far.
+    `profiled` (k,) numbers the parameters, nonlinear ones first. The square root of the rise
+    grows about evenly with the distance, so that a secant step from the best fit all but hits;
+    it is kept within the bracket found so far.
     """
     q = fit.law.nonlinear
-    k = q + fit.law.columns
+    k = len(profiled)
     best = np.concatenate([fit.a, fit.c])
-    which, side = np.repeat(np.arange(k), 2), np.tile([-1.0, 1.0], k)
+    which, side = np.repeat(profiled, 2), np.tile([-1.0, 1.0], k)
     limit = np.full(2 * k, np.inf)
     bounds = fit.law.bounds(float(sample.stretch.max()))
     limit[: 2 * q] = (np.abs(bounds - fit.a[:, None])).ravel()
@@ -130,7 +152,7 @@ def _crossings(fit: LawFit, sample: Sample, reach: FloatArray, rise: FloatArray)
         step = at / np.clip(ratio, 0.1, 10.0)
         astray = (step <= inside[todo]) | (step >= outside[todo])
         middle = 0.5 * (inside[todo] + np.where(np.isinf(outside[todo]), 2 * at, outside[todo]))
-        distance[todo] = np.where(done, at, np.where(astray, middle, step))
+        distance[todo] = _rounded(np.where(done, at, np.where(astray, middle, step)))
         todo = todo[~done]
         if not len(todo):
             break
@@ -150,7 +172,7 @@ def _profile(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the least cost with one parameter held a row, and the nonlinear ones there.
 
-    Each is sought from two starts: the best fit, and the last point of this profile.
+    Each is sought from the best fit and from the last point of this profile.
     """
     q, rows = fit.law.nonlinear, np.arange(len(which))
     held_a = np.zeros((len(rows), q), dtype=bool)
@@ -162,8 +184,15 @@ def _profile(
     starts = [np.tile(fit.a, (len(rows), 1)), near.copy()]
     for start in starts:
         start[rows[by_a], which[by_a]] = at[by_a]
-    held = Held(np.tile(held_a, (2, 1)), np.tile(held_c, (2, 1)))
+    held = Held(np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1)))
     found = minimise(fit.law, sample, np.concatenate(starts), held)
-    cost = found.cost.reshape(2, -1)
-    lower = cost.argmin(axis=0)
-    return cost[lower, rows], found.a.reshape(2, len(rows), q)[lower, rows]
+    cost = found.cost.reshape(len(starts), -1)
+    lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
+    return cost[lowest, rows], _rounded(found.a.reshape(*cost.shape, q)[lowest, rows])
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    """Round to four digits, so that the last bits of a processor do not choose the path."""
+    scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
+    out: FloatArray = np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values)
+    return out

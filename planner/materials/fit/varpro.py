@@ -133,7 +133,7 @@ def minimise(
         flat = now.cost - after.cost <= 1e-14 * now.cost
         small = np.abs(trial - at).max(axis=1) <= 1e-10 * (1.0 + np.abs(at).max(axis=1))
         damping[active] *= np.where(better, 0.2, 5.0)
-        damping[active] = np.maximum(damping[active], 1e-12)
+        damping[active] = np.maximum(damping[active], 1e-10)
         a[active] = np.where(better[:, None], trial, at)
         state.take(active[better], after.rows(np.flatnonzero(better)))
         done = (gradient[active] < CONVERGED_GRADIENT) | (better & flat) | (~better & small)
