@@ -126,6 +126,10 @@ def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: Boo
                     end += 1
                 if first == end:
                     continue
+                if end - first == 1:  # the usual case at a surface across the columns
+                    here = _morph_word(source, lines, flip, row, column, first)
+                    out[row, column, first] = here ^ flip
+                    continue
                 low, high = first - 1, end + 1  # bits come from one word further at most
                 for w in range(low, high):
                     line[w] = ~np.uint64(0)
@@ -152,6 +156,31 @@ def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: Boo
                 for w in range(first, end):
                     out[row, column, w] = line[w] ^ flip
     return out
+
+
+@kernel
+def _morph_word(
+    source: Bits, lines: IntArray, flip: np.uint64, row: int, column: int, word: int
+) -> np.uint64:
+    # `morph` of one word, with its two neighbours in registers
+    one, top = np.uint64(1), np.uint64(63)
+    before = here = after = ~np.uint64(0)
+    length = lines[0, 2]
+    for i in range(len(lines)):
+        while length > lines[i, 2]:
+            up, down = (here << one) | (before >> top), (here >> one) | (after << top)
+            before &= before << one
+            after &= after >> one
+            here &= up & down
+            length -= 1
+        at, beside = row + lines[i, 0], column + lines[i, 1]
+        if 0 <= at < len(source):
+            before &= source[at, beside, word - 1] ^ flip
+            here &= source[at, beside, word] ^ flip
+            after &= source[at, beside, word + 1] ^ flip
+        elif flip == 0:
+            before = here = after = np.uint64(0)
+    return here
 
 
 @kernel
