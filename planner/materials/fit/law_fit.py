@@ -17,6 +17,11 @@ STARTS = 50
 AGREEMENT = 1e-3
 """Starts agree when their costs differ by less than this share."""
 
+ROUGH = 1e-5
+"""Gain per step, as a share of the cost, at which a search is left; the lowest go on."""
+
+POLISHED = 5
+
 SIGNIFICANT_DIGITS = 5
 """Nonlinear parameters are rounded to this and the coefficients solved anew: what lies beyond
 is neither determined by tests nor the same on every processor."""
@@ -115,7 +120,9 @@ def fit_law(
     spread = spread_starts(law, sample, starts, shift)
     if also is not None and law.nonlinear:
         spread = np.concatenate([spread, also])
-    found = minimise(law, sample, spread)
+    rough = minimise(law, sample, spread, flat=ROUGH)
+    lowest = np.argsort(rough.cost, kind="stable")[:POLISHED]
+    found = minimise(law, sample, rough.a[lowest])
     best = _best(found)
     a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
     held = Held(np.ones((1, law.nonlinear), dtype=bool), np.full((1, law.columns), np.nan))
@@ -140,10 +147,10 @@ def fit_law(
         nrmse=float(np.sqrt(error) / sample.stress_MPa.max()),
         convergence=Convergence(
             starts=len(spread),
-            converged=int(found.converged.sum()),
-            agreeing=int((found.cost <= found.cost[best] * (1.0 + AGREEMENT)).sum()),
+            converged=int(rough.converged.sum()),
+            agreeing=int((rough.cost <= found.cost[best] * (1.0 + AGREEMENT)).sum()),
             gradient=float(found.gradient[best]),
-            iterations=int(found.iterations.max()),
+            iterations=int(rough.iterations.max() + found.iterations[best]),
             at_bound=bool(np.any((a <= low * (1 + 1e-9)) | (a >= high * (1 - 1e-9))))
             if law.model != "ogden"
             else bool(np.any(np.abs(a) >= high - 1e-6)),

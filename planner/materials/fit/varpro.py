@@ -86,7 +86,11 @@ def spread_starts(law: SeparableLaw, sample: Sample, count: int, shift: float = 
 
 
 def minimise(
-    law: SeparableLaw, sample: Sample, starts: FloatArray, held: Held | None = None
+    law: SeparableLaw,
+    sample: Sample,
+    starts: FloatArray,
+    held: Held | None = None,
+    flat: float = 1e-14,
 ) -> Solutions:
     """Minimise the sample's cost over a law's parameters from each start.
 
@@ -96,6 +100,8 @@ def minimise(
         Nonlinear parameters, shape (s, q).
     held
         Parameters left alone, for profiles.
+    flat
+        Share of the cost that a step has to gain for a search to go on.
     """
     problem = _Problem(law, sample)
     low, high = law.bounds(float(sample.stretch.max())).T
@@ -130,13 +136,13 @@ def minimise(
         trial = np.clip(at + step, low, high)
         after = problem.project(trial, held_c[active])
         better = after.cost < now.cost
-        flat = now.cost - after.cost <= 1e-14 * now.cost
+        gained = now.cost - after.cost > flat * now.cost
         small = np.abs(trial - at).max(axis=1) <= 1e-10 * (1.0 + np.abs(at).max(axis=1))
         damping[active] *= np.where(better, 0.2, 5.0)
         damping[active] = np.maximum(damping[active], 1e-10)
         a[active] = np.where(better[:, None], trial, at)
         state.take(active[better], after.rows(np.flatnonzero(better)))
-        done = (gradient[active] < CONVERGED_GRADIENT) | (better & flat) | (~better & small)
+        done = (gradient[active] < CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
         converged[active] |= done
         active = active[~done]
     return Solutions(a, state.coefficients, state.cost, gradient, iterations, converged)

@@ -1,0 +1,70 @@
+"""Time fits: one Ogden N=3 from 50 starts, a seven-grade palette, and the real silicones.
+
+    python benchmarks/fit.py [folder of tensile files]
+
+Targets: 0.5 s for the fit, 10 s for the palette with its intervals and coefficient model.
+"""
+
+import sys
+import time
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.materials.coefficients import CoefficientModel
+from planner.materials.curve import Curve
+from planner.materials.fit.law_fit import fit_law, law_stress_MPa
+from planner.materials.fit.sample import sample_of
+from planner.materials.fit.separable import Ogden
+from planner.measurement.palette_study import fit_study
+from planner.measurement.study import Study, read_study
+
+GRADES, SPECIMENS, POINTS = 7, 3, 300
+
+
+def specimens(grade: int, rng: np.random.Generator) -> tuple[Curve, ...]:
+    """Two-term Ogden specimens, each grade about twice as stiff as the one before."""
+    curves = []
+    for number in range(SPECIMENS):
+        strain = np.linspace(0.0, 1.2 - 0.1 * grade, POINTS + 1)[1:]
+        c = np.array([-0.05, 0.25]) * 2.0**grade
+        stress = law_stress_MPa(Ogden(2), np.array([-2.0, 1.8]), c, 1.0 + strain)
+        stress = stress * np.exp(0.04 * rng.standard_normal())
+        stress += 0.002 * stress.max() * rng.standard_normal(POINTS)
+        curves.append(Curve(f"G{grade}-{number}", strain, stress, material=f"G{grade}"))
+    return tuple(curves)
+
+
+def main() -> None:
+    rng = np.random.default_rng(1)
+    for count in (30, 300):
+        sample = sample_of(specimens(0, rng)[:1], points=count)
+        started = time.perf_counter()
+        fit = fit_law(Ogden(3), sample, starts=50)
+        seconds = time.perf_counter() - started
+        agreeing = f"{fit.convergence.agreeing} of {fit.convergence.starts} starts agree"
+        print(
+            f"Ogden N=3, 50 starts, {len(sample.stretch):3d} points  {seconds:6.3f} s  {agreeing}"
+        )
+    groups = {f"G{grade}": specimens(grade, rng) for grade in range(GRADES)}
+    started = time.perf_counter()
+    result = fit_study(Study(MappingProxyType(groups), MappingProxyType({}), ()), name="benchmark")
+    CoefficientModel(result.palette)
+    seconds = time.perf_counter() - started
+    print(f"{GRADES}-grade palette, all laws, intervals, model   {seconds:6.3f} s")
+    if len(sys.argv) > 1:
+        started = time.perf_counter()
+        study = read_study([Path(sys.argv[1])])
+        result = fit_study(study, name="real")
+        seconds = time.perf_counter() - started
+        print(f"{len(study.groups)} real materials{'':32}{seconds:6.3f} s")
+        for material in result.palette.materials:
+            fitted = result.fits[material.id].choice
+            if fitted is not None and fitted.chosen is not None:
+                best = fitted.chosen.fit
+                print(f"  {material.id:30} {best.name:12} R2 {best.r2:.6f}  nRMSE {best.nrmse:.4f}")
+
+
+if __name__ == "__main__":
+    main()
