@@ -157,7 +157,7 @@ def _uncertainty(chosen: Candidate, ends: Intervals, count: int, scheme: str) ->
         basis=f"{basis}; held out: {scheme}",
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
-        held_out_error=chosen.held_out_error,
+        held_out_error=float(f"{chosen.held_out_error:.3g}"),
     )
 
 
