@@ -18,6 +18,7 @@ import numpy as np
 from planner.formats.stl import encode_stl
 
 THESIS_SCALE = 29.4 / 33.0
+FIRST_CHAMBER = 6.0
 
 
 def dogbone() -> m3.Manifold:
@@ -54,29 +55,30 @@ def dogbone() -> m3.Manifold:
 
 
 def finger() -> m3.Manifold:
-    """Make a bending finger: six chambers joined by a channel over a flat, stiffer floor."""
-    pitch, wall, width = 14.0, 1.6, 16.0
-    floor = _box(0.0, 96.0, -width / 2, width / 2, 0.0, 4.0)
-    ribs, cavities = [floor], [_box(-1.0, 90.0, -2.0, 2.0, 4.0, 7.0)]
-    root = m3.Manifold.hull(
-        floor.trim_by_plane([-1.0, 0.0, 0.0], -12.0) + _pin(6.0, 10.0, 7.0, 12.0)
-    )
-    ribs.append(root)
+    """Make a bending finger, tip at x = 0: six chambers on a channel over a flat, stiffer floor."""
+    length, pitch, chamber, wall, width = 97.0, 14.0, 11.0, 1.8, 16.0
+    floor = _box(0.0, length, -width / 2, width / 2, 0.0, 4.0)
+    heel = _box(length - 13.0, length, -width / 2, width / 2, 0.0, 4.0)
+    solids = [
+        floor,
+        m3.Manifold.hull(heel + _pin(length - 7.0, 10.0, 7.0, 12.0)),  # the root
+        _box(7.0, length - 10.0, -4.0, 4.0, 0.0, 8.6),  # around the channel
+        _box(0.0, 8.0, -width / 2, width / 2, 0.0, 8.0),  # the tip
+    ]
+    cavities = [_box(7.0, length + 1.0, -2.0, 2.0, 4.0, 7.0)]
     for i in range(6):
-        x = 12.0 + pitch * i
-        outside = m3.Manifold.hull(
-            _box(x, x + 11.0, -width / 2, width / 2, 0.0, 10.0) + _pin(x + 5.5, 14.5, 5.5, width)
-        )
-        inside = m3.Manifold.hull(
-            _box(x + wall, x + 11.0 - wall, -width / 2 + wall, width / 2 - wall, 4.0, 10.0)
-            + _pin(x + 5.5, 14.5, 5.5 - wall, width - 2 * wall)
-        )
-        ribs.append(outside)
-        cavities.append(inside)
-    ribs.append(_box(10.0, 94.0, -4.0, 4.0, 0.0, 8.6))
-    tip = _box(88.0, 96.0, -width / 2, width / 2, 0.0, 8.0)
-    body = m3.Manifold.batch_boolean([*ribs, tip], m3.OpType.Add)
+        x = FIRST_CHAMBER + pitch * i
+        solids.append(_chamber(x, chamber, 0.0, 0.0, width))
+        cavities.append(_chamber(x, chamber, wall, 4.0, width))
+    body = m3.Manifold.batch_boolean(solids, m3.OpType.Add)
     return body - m3.Manifold.batch_boolean(cavities, m3.OpType.Add)
+
+
+def _chamber(x: float, length: float, wall: float, floor: float, width: float) -> m3.Manifold:
+    """Make a bellow with a round top, or with a wall and a floor the cavity in it."""
+    half = width / 2 - wall
+    box = _box(x + wall, x + length - wall, -half, half, floor, 14.0)
+    return m3.Manifold.hull(box + _pin(x + length / 2, 14.5, length / 2 - wall, 2 * half))
 
 
 def gripper() -> m3.Manifold:

@@ -27,9 +27,9 @@ __all__ = ["Band", "Place", "Raster", "raster_for", "thin_places"]
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
 _COARSEST_RADIUS = 2
-_SET_BYTES = 16 << 20  # of one set of a slab without its halo; about ten live at once
+_SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
 _LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
-_MOST_WORK = {5: 5_000_000, 4: 10_000_000, 3: 200_000_000}  # columns times lines of the ball
+_MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}  # columns times lines of the ball
 
 
 @dataclass(frozen=True)
