@@ -1,0 +1,61 @@
+"""Elastomers of the literature in uniaxial tension: each gets a stable law that follows it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.arrays import FloatArray
+from planner.materials.curve import Curve
+from planner.materials.fit.law_choice import choose_law
+from planner.materials.fit.sample import sample_of
+from planner.materials.fit.separable import candidate_laws
+
+CLASSIC = Path("classic_rubber")
+HOSSAIN = CLASSIC / "micro_mechanical_model"
+
+
+def two_columns(folder: Path) -> tuple[FloatArray, FloatArray]:
+    stress, stretch = np.loadtxt(folder / "UT" / "stress_stretch.txt").T
+    return stretch, stress
+
+
+def two_files(folder: Path) -> tuple[FloatArray, FloatArray]:
+    stretch, stress = (np.loadtxt(folder / f"{name}.txt").ravel() for name in ("stretch", "stress"))
+    return stretch, stress
+
+
+def calendered(column: int, folder: Path) -> tuple[FloatArray, FloatArray]:
+    stretch, *stresses = np.loadtxt(folder / "diani_data.csv", delimiter=",", skiprows=1).T
+    return stretch, stresses[column]
+
+
+DATA = {
+    "Treloar": (CLASSIC / "Treloar_1944", two_columns),
+    "Kawabata": (CLASSIC / "Kawabata_1981", two_columns),
+    "Meunier": (CLASSIC / "Meunier_2008", two_columns),
+    "VHB": (CLASSIC / "VHB_UT_eq_Hossain", two_files),
+    "Hossain 2012": (HOSSAIN / "Hossain_2012" / "Multi_step_relaxation_eq", two_files),
+    "Hossain 2020": (HOSSAIN / "Hossain_2020" / "quasistatic_UT", two_files),
+    "Diani, along": (
+        Path("hyperelastics_jl/examples/Diani"), lambda folder: calendered(0, folder)),
+    "Diani, across": (
+        Path("hyperelastics_jl/examples/Diani"), lambda folder: calendered(1, folder)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DATA)
+def test_a_stable_law_follows_the_literature(name: str, shared_data: Path) -> None:
+    place, read = DATA[name]
+    stretch, stress = read(shared_data / "elastomers" / place)
+    sample = sample_of([Curve(name, stretch - 1.0, stress)])
+    choice = choose_law(candidate_laws("all"), sample, float(stretch.max()) - 1.0)
+    assert choice.chosen is not None
+    fit = choice.chosen.fit
+    assert choice.chosen.stability.stable
+    assert fit.convergence.ok
+    # Digitised from printed figures, to one or two per cent of the largest stress.
+    assert fit.r2 > 0.995
+    assert fit.nrmse < 0.03
+    neo_hookean = choice.candidates[0]
+    assert choice.chosen.held_out_error <= neo_hookean.held_out_error
