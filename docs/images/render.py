@@ -15,7 +15,7 @@ from planner.formats.stl import decode_stl
 
 WIDTH, OVERSAMPLE, MARGIN = 1200, 2, 40
 ELEVATION = 30.0
-LIGHT = np.array([0.35, -0.55, 0.76])
+LIGHT = np.array([0.25, 0.75, -0.61])  # right, up and into the picture
 
 
 def draw(folder: Path, azimuth: float) -> np.ndarray:
@@ -23,19 +23,20 @@ def draw(folder: Path, azimuth: float) -> np.ndarray:
     plan = planner.read_plan(folder)
     colours = {m.id: m.colour for m in planner.printer(plan.printer).palette().materials}
     files = {region.file: colours[region.material or ""] for region in plan.regions}
-    soups, shades = [], []
-    for file, colour in files.items():
-        soup = decode_stl((folder / file).read_bytes(), file).astype(float)
-        normal = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-30
-        rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
-        soups.append(soup)
-        shades.append((0.45 + 0.55 * np.clip(normal @ LIGHT, 0, 1))[:, None] * rgb)
-    triangles, shade = np.concatenate(soups), np.concatenate(shades)
     a, e = np.radians([azimuth, ELEVATION])
     right = np.array([np.cos(a), np.sin(a), 0.0])
     into = np.array([-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)])
-    seen = triangles @ np.stack([right, np.cross(right, into), into], axis=1)
+    view = np.stack([right, np.cross(right, into), into], axis=1)
+    soups, shades = [], []
+    for file, colour in files.items():
+        soup = decode_stl((folder / file).read_bytes(), file).astype(float) @ view
+        normal = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
+        # Axes (right, up, into) are left-handed, which turns the cross product over.
+        normal /= -np.linalg.norm(normal, axis=1, keepdims=True) - 1e-30
+        rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+        soups.append(soup)
+        shades.append((0.55 + 0.45 * np.clip(normal @ LIGHT, 0, 1))[:, None] * rgb)
+    seen, shade = np.concatenate(soups), np.concatenate(shades)
     seen[:, :, 1] *= -1.0  # rows run down
     low, high = seen.reshape(-1, 3).min(0), seen.reshape(-1, 3).max(0)
     width, margin = WIDTH * OVERSAMPLE, MARGIN * OVERSAMPLE
