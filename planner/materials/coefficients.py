@@ -117,9 +117,11 @@ class CoefficientModel:
         """Return the interval that holds a print's modulus with probability `level`.
 
         ln(modulus) is normal about the model's, with variance
-        (1-t)² va + t² vb + σ² (mb - ma) t (1-t): the grades' own `Material.modulus_log_sd`
-        squared, and the bridge of a Wiener process whose σ the palette's grades give when each
-        in turn is left out and predicted from its neighbours.
+        ((1-t) sa + t sb)² + σ² (mb - ma) t (1-t): the grades' own `Material.modulus_log_sd`, and
+        the bridge of a Wiener process whose σ the palette's grades give when each in turn is
+        left out and predicted from its neighbours. Neighbours' errors are taken to go together
+        (one source, one lab, one reading), so that they do not average out between: at a grade
+        the interval is its own, between grades it is wider than their mean.
 
         Raises
         ------
@@ -129,10 +131,10 @@ class CoefficientModel:
         if not 0.0 < level < 1.0:
             raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
         lower, upper, t = self.bracket(coordinate)
-        variances = np.array([m.modulus_log_sd**2 for m in self.palette.materials])
+        log_sd = np.array([m.modulus_log_sd for m in self.palette.materials])
         gap = self.coordinates[upper] - self.coordinates[lower]
         bridge = self.wiener_variance(at_strain) * gap * t * (1.0 - t)
-        variance = (1.0 - t) ** 2 * variances[lower] + t**2 * variances[upper] + bridge
+        variance = ((1.0 - t) * log_sd[lower] + t * log_sd[upper]) ** 2 + bridge
         factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * np.sqrt(variance))
         modulus = self.modulus_MPa(coordinate, at_strain)
         return modulus / factor, modulus * factor

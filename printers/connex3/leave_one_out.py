@@ -1,0 +1,121 @@
+"""Each grade predicted by the others: the thesis' coefficient model against the consistent one.
+
+The reference is a grade's own published curve from its onset to the break, and the figure of
+merit the root mean square error of the stress over that curve, divided by its largest stress.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.arrays import FloatArray
+from planner.materials.coefficients import CoefficientModel
+from planner.materials.laws.ogden_thesis import literal_stress_MPa
+from planner.materials.quadratic_fit import LiteralCurve, algorithm_one, quadratics_through
+from planner.materials.quadratics import QuadraticCoefficients
+from planner.palette import Palette
+from printers.connex3.thesis import Published, Thesis
+from printers.connex3.toe import correct
+
+__all__ = [
+    "HeldOut",
+    "held_out",
+    "literal_without",
+    "normalised_rmse",
+    "published_curve",
+    "r_squared",
+    "without",
+]
+
+STRAIN_STEP = 0.0025
+"""Between points of a curve: a crosshead of constant speed, read at a constant rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """How far both models are off a grade that took no part; each the normalised RMSE.
+
+    Attributes
+    ----------
+    literal
+        Algorithm 1, over crosshead strain.
+    literal_toe_off
+        Algorithm 1 run on curves whose toes are taken off.
+    consistent
+        `CoefficientModel`, toes taken off.
+    consistent_crosshead
+        `CoefficientModel` moved right by a toe interpolated from the neighbours' over m, so that
+        nothing of the grade itself is known.
+    """
+
+    id: str
+    literal: float
+    literal_toe_off: float
+    consistent: float
+    consistent_crosshead: float
+
+
+def published_curve(thesis: Thesis, published: Published, *, toe_off: bool = False) -> LiteralCurve:
+    """Return a grade's curve regenerated from Table 3.2, from its onset to the break."""
+    corrected = correct(published)
+    end = published.elongation_at_break
+    points = round((end - corrected.onset) / STRAIN_STEP) + 1
+    strain = np.linspace(corrected.onset, end, points)
+    return LiteralCurve(
+        thesis.coordinate(published),
+        strain - corrected.toe if toe_off else strain,
+        literal_stress_MPa(published.c, strain),
+    )
+
+
+def literal_without(
+    thesis: Thesis, left_out: Published | None, *, toe_off: bool = False
+) -> QuadraticCoefficients:
+    """Return Algorithm 1 of all elastomers but one, started as the thesis does."""
+    kept = [p for p in thesis.elastomers if p != left_out]
+    start = quadratics_through([thesis.coordinate(p) for p in kept], [p.c for p in kept])
+    curves = [published_curve(thesis, p, toe_off=toe_off) for p in kept]
+    return algorithm_one(curves, start).model
+
+
+def without(palette: Palette, material: str) -> CoefficientModel:
+    """Return the coefficient model of a palette without one material."""
+    kept = tuple(m for m in palette.materials if m.id != material)
+    return CoefficientModel(replace(palette, materials=kept))
+
+
+def held_out(thesis: Thesis, palette: Palette, published: Published) -> HeldOut:
+    """Return both models' errors for an elastomer with elastomers on both sides."""
+    m = thesis.coordinate(published)
+    place = thesis.elastomers.index(published)
+    neighbours = [correct(thesis.elastomers[k]).toe for k in (place - 1, place + 1)]
+    model = without(palette, published.id)
+    crosshead = published_curve(thesis, published)
+    toe_off = published_curve(thesis, published, toe_off=True)
+
+    def literal(curve: LiteralCurve, *, toe_off: bool) -> float:
+        quadratics = literal_without(thesis, published, toe_off=toe_off)
+        return normalised_rmse(curve.stress_MPa, quadratics.literal_stress_MPa(m, curve.strain))
+
+    def consistent(strain: FloatArray) -> float:
+        predicted = model.nominal_stress_MPa(m, 1.0 + np.maximum(strain, 0.0))
+        return normalised_rmse(crosshead.stress_MPa, predicted)
+
+    return HeldOut(
+        id=published.id,
+        literal=literal(crosshead, toe_off=False),
+        literal_toe_off=literal(toe_off, toe_off=True),
+        consistent=consistent(toe_off.strain),
+        consistent_crosshead=consistent(crosshead.strain - float(np.mean(neighbours))),
+    )
+
+
+def normalised_rmse(measured: FloatArray, predicted: FloatArray) -> float:
+    """Return the root mean square error over the largest measured value."""
+    return float(np.sqrt(np.mean((predicted - measured) ** 2)) / np.max(measured))
+
+
+def r_squared(measured: FloatArray, predicted: FloatArray) -> float:
+    """Return 1 - Σ(measured - predicted)² / Σ(measured - mean)²; below 0 a constant is better."""
+    scatter = np.sum((measured - measured.mean()) ** 2)
+    return float(1.0 - np.sum((measured - predicted) ** 2) / scatter)
