@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass
 
 from planner.grading.profile import Profile
+from planner.materials.inverse import nearest_on, thresholds_of
 
 __all__ = ["Band", "Shortfall", "equal_bands", "natural_bands", "shortfalls"]
 
@@ -53,8 +54,8 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     moduli_MPa
         Of the catalogue materials, strictly rising.
     """
-    thresholds = [math.sqrt(a * b) for a, b in itertools.pairwise(moduli_MPa)]
-    cuts = [u for threshold in thresholds for u in profile.crossings(threshold)]
+    thresholds = thresholds_of(moduli_MPa)
+    cuts = [u for threshold in thresholds.tolist() for u in profile.crossings(threshold)]
     jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
     edges = _distinct([*cuts, *jumps])
     merged: list[Band] = []
@@ -95,8 +96,7 @@ def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfa
 
 def _band(profile: Profile, moduli_MPa: tuple[float, ...], start: float, stop: float) -> Band:
     low, high = profile.interval_MPa(start, stop)
-    middle = 0.5 * (math.log(low) + math.log(high))
-    grade = min(range(len(moduli_MPa)), key=lambda k: abs(math.log(moduli_MPa[k]) - middle))
+    grade = int(nearest_on(moduli_MPa, math.sqrt(low * high)))
     return Band(start, stop, grade, (low, high))
 
 

@@ -45,16 +45,13 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     PaletteError
         The palette's stiffness does not rise with the coordinate at that strain.
     """
-    elastic = [m for m in palette.materials if m.deformation == "elastic"]
-    weakest = min(elastic, key=lambda m: m.elongation_at_break, default=None)
-    limit = 1.0 if weakest is None else weakest.elongation_at_break
-    if not 0.0 < at_strain <= limit:
-        whose = "" if weakest is None else f", where {weakest.id} breaks"
+    model = CoefficientModel(palette)
+    if not 0.0 < at_strain <= model.strain_limit:
         raise ArgumentError(
             f"--at-strain {at_strain:g}: the working strain must be above 0 and at most "
-            f"{limit:g}{whose}; strains are fractions, so 10 % is 0.1"
+            f"{model.strain_limit:g}, where the first elastic material of palette {palette.name} "
+            "breaks; strains are fractions, so 10 % is 0.1"
         )
-    model = CoefficientModel(palette)
     coordinates = np.array([material.coordinate for material in palette.materials])
     moduli = model.modulus_MPa(coordinates, at_strain)
     low, high = model.modulus_interval_MPa(coordinates, at_strain)

@@ -13,7 +13,16 @@ from planner.arrays import BoolArray, FloatArray, IntArray
 from planner.errors import ArgumentError
 from planner.materials.coefficients import CoefficientModel
 
-__all__ = ["Blend", "blend_for", "coordinate_for", "nearest", "reachable", "thresholds_MPa"]
+__all__ = [
+    "Blend",
+    "blend_for",
+    "coordinate_for",
+    "nearest",
+    "nearest_on",
+    "reachable",
+    "thresholds_MPa",
+    "thresholds_of",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +49,19 @@ def thresholds_MPa(model: CoefficientModel, at_strain: float) -> FloatArray:
     ArgumentError
         The strain is not a working strain, 0 to `CoefficientModel.strain_limit`.
     """
-    moduli = _ladder_MPa(model, at_strain)
+    return thresholds_of(_ladder_MPa(model, at_strain))
+
+
+def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
+    """Return the geometric means of neighbours on a ladder of rising moduli."""
+    moduli = np.asarray(ladder_MPa, dtype=np.float64)
     return np.sqrt(moduli[:-1] * moduli[1:])
+
+
+def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
+    """Return the rung nearest in log stiffness on a ladder of rising moduli; see `nearest`."""
+    thresholds = thresholds_of(ladder_MPa)
+    return np.asarray(np.searchsorted(thresholds, _positive(modulus_MPa), side="left"))
 
 
 def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> IntArray:
@@ -52,8 +72,7 @@ def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -
     ArgumentError
         A modulus is not above 0, or the strain not a working strain.
     """
-    thresholds = thresholds_MPa(model, at_strain)
-    return np.asarray(np.searchsorted(thresholds, _positive(modulus_MPa), side="left"))
+    return nearest_on(_ladder_MPa(model, at_strain), modulus_MPa)
 
 
 def reachable(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> BoolArray:
