@@ -23,7 +23,7 @@ MODEL = CoefficientModel(PALETTE)
 
 
 def shore_a(published: Published) -> float:
-    """Nominal hardness: in the mixtures' names; FLX930 has 26 to 28 by its data sheet."""
+    """Nominal hardness: in the mixtures' names; FLX930 26 to 28, unconfirmed."""
     return 27.0 if published.id == "TangoPlus" else float(published.id[-2:])
 
 
@@ -110,9 +110,9 @@ def tables() -> dict[str, list[list[str]]]:
     return {"variable": variable, "toe": toe, "ladder": ladder}
 
 
-def with_tables(page: str) -> str:
+def with_tables(page: str, tables: dict[str, list[list[str]]]) -> str:
     """Return the page with each table between its ``<!-- name -->`` marks written anew."""
-    for name, (heading, *rows) in tables().items():
+    for name, (heading, *rows) in tables.items():
         before, rest = page.split(f"<!-- {name} -->\n", 1)
         _, after = rest.split(f"<!-- /{name} -->", 1)
         lines = [heading, ["---", *["---:"] * (len(heading) - 1)], *rows]
@@ -172,5 +172,6 @@ def draw(path: Path) -> None:
 
 if __name__ == "__main__":
     page = FOLDER / "thesis-numbers.md"
-    page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    text = with_tables(page.read_text(encoding="utf-8"), tables())
+    page.write_text(text, encoding="utf-8", newline="\n")
     draw(FOLDER / "thesis-numbers.svg")

@@ -43,7 +43,7 @@ _COMMENT = b"""\
 # stress-free at rest, for planning; what is published is eq. 3.8 as printed, never planned with.
 """
 
-_DENSITY = "density interpolated between the base resins"
+_DENSITY = "density interpolated between the base resins' (unconfirmed)"
 
 _REFERENCE = Reference(
     strain_rate_per_s=0.034,  # 1 mm/s on a gauge of about 29 mm

@@ -101,4 +101,4 @@ def test_the_page_shows_what_is_computed() -> None:
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     page = (folder / "thesis-numbers.md").read_text(encoding="utf-8")
-    assert script.with_tables(page) == page
+    assert script.with_tables(page, script.tables()) == page

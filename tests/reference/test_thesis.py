@@ -171,7 +171,7 @@ def test_the_rule_puts_the_grade_without_inflexion_where_its_neighbours_would() 
 def test_hardness_sides_with_table_3_2() -> None:
     """Gent, Rubber Chem. Technol. 31 (1958): E = 0.0981 (56 + 7.62336 S)/(0.137505 (254 - 2.54 S)).
 
-    S is Shore A: 26 to 28 for FLX930 (its data sheet), the last digits of the mixtures' names.
+    S is Shore A: 26 to 28 for FLX930 (unconfirmed), the last digits of the mixtures' names.
     """
     ratios = []
     for published in THESIS.elastomers:
