@@ -20,10 +20,14 @@ if TYPE_CHECKING:
     from planner.palette import Material, Palette, load_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, printer
+    from planner.simulation.bar import Bar
+    from planner.simulation.result import Simulation
+    from planner.simulation.simulate import simulate
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Bar",
     "Certificate",
     "Difference",
     "Material",
@@ -34,6 +38,7 @@ __all__ = [
     "Printer",
     "Profile",
     "Region",
+    "Simulation",
     "certify",
     "differences",
     "grade",
@@ -42,6 +47,7 @@ __all__ = [
     "mixture_for",
     "printer",
     "read_plan",
+    "simulate",
 ]
 
 _HOME = {
@@ -63,6 +69,9 @@ _HOME = {
     "Printer": "planner.printers",
     "installed_printers": "planner.printers",
     "printer": "planner.printers",
+    "Bar": "planner.simulation.bar",
+    "Simulation": "planner.simulation.result",
+    "simulate": "planner.simulation.simulate",
 }
 
 
