@@ -12,6 +12,7 @@ from planner.cli.grade import grade
 from planner.cli.invert import invert
 from planner.cli.materials import materials
 from planner.cli.printers import printers
+from planner.cli.simulate import simulate
 
 __all__ = ["app"]
 
@@ -47,6 +48,7 @@ def planner(
 
 
 app.command()(grade)
+app.command()(simulate)
 app.command()(invert)
 app.command()(materials)
 app.command()(fit)

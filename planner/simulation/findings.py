@@ -44,7 +44,7 @@ def findings(
     path: LoadingPath,
     reached: Equilibrium,
 ) -> tuple[Finding, ...]:
-    """Report every stretch of slices that breaks, in order along the bar, and an early end."""
+    """Report every stretch of slices that breaks, the first to break first, and an early end."""
     found = []
     gauge_strain = path.displacement_mm / bar.gauge_mm
     beyond = reached.strain > response.break_strain
@@ -65,6 +65,7 @@ def findings(
                 at,
             )
         )
+    found.sort(key=lambda finding: finding.gauge_strain)
     if reached.stopped_at is not None:
         found.append(_unreachable(bar, model, response, path, reached, reached.stopped_at))
     return tuple(found)

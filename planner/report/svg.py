@@ -1,0 +1,132 @@
+"""A small writer of line charts as SVG: same data, same bytes, no fonts or scripts of its own."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from planner.arrays import FloatArray
+
+__all__ = [
+    "GREY",
+    "INK",
+    "Chart",
+    "band",
+    "frame",
+    "line",
+    "marker",
+    "picture",
+    "rectangle",
+    "text",
+]
+
+INK = "#222222"
+GREY = "#8a8a8a"
+_GRID = "#e4e4e4"
+_TICKS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A rectangle of the picture, in pixels, and the data it spans."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+
+    def x(self, value: float) -> float:
+        """Return where a value lies in the picture."""
+        low, high = self.x_range
+        return self.left + self.width * (value - low) / (high - low)
+
+    def y(self, value: float) -> float:
+        """Return where a value lies in the picture."""
+        low, high = self.y_range
+        return self.top + self.height * (1.0 - (value - low) / (high - low))
+
+    def path(self, x: FloatArray, y: FloatArray) -> str:
+        """Return points as an SVG path's data."""
+        pairs = zip(x.tolist(), y.tolist(), strict=True)
+        return "M" + "L".join(f"{self.x(a):.2f},{self.y(b):.2f}" for a, b in pairs)
+
+
+def picture(width: float, height: float, parts: Sequence[str], *, title: str) -> bytes:
+    """Return a whole SVG document on white ground."""
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
+        f'viewBox="0 0 {width:g} {height:g}" font-family="sans-serif" font-size="12" '
+        f'fill="{INK}">\n<title>{escape(title)}</title>\n'
+        f'<rect width="{width:g}" height="{height:g}" fill="#ffffff"/>\n'
+    )
+    return (head + "\n".join(parts) + "\n</svg>\n").encode("utf-8")
+
+
+def frame(chart: Chart, *, x_label: str, y_label: str) -> Iterator[str]:
+    """Draw grid, figures and names of both axes."""
+    right, bottom = chart.left + chart.width, chart.top + chart.height
+    for value in ticks(*chart.x_range):
+        x = chart.x(value)
+        yield f'<path d="M{x:.2f},{chart.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
+        yield text(x, bottom + 16.0, f"{value:g}", anchor="middle")
+    for value in ticks(*chart.y_range):
+        y = chart.y(value)
+        yield f'<path d="M{chart.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
+        yield text(chart.left - 6.0, y + 4.0, f"{value:g}", anchor="end")
+    corner = f"M{chart.left:.2f},{chart.top:.2f}V{bottom:.2f}H{right:.2f}"
+    yield f'<path d="{corner}" fill="none" stroke="{INK}"/>'
+    yield text(chart.left + chart.width / 2.0, bottom + 36.0, x_label, anchor="middle")
+    yield text(chart.left - 44.0, chart.top - 12.0, y_label)
+
+
+def line(
+    chart: Chart, x: FloatArray, y: FloatArray, *, colour: str, width: float = 2.0, dash: str = ""
+) -> str:
+    """Draw a line through points."""
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    return (
+        f'<path d="{chart.path(x, y)}" fill="none" stroke="{colour}" stroke-width="{width:g}" '
+        f'stroke-linejoin="round"{dashes}/>'
+    )
+
+
+def band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
+    """Fill what lies between two lines."""
+    back = chart.path(x[::-1], low[::-1]).replace("M", "L", 1)
+    return f'<path d="{chart.path(x, high)}{back}Z" fill="{colour}" stroke="none"/>'
+
+
+def marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
+    """Mark a point with a cross."""
+    a, b = chart.x(x), chart.y(y)
+    cross = f"M{a - 5:.2f},{b - 5:.2f}l10,10m0,-10l-10,10"
+    return f'<path d="{cross}" stroke="{colour}" stroke-width="2.5"/>'
+
+
+def rectangle(left: float, top: float, width: float, height: float, *, colour: str) -> str:
+    """Fill a rectangle of the picture."""
+    return (
+        f'<rect x="{left:.2f}" y="{top:.2f}" width="{width:.2f}" height="{height:.2f}" '
+        f'fill="{colour}"/>'
+    )
+
+
+def text(
+    x: float, y: float, words: str, *, anchor: str = "start", colour: str = INK, size: float = 12.0
+) -> str:
+    """Write words in the picture."""
+    return (
+        f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" fill="{colour}" '
+        f'font-size="{size:g}">{escape(words)}</text>'
+    )
+
+
+def ticks(low: float, high: float) -> tuple[float, ...]:
+    """Return round values from low to high, four to eight: steps of 1, 2 or 5 times a power of ten."""
+    rough = (high - low) / _TICKS
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= rough * (1.0 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return tuple(float(f"{n * step:.12g}") for n in range(first, last + 1))
