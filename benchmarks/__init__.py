@@ -1,0 +1,1 @@
+"""Speed measurements, and the check of the diagnosis on data whose effect is withheld."""

@@ -1,0 +1,117 @@
+"""One group of specimens as they are mounted: everything that decides their curves.
+
+An effect returns a changed copy. Coupons are one element long; graded bars are cut into elements
+that are shortest where the design may jump.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.withheld.reality.base_law import BaseLaw
+from benchmarks.withheld.reality.design import Design
+from benchmarks.withheld.reality.palette_file import PaletteFile
+from benchmarks.withheld.reality.protocol import Motion, crosshead
+
+__all__ = ["Bench", "mount"]
+
+FloatArray = NDArray[np.float64]
+WithSlope = tuple[FloatArray, FloatArray]
+
+_ELEMENTS_A_SEGMENT = 6
+
+
+@dataclass(frozen=True)
+class Bench:
+    """S specimens of N elements each, T rows a curve (the first at rest).
+
+    Attributes
+    ----------
+    centre_mm, element_mm
+        Elements along the gauge, (S, N); `element_mm` is what is really there, not the nominal.
+    coordinate
+        Of what was really printed, (S, N).
+    secant_factor
+        Multiplies the secant moduli, broadcast against (S, N, strains).
+    time_factor
+        Multiplies the stress, broadcast against (S, T).
+    relaxation, memory_share
+        Relaxation function of time (s), normalised so that the palette's own test gives the
+        palette's stress; the share of the stress that it holds for, (S, N).
+    damage
+        Of (work, largest work) in MPa: the factor on the stress below the largest work, and its
+        slope by work.
+    set_strain
+        Of the largest strain: what stays when the stress is gone.
+    lost_mm
+        Crosshead travel that never reaches the specimen, (S, T).
+    slip_mm, compliance_mm
+        Of the largest force so far, and of the force: travel lost, and its slope in mm/N.
+    gain, offset_N
+        Of the load cell, broadcast against (S, T).
+    """
+
+    palette: PaletteFile
+    design: Design
+    motion: Motion
+    law: BaseLaw
+    centre_mm: FloatArray
+    element_mm: FloatArray
+    coordinate: FloatArray
+    area_mm2: FloatArray
+    secant_factor: FloatArray
+    time_factor: FloatArray
+    memory_share: FloatArray
+    lost_mm: FloatArray
+    gain: FloatArray
+    offset_N: FloatArray
+    relaxation: Callable[[FloatArray], FloatArray] | None = None
+    damage: Callable[[FloatArray, FloatArray], WithSlope] | None = None
+    set_strain: Callable[[FloatArray], FloatArray] | None = None
+    slip_mm: Callable[[FloatArray], WithSlope] | None = None
+    compliance_mm: Callable[[FloatArray], WithSlope] | None = None
+
+    def stiffened(self, factor: FloatArray) -> "Bench":
+        """Return the bench with secant moduli multiplied; (S,), (S, N) or (S, N, strains)."""
+        factor = factor.reshape(factor.shape + (1,) * (3 - factor.ndim))
+        return replace(self, secant_factor=self.secant_factor * factor)
+
+
+def mount(palette: PaletteFile, design: Design, law: BaseLaw) -> Bench:
+    """Mount specimens as designed, with nothing unmodelled: all coupons, or all bars."""
+    bars = bool((design.profile >= 0).any())
+    motion = crosshead(design)
+    if bars:
+        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _ELEMENTS_A_SEGMENT + 1))
+        chosen = [design.profiles[p] for p in design.profile]
+        edges = np.array(
+            [
+                np.append(np.add.outer(p.edges_mm[:-1], share[:-1] * p.edges_mm[1]), p.length_mm)
+                for p in chosen
+            ]
+        )
+        centre = 0.5 * (edges[:, 1:] + edges[:, :-1])
+        coordinate = np.array([p.at(x) for p, x in zip(chosen, centre, strict=True)])
+        element = np.diff(edges, axis=1)
+    else:
+        centre, element = 0.5 * design.gauge_mm[:, None], design.gauge_mm[:, None]
+        coordinate = design.coordinate[:, None]
+    rows = motion.time_s.shape
+    return Bench(
+        palette=palette,
+        design=design,
+        motion=motion,
+        law=law,
+        centre_mm=centre,
+        element_mm=element,
+        coordinate=coordinate,
+        area_mm2=design.width_mm * design.thickness_mm,
+        secant_factor=np.ones((len(design), 1, 1)),
+        time_factor=np.ones((len(design), 1)),
+        memory_share=np.zeros(centre.shape),
+        lost_mm=np.zeros(rows),
+        gain=np.ones((len(design), 1)),
+        offset_N=np.zeros((len(design), 1)),
+    )

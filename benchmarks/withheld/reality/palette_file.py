@@ -1,0 +1,102 @@
+"""The palette as the bench reads it: published curves, and the file that goes into a campaign.
+
+The bench reads the file itself, so that no line of planner stands between it and its reality.
+"""
+
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Grade", "PaletteFile", "read_palette"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grade:
+    """One elastomer of the palette.
+
+    Attributes
+    ----------
+    stress_MPa
+        Nominal stress on engineering strain, as the palette's law has it.
+    """
+
+    id: str
+    coordinate: float
+    break_strain: float
+    stress_MPa: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class PaletteFile:
+    """The elastic grades from soft to hard, the reference conditions and the file's text."""
+
+    grades: tuple[Grade, ...]
+    strain_rate_per_s: float
+    temperature_C: float
+    soak_h: float
+    age_days: float
+    orientation: str
+    text: str
+
+    def calibrated(self, sd: float) -> str:
+        """Return the file's text with every `modulus_log_sd` at the lab's own calibration."""
+        return re.sub(r"(?m)^modulus_log_sd *=.*$", f"modulus_log_sd = {sd:.4f}", self.text)
+
+
+def read_palette(text: str) -> PaletteFile:
+    """Read a palette (contract, section 2); grades that deform plastically are left out."""
+    document = tomllib.loads(text)
+    reference = document["reference"]
+    grades = tuple(
+        Grade(m["id"], m["coordinate"], m["elongation_at_break"], _published(m["law"]))
+        for m in document["material"]
+        if m.get("deformation", "elastic") == "elastic"
+    )
+    return PaletteFile(
+        grades,
+        reference["strain_rate_per_s"],
+        reference["temperature_C"],
+        reference["soak_h"],
+        reference["age_days"],
+        reference["orientation"],
+        text,
+    )
+
+
+def _published(law: Mapping[str, Any]) -> Callable[[FloatArray], FloatArray]:
+    def stress_MPa(strain: FloatArray) -> FloatArray:
+        stretch = 1.0 + strain
+        shear = stretch - stretch**-2
+        j = stretch**2 + 2.0 / stretch - 3.0
+        match law["model"]:
+            case "ogden":
+                terms = zip(law["mu_MPa"], law["alpha"], strict=True)
+                return sum(
+                    (mu * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in terms),
+                    start=np.zeros_like(strain),
+                )
+            case "yeoh":
+                c1, c2, c3 = law["c_MPa"]
+                return 2.0 * shear * (c1 + 2.0 * c2 * j + 3.0 * c3 * j**2)
+            case "neo-hookean":
+                return _one(law["mu_MPa"]) * shear
+            case "martins":
+                c1, c2, c3, c4 = (_one(law[key]) for key in ("c1", "c2_MPa", "c3", "c4_MPa"))
+                fibre = 2.0 * c3 * c4 * strain * np.exp(c3 * strain**2)
+                return 2.0 * c1 * c2 * shear * np.exp(c1 * j) + fibre
+            case "linear":
+                return _one(law["modulus_MPa"]) * strain
+        raise ValueError(f"the bench knows no law {law['model']!r}; add it to palette_file.py")
+
+    return stress_MPa
+
+
+def _one(value: float | list[float]) -> float:
+    return value[0] if isinstance(value, list) else value

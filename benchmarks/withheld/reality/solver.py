@@ -1,0 +1,181 @@
+"""Force and strains in time: elements in series, specimens side by side, one row after another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.withheld.reality.base_law import STRAINS
+from benchmarks.withheld.reality.bench import Bench, FloatArray
+
+__all__ = ["Response", "solve"]
+
+_STEP = float(STRAINS[1])
+_BUCKLED = 0.05  # share of the stiffness that a thin strip keeps in compression
+_ITERATIONS = 40
+_TOLERANCE_MM = 1e-9
+_LARGEST_CORRECTION = 0.1
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the specimens do, before the machine's sensors see it.
+
+    Attributes
+    ----------
+    force_N
+        Shape (S, T).
+    strain
+        Of each element, referred to its true length, shape (S, T, N).
+    """
+
+    force_N: FloatArray
+    strain: FloatArray
+
+
+class _Curves:
+    """Stress and work of every element on strain, by table."""
+
+    def __init__(self, bench: Bench) -> None:
+        secant = bench.law.secant_MPa(bench.coordinate) * bench.secant_factor
+        stress = secant * STRAINS
+        work = np.cumsum(0.5 * _STEP * (stress[..., 1:] + stress[..., :-1]), axis=-1)
+        self._secant = secant.ravel()
+        self._work = np.concatenate([np.zeros((*work.shape[:-1], 1)), work], axis=-1).ravel()
+        self._first = np.arange(bench.coordinate.size).reshape(bench.coordinate.shape) * len(
+            STRAINS
+        )
+
+    def _place(self, strain: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+        scaled = np.maximum(strain, 0.0) / _STEP
+        cell = np.minimum(scaled.astype(np.int64), len(STRAINS) - 2)
+        return self._first + cell, scaled - cell
+
+    def stress_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the stress and its slope by strain."""
+        at, part = self._place(strain)
+        low = self._secant[at]
+        rise = self._secant[at + 1] - low
+        secant = low + rise * part
+        slope = secant + strain * rise / _STEP
+        buckled = strain < 0.0
+        return (
+            np.where(buckled, _BUCKLED, 1.0) * strain * secant,
+            np.where(buckled, _BUCKLED * secant, slope),
+        )
+
+    def work_MPa(self, strain: FloatArray) -> FloatArray:
+        """Return the area under the stress."""
+        at, part = self._place(strain)
+        low = self._work[at]
+        work: FloatArray = low + (self._work[at + 1] - low) * part
+        return work
+
+
+class _History:
+    """Largest strain and work so far in every element, and the stress that they leave."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._curves = _Curves(bench)
+        self._peak_strain = np.full(bench.coordinate.shape, 1e-9)
+
+    def stress_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the stress and its slope by strain, before any relaxation."""
+        peak = np.maximum(strain, self._peak_strain)
+        bench = self._bench
+        below = strain < peak
+        felt, stretch = strain, np.ones_like(strain)
+        if bench.set_strain is not None:
+            left = bench.set_strain(peak)
+            stretch = np.where(below, peak / (peak - left), 1.0)
+            felt = np.where(below, (strain - left) * stretch, strain)
+        stress, slope = self._curves.stress_MPa(felt)
+        slope = slope * stretch
+        if bench.damage is not None:
+            work = self._curves.work_MPa(felt)
+            factor, factor_slope = bench.damage(work, self._curves.work_MPa(peak))
+            slope = np.where(below, factor * slope + factor_slope * stress * slope, slope)
+            slope = np.maximum(slope, 1e-3 * np.abs(stretch))
+            stress = np.where(below, factor * stress, stress)
+        return stress, slope
+
+    def remember(self, strain: FloatArray) -> None:
+        """Move on to the next row."""
+        self._peak_strain = np.maximum(self._peak_strain, strain)
+
+
+def solve(bench: Bench) -> Response:
+    """Return forces and strains of every row.
+
+    Equal force in every element, and element lengths, slip and machine that add up to the
+    crosshead's travel: Newton's method on strains and force together, implicit in time. The memory
+    is the hereditary integral of the stress increments, each placed at the middle of its row.
+    """
+    travel = bench.motion.displacement_mm - bench.lost_mm
+    (specimens, elements), rows = bench.coordinate.shape, travel.shape[1]
+    area = bench.area_mm2[:, None]
+    kernel = _kernel(bench)
+    history = _History(bench)
+    strain = np.zeros((specimens, elements))
+    force, largest_force = np.zeros(specimens), np.zeros(specimens)
+    before = np.zeros_like(strain)
+    increments = np.zeros((specimens, rows, elements))
+    forces, strains = np.zeros((specimens, rows)), np.zeros((specimens, rows, elements))
+    time_factor = np.broadcast_to(bench.time_factor, (specimens, rows))
+    share = bench.memory_share
+    length = bench.element_mm.sum(axis=1)
+    for row in range(1, rows):
+        kept: FloatArray = np.ones((1, 1))
+        past: FloatArray = np.zeros((1, 1))
+        if kernel is not None:
+            now = kernel[:, row, row, None]
+            earlier = (kernel[:, row, None, 1:row] @ increments[:, 1:row])[:, 0]
+            kept = 1.0 + share * (now - 1.0)
+            past = share * (earlier - now * before)
+        scale = area * time_factor[:, row, None]
+        strain = strain + ((travel[:, row] - travel[:, row - 1]) / length)[:, None]
+        for _ in range(_ITERATIONS):
+            stress, slope = history.stress_MPa(strain)
+            stiffness = scale * kept * slope
+            excess = force[:, None] - scale * (kept * stress + past)
+            lost, lost_slope = _lost_mm(bench, force, largest_force)
+            give = bench.element_mm / stiffness
+            gap = travel[:, row] - lost - np.sum(bench.element_mm * strain + give * excess, axis=1)
+            correction = gap / (give.sum(axis=1) + lost_slope)
+            step = (excess + correction[:, None]) / stiffness
+            strain = strain + np.clip(step, -_LARGEST_CORRECTION, _LARGEST_CORRECTION)
+            force = force + correction
+            if np.abs(bench.element_mm * step).max() < _TOLERANCE_MM:
+                break
+        else:
+            raise ArithmeticError(f"the bench's bars do not converge in row {row}")
+        stress, _ = history.stress_MPa(strain)
+        increments[:, row] = stress - before
+        before = stress
+        history.remember(strain)
+        largest_force = np.maximum(largest_force, force)
+        forces[:, row], strains[:, row] = force, strain
+    return Response(forces, strains)
+
+
+def _kernel(bench: Bench) -> FloatArray | None:
+    if bench.relaxation is None:
+        return None
+    time = bench.motion.time_s
+    middle = time - 0.5 * np.diff(time, axis=1, prepend=0.0)
+    return bench.relaxation(np.maximum(time[:, :, None] - middle[:, None, :], 0.0))
+
+
+def _lost_mm(
+    bench: Bench, force: FloatArray, largest: FloatArray
+) -> tuple[FloatArray | float, FloatArray | float]:
+    lost: FloatArray | float = 0.0
+    slope: FloatArray | float = 0.0
+    if bench.slip_mm is not None:
+        slipped, by_force = bench.slip_mm(np.maximum(force, largest))
+        lost, slope = lost + slipped, slope + np.where(force > largest, by_force, 0.0)
+    if bench.compliance_mm is not None:
+        given, by_force = bench.compliance_mm(force)
+        lost, slope = lost + given, slope + by_force
+    return lost, slope
