@@ -1,0 +1,67 @@
+"""Force that stands still at its largest value while the crosshead moves on."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from planner.gap.quality.problem import Problem
+from planner.gap.specimen import Specimen
+from planner.materials.rupture import noise_sd
+
+__all__ = ["clipping_problems"]
+
+SHORTEST = 5
+"""Fewer equal points than this may be chance."""
+
+RISE = 4.0
+"""The force should have risen by so many times noise and resolution along the plateau."""
+
+
+def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens whose load cell or amplifier was at its limit."""
+    for s in specimens:
+        run = _plateau(s)
+        if run is not None:
+            top = float(s.force_N[run[0]])
+            yield Problem(
+                "clipped",
+                s.id,
+                f"force stands at {top:.4g} N over {run[1] - run[0]} points from strain "
+                f"{s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
+                float(f"{top:.6g}"),
+            )
+
+
+def _plateau(s: Specimen) -> tuple[int, int] | None:
+    """First and last-but-one index of the run at the largest force, if nothing else explains it."""
+    force = s.force_N
+    top = float(np.max(force))
+    at_top = force >= top - 1e-9 * abs(top)
+    start, stop = _longest_run(at_top)
+    if stop - start < SHORTEST or start < SHORTEST:
+        return None
+    # A coarse resolution gives runs of equal values everywhere, not only at the top.
+    equal = np.diff(force) == 0.0
+    equal[max(start - 1, 0) : stop] = False
+    elsewhere = _longest_run(equal)
+    if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
+        return None
+    before = slice(max(start - (stop - start), 0), start)
+    travel = float(s.displacement_mm[stop - 1] - s.displacement_mm[start])
+    approach = float(s.displacement_mm[start] - s.displacement_mm[before.start])
+    if travel <= 0.0 or approach <= 0.0:
+        return None
+    expected = travel * float(top - force[before.start]) / approach
+    steps = np.abs(np.diff(force))
+    resolution = float(np.min(steps[steps > 0.0], initial=top))
+    return (start, stop) if expected > RISE * (noise_sd(force[:start]) + resolution) else None
+
+
+def _longest_run(flags: np.ndarray) -> tuple[int, int]:
+    """Return begin and end of the longest run of True, (0, 0) if there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    if not len(edges):
+        return 0, 0
+    starts, stops = edges[::2], edges[1::2]
+    at = int(np.argmax(stops - starts))
+    return int(starts[at]), int(stops[at])
