@@ -23,6 +23,9 @@ __all__ = [
 ]
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
+OFFSET_SHARE = 0.02
+"""Stress at rest, as a share of the peak, that tells a load cell not zeroed."""
+
 CONFIDENCE = 0.95
 _FIGURES = (
     "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
@@ -40,7 +43,7 @@ class Characteristics:
         Young's modulus: the slope of the linear part.
     modulus_uncompensated_MPa
         Stress over strain at the end of the linear part with strains as recorded: what the
-        modulus would be without compensation. Equal to it for a line from the origin.
+        modulus would be without compensation. The modulus itself where there is no toe.
     toe_strain
         What was taken off the strains; 0 where there is no toe.
     toughness_MJ_m3
@@ -142,14 +145,19 @@ def characterise(
     at_yield = yield_strain(curve)
     if at_yield is not None:
         at_yield -= part.toe_strain
-    notes = [_toe_note(curve, part)]
+    how = deformation(part.modulus_MPa, elongation, at_yield)
+    notes = [_toe_note(curve, part), *_offset_note(curve, part)]
+    if how.kind == "elastic":
+        notes += _fall_note(curve)
     origin_area = 0.0
     if part.toe_strain == 0.0 and strain[0] > 0.0:
         origin_area = 0.5 * float(strain[0]) * max(float(curve.stress_MPa[0]), 0.0)
     return Characteristics(
         specimen=curve.specimen,
         modulus_MPa=part.modulus_MPa,
-        modulus_uncompensated_MPa=part.end_stress_MPa / float(curve.strain[end]),
+        modulus_uncompensated_MPa=part.modulus_MPa * float(strain[end] / curve.strain[end])
+        if part.toe_strain
+        else part.modulus_MPa,
         linear_strain=(float(strain[part.start]), float(strain[end])),
         toe_strain=part.toe_strain,
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
@@ -159,7 +167,7 @@ def characterise(
             {value: _secant(curve, part.toe_strain, value) for value in secant_strains}
         ),
         yield_strain=at_yield,
-        deformation=deformation(part.modulus_MPa, elongation, at_yield),
+        deformation=how,
         notes=tuple(notes),
     )
 
@@ -244,3 +252,28 @@ def _toe_note(curve: Curve, part: LinearPart) -> str:
             "not shifted"
         )
     return f"{where}: no toe; strains not shifted"
+
+
+def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
+    """Note a line or arc that misses the origin though the record begins at rest."""
+    at_rest = -part.modulus_MPa * part.zero_strain
+    peak = float(np.max(curve.stress_MPa))
+    begins = float(curve.strain[0]) <= 0.01 * float(curve.strain[-1])
+    if part.toe_strain or not begins or abs(at_rest) <= OFFSET_SHARE * peak:
+        return []
+    return [
+        f"specimen {curve.specimen}: the curve's beginning points at {at_rest:.3g} MPa at rest, "
+        f"{100 * at_rest / peak:.2g} % of its peak; the load cell may not have been zeroed"
+    ]
+
+
+def _fall_note(curve: Curve) -> list[str]:
+    """Note a long fall at the end of a rubber's curve, which counts as elongation."""
+    peak, end = int(np.argmax(curve.stress_MPa)), float(curve.strain[-1])
+    at_peak, fallen = float(curve.strain[peak]), 1.0 - curve.stress_MPa[-1] / curve.stress_MPa[peak]
+    if at_peak > 0.98 * end or fallen < 0.1:
+        return []
+    return [
+        f"specimen {curve.specimen}: the stress falls slowly from its peak at strain {at_peak:.4g} "
+        f"to the break at {end:.4g}; toughness and strain at break count that as elongation"
+    ]

@@ -18,7 +18,8 @@ The rule, in the order it is applied:
 
 5. A part that begins with the record and yet bends is the arc of a rubber and no line: a parabola
    through it changes its slope by more than a tenth, and by five standard errors. Its modulus is
-   the parabola's slope at the beginning, and nothing is shifted.
+   the slope at the beginning of Mooney's form, c0 + (l - l^-2) (c1 + c2 / l), through it (up to a
+   strain of 1), and nothing is shifted.
 
 A curve that steepens on beyond that range, as a rubber's may, has no such tangent: its modulus
 is the slope at the origin, and nothing is shifted.
@@ -48,6 +49,9 @@ LONG_SHARE = 0.2
 ARC_CHANGE = 0.1
 """Relative change of slope over a part that is an arc."""
 
+MOONEY_RANGE = 1.0
+"""Strain over which Mooney's form holds a rubber; its upturn lies beyond."""
+
 _MINIMUM_WINDOW = 5
 
 
@@ -59,27 +63,23 @@ class LinearPart:
     ----------
     start, stop
         Points of the linear part, as a slice.
-    modulus_MPa, modulus_se_MPa
-        Least-squares slope, and its standard error from the scatter about the line.
+    modulus_MPa
+        Slope of the line, or of the arc at its beginning.
     toe_strain
         The strain from which strains count; 0 where there is no toe.
     kind
         "line" (a linear part was found), "arc" (the curve bends from its beginning) or "origin"
         (it steepens on); the modulus of the latter two is the slope at the beginning.
-    end_stress_MPa
-        Stress of the line or arc at the end of the part.
     zero_strain
-        Where the line meets zero stress, shifted or not.
+        Where the line, or the arc's tangent, meets zero stress, shifted or not.
     """
 
     start: int
     stop: int
     modulus_MPa: float
-    modulus_se_MPa: float
     toe_strain: float
     kind: Literal["line", "arc", "origin"]
     zero_strain: float
-    end_stress_MPa: float
 
 
 class _Lines:
@@ -105,22 +105,21 @@ class _Lines:
         slopes = sxy / sxx
         return slopes, sxx, np.sqrt(np.maximum(syy - slopes * sxy, 0.0) / (width - 2))
 
-    def line(self, start: int, stop: int) -> tuple[float, float, float, float]:
-        """Slope, its standard error, where the line meets zero, and that strain's error."""
+    def line(self, start: int, stop: int) -> tuple[float, float, float]:
+        """Slope, where the line meets zero, and that strain's standard error."""
         n, u, v, sxx, sxy, syy = (
             float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
         )
         if not sxx > 0.0:
-            return 0.0, np.inf, 0.0, np.inf
+            return 0.0, 0.0, np.inf
         slope = sxy / sxx
-        variance = max(syy - slope * sxy, 0.0) / max(n - 2.0, 1.0)
-        error = np.sqrt(variance / sxx)
         if slope <= 0.0:
-            return slope, float(error), 0.0, np.inf
+            return slope, 0.0, np.inf
+        variance = max(syy - slope * sxy, 0.0) / max(n - 2.0, 1.0)
         x_mean, y_mean = u + self._centre[0], v + self._centre[1]
         zero = x_mean - y_mean / slope
         zero_error = np.sqrt(variance * (1.0 / n + (x_mean - zero) ** 2 / sxx)) / slope
-        return slope, float(error), zero, float(zero_error)
+        return slope, zero, float(zero_error)
 
 
 def linear_part(curve: Curve) -> LinearPart:
@@ -148,12 +147,11 @@ def linear_part(curve: Curve) -> LinearPart:
     if still_rising and y[stop - 1] - y[start] < LONG_SHARE * y[-1]:
         kind = "origin"
         start, stop = _grow(lines, slopes, errors, 0, width)
-    modulus, error, zero, zero_error = lines.line(start, stop)
-    end_stress = modulus * (float(x[stop - 1]) - zero)
+    modulus, zero, zero_error = lines.line(start, stop)
     arc = _arc(x[start:stop], y[start:stop]) if start == 0 else None
     if arc is not None:
         kind = "arc" if kind == "line" else kind
-        modulus, error, zero, end_stress = arc
+        modulus, zero = arc
     if modulus <= 0.0:
         raise FileError(
             f"specimen {curve.specimen}: the stress does not rise with strain at strain "
@@ -169,26 +167,37 @@ def linear_part(curve: Curve) -> LinearPart:
             np.mean(above)
         ) > 3.0 * noise / np.sqrt(len(above)):
             toe = zero
-    return LinearPart(start, stop, modulus, error, toe, kind, zero, end_stress)
+    return LinearPart(start, stop, modulus, toe, kind, zero)
 
 
-def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float, float, float] | None:
-    """Slope at the first point, its error, zero and last stress of a parabola that bends.
+def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
+    """Slope of an arc at its first point, and the zero of the tangent there.
 
-    None where the parabola's bend is not significant, or its slope not positive.
+    None where a parabola's bend is not significant, or the slope not positive.
     """
     if len(x) < _MINIMUM_WINDOW or x[-1] <= x[0]:
         return None
     scale = float(x[-1] - x[0])
     terms = np.vander((x - x[0]) / scale, 3, increasing=True)
     inverse = np.linalg.pinv(terms)
-    level, slope, bend = (float(c) for c in inverse @ y)
-    scatter = float(np.sum((y - terms @ np.array([level, slope, bend])) ** 2)) / (len(x) - 3)
-    slope_error, bend_error = np.sqrt(scatter * np.sum(inverse[1:] ** 2, axis=1))
+    coefficients = inverse @ y
+    slope, bend = (float(c) for c in coefficients[1:])
+    scatter = float(np.sum((y - terms @ coefficients) ** 2)) / (len(x) - 3)
+    bend_error = np.sqrt(scatter * np.sum(inverse[2] ** 2))
     if slope <= 0.0 or abs(bend) <= max(5.0 * bend_error, 0.5 * ARC_CHANGE * slope):
         return None
-    zero = float(x[0]) - level * scale / slope
-    return slope / scale, float(slope_error) / scale, zero, level + slope + bend
+    # Mooney's form instead of the parabola: as many coefficients, and the shape of rubber.
+    near = x - x[0] <= max(MOONEY_RANGE, float(x[_MINIMUM_WINDOW - 1] - x[0]))
+    stretch = 1.0 + x[near]
+    uniaxial = stretch - stretch**-2.0
+    terms = np.stack([np.ones_like(stretch), uniaxial, uniaxial / stretch], axis=1)
+    level, first, second = (float(c) for c in np.linalg.lstsq(terms, y[near])[0])
+    at = float(stretch[0])
+    slope = first * (1.0 + 2.0 * at**-3.0) + 3.0 * second * at**-4.0
+    if slope <= 0.0:
+        return None
+    start = float(terms[0] @ [level, first, second])
+    return slope, float(x[0]) - start / slope
 
 
 def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray, FloatArray, int]:

@@ -8,7 +8,7 @@ from planner.arrays import FloatArray
 from planner.errors import FileError
 from planner.materials.curve import MINIMUM_POINTS, Curve
 
-__all__ = ["noise_sd", "without_tail"]
+__all__ = ["BROKEN_SHARE", "noise_sd", "without_tail"]
 
 BROKEN_SHARE = 0.2
 """A stress below this share of the peak, behind the peak, is a broken specimen's."""

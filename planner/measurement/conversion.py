@@ -1,5 +1,6 @@
 """From a specimen's record to its curve of nominal stress against strain."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +13,12 @@ from planner.materials.curve import MINIMUM_POINTS, Curve
 from planner.materials.rupture import without_tail
 from planner.measurement.plausibility import check_agreement, check_plausible, check_rising
 
-__all__ = ["Dimensions", "curve_of", "dimensions_of"]
+__all__ = ["Dimensions", "curve_of", "dimensions_of", "states_no_strain_unit"]
 
 START_SHARE = 0.02
 """A record whose first load is below this share of its peak starts unloaded."""
+
+_LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,12 @@ class Dimensions:
     area_mm2: float | None
     gauge_mm: float | None
     rate_mm_s: float | None
+
+
+def states_no_strain_unit(table: TensileTable) -> bool:
+    """Say whether the strain in use stands in the file under a heading without unit."""
+    used = "strain" if "strain" in table.columns else "true_strain"
+    return used in table.columns and used in table.without_unit
 
 
 def dimensions_of(specimen: Specimen | None, given: Specimen, table: TensileTable) -> Dimensions:
@@ -68,24 +77,58 @@ def curve_of(table: TensileTable, *, specimen: str, material: str, dimensions: D
             "needed to characterise it"
         )
     notes: list[str] = []
-    columns = {name: _upright(name, values, where, notes) for name, values in table.columns.items()}
+    columns = _upright(table.columns, where, notes)
     strain = _strain(columns, dimensions, where, notes)
     stress = _stress(columns, strain, dimensions, where, notes)
     time = _time(columns.get("time_s"), table, where, notes)
-    unit_stated = "strain" not in columns or "strain" not in table.without_unit
-    notes.extend(check_plausible(strain, stress, unit_stated=unit_stated, where=where))
+    unit_stated = not states_no_strain_unit(table)
+    check_plausible(strain, stress, unit_stated=unit_stated, where=where)
     notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
     check_rising(strain, stress, where=where)
-    curve = Curve(specimen, strain, stress, time, material, (*table.notes, *notes))
+    tension = slice(_compressed(strain, stress, where, notes), None)
+    curve = Curve(
+        specimen,
+        strain[tension],
+        stress[tension],
+        None if time is None else time[tension],
+        material,
+        (*table.notes, *notes),
+    )
     return without_tail(curve)
 
 
-def _upright(name: str, values: FloatArray, where: str, notes: list[str]) -> FloatArray:
-    """Turn a record whose tension counts negative."""
-    if name == "time_s" or abs(float(values.min())) <= 5.0 * abs(float(values.max())):
-        return values
-    notes.append(f"{where}: {name} is negative in tension; its sign was turned")
-    return -values
+def _upright(
+    columns: Mapping[str, FloatArray], where: str, notes: list[str]
+) -> dict[str, FloatArray]:
+    """Turn a load or a length that counts tension negative; both at once are compression."""
+    negative = []
+    for name, values in columns.items():
+        # A crosshead's position may be negative throughout and yet rise.
+        change = values if name in _LOADS else values - values[0]
+        if name != "time_s" and -float(change.min()) > 5.0 * abs(float(change.max())):
+            negative.append(name)
+    if any(name in _LOADS for name in negative) and any(name not in _LOADS for name in negative):
+        raise FileError(
+            f"{where}: {' and '.join(negative)} are negative, as in compression; give a tensile "
+            "test, or turn the signs in the file if tension counts negative there"
+        )
+    notes.extend(
+        f"{where}: {name} is negative in tension; its sign was turned" for name in negative
+    )
+    return {name: -values if name in negative else values for name, values in columns.items()}
+
+
+def _compressed(strain: FloatArray, stress: FloatArray, where: str, notes: list[str]) -> int:
+    """Return how many points lie before the last strain below zero ahead of the peak."""
+    below = np.flatnonzero(strain[: int(np.argmax(stress))] < 0.0)
+    if not len(below):
+        return 0
+    count = int(below[-1]) + 1
+    notes.append(
+        f"{where}: {count} points up to strain {strain[count]:.4g} are left out, for strain is "
+        f"negative there (from {strain[:count].min():.4g})"
+    )
+    return count
 
 
 def _strain(
@@ -102,17 +145,13 @@ def _strain(
             "gauge_mm to specimens.csv, or give --gauge-mm"
         )
     displacement = columns["displacement_mm"]
-    load = columns["force_N"] if "force_N" in columns else next(iter(_loads(columns)))
+    load = next(columns[name] for name in _LOADS if name in columns)
     if displacement[0] != 0.0 and abs(load[0]) < START_SHARE * float(np.max(np.abs(load))):
         notes.append(
             f"{where}: displacement counted from its first value, {displacement[0]:.4g} mm"
         )
         displacement = displacement - displacement[0]
     return displacement / dimensions.gauge_mm
-
-
-def _loads(columns: dict[str, FloatArray]) -> list[FloatArray]:
-    return [columns[name] for name in ("stress_MPa", "true_stress_MPa") if name in columns]
 
 
 def _stress(

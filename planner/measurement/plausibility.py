@@ -4,6 +4,7 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.errors import FileError
+from planner.materials.rupture import BROKEN_SHARE
 
 __all__ = ["check_agreement", "check_plausible", "check_rising"]
 
@@ -13,7 +14,17 @@ LARGEST_STRAIN = 30.0
 LARGEST_STRESS_MPA = 500.0
 """Beyond any unreinforced polymer's nominal strength (about 150 MPa)."""
 
+STIFF_STRESS_MPA = 20.0
+"""What bears more and stretches to more than twice its length has to state its unit."""
+
+LARGEST_UNSTATED_WORK_MPA = 50.0
+"""Largest stress times strain of what need not state its unit: few rubbers come near."""
+
 _REVERSAL_SHARE = 0.05
+_EVEN = 0.05
+_JITTER_SHARE = 0.02
+"""Noise of an optically measured strain, as a share of its range."""
+
 _SLIPS = (
     (100.0, "per cent given as fractions: write the unit '%'"),
     (0.01, "fractions marked as '%': correct the unit"),
@@ -30,11 +41,12 @@ _SLIPS = (
 
 def check_plausible(
     strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, where: str
-) -> tuple[str, ...]:
-    """Refuse strains and stresses that no polymer reaches; return what was assumed.
+) -> None:
+    """Refuse strains and stresses that no polymer reaches.
 
     A strain without unit counts as a fraction. It is refused where the specimen would stretch
-    fourfold under more than 20 MPa, which tells a rigid plastic's per cents.
+    to more than twice its length under more than 20 MPa, which tells a rigid plastic's per
+    cents, or so far that stress times strain exceeds 50 MPa.
 
     Raises
     ------
@@ -47,23 +59,18 @@ def check_plausible(
             f"{where}: strain reaches {largest:.4g} ({100 * largest:.4g} %), more than any "
             f"polymer's ({LARGEST_STRAIN:g}); if it is in per cent, head the column 'strain (%)'"
         )
-    if not unit_stated and largest > 3.0 and peak > 20.0:
+    strong = peak > STIFF_STRESS_MPA or peak * largest > LARGEST_UNSTATED_WORK_MPA
+    if not unit_stated and largest > 1.0 and strong:
         raise FileError(
             f"{where}: strain reaches {largest:.4g} at {peak:.4g} MPa and its heading gives no "
             "unit; per cent is likely: head the column 'strain (%)', or 'strain (mm/mm)' if it "
-            "is a fraction after all"
+            "is a fraction after all (and then check the unit of stress: psi?)"
         )
     if peak > LARGEST_STRESS_MPA:
         raise FileError(
             f"{where}: stress reaches {peak:.4g} MPa, more than any polymer's "
             f"({LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
         )
-    if not unit_stated and largest > 3.0:
-        return (
-            f"{where}: strain has no unit and reaches {largest:.4g}; taken as a fraction "
-            f"({100 * largest:.4g} %)",
-        )
-    return ()
 
 
 def check_agreement(stated: float, derived: float, *, what: str, where: str) -> tuple[str, ...]:
@@ -91,7 +98,7 @@ def check_agreement(stated: float, derived: float, *, what: str, where: str) -> 
 
 
 def check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> None:
-    """Refuse swapped columns and records that unload before the peak.
+    """Refuse swapped columns and records that unload.
 
     The crosshead moves at a constant rate, so strain is the column that never falls back and
     has even steps; both standards (ASTM D412, D638) test so.
@@ -99,32 +106,41 @@ def check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> N
     Raises
     ------
     FileError
-        Strain falls back while stress never does, or steps evenly in stress and unevenly in
-        strain (swapped); or strain falls back by more than 5 % of its range before the peak
-        (a cyclic test).
+        Stress has even steps and strain uneven ones, or strain falls back and stress never does
+        (swapped); or strain falls back by more than 5 % of its range before the peak, or behind
+        it while the specimen still bears load (a cyclic test).
     """
     peak = int(np.argmax(stress_MPa)) + 1
-    fall = float(np.max(np.maximum.accumulate(strain[:peak]) - strain[:peak]))
-    whole = float(np.max(np.maximum.accumulate(strain) - strain))
     span = float(np.ptp(strain))
     if span <= 0.0:
         raise FileError(f"{where}: strain stands at {strain[0]:g} throughout; check the column")
-    stress_rises = bool(np.all(np.diff(stress_MPa) >= 0.0))
-    if stress_rises and whole > 1e-3 * span:
-        raise FileError(
-            f"{where}: strain falls back and stress never does, as if the columns were swapped; "
-            "check the headings"
-        )
-    if stress_rises and _unevenness(stress_MPa) < 0.01 and _unevenness(strain) > 0.2:
-        raise FileError(
-            f"{where}: stress has even steps and strain uneven ones, as if the columns were "
-            "swapped (or the test was load-controlled, which is not understood here); check "
-            "the headings"
-        )
-    if fall > _REVERSAL_SHARE * span:
+    fallen = np.maximum.accumulate(strain) - strain
+    if bool(np.all(np.diff(stress_MPa) >= 0.0)):
+        # A strain measured optically jitters beside a smooth load: even steps tell it apart.
+        even = _unevenness(stress_MPa) < _EVEN
+        if float(fallen.max()) > (1e-3 if even else _JITTER_SHARE) * span:
+            raise FileError(
+                f"{where}: strain falls back and stress never does, as if the columns were "
+                "swapped; check the headings"
+            )
+        if _unevenness(stress_MPa) < 0.01 and _unevenness(strain) > 0.2:
+            raise FileError(
+                f"{where}: stress has even steps and strain uneven ones, as if the columns were "
+                "swapped (or the test was load-controlled, which is not understood here); check "
+                "the headings"
+            )
+    if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
             "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv"
+        )
+    bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
+    fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
+    if fall > _REVERSAL_SHARE * span:
+        raise FileError(
+            f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
+            "still bears load, as in loading and unloading; give the loading alone, or say "
+            "protocol 'cyclic' in specimens.csv"
         )
 
 

@@ -31,6 +31,9 @@ def only(found: Study) -> Curve:
 
 NOISE = 0.002 * np.random.default_rng(1).standard_normal(81)
 
+LOOP = np.concatenate([STRAIN, STRAIN[::-1]])
+LOOP_STRESS = np.concatenate([STRESS, 0.8 * STRESS[::-1]])
+
 CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
 
 
@@ -39,6 +42,11 @@ CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
     [
         ({"strain": 100 * STRAIN, "stress_MPa": STRESS}, "in per cent"),
         ({"strain": 20 * STRAIN, "stress_MPa": 60 * STRESS}, "per cent is likely"),
+        ({"strain": 3 * STRAIN, "stress_MPa": 30 * STRESS}, "per cent is likely"),
+        ({"strain": 25 * STRAIN, "stress_MPa": 5 * STRESS}, "per cent is likely"),
+        ({"strain": LOOP, "stress_MPa": LOOP_STRESS}, "falls back .* behind the peak"),
+        ({"strain": LOOP[:121], "stress_MPa": LOOP_STRESS[:121]}, "falls back .* behind the peak"),
+        ({"strain": -STRAIN / 4, "stress_MPa": -STRESS}, "as in compression"),
         ({"strain": STRAIN, "stress_MPa": 2000 * STRESS}, "psi or kPa"),
         ({"strain": STRAIN[:3], "stress_MPa": STRESS[:3]}, "the record has 3 points"),
         ({"strain": STRAIN, "stress_MPa": NOISE}, "never loads"),
@@ -51,7 +59,9 @@ CYCLE = np.abs(np.sin(6 * STRAIN)) + STRAIN
             "falls back .* before the peak",
         ),
     ],
-    ids=["per-cent", "per-cent-rigid", "psi", "three-points", "noise", "zero", "no-strain",
+    ids=["per-cent", "per-cent-rigid", "per-cent-brittle",
+         "per-cent-tough", "loading-unloading", "unloading-in-part", "compression", "psi",
+         "three-points", "noise", "zero", "no-strain",
          "swapped-noisy", "swapped", "cyclic"],
 )  # fmt: skip
 def test_refused(tmp_path: Path, columns: dict[str, FloatArray], message: str) -> None:
@@ -101,6 +111,42 @@ def test_a_broken_tail_is_cut_in_sight(tmp_path: Path) -> None:
     # 1e-8: nine digits in the text.
     assert only(found).strain[-1] == pytest.approx(0.8, abs=1e-8)
     assert "breaks at strain 0.8; 20 points behind it are cut" in " ".join(found.notes)
+
+
+def test_a_strain_that_springs_back_at_rupture_is_no_unloading(tmp_path: Path) -> None:
+    """An extensometer falls back when the specimen is broken and bears nothing."""
+    strain = np.concatenate([STRAIN, np.linspace(0.5, 0.1, 10)])
+    found = study(tmp_path, {"strain": strain, "stress_MPa": np.append(STRESS, np.zeros(10))})
+    # 1e-8: nine digits in the text.
+    assert only(found).strain[-1] == pytest.approx(0.8, abs=1e-8)
+
+
+def test_a_strain_that_jitters_beside_a_smooth_load_is_not_swapped(tmp_path: Path) -> None:
+    """Measured optically: noise of 0.2 % of the range, a smooth curved load."""
+    strain = np.linspace(0.0, 0.8, 801)
+    jitter = 0.01 + strain + 0.0016 * np.random.default_rng(3).standard_normal(801)
+    assert np.max(np.maximum.accumulate(jitter) - jitter) > 1e-3 * 0.8
+    found = study(tmp_path, {"strain (mm/mm)": jitter, "stress_MPa": np.tanh(2 * strain)})
+    assert len(only(found).strain) == 801
+
+
+def test_points_in_compression_are_left_out_in_sight(tmp_path: Path) -> None:
+    """A curve through compression and tension gives the tension's figures."""
+    strain = np.append(-0.4 + STRAIN[:40], STRAIN)
+    stress = 0.5 * (1.0 + strain - (1.0 + strain) ** -2.0)
+    found = study(tmp_path, {"strain (mm/mm)": strain, "stress_MPa": stress})
+    # 1e-8: nine digits in the text.
+    np.testing.assert_allclose(only(found).strain, STRAIN, atol=1e-8)
+    assert "40 points up to strain 0 are left out, for strain is negative there (from -0.4)" in (
+        " ".join(found.notes)
+    )
+
+
+def test_a_crosshead_below_its_datum_counts_upwards(tmp_path: Path) -> None:
+    travel = {"displacement_mm": -40.0 + 30.0 * STRAIN, "force_N": 6.0 * STRESS}
+    found = study(tmp_path, travel, width_mm=3, thickness_mm=2, gauge_mm=30)
+    # 1e-8: nine digits in the text.
+    assert only(found).strain[-1] == pytest.approx(0.8, abs=1e-8)
 
 
 def test_a_yield_drop_is_no_tail(tmp_path: Path) -> None:
