@@ -110,7 +110,8 @@ def elastic_response(model: CoefficientModel, coordinate: FloatArray) -> Elastic
 def _cubics(law: Law, strain: FloatArray) -> tuple[FloatArray, float]:
     """Return ln(secant) as a cubic an interval, (intervals, 4), and the strain to which it holds.
 
-    From the first node where the stress is not positive, finite and rising on, cubics are 0.
+    That is the last node before the stress is not finite, or ceases to rise. At rest it does, or
+    the palette would have no ladder of stiffness.
     """
     h = float(strain[1])
     with np.errstate(all="ignore"):
@@ -136,5 +137,5 @@ def _cubics(law: Law, strain: FloatArray) -> tuple[FloatArray, float]:
         ],
         axis=1,
     )
-    cubics[max(last, 0) :] = 0.0
-    return cubics, float(strain[max(last, 0)])
+    cubics[last:] = (g[last], slope[last], 0.0, 0.0)  # met at its first node only
+    return cubics, float(strain[last])
