@@ -41,8 +41,7 @@ def _plateau(s: Specimen) -> tuple[int, int] | None:
     if stop - start < SHORTEST or start < SHORTEST:
         return None
     # A coarse resolution gives runs of equal values everywhere, not only at the top.
-    equal = np.diff(force) == 0.0
-    equal[max(start - 1, 0) : stop] = False
+    equal = (np.diff(force) == 0.0) & ~at_top[1:]
     elsewhere = _longest_run(equal)
     if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return None

@@ -44,6 +44,11 @@ AMONG_REPLICATES = 0.25
 AGAINST_LAW = 0.35
 """The same for a whole campaign against the laws: they may be off by a third and more."""
 
+BEYOND_EFFECTS = 1.9
+"""No effect of test or print softens or stiffens a whole campaign e^1.9 = 6.7 times."""
+
+NEAR_K = 5.0
+
 SPLIT = 1.0
 """Replicates whose loads differ by a factor of e differ by more than scatter."""
 
@@ -149,19 +154,36 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
 def _whole(
     specimens: Sequence[Specimen], palette: Palette, loads: Mapping[int, float]
 ) -> Problem | None:
-    if not loads:
+    near = _near_reference(specimens, palette, loads)
+    if not near:
         return None
-    values = np.array(list(loads.values()))
+    values = np.array([loads[i] for i in near])
     shift = float(np.median(values))
     spread = float(np.median(np.abs(values - shift))) * 1.4826
-    if spread > 0.5 * SPLIT:
+    if spread > max(0.5 * SPLIT, 0.25 * abs(shift)):
         return None
-    kinds = [k for i in loads if (k := _travel_slip(specimens[i], palette, loads[i])) is not None]
-    if 2 * len(kinds) > len(loads):
-        return Problem("units", None, kinds[0], math.exp(shift), 1.0)
-    if _slip(shift, AGAINST_LAW) is None:
+    travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
+    if 2 * len(travel) > len(near):
+        return Problem("units", None, travel[0], math.exp(shift), 1.0)
+    tolerance = AGAINST_LAW if abs(shift) < BEYOND_EFFECTS else 2.0 * AGAINST_LAW
+    if _slip(shift, tolerance) is None:
         return None
     return _problem(None, shift, "the laws'")
+
+
+def _near_reference(
+    specimens: Sequence[Specimen], palette: Palette, loads: Mapping[int, float]
+) -> list[int]:
+    """Specimens near the reference temperature, whose effect is the largest; all if none is."""
+    reference = palette.reference.temperature_C
+    near = [
+        i
+        for i in loads
+        if reference is not None
+        and (t := specimens[i].temperature_C) is not None
+        and abs(t - reference) <= NEAR_K
+    ]
+    return near or list(loads)
 
 
 def _single(
@@ -174,7 +196,7 @@ def _single(
 
 
 def _problem(specimen: str | None, shift: float, whose: str) -> Problem:
-    slip = _slip(shift, AGAINST_LAW)
+    slip = _slip(shift, math.inf)
     assert slip is not None
     ratio = math.exp(abs(shift))
     way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
