@@ -85,8 +85,7 @@ def simulate(
     Slices across the axis share one force. Exit code 1 when a print would break on the way, or
     the strain is out of reach.
 
-    Example: [bold]planner simulate finger-graded --to-strain 0.1 -o curve.csv --figure
-    curve.svg[/bold]
+    Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
     """
     from planner.cli.output import print_document
     from planner.errors import ArgumentError

@@ -124,7 +124,7 @@ def text(
 
 
 def ticks(low: float, high: float) -> tuple[float, ...]:
-    """Return round values from low to high, four to eight: steps of 1, 2 or 5 times a power of ten."""
+    """Return four to eight round values from low to high, at steps of 1, 2 or 5 times 10^n."""
     rough = (high - low) / _TICKS
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= rough * (1.0 - 1e-9))

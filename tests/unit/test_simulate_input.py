@@ -1,0 +1,94 @@
+"""Figures, profiles, paths and bars that planner.simulate refuses, and what it says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.errors import ArgumentError, FileError, PlannerError
+from planner.simulation.bar import Bar
+from planner.simulation.protocol import LoadingPath, loading_path
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"to_strain": 0.0}, "above 0"),
+        ({"to_strain": 30.0}, "30 % is 0.3"),
+        ({"to_strain": float("nan")}, "above 0"),
+        ({"slices": 0}, "--slices"),
+        ({"steps": 0}, "--steps"),
+        ({"protocol": "cyclical"}, "did you mean cyclic"),
+        ({"protocol": "cyclic", "cycles": 0}, "--cycles"),
+        ({"rate_mm_s": -1.0}, "--rate"),
+        ({"hold_s": 0.0}, "--hold-s"),
+        ({"level": 1.0}, "--level"),
+        ({"width_mm": 0.0}, "width"),
+        ({"gauge_mm": float("inf")}, "gauge"),
+        ({"between_mm": (0.0, 40.0)}, "lie on the bar"),
+        ({"between_mm": (10.0, 5.0)}, "must rise"),
+    ],
+)
+def test_arguments_out_of_range(options: dict, reason: str) -> None:
+    with pytest.raises(ArgumentError, match=reason):
+        planner.simulate("Tango", **options)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "columns are none"),
+        ("x_mm\n0\n", "coordinate"),
+        ("x_mm,coordinate,colour\n", "'colour'"),
+        ("x_mm,coordinate\n0,0.5\n", "beginning to its end"),
+        ("x_mm,coordinate\n0,0.5\n0,0.5\n", "beginning to its end"),
+        ("x_mm,coordinate\n0,0.5\n-1,0.5\n", "line 3: x_mm falls"),
+        ("x_mm,coordinate\n0,0.5\n1,0\n1,1\n1,0\n", "three times"),
+        ("x_mm,coordinate\n0,0.5\n9,1.6\n", "goes from 0 to 1.5"),
+        ("x_mm,coordinate\n0,0.5\n9,nan\n", "line 3: coordinate is 'nan'"),
+        ("x_mm,coordinate\n0,0.5\n9\n", "line 3: coordinate is None"),
+        ("x_mm,coordinate,width_mm\n0,0.5,3\n9,1,0\n", "width_mm is 0"),
+    ],
+)
+def test_profiles_that_are_none(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "bar.csv"
+    path.write_text(text)
+    with pytest.raises(FileError, match=reason):
+        planner.simulate(path)
+
+
+@pytest.mark.parametrize(
+    ("time", "displacement", "reason"),
+    [
+        ([0.0, 1.0], [0.0], "one of each"),
+        ([], [], "at least one step"),
+        ([0.0, 0.0], [0.0, 1.0], "time must rise"),
+        ([0.0, 1.0], [0.0, -1.0], "pulled"),
+        ([0.0, np.nan], [0.0, 1.0], "finite"),
+    ],
+)
+def test_paths_that_are_none(time: list[float], displacement: list[float], reason: str) -> None:
+    with pytest.raises(ArgumentError, match=reason):
+        LoadingPath(np.array(time), np.array(displacement))
+
+
+@pytest.mark.parametrize(
+    ("edges", "coordinate", "area", "reason"),
+    [
+        ([0.0, 1.0], [0.5, 0.5], [1.0, 1.0], "n \\+ 1 edges"),
+        ([0.0, 0.0], [0.5], [1.0], "must rise"),
+        ([0.0, 1.0], [np.nan], [1.0], "finite"),
+        ([0.0, 1.0], [0.5], [0.0], "no cross-section"),
+        ([0.0], [], [], "n slices"),
+        ([0.0, 1.0], [1.6], [1.0], "goes from 0 to 1.5"),
+    ],
+)
+def test_bars_that_are_none(edges: list, coordinate: list, area: list, reason: str) -> None:
+    with pytest.raises(PlannerError, match=reason):
+        planner.simulate(Bar(np.array(edges), np.array(coordinate), np.array(area)))
+
+
+def test_loading_path_rejects_unknown_protocols() -> None:
+    with pytest.raises(ArgumentError, match="monotonic, cyclic, relaxation"):
+        loading_path("creep", to_displacement_mm=1.0, rate_mm_s=1.0)
