@@ -30,14 +30,17 @@ class Equilibrium:
     force_N : (steps,)
     strain, stress_MPa, tangent_MPa : (steps, n)
         Of each slice; steps may be fewer than were asked for.
+    end_mm : float
+        Displacement of the last state, or where on the way to the next step the path ended.
     stopped_at : int or None
-        The slice whose law ends where the next step would have gone.
+        The slice whose law ends there, if one does.
     """
 
     force_N: FloatArray
     strain: FloatArray
     stress_MPa: FloatArray
     tangent_MPa: FloatArray
+    end_mm: float
     stopped_at: int | None
 
 
@@ -73,6 +76,7 @@ def solve(bar: Bar, response: Response, displacement_mm: FloatArray) -> Equilibr
         np.array([s.strain for s in states]) if states else empty,
         np.array([s.stress_MPa for s in states]) if states else empty,
         np.array([s.tangent_MPa for s in states]) if states else empty,
+        state.displacement_mm,
         stopped_at,
     )
 

@@ -96,17 +96,17 @@ def _unreachable(
     at: int,
 ) -> Finding:
     wanted = float(path.displacement_mm.max()) / bar.gauge_mm
-    got = float(path.displacement_mm[: len(reached.force_N)].max()) / bar.gauge_mm
+    got = reached.end_mm / bar.gauge_mm
     limit, breaks = float(response.strain_limit[at]), float(response.break_strain[at])
     why = (
-        f"{FARTHEST:g} times its elongation at break, and no law is known so far"
+        f"{FARTHEST:g} times its elongation at break, and its law is not known further"
         if limit >= FARTHEST * breaks
         else "where the stress of its law ceases to rise"
     )
     return Finding(
         "unreachable",
-        f"a strain of {wanted:.3g} is out of reach; the last step is at {got:.3g}: beyond, "
-        f"{_called(model, bar, at)} at {bar.x_mm[at]:.4g} mm stretches past {limit:.3g}, {why}",
+        f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {_called(model, bar, at)} at "
+        f"{bar.x_mm[at]:.4g} mm is strained by {limit:.3g}, {why}",
         (float(bar.edges_mm[at]), float(bar.edges_mm[at + 1])),
         got,
     )

@@ -20,6 +20,7 @@ __all__ = ["simulate", "simulate_bar"]
 
 _UNKNOWN_RATE_PER_S = 0.01
 _MOST_STRAIN = 10.0
+_MOST_STATES = 20_000_000  # slices times steps: half a GB
 
 
 def simulate(
@@ -133,10 +134,17 @@ def simulate_bar(
     Raises
     ------
     ArgumentError
-        A coordinate outside the palette, or a level that is not between 0 and 1.
+        A coordinate outside the palette, a level that is not between 0 and 1, or slices times
+        steps beyond 20 million.
     PaletteError
         The palette's stiffness does not rise with the coordinate.
     """
+    states = len(path.time_s) * len(bar.coordinate)
+    if states > _MOST_STATES:
+        raise ArgumentError(
+            f"{len(bar.coordinate)} slices over {len(path.time_s)} steps make {states} states; up "
+            "to 20 million are possible: take fewer --slices, --steps or --cycles"
+        )
     model = CoefficientModel(palette)
     response = elastic_response(model, bar.coordinate)
     reached = solve(bar, response, path.displacement_mm)

@@ -19,6 +19,7 @@ from planner.simulation.protocol import LoadingPath, loading_path
         ({"to_strain": float("nan")}, "above 0"),
         ({"slices": 0}, "--slices"),
         ({"steps": 0}, "--steps"),
+        ({"protocol": "cyclic", "steps": 10_000, "cycles": 2000}, "20 million"),
         ({"protocol": "cyclical"}, "did you mean cyclic"),
         ({"protocol": "cyclic", "cycles": 0}, "--cycles"),
         ({"rate_mm_s": -1.0}, "--rate"),
