@@ -3,7 +3,8 @@
 Calling a law for each slice and load step costs powers by the million. Instead the logarithm of
 each grade's secant modulus is tabulated over strain and interpolated by cubics through values and
 slopes; a blend is linear between two grades in that logarithm (see `CoefficientModel`), so one
-table a grade serves every mixture. The error of the stress is below 1e-9 of it for all mixtures of the Connex3.
+table a grade serves every mixture. For all mixtures of the Connex3 the error of the stress is below
+1e-9 of it.
 """
 
 from dataclasses import dataclass
