@@ -357,7 +357,7 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
     lengths = {key: len(parameters[key]) for key in _SAME_LENGTH.get(model, ())}
     if len(set(lengths.values())) > 1:
         raise PaletteError(f"{where}: {lengths}: these lists must be of one length")
-    return LawParameters(model, MappingProxyType(parameters))
+    return LawParameters(model, parameters)
 
 
 def _list(names: Mapping[str, object] | tuple[str, ...]) -> str:

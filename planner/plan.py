@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.arrays import Float32Array, IntArray
-from planner.errors import FileError
+from planner.errors import FileError, OutputError
 from planner.formats.json_document import decode_document, encode_document
 from planner.palette import nearest_names
 
@@ -118,6 +118,11 @@ class Check:
     limit: float
     ok: bool
 
+    def __post_init__(self) -> None:
+        # Counts too are figures: a plan reads back equal to the one that was written.
+        object.__setattr__(self, "value", float(self.value))
+        object.__setattr__(self, "limit", float(self.limit))
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -213,6 +218,14 @@ class Plan:
         """Return the bytes of plan.json."""
         return encode_document(self.document())
 
+    def _files_table(self) -> list[str]:
+        rows = [
+            f"| `{Path(shell.file).name}` | {shell.operator_name} | {shell.colour} |"
+            for shell in self.shells
+        ]
+        head = ["## Which material to which file", "", "| file | material | colour |"]
+        return [*head, "| --- | --- | --- |", *rows]
+
     def write(self, folder: str | Path | None = None, *, force: bool = False) -> Path:
         """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.
 
@@ -233,11 +246,17 @@ class Plan:
         Raises
         ------
         OutputError
-            The folder exists already, or cannot be written.
+            The folder exists already, or cannot be written; or the plan was read back from a
+            folder, and holds no shells.
         """
         from planner.formats.folder import new_folder
         from planner.formats.threemf import ThreemfObject, write_threemf
 
+        if not self.shells:
+            raise OutputError(
+                f"plan of {self.part.file}: a plan that was read back holds no shells; grade the "
+                "part again to write them"
+            )
         target = Path(f"{self.name}-graded" if folder is None else folder)
         with new_folder(target, force=force) as scratch:
             (scratch / "stl").mkdir()
@@ -255,8 +274,8 @@ class Plan:
                 for shell in self.shells
             ]
             write_threemf(scratch / f"{self.name}.3mf", objects, assembly_name=self.name)
-            if self.notes:
-                (scratch / "HOWTO.md").write_text(self.notes, encoding="utf-8", newline="\n")
+            howto = "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
+            (scratch / "HOWTO.md").write_text(howto, encoding="utf-8", newline="\n")
             (scratch / "plan.json").write_bytes(self.json())
         return target
 
@@ -285,6 +304,8 @@ def plan_file(path: str | Path) -> Path:
 
 def read_plan(path: str | Path) -> Plan:
     """Read a plan from plan.json or the folder that holds it; its shells stay in their files.
+
+    Its figures have the nine digits that the file keeps.
 
     Raises
     ------

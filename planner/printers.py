@@ -10,15 +10,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources.abc import Traversable
-from types import MappingProxyType
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError
-from planner.palette import Palette, nearest_names, parse_palette
+from planner.errors import ArgumentError, PaletteError, UnknownNameError
+from planner.palette import Palette, load_palette, nearest_names, parse_palette
 
-__all__ = ["Printer", "PrinterProfile", "installed_printers", "load_profile", "printer"]
+__all__ = [
+    "Printer",
+    "PrinterProfile",
+    "installed_printers",
+    "load_profile",
+    "palette_of",
+    "printer",
+]
 
 GROUP = "planner.printers"
 
@@ -179,7 +186,7 @@ def load_profile(folder: Traversable) -> PrinterProfile:
         base_resins=tuple(file.base_resins),
         support=file.support,
         palettes=tuple(file.palettes),
-        operator_names=MappingProxyType(dict(file.operator_names)),
+        operator_names=file.operator_names,
         folder=folder,
     )
 
@@ -203,10 +210,40 @@ def printer(name: str) -> Printer:
         hint = f"did you mean {near[0]}? " if near else ""
         known = ", ".join(found) or "none"
         raise UnknownNameError(f"no printer {name!r}; {hint}installed: {known}")
-    loaded = found[name].load()
+    try:
+        loaded = found[name].load()
+    except Exception as error:  # whatever a plugin of others may raise
+        raise UnknownNameError(
+            f"printer {name!r}: its plugin {found[name].value} cannot be loaded "
+            f"({type(error).__name__}: {error}); reinstall or remove it"
+        ) from error
     if not isinstance(loaded, Printer):
         raise UnknownNameError(
             f"printer {name!r}: {found[name].value} is not a planner.Printer; "
             "run planner.testing.check_printer on it"
         )
     return loaded
+
+
+def palette_of(machine: Printer, palette: str | Path | Palette | None = None) -> Palette:
+    """Return the palette that is meant: a value, a file, a name, or the printer's default.
+
+    Raises
+    ------
+    ArgumentError
+        None of these.
+    UnknownNameError, PaletteError
+        No such palette, or a file that breaks the schema.
+    """
+    if isinstance(palette, Palette):
+        return palette
+    if isinstance(palette, Path) or (
+        isinstance(palette, str) and (palette.endswith(".toml") or Path(palette).is_file())
+    ):
+        return load_palette(palette)
+    if palette is None or isinstance(palette, str):
+        return machine.palette(palette)
+    raise ArgumentError(
+        f"palette is a {type(palette).__name__}; give a name, the path of a palette file or a "
+        "planner.Palette"
+    )

@@ -6,6 +6,7 @@
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,8 @@ def assert_golden(folder: str | Path, golden: str | Path, *, update: bool = Fals
     expected = json.loads(golden.read_text(encoding="utf-8"))
     names = {*expected["files"], *record["files"]}
     differ = sorted(n for n in names if expected["files"].get(n) != record["files"].get(n))
-    assert not differ, f"{folder} differs from {golden} in: {', '.join(differ)}"
+    if differ:
+        raise AssertionError(f"{folder} differs from {golden} in: {', '.join(differ)}")
 
 
 def assert_same_plan(
@@ -74,7 +76,8 @@ def assert_same_plan(
     a, b = (p if isinstance(p, Plan) else read_plan(p) for p in (expected, plan))
     found = differences(a, b, tolerance)
     lines = [f"{d.what} ({d.where}): {d.before} -> {d.after}" for d in found]
-    assert not found, "the plans differ:\n" + "\n".join(lines)
+    if found:
+        raise AssertionError("the plans differ:\n" + "\n".join(lines))
 
 
 def check_printer(printer: object) -> None:
@@ -85,17 +88,19 @@ def check_printer(printer: object) -> None:
     AssertionError
         With everything that is missing or out of range.
     """
-    assert isinstance(printer, Printer), (
-        f"{type(printer).__name__} lacks a part of planner.Printer: "
-        + ", ".join(sorted(n for n in _members() if not hasattr(printer, n)))
-    )
+    if not isinstance(printer, Printer):
+        missing = ", ".join(sorted(n for n in _members() if not hasattr(printer, n)))
+        raise AssertionError(f"{type(printer).__name__} lacks of planner.Printer: {missing}")
     problems = []
-    for name in ("tray_mm", "pixel_mm"):
-        if not all(value > 0.0 for value in getattr(printer, name)):
-            problems.append(f"{name} is {getattr(printer, name)}; every length must be above 0")
+    for name, count in (("tray_mm", 3), ("pixel_mm", 2)):
+        lengths = getattr(printer, name)
+        if not (
+            isinstance(lengths, tuple) and len(lengths) == count and all(map(_length, lengths))
+        ):
+            problems.append(f"{name} is {lengths!r}; it must be {count} lengths above 0")
     for name in ("layer_mm", "minimum_wall_mm", "minimum_feature_mm"):
-        if not getattr(printer, name) > 0.0:
-            problems.append(f"{name} is {getattr(printer, name)}; it must be above 0")
+        if not _length(getattr(printer, name)):
+            problems.append(f"{name} is {getattr(printer, name)!r}; it must be a length above 0")
     if not printer.palettes:
         problems.append("palettes is empty; a printer brings at least one")
     if not printer.base_resins:
@@ -110,7 +115,12 @@ def check_printer(printer: object) -> None:
                 problems.append(f"operator_name({material.id!r}) is empty")
     if not printer.job_notes().strip():
         problems.append("job_notes() is empty; tell the operator how to print the files")
-    assert not problems, "\n".join(problems)
+    if problems:
+        raise AssertionError("\n".join(problems))
+
+
+def _length(value: object) -> bool:
+    return isinstance(value, (int, float)) and 0.0 < value < math.inf
 
 
 def _members() -> set[str]:

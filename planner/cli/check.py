@@ -1,11 +1,14 @@
 """planner check."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from planner.cli.options import AsJson, Quiet
+
+if TYPE_CHECKING:
+    from planner.grading.certificate import Certificate
 
 __all__ = ["check"]
 
@@ -41,5 +44,14 @@ def check(
         )
         for problem in certificate.problems:
             finding(problem)
-        say("the folder is sound" if certificate.ok else "the folder is NOT sound")
+        for message in certificate.reported:
+            finding(f"reported by the plan: {message}")
+        say(_verdict(certificate))
     return 0 if certificate.ok else 1
+
+
+def _verdict(certificate: "Certificate") -> str:
+    if certificate.ok:
+        return "the folder is sound"
+    failed = certificate.problems or not all(c.ok for c in certificate.checks.values())
+    return "the folder is NOT sound" if failed else "the files are sound, with the findings above"

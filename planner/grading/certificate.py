@@ -1,17 +1,15 @@
 """A plan's folder verified anew, from its files alone."""
 
 import hashlib
-import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from planner.errors import FileError, PlannerError
+from planner.arrays import Float32Array, FloatArray
+from planner.errors import FileError, MeshError
 from planner.formats.stl import decode_stl
-from planner.formats.threemf import read_threemf
+from planner.grading.agreement import region_problems, shell_problems, threemf_problems
 from planner.grading.verification import shell_checks
 from planner.plan import Check, Plan, plan_file, read_plan
 
@@ -30,6 +28,8 @@ class Certificate:
         By name; each with its value and limit.
     problems
         In words, with the file.
+    reported
+        What the plan itself reported when it was made: findings and targets out of reach.
     """
 
     part: str
@@ -38,11 +38,13 @@ class Certificate:
     triangles: int
     checks: Mapping[str, Check]
     problems: tuple[str, ...]
+    reported: tuple[str, ...]
 
     @property
     def ok(self) -> bool:
-        """Whether everything holds."""
-        return not self.problems and all(check.ok for check in self.checks.values())
+        """Whether everything holds, and the plan reported nothing."""
+        held = all(check.ok for check in self.checks.values())
+        return held and not self.problems and not self.reported
 
     def document(self) -> dict[str, Any]:
         """Return the certificate as JSON holds it."""
@@ -58,6 +60,7 @@ class Certificate:
                 for name, c in self.checks.items()
             },
             "problems": list(self.problems),
+            "reported": list(self.reported),
         }
 
 
@@ -65,6 +68,10 @@ def certify(
     folder: str | Path, *, progress: Callable[[str], None] = lambda stage: None
 ) -> Certificate:
     """Verify a plan's folder: nothing missing, nothing altered, and every shell sound.
+
+    Each shell is verified as a reader finds it, and held against what the plan says of it: its
+    material, volume, triangles and place. Where bands share a file, their volumes are verified
+    together.
 
     Raises
     ------
@@ -75,86 +82,66 @@ def certify(
     root = file.parent
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
-    soups: dict[str, bytes] = {}
+    disagreements = list(region_problems(plan))
     progress("reading the shells")
-    altered = 0
-    for region in plan.regions:
-        path = root / region.file
-        if region.file in soups or not path.is_file():
-            continue
-        data = path.read_bytes()
-        soups[region.file] = data
-        if hashlib.sha256(data).hexdigest() != region.sha256:
-            altered += 1
-            problems.append(f"{region.file}: its content is not what the plan was written with")
+    altered, shells = 0, dict[str, Float32Array | FloatArray]()
+    for name, expected in {region.file: region.sha256 for region in plan.regions}.items():
+        try:
+            data = _inside(root, name).read_bytes()
+            if hashlib.sha256(data).hexdigest() != expected:
+                altered += 1
+                problems.append(f"{name}: its content is not what the plan was written with")
+            shells[name] = decode_stl(data, name)
+        except FileNotFoundError:
+            continue  # told as missing already
+        except (OSError, FileError) as error:
+            problems.append(str(error))
     progress("verifying the shells")
     checks = {"files_altered": Check(altered, 0, altered == 0)}
-    triangles = 0
-    try:
-        triangles = sum(len(decode_stl(data, name)) for name, data in soups.items())
-        checks |= shell_checks(list(soups.values()), plan.part)
-    except FileError as error:
-        problems.append(str(error))
-    checks |= _region_checks(plan)
+    if shells and plan.part.volume_mm3 > 0.0:
+        checks |= shell_checks(list(shells.values()), plan.part)
+        disagreements += shell_problems(plan, shells)
+    else:
+        problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
-    mismatched, words = _threemf_mismatches(root, plan, soups)
-    checks["threemf_mismatches"] = Check(mismatched, 0, mismatched == 0)
+    mismatches = list(threemf_problems(root / f"{plan.name}.3mf", plan, shells))
+    checks["plan_disagreements"] = Check(len(disagreements), 0, not disagreements)
+    checks["threemf_mismatches"] = Check(len(mismatches), 0, not mismatches)
     return Certificate(
         part=plan.part.file,
         printer=plan.printer,
-        shells=len(soups),
-        triangles=triangles,
+        shells=len(shells),
+        triangles=sum(map(len, shells.values())),
         checks=checks,
-        problems=(*problems, *words),
+        problems=(*problems, *disagreements, *mismatches),
+        reported=tuple(_reported(plan)),
     )
 
 
-def _misplaced(root: Path, plan: Plan) -> list[str]:
+def _inside(root: Path, name: str) -> Path:
+    path = (root / name).resolve()
+    if not path.is_relative_to(root.resolve() / "stl"):
+        raise MeshError(
+            f"{name}: the plan names a shell outside the folder's stl/; it was not read"
+        )
+    return path
+
+
+def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     expected = {region.file for region in plan.regions} | {"plan.json", f"{plan.name}.3mf"}
     found = {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
-    words = [f"{name}: the plan names it, but it is missing" for name in sorted(expected - found)]
-    strangers = sorted(found - expected - _EXTRA)
-    return words + [f"{name}: no part of the plan; remove it" for name in strangers]
+    for name in sorted(expected - found):
+        yield f"{name}: the plan names it, but it is missing"
+    for name in sorted(found - expected - _EXTRA):
+        yield f"{name}: no part of the plan; remove it"
 
 
-def _region_checks(plan: Plan) -> dict[str, Check]:
-    """Compare the regions with one another and with the part, as the plan states them."""
-    total = sum(region.volume_mm3 for region in plan.regions)
-    error = abs(total / plan.part.volume_mm3 - 1.0)
-    edges = [region.field for region in plan.regions]
-    gaps = sum(a[1] > b[0] + 1e-9 for a, b in itertools.pairwise(edges))
-    return {
-        "regions_volume_error": Check(error, 1e-6, error <= 1e-6),
-        "regions_out_of_order": Check(gaps, 0, gaps == 0),
-    }
-
-
-def _threemf_mismatches(root: Path, plan: Plan, soups: dict[str, bytes]) -> tuple[int, list[str]]:
-    """Compare the shells in the 3MF with the STL files, triangle for triangle."""
-    path = root / f"{plan.name}.3mf"
-    if not path.is_file():
-        return 1, []
-    try:
-        model = read_threemf(path)
-    except PlannerError as error:
-        return 1, [str(error)]
-    objects = {item.name: item for item in model.objects}
-    words = [f"{path.name}: {remark}" for remark in model.remarks]
-    mismatched = len(words)
-    for file, data in soups.items():
-        stem = Path(file).stem
-        if stem not in objects:
-            mismatched += 1
-            words.append(f"{path.name}: it has no object {stem}")
-            continue
-        item = objects.pop(stem)
-        ours = np.asarray(item.vertices, dtype=np.float32)[item.faces]
-        # Text keeps each coordinate to about one unit in the last place of float32.
-        theirs = decode_stl(data, file)
-        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=3e-7, atol=1e-9):
-            mismatched += 1
-            words.append(f"{path.name}: object {stem} is not the shell in {file}")
-    for stem in objects:
-        mismatched += 1
-        words.append(f"{path.name}: object {stem} has no STL")
-    return mismatched, words
+def _reported(plan: Plan) -> Iterator[str]:
+    for finding in plan.findings:
+        yield finding.message
+    for missed in plan.unreachable:
+        low, high = missed.target_modulus_MPa
+        yield f"target {low:.3g} .. {high:.3g} MPa is out of reach of {missed.nearest}"
+    for name, check in plan.checks.items():
+        if not check.ok and not plan.findings:  # findings say it better
+            yield f"check {name} did not hold: {check.value:.3g}, limit {check.limit:.3g}"

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from planner.errors import ArgumentError
 from planner.plan import Plan, Region
 
 __all__ = ["Difference", "differences"]
@@ -29,12 +30,19 @@ def differences(before: Plan, after: Plan, tolerance: float = 1e-6) -> tuple[Dif
         Relative difference of figures that still counts as equal; places along the field are
         compared with the same tolerance, absolutely.
 
+    Raises
+    ------
+    ArgumentError
+        The tolerance is not a number from 0 to 1.
+
     Returns
     -------
     tuple of Difference
         Empty when the plans mean the same. File hashes and version numbers do not count: they
         differ whenever anything else does, and sometimes when nothing does.
     """
+    if not 0.0 <= tolerance <= 1.0:
+        raise ArgumentError(f"--tolerance {tolerance:g}: it must be a number from 0 to 1")
     return tuple(_compare(before, after, tolerance))
 
 
@@ -129,7 +137,7 @@ def _equal(a: Any, b: Any, tolerance: float) -> bool:
         return a.keys() == b.keys() and all(_equal(a[k], b[k], tolerance) for k in a)
     if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
         return len(a) == len(b) and all(_equal(x, y, tolerance) for x, y in zip(a, b, strict=True))
-    if isinstance(a, float) or isinstance(b, float):
+    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
         return math.isclose(a, b, rel_tol=tolerance, abs_tol=tolerance)
     return bool(a == b)
 

@@ -7,10 +7,12 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import ArgumentError
+from planner.formats.stl import decode_stl
 from planner.geometry.fields import Field
 from planner.geometry.fields.axis import axis_field
 from planner.geometry.placement import place
 from planner.geometry.shells import piece_volumes_mm3, split
+from planner.grading.arguments import as_count, as_number
 from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
 from planner.grading.findings import print_checks
 from planner.grading.part_source import PartSource, open_part
@@ -18,7 +20,7 @@ from planner.grading.profile import Profile, between, read_profile
 from planner.grading.regions import point, regions_of, shells_of
 from planner.grading.stiffness_scale import StiffnessScale, stiffness_scale
 from planner.grading.verification import shell_checks
-from planner.palette import Palette, load_palette
+from planner.palette import Material, Palette
 from planner.plan import (
     Gradient,
     PaletteUsed,
@@ -28,7 +30,7 @@ from planner.plan import (
     Stiffness,
     Unreachable,
 )
-from planner.printers import Printer
+from planner.printers import Printer, palette_of
 from planner.printers import printer as load_printer
 
 __all__ = ["grade"]
@@ -39,8 +41,8 @@ Progress = Callable[[str], None]
 def grade(
     part: object,
     *,
-    from_: str | None = None,
-    to: str | None = None,
+    from_: str | Material | None = None,
+    to: str | Material | None = None,
     axis: str | tuple[float, float, float] | None = None,
     profile: str | Path | Profile = "log",
     bands: int | None = None,
@@ -97,7 +99,13 @@ def grade(
         Bad input, with what to do about it.
     """
     machine = load_printer(printer) if isinstance(printer, str) else printer
-    chosen = _palette(palette, machine)
+    if not isinstance(machine, Printer):
+        raise ArgumentError(f"printer is a {type(printer).__name__}; give a name or a Printer")
+    if field is not None and not isinstance(field, Field):
+        raise ArgumentError(f"field is a {type(field).__name__}; give a planner Field")
+    bands = None if bands is None else as_count(bands, "--bands")
+    at_strain = as_number(at_strain, "--at-strain")
+    chosen = palette_of(machine, palette)
     scale = stiffness_scale(chosen, at_strain)
     if blend != "nearest":
         raise ArgumentError(f"--blend {blend}: this version takes nearest")
@@ -115,7 +123,7 @@ def grade(
     shells = shells_of(pieces, steps, scale, machine, source.name)
 
     progress("verifying the shells")
-    checks = shell_checks([shell.stl for shell in shells], mesh)
+    checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
     volumes_mm3 = piece_volumes_mm3(pieces)
     printing, findings = print_checks(mesh, along, steps, volumes_mm3, chosen, machine)
@@ -137,23 +145,21 @@ def grade(
     )
 
 
-def _palette(palette: str | Path | Palette | None, machine: Printer) -> Palette:
-    if isinstance(palette, Palette):
-        return palette
-    if isinstance(palette, Path) or (palette is not None and palette.endswith(".toml")):
-        return load_palette(palette)
-    return machine.palette(palette)
-
-
 def _target(
-    profile: str | Path | Profile, from_: str | None, to: str | None, scale: StiffnessScale
+    profile: str | Path | Profile,
+    from_: str | Material | None,
+    to: str | Material | None,
+    scale: StiffnessScale,
 ) -> tuple[Profile, str | None, str | None]:
     """Return the target along the field and the ids of the materials at its ends."""
     palette = scale.palette
-    start = None if from_ is None else palette.resolve(from_).id
-    end = None if to is None else palette.resolve(to).id
+    start, end = _material_id(from_, palette), _material_id(to, palette)
     if isinstance(profile, Profile):
         return profile, start, end
+    if not isinstance(profile, (str, Path)):
+        raise ArgumentError(
+            f"profile is a {type(profile).__name__}; give a name, a CSV file or a planner.Profile"
+        )
     if isinstance(profile, Path) or profile.casefold().endswith(".csv"):
         if start is not None or end is not None:
             raise ArgumentError(
@@ -172,6 +178,16 @@ def _target(
             f"--from {from_} and --to {to} are one material, {start}; a gradient needs two"
         )
     return between(profile, scale.modulus_of(start), scale.modulus_of(end)), start, end
+
+
+def _material_id(material: str | Material | None, palette: Palette) -> str | None:
+    if material is None:
+        return None
+    if not isinstance(material, (str, Material)):
+        raise ArgumentError(
+            f"an end of the gradient is a {type(material).__name__}; give the name of a material"
+        )
+    return palette.resolve(material if isinstance(material, str) else material.id).id
 
 
 def _bands(target: Profile, scale: StiffnessScale, count: int | None) -> tuple[Band, ...]:

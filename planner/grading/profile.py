@@ -11,13 +11,15 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.arrays import FloatArray, IntArray
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.grading.arguments import as_number
 from planner.palette import nearest_names
 
 __all__ = ["PROFILES", "Profile", "between", "read_profile"]
 
 Shape = Literal["log", "linear", "smooth"]
 _SHAPES: dict[str, Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
+_LEAST_MPa, _MOST_MPa = 1e-6, 1e7  # far beyond any solid that is printed
 PROFILES = ("log", "linear", "smooth", "steps:N", "FILE.csv")
 
 
@@ -36,12 +38,37 @@ class Profile:
     shape
         Between knots a, b with t = 0..1: ``log`` E = Ea (Eb/Ea)^t; ``linear`` E = Ea + (Eb - Ea) t;
         ``smooth`` E = Ea (Eb/Ea)^(3 t^2 - 2 t^3).
+
+    Raises
+    ------
+    ArgumentError
+        Positions that do not run from 0 to 1, moduli that are none, another shape.
     """
 
     name: str
     positions: tuple[float, ...]
     moduli_MPa: tuple[float, ...]
     shape: Shape
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "moduli_MPa"):
+            values = tuple(
+                as_number(v, f"profile {self.name}: {name}") for v in getattr(self, name)
+            )
+            object.__setattr__(self, name, values)
+        rising = all(a <= b for a, b in itertools.pairwise(self.positions))
+        jumps = any(a == b for a, b in zip(self.positions, self.positions[2:], strict=False))
+        if self.shape not in _SHAPES:
+            fault = f"shape is {self.shape!r}; it must be one of {', '.join(_SHAPES)}"
+        elif len(self.positions) != len(self.moduli_MPa) or len(self.positions) < 2:
+            fault = "it needs two or more positions, and a modulus for each"
+        elif self.positions[0] != 0.0 or self.positions[-1] != 1.0 or not rising or jumps:
+            fault = "positions must rise from 0 to 1; one may stand twice, for a jump"
+        elif not all(_LEAST_MPa <= modulus <= _MOST_MPa for modulus in self.moduli_MPa):
+            fault = f"moduli must lie between {_LEAST_MPa:g} and {_MOST_MPa:g} MPa"
+        else:
+            return
+        raise ArgumentError(f"profile {self.name}: {fault}")
 
     def modulus_MPa(self, u: FloatArray | float) -> FloatArray:
         """Return the target at field values `u`; at a jump, the value after it."""
@@ -164,7 +191,10 @@ def read_profile(
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"profile {path}: cannot be read ({error}); give a CSV file") from error
     rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    columns = tuple(rows.fieldnames or [])
+    try:
+        columns = tuple(rows.fieldnames or [])
+    except csv.Error as error:
+        raise FileError(f"profile {path}: {error}; it is not a CSV file") from error
     value_columns = [c for c in columns if c in ("modulus_MPa", "material")]
     if "position" not in columns or len(value_columns) != 1:
         raise FileError(
@@ -178,7 +208,10 @@ def read_profile(
         where = f"profile {path}, line {rows.line_num}"
         position = _number(row.get("position"), f"{where}: position")
         if column == "material":
-            modulus = moduli_MPa[resolve(str(row.get("material") or ""))]
+            try:
+                modulus = moduli_MPa[resolve(str(row.get("material") or ""))]
+            except UnknownNameError as error:
+                raise FileError(f"{where}: {error}") from error
         else:
             modulus = _number(row.get("modulus_MPa"), f"{where}: modulus_MPa")
         if not 0.0 <= position <= 1.0 or (positions and position < positions[-1]):
@@ -187,8 +220,11 @@ def read_profile(
             raise FileError(
                 f"{where}: position {position:g} stands three times; a jump is two rows"
             )
-        if not modulus > 0.0:
-            raise FileError(f"{where}: modulus_MPa is {modulus:g}; it must be above 0")
+        if not _LEAST_MPa <= modulus <= _MOST_MPa:
+            raise FileError(
+                f"{where}: modulus_MPa is {modulus:g}; it must be above 0, "
+                f"{_LEAST_MPa:g} to {_MOST_MPa:g}"
+            )
         positions.append(position)
         moduli.append(modulus)
     if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:

@@ -1,11 +1,10 @@
-"""Whether shells are sound, and fill the part without gap or overlap, as a reader finds them."""
+"""Whether shells are sound, and fill the part without gap or overlap, as readers find them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from planner.arrays import Float32Array, FloatArray
-from planner.formats.stl import decode_stl
 from planner.geometry.audit import Measured, audit_welded, interfaces_cancel
 from planner.geometry.columns import grid_for, iterate_columns
 from planner.geometry.mesh import Mesh
@@ -22,8 +21,15 @@ OVERLAP_LIMIT = 1e-9
 _COLUMNS_ACROSS = 512  # of the longest side: 2e5 columns over a cube, a fraction of a second
 
 
-def shell_checks(files: Sequence[bytes], part: Measured) -> dict[str, Check]:
-    """Verify a part's shells from the bytes of their STL files.
+def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) -> dict[str, Check]:
+    """Verify a part's shells as they stand in their files.
+
+    Parameters
+    ----------
+    shells
+        Triangles (k, 3, 3) of each, at least one.
+    part
+        The part they were cut from; its volume is above 0.
 
     Returns
     -------
@@ -37,7 +43,7 @@ def shell_checks(files: Sequence[bytes], part: Measured) -> dict[str, Check]:
         have winding numbers that add up to the part's, so it can differ from 0 only where a
         shell is turned inside out in places; it is measured on columns of voxels.
     """
-    meshes = [_welded(decode_stl(data, f"shell {n}")) for n, data in enumerate(files)]
+    meshes = [_welded(shell) for shell in shells]
     audits = [audit_welded(mesh) for mesh in meshes]
     unsound = sum(
         not (found.sound and _accepted(mesh)) for found, mesh in zip(audits, meshes, strict=True)

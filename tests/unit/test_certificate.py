@@ -1,0 +1,112 @@
+"""A certificate sees what was done to a folder, and is given whatever was done to it."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import planner
+from planner.cli import run
+
+BY_MATERIAL = ("material", "modulus_MPa", "coordinate")
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    samples = Path(__file__).resolve().parents[2] / "samples"
+    plan = planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
+    return plan.write(tmp_path_factory.mktemp("graded") / "finger")
+
+
+@pytest.fixture
+def folder(sound: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(sound, tmp_path / "copy"))
+
+
+def _change(folder: Path, change: Callable[[dict], object]) -> None:
+    document = json.loads((folder / "plan.json").read_text())
+    change(document)
+    (folder / "plan.json").write_text(json.dumps(document))
+
+
+def _swap(document: dict, keys: tuple[str, ...]) -> None:
+    a, b = document["regions"][3:5]
+    for key in keys:
+        a[key], b[key] = b[key], a[key]
+
+
+def test_an_untouched_folder_is_sound(sound: Path) -> None:
+    certificate = planner.certify(sound)
+    assert certificate.ok
+    assert certificate.problems == ()
+    assert certificate.shells == 10
+    assert set(certificate.checks) >= {"shells_unsound", "overlap", "plan_disagreements"}
+
+
+DAMAGE: dict[str, Callable[[Path], object]] = {
+    "files swapped": lambda f: _change(f, lambda d: _swap(d, ("file", "sha256"))),
+    "materials swapped": lambda f: _change(f, lambda d: _swap(d, BY_MATERIAL)),
+    "volumes swapped": lambda f: _change(f, lambda d: _swap(d, ("volume_mm3",))),
+    "bounds swapped": lambda f: _change(f, lambda d: _swap(d, ("bounds_mm",))),
+    "triangles wrong": lambda f: _change(f, lambda d: d["regions"][0].update(triangles=4)),
+    "part elsewhere": lambda f: _change(
+        f, lambda d: d["part"].update(bounds_mm=[[0, 0, 0], [1, 1, 1]])
+    ),
+    "part without volume": lambda f: _change(f, lambda d: d["part"].update(volume_mm3=0.0)),
+    "no regions": lambda f: _change(f, lambda d: d.update(regions=[])),
+    "shells gone": lambda f: shutil.rmtree(f / "stl"),
+    "shell cut short": lambda f: _cut(sorted((f / "stl").iterdir())[2]),
+    "shell empty": lambda f: sorted((f / "stl").iterdir())[2].write_bytes(b""),
+    "shell a folder": lambda f: _folder(sorted((f / "stl").iterdir())[2]),
+    "3MF cut short": lambda f: _cut(f / "finger.3mf"),
+    "3MF gone": lambda f: (f / "finger.3mf").unlink(),
+    "stranger": lambda f: (f / "stl" / "extra.stl").write_bytes(b"x"),
+    "shell outside": lambda f: _change(f, lambda d: d["regions"][0].update(file="/etc/hostname")),
+    "shell above": lambda f: _change(f, lambda d: d["regions"][0].update(file="../x.stl")),
+}
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damage_is_a_finding_and_never_a_crash(damage: str, folder: Path, capsys) -> None:
+    DAMAGE[damage](folder)
+    assert run(["check", str(folder)]) == 1
+    printed = capsys.readouterr()
+    assert "NOT sound" in printed.out
+    assert "finding" in printed.err
+    assert run(["check", str(folder), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert not document["ok"]
+    assert document["problems"]
+
+
+def test_what_lies_outside_the_folder_is_not_read(folder: Path, capsys) -> None:
+    _change(folder, lambda d: d["regions"][0].update(file="/etc/hostname"))
+    run(["check", str(folder)])
+    assert "outside the folder" in capsys.readouterr().err
+
+
+def test_findings_of_the_plan_are_not_forgotten(samples: Path, tmp_path: Path, capsys) -> None:
+    plan = planner.grade(samples / "finger.stl", from_="Vero", to="Tango", axis="x")
+    assert plan.findings
+    assert run(["check", str(plan.write(tmp_path / "thin"))]) == 1
+    printed = capsys.readouterr()
+    assert "minimum wall" in printed.err
+    assert "files are sound" in printed.out
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": 2}'])
+def test_what_is_no_plan_is_bad_input(folder: Path, capsys, text: str) -> None:
+    (folder / "plan.json").write_text(text)
+    assert run(["check", str(folder)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

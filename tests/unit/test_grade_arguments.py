@@ -1,0 +1,119 @@
+"""grade() takes numbers as scripts have them, and names what it cannot take."""
+
+import copy
+import pickle
+from pathlib import Path
+
+import manifold3d as m3
+import numpy as np
+import pytest
+
+import planner
+from planner.errors import ArgumentError, OutputError
+
+BAR = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
+MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
+ENDS = {"from_": "Tango", "to": "FLX9795"}
+
+
+class _Mesh:
+    vertices, faces = MESH
+
+
+def test_every_kind_of_part_gives_the_same_shells(tmp_path: Path) -> None:
+    plans = [planner.grade(part, **ENDS) for part in (MESH, _Mesh())]
+    assert [s.stl for s in plans[0].shells] == [s.stl for s in plans[1].shells]
+
+
+def test_numpy_scalars_are_numbers() -> None:
+    given = planner.grade(MESH, **ENDS, bands=np.int64(3), at_strain=np.float64(0.1))
+    assert given.json() == planner.grade(MESH, **ENDS, bands=3, at_strain=0.1).json()
+
+
+def test_materials_profiles_and_palettes_may_be_values() -> None:
+    palette = planner.printer("connex3").palette()
+    soft, hard = palette.materials[0], palette.materials[6]
+    by_value = planner.grade(
+        MESH, from_=soft, to=hard, palette=palette, printer=planner.printer("connex3")
+    )
+    assert by_value.json() == planner.grade(MESH, **ENDS).json()
+    profile = planner.Profile("mine", (0, 1), (0.5, 5), "linear")
+    assert planner.grade(MESH, profile=profile).regions[0].target_modulus_MPa[0] == 0.5
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"bands": 2.5},
+        {"bands": "3"},
+        {"bands": 0},
+        {"at_strain": "0.1"},
+        {"at_strain": float("nan")},
+        {"profile": None},
+        {"profile": 3},
+        {"printer": object()},
+        {"palette": object()},
+        {"field": lambda points: points},
+        {"from_": 7},
+        {"axis": "up"},
+        {"axis": (1, 0)},
+        {"unit": "furlong"},
+        {"blend": "mix"},
+    ],
+)
+def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
+    with pytest.raises(ArgumentError):
+        planner.grade(MESH, **{**ENDS, **arguments})
+
+
+@pytest.mark.parametrize(
+    ("positions", "moduli", "shape"),
+    [
+        ((0, 1), (0, 1), "log"),
+        ((0, 1), (1, float("nan")), "log"),
+        ((0, 1), (1, 1e300), "log"),
+        ((1, 0), (1, 2), "log"),
+        ((0.1, 1), (1, 2), "log"),
+        ((0, 0.5, 0.5, 0.5, 1), (1, 2, 3, 4, 5), "log"),
+        ((0, 1), (1, 2, 3), "log"),
+        ((0,), (1,), "log"),
+        ((0, 1), (1, 2), "cubic"),
+        ((0, "x"), (1, 2), "log"),
+    ],
+)
+def test_a_profile_is_whole_or_refused(positions, moduli, shape) -> None:
+    with pytest.raises(ArgumentError, match="profile mine"):
+        planner.Profile("mine", positions, moduli, shape)
+
+
+def test_values_can_be_sent_to_other_processes(tmp_path: Path) -> None:
+    plan = planner.grade(MESH, **ENDS)
+    palette = planner.printer("connex3").palette()
+    for value in (plan, palette):
+        assert pickle.loads(pickle.dumps(value)) == value
+        assert copy.deepcopy(value) == value
+
+
+def test_a_plan_read_back_says_that_it_holds_no_shells(tmp_path: Path) -> None:
+    folder = planner.grade(MESH, **ENDS).write(tmp_path / "bar")
+    read = planner.read_plan(folder)
+    assert read.json() == (folder / "plan.json").read_bytes()
+    with pytest.raises(OutputError, match="grade the part again"):
+        read.write(tmp_path / "again")
+
+
+def test_the_howto_says_which_material_to_which_file(tmp_path: Path) -> None:
+    folder = planner.grade(MESH, **ENDS).write(tmp_path / "bar")
+    howto = (folder / "HOWTO.md").read_text()
+    for file in sorted((folder / "stl").iterdir()):
+        assert f"| `{file.name}` |" in howto
+    assert "FLX9795-DM" in howto
+
+
+def test_the_public_names_are_there() -> None:
+    assert sorted(planner.__all__) == planner.__all__
+    for name in planner.__all__:
+        assert getattr(planner, name) is not None
+    assert set(planner.__all__) <= set(dir(planner))
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = planner.nothing  # type: ignore[attr-defined]
