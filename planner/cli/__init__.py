@@ -4,6 +4,9 @@ Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, noth
 130 interrupted; 70 an internal error.
 """
 
+import contextlib
+import io
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -17,16 +20,51 @@ BAD_INPUT = 2
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the code of contracts: 0, 1, 2, 70 or 130."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A name that the terminal cannot show is shown escaped, not a reason to stop.
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
+    from planner.cli.output import complain
+    from planner.errors import PlannerError
+
+    try:
+        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except PlannerError as error:
+        complain(str(error))
+        return BAD_INPUT
+    except BrokenPipeError:
+        # The reader went away (as with `| head`): no one is left to tell, and nothing is wrong.
+        _discard_stdout()
+        return 0
+    except OSError as error:
+        _discard_stdout()
+        complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        return BAD_INPUT
+    except Exception as error:
+        if not _interrupted(error):
+            import traceback
+
+            complain("".join(traceback.format_exception(error)).rstrip())
+            complain("this is a bug in planner: please report the lines above and the command")
+            return INTERNAL_ERROR
+        code = INTERRUPTED
+    if code == INTERRUPTED:
+        complain("interrupted; nothing was left behind")
+    return code
+
+
+def _dispatch(arguments: list[str]) -> int:
     import typer
 
     from planner.cli.app import app
-    from planner.cli.output import complain
-    from planner.errors import PlannerError
+    from planner.errors import ArgumentError
 
     # The common base of usage errors has no public name in typer.
     bases = typer.BadParameter.__mro__
@@ -34,28 +72,28 @@ def run(arguments: Sequence[str] | None = None) -> int:
     command = typer.main.get_command(app)
     try:
         result = command.main(
-            args=None if arguments is None else list(arguments),
-            prog_name="planner",
-            standalone_mode=False,
+            args=arguments or ["--help"], prog_name="planner", standalone_mode=False
         )
-    except PlannerError as error:
-        complain(str(error))
-        return BAD_INPUT
     except usage_error as error:
-        complain(f"{error.format_message()} (see planner --help)")
-        return BAD_INPUT
+        raise ArgumentError(f"{error.format_message()} (see planner --help)") from error
     except (KeyboardInterrupt, typer.Abort):
-        result = INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output went away (as with `| head`): no one is left to tell.
-        sys.stderr.close()
-        return 0
-    except Exception as error:
-        import traceback
-
-        complain("".join(traceback.format_exception(error)).rstrip())
-        complain("this is a bug in planner: please report the lines above and the command")
-        return INTERNAL_ERROR
-    if result == INTERRUPTED:  # typer turns an interrupt into this code itself
-        complain("interrupted; nothing was left behind")
+        return INTERRUPTED
+    except SystemExit as error:
+        # rich exits by itself where the reader of its output went away.
+        raise BrokenPipeError from error
     return result if isinstance(result, int) else 0
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Tell whether an interrupt is behind an error: compiled loops wrap it in a SystemError."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _discard_stdout() -> None:
+    """Send what is still to be written nowhere, or it would fail again when Python ends."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

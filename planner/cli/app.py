@@ -18,7 +18,6 @@ __all__ = ["app"]
 
 app = typer.Typer(
     name="planner",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",

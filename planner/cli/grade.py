@@ -179,5 +179,6 @@ def _table(plan: "Plan") -> None:
         title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
         f"{plan.stiffness.at_strain:g}",
         right=["#", "achieved", "error", "volume mm3", "mass g"],
+        droppable=["95 % interval", "error", "#"],
         swatches=[colours.get(r.material or "", "#808080") for r in plan.regions] + ["default"],
     )

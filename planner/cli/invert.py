@@ -56,6 +56,7 @@ def invert(
             ],
             title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
             right=["target MPa", "MPa", "error", "m"],
+            droppable=["95 % interval", "error"],
         )
         for mixture in found:
             if not mixture.reachable:

@@ -59,6 +59,7 @@ def materials(
         ],
         title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
         right=["m", "modulus MPa", "break", "g/cm3"],
+        droppable=["also called", "g/cm3", "break"],
         swatches=[material.colour for material in chosen.materials],
     )
     return 0

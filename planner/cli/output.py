@@ -3,18 +3,33 @@
 Results go to stdout, everything else to stderr. NO_COLOR and non-terminals are honoured by rich.
 """
 
+import contextlib
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["complain", "figure", "print_document", "print_table", "progress", "say", "warn"]
+if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+    from rich.table import Table
+
+__all__ = [
+    "complain",
+    "figure",
+    "finding",
+    "print_document",
+    "print_table",
+    "progress",
+    "say",
+    "warn",
+]
 
 
 def complain(message: str) -> None:
     """Say on stderr why nothing was done."""
-    print(f"planner: {message}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody may be listening
+        if sys.stderr is not None:
+            print(f"planner: {message}", file=sys.stderr)
 
 
 def warn(message: str) -> None:
@@ -35,9 +50,9 @@ def finding(message: str) -> None:
 def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:
     """Write one JSON document to stdout."""
     if isinstance(document, bytes):
-        sys.stdout.write(document.decode("utf-8"))
+        print(document.decode("utf-8"), end="")
     else:
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+        print(json.dumps(document, indent=2, ensure_ascii=False))
 
 
 def print_table(
@@ -46,41 +61,62 @@ def print_table(
     *,
     title: str | None = None,
     right: Sequence[str] = (),
+    droppable: Sequence[str] = (),
     swatches: Sequence[str] | None = None,
 ) -> None:
-    """Write a table to stdout.
+    """Write a table to stdout. No figure is ever cut short.
 
     Parameters
     ----------
     right
         Columns whose figures stand flush right.
+    droppable
+        Columns to leave out, the first one first, where the terminal is too narrow.
     swatches
         A colour "#RRGGBB" a row, shown in front where colour is on.
     """
-    from rich import box
     from rich.console import Console
+    from rich.measure import Measurement
+
+    console = Console(highlight=False)
+    wide = console.options.update(max_width=10_000)
+    shown = list(range(len(columns)))
+    swatches = None if console.color_system is None else swatches
+    table = _table(columns, rows, shown, right, swatches)
+    for dropped in droppable if console.is_terminal else ():
+        if Measurement.get(console, wide, table).maximum <= console.width:
+            break
+        shown.remove(columns.index(dropped))
+        table = _table(columns, rows, shown, right, swatches)
+    if title is not None:
+        console.print(title, style="bold", soft_wrap=True)
+    console.width = max(console.width, Measurement.get(console, wide, table).maximum)
+    console.print(table)
+
+
+def _table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    shown: Sequence[int],
+    right: Sequence[str],
+    swatches: Sequence[str] | None,
+) -> "Table":
+    from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    console = Console(highlight=False, soft_wrap=False)
-    if not console.is_terminal:
-        # A file or a pipe has no width: never cut a figure short there.
-        console = Console(highlight=False, width=10_000, no_color=True)
-    coloured = swatches is not None and console.color_system is not None
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
-    if coloured:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    if swatches is not None:
         table.add_column("")
-    for column in columns:
-        flush = "right" if column in right else "left"
-        table.add_column(column, justify=flush, no_wrap=True)  # type: ignore[arg-type]
+    for number in shown:
+        flush: JustifyMethod = "right" if columns[number] in right else "left"
+        table.add_column(columns[number], justify=flush, no_wrap=True)
     for number, row in enumerate(rows):
-        cells = [Text(cell) for cell in row]
-        if coloured and swatches is not None:
+        cells = [Text(row[i]) for i in shown]
+        if swatches is not None:
             cells.insert(0, Text("██", style=swatches[number]))
         table.add_row(*cells)
-    console.print(table)
+    return table
 
 
 def figure(value: float, digits: int = 3) -> str:
@@ -97,10 +133,10 @@ def _exponent(value: float) -> int:
     return int(f"{abs(value):e}".split("e")[1])
 
 
-@contextmanager
+@contextlib.contextmanager
 def progress(enabled: bool) -> Iterator[Callable[[str], None]]:
     """Show the running stage on stderr while it lasts, on a terminal only."""
-    if not (enabled and sys.stderr.isatty()):
+    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
         yield lambda stage: None
         return
     from rich.console import Console
@@ -116,5 +152,7 @@ def _stderr_line(kind: str, colour: str, message: str) -> None:
     from rich.console import Console
     from rich.text import Text
 
+    if sys.stderr is None:
+        return
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(Text.assemble((f"{kind}: ", colour), message))

@@ -12,12 +12,18 @@ def printers(as_json: AsJson = False) -> int:
 
     Example: [bold]planner printers --json[/bold]
     """
-    from planner.cli.output import print_document, print_table
+    from planner.cli.output import finding, print_document, print_table
+    from planner.errors import PlannerError
     from planner.printers import installed_printers, printer
 
     rows: list[dict[str, Any]] = []
+    broken = []
     for name, entry in installed_printers().items():
-        machine = printer(name)
+        try:
+            machine = printer(name)
+        except PlannerError as error:
+            broken.append(str(error))
+            continue
         rows.append(
             {
                 "name": name,
@@ -35,8 +41,8 @@ def printers(as_json: AsJson = False) -> int:
             }
         )
     if as_json:
-        print_document(rows)
-        return 0
+        print_document({"schema": 1, "printers": rows, "broken": broken})
+        return 1 if broken else 0
     print_table(
         ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
         [
@@ -50,5 +56,8 @@ def printers(as_json: AsJson = False) -> int:
             ]
             for row in rows
         ],
+        droppable=["from", "voxel um"],
     )
-    return 0
+    for problem in broken:
+        finding(problem)
+    return 1 if broken else 0

@@ -160,7 +160,7 @@ def test_invert_refuses_what_is_no_modulus(capsys, modulus: str) -> None:
 
 def test_printers_and_materials(capsys) -> None:
     assert run(["printers", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)[0]["name"] == "connex3"
+    assert json.loads(capsys.readouterr().out)["printers"][0]["name"] == "connex3"
     assert run(["materials", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["materials"]
     moduli = [row["modulus_MPa"] for row in rows]

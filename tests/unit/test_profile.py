@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from planner.errors import ArgumentError, FileError
 from planner.grading.profile import Profile, between, read_profile
 
-moduli = st.floats(0.01, 1e4)
+moduli = st.floats(0.01, 1e3)
 shapes = st.sampled_from(["log", "linear", "smooth", "steps:7"])
 
 
