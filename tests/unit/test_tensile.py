@@ -65,6 +65,38 @@ def test_one_record_in_every_layout(tmp_path: Path, text: str | bytes) -> None:
     np.testing.assert_allclose(table.columns["time_s"], TIME, atol=1e-7)
 
 
+@pytest.mark.parametrize(
+    "headings",
+    ["Time [sec.],Travel mm,Load N", "Time s,Disp (mm),Force N", "Time (min.),Stroke mm,Load kN"],
+)
+def test_units_behind_a_blank_or_with_a_dot(tmp_path: Path, headings: str) -> None:
+    scale = {"Time (min.)": 60.0, "Load kN": 1000.0}
+    table = read(tmp_path, headings + "\n" + rows("{t:.3f},{d:.4f},{f:.9f}"))
+    time, _, load = headings.split(",")
+    # 1e-6: nine digits in the text, times 1000.
+    np.testing.assert_allclose(table.columns["time_s"], TIME * scale.get(time, 1.0), atol=1e-6)
+    np.testing.assert_allclose(table.columns["force_N"], LOAD_N * scale.get(load, 1.0), atol=1e-6)
+
+
+def test_a_name_that_ends_in_no_unit_is_no_column(tmp_path: Path) -> None:
+    table = read(tmp_path, PLAIN.replace("time_s", "Load cell"))
+    assert set(table.columns) == {"displacement_mm", "force_N"}
+
+
+def test_time_in_an_unknown_unit_is_left_out_in_sight(tmp_path: Path) -> None:
+    table = read(tmp_path, PLAIN.replace("time_s", "Time [ticks]"))
+    assert "time_s" not in table.columns
+    assert "unknown unit 'ticks'" in table.notes[0]
+    assert "time is optional" in table.notes[0]
+
+
+def test_the_row_nearest_to_headings_is_quoted(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"line 2 comes nearest: Time \(s\), Gap \(mm\), Load"):
+        read(
+            tmp_path, "Run 7\n" + PLAIN.replace(PLAIN.split("\n")[0], "Time (s),Gap (mm),Load (N)")
+        )
+
+
 def test_the_head_tells_sizes_and_units(tmp_path: Path) -> None:
     table = read(tmp_path, BLUEHILL)
     assert table.metadata["width_mm"] == 3.1

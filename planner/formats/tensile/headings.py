@@ -12,18 +12,18 @@ _NAMES = {
     "time": ("time", "elapsed time", "test time", "total time"),
     "force": ("force", "load", "standard force", "tensile force", "tensile load", "axial force"),
     "displacement": (
-        "displacement", "extension", "travel", "position", "crosshead", "crosshead displacement",
-        "crosshead extension", "tensile extension", "tensile displacement", "distance",
-        "axial displacement", "standard travel", "stroke",
+        "displacement", "disp", "extension", "travel", "position", "crosshead", "stroke",
+        "crosshead displacement", "crosshead extension", "tensile extension", "distance",
+        "tensile displacement", "axial displacement", "standard travel",
     ),
     "elongation": ("elongation", "deformation"),
     "strain": (
-        "strain", "engineering strain", "nominal strain", "tensile strain", "axial strain",
+        "strain", "ε", "engineering strain", "nominal strain", "tensile strain", "axial strain",
         "strain 1", "tensile strain (extension)", "tensile strain (displacement)",
         "tensile strain (strain 1)", "eng strain",
     ),
     "stress": (
-        "stress", "engineering stress", "nominal stress", "tensile stress", "axial stress",
+        "stress", "σ", "engineering stress", "nominal stress", "tensile stress", "axial stress",
         "eng stress",
     ),
     "stretch": ("stretch", "stretch ratio", "lambda"),
@@ -45,6 +45,7 @@ _COLUMN = {
 _UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
 _BRACKETED = re.compile(r"(.*?)\s*[\(\[]\s*([^()\[\]]*?)\s*[\)\]]\s*")
 _SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
+_SPACED = re.compile(r"(.+)\s(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def _meaning(name: str) -> str | None:
 def parse_heading(text: str) -> Heading | None:
     """Take a heading apart, or return None where it names nothing that is known.
 
-    "Load (lbf)", "Load [lbf]", "force_N" and a bare "Load" are understood.
+    "Load (lbf)", "Load [lbf]", "force_N", "Load N" and a bare "Load" are understood.
     """
     bracketed = _BRACKETED.fullmatch(text)
     if bracketed and (meaning := _meaning(bracketed[1])) is not None:
@@ -87,6 +88,10 @@ def parse_heading(text: str) -> Heading | None:
     suffixed = _SUFFIXED.fullmatch(text)
     if suffixed and (meaning := _meaning(suffixed[1])) is not None:
         return Heading(text, meaning, suffixed[2])
+    spaced = _SPACED.fullmatch(text)
+    # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
+    if spaced and is_unit(spaced[2]) and (meaning := _meaning(spaced[1])) is not None:
+        return Heading(text, meaning, spaced[2])
     return None
 
 

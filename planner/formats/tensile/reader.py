@@ -66,7 +66,13 @@ def read_tensile(
     for index, heading in enumerate(headings):
         if heading is None or heading.meaning == "specimen":
             continue
-        meaning = column_of(heading, where=where)
+        try:
+            meaning = column_of(heading, where=where)
+        except FileError as error:
+            if heading.meaning != "time":
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+            continue
         if any(meaning.column == m.column for m in meanings.values()):
             notes.append(
                 f"{where}: column {heading.text!r} left out, {meaning.column} stands before"
@@ -137,8 +143,19 @@ def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
     raise FileError(
         f"{name}: no row of headings with a load (force, load, stress) and a length "
         "(displacement, extension, travel, strain, stretch); add headings such as "
-        "'time_s,displacement_mm,force_N', or name the columns by position"
+        f"'time_s,displacement_mm,force_N', or name the columns by position{_nearest(text)}"
     )
+
+
+def _nearest(text: str) -> str:
+    """Quote the row that comes nearest to one of headings."""
+    rows = [row for separator in _SEPARATORS[:3] for row in split_rows(text, separator)]
+    known = [sum(parse_heading(cell) is not None for cell in cells if cell) for _, cells in rows]
+    if not any(known):
+        return ""
+    line, cells = rows[known.index(max(known))]
+    quoted = ", ".join(cell if len(cell) <= 30 else f"{cell[:27]}..." for cell in cells[:8])
+    return f"; line {line} comes nearest: {quoted}"
 
 
 def _layout_by_position(text: str, name: str, columns: Sequence[str]) -> _Layout:

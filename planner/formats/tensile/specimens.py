@@ -22,6 +22,7 @@ _CHOICES = {
     "protocol": ("monotonic", "cyclic", "relaxation"),
 }
 _TEXTS = ("specimen", "material", "profile", "file", "batch")
+_COLUMNS = (*_TEXTS, *_CHOICES, *_NUMBERS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def is_specimens_file(path: str | Path) -> bool:
 
 
 def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
-    """Read specimens.csv.
+    """Read specimens.csv; the case of planner's own columns does not matter.
 
     Raises
     ------
@@ -85,7 +86,8 @@ def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
     lines = text.splitlines()
     separator = max(",;\t", key=next((line for line in lines if line.strip()), "").count)
     rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
-    columns = rows[0][1]
+    known = {name.casefold(): name for name in _COLUMNS}
+    columns = [known.get(name.casefold(), name) for name in rows[0][1]]
     for name in columns:
         if columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
@@ -131,7 +133,6 @@ def _specimen(record: Mapping[str, str], separator: str, where: str) -> Specimen
             raise FileError(
                 f"{where}: {name} is {record[name]!r}; it must be one of {', '.join(allowed)}"
             )
-    known = {*_TEXTS, *_CHOICES, *_NUMBERS}
     sizes: dict[str, Any] = {
         name: _size(record.get(name, ""), name, separator, where) for name in _NUMBERS
     }
@@ -139,7 +140,7 @@ def _specimen(record: Mapping[str, str], separator: str, where: str) -> Specimen
         **texts,
         **sizes,
         covariates=MappingProxyType(
-            {name: value for name, value in record.items() if name not in known and name}
+            {name: value for name, value in record.items() if name not in _COLUMNS and name}
         ),
     )
 

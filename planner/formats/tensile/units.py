@@ -54,6 +54,7 @@ _FOLDED = {
 
 
 def _find(quantity: str, unit: str) -> float | None:
+    unit = unit.removesuffix(".")  # "sec.", "in."
     factor = QUANTITY_UNITS[quantity].get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 
