@@ -29,6 +29,13 @@ def test_a_row(tmp_path: Path) -> None:
     assert row.covariates == {"operator": "Ann"}
 
 
+def test_the_case_of_headings_does_not_matter(tmp_path: Path) -> None:
+    path = listing(tmp_path, "Specimen,Material,Temperature_c,Operator\nS1,A,23,Ann\n")
+    (row,) = read_specimens(path)
+    assert (row.material, row.temperature_C) == ("A", 23.0)
+    assert row.covariates == {"Operator": "Ann"}
+
+
 def test_measured_sizes_go_first(tmp_path: Path) -> None:
     text = "specimen,material,width_mm,thickness_mm,measured_width_mm\nS1,A,3,2,3.5\n"
     assert read_specimens(listing(tmp_path, text))[0].area_mm2 == 7.0
@@ -109,3 +116,62 @@ def test_one_id_from_two_files_is_refused(tmp_path: Path) -> None:
         (tmp_path / folder / "a.csv").write_text(curve())
     with pytest.raises(FileError, match=r"specimen 'a' was read from a\.csv already"):
         read_study([tmp_path / "x", tmp_path / "y"], width_mm=2, thickness_mm=1, gauge_mm=10)
+
+
+def test_replicates_beyond_nine_belong_to_their_siblings(tmp_path: Path) -> None:
+    names = [*(f"FLX-{n}" for n in range(1, 13)), "Ecoflex 00-10", "Ecoflex 00-30"]
+    for name in names:
+        (tmp_path / f"{name}.csv").write_text(curve())
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+    assert {m: len(c) for m, c in study.groups.items()} == {
+        "FLX": 12,
+        "Ecoflex 00-10": 1,
+        "Ecoflex 00-30": 1,
+    }
+    (said,) = (note for note in study.notes if "by the files' names" in note)
+    assert "FLX (12 specimens)" in said
+
+
+def test_one_file_of_all_specimens_is_told_apart_by_its_own_column(tmp_path: Path) -> None:
+    rows = curve().splitlines()[1:]
+    both = [f"{name},{row}" for name in ("a", "b", "c") for row in rows]
+    header = "specimen,time_s,displacement_mm,force_N"
+    (tmp_path / "curves.csv").write_text("\n".join([header, *both]) + "\n")
+    listing(
+        tmp_path,
+        "specimen,material,file,width_mm,thickness_mm,gauge_mm\n"
+        "a,A,curves.csv,2,1,10\nb,B,curves.csv,4,1,10\n",
+    )
+    study = read_study([tmp_path])
+    assert {m: c[0].specimen for m, c in study.groups.items()} == {"A": "a", "B": "b"}
+    ratio = study.groups["A"][0].stress_MPa[2] / study.groups["B"][0].stress_MPa[2]
+    # 1e-9: each specimen has its own section, 2 and 4 mm2.
+    assert ratio == pytest.approx(2.0, rel=1e-9)
+    assert "specimen c has no row with this file" in " ".join(study.notes)
+
+
+def test_two_rows_of_one_record_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text(curve())
+    listing(tmp_path, "specimen,material,file\na,A,one.csv\nb,A,one.csv\n")
+    with pytest.raises(FileError, match=r"one\.csv: rows of a, b in specimens\.csv name this file"):
+        read_study([tmp_path], width_mm=2, thickness_mm=1, gauge_mm=10)
+
+
+def test_a_strain_without_unit_is_said(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        rows = "".join(f"{i / 20},{i / 30}\n" for i in range(20))
+        (tmp_path / f"{name}.csv").write_text("strain,stress (MPa)\n" + rows)
+    notes = " ".join(read_study([tmp_path]).notes)
+    assert "strain of a, b has no unit; taken as a fraction, up to 0.95, that is 95 %" in notes
+    text = (tmp_path / "a.csv").read_text()
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text(text.replace("strain", "strain (mm/mm)"))
+    assert "no unit" not in " ".join(read_study([tmp_path]).notes)
+
+
+def test_size_and_rate_go_with_the_study_whatever_their_source(tmp_path: Path) -> None:
+    head = "Specimen Length (mm),33,\nSpeed (mm/min),450,\n"
+    (tmp_path / "a.csv").write_text(head + curve())
+    study = read_study([tmp_path], width_mm=2, thickness_mm=1)
+    known = study.dimensions["a"]
+    assert (known.gauge_mm, known.rate_mm_s) == (33.0, 7.5)
