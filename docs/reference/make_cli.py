@@ -46,7 +46,7 @@ def reference() -> str:
 
 def _plain(text: str) -> str:
     """Turn rich markup into Markdown and unwrap lines within paragraphs."""
-    text = re.sub(r"\[bold\](.*?)\[/bold\]", r"`\1`", text)
+    text = re.sub(r"\[bold\](.*?)\[/bold\]", r"`\1`", text, flags=re.DOTALL)
     paragraphs = [" ".join(p.split()) for p in text.split("\n\n")]
     return "\n\n".join(p for p in paragraphs if p).replace("|", r"\|")
 

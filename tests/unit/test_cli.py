@@ -219,3 +219,108 @@ def test_no_colour_and_no_control_codes_off_a_terminal(finger: str) -> None:
     )
     assert b"\x1b" not in done.stdout
     assert b"VeroWhitePlus" in done.stdout
+
+
+@pytest.mark.parametrize("width", [80, 100, 140])
+def test_no_figure_is_cut_short_on_a_narrow_terminal(finger: str, width: int) -> None:
+    """Under a terminal of its own, as a user has it."""
+    import pty
+
+    parent, child = pty.openpty()
+    environment = {**os.environ, "COLUMNS": str(width), "TERM": "xterm", "NO_COLOR": "1"}
+    command = [sys.executable, "-m", "planner", "grade", finger, *GRADIENT, "--dry-run"]
+    process = subprocess.Popen(
+        command, stdout=child, stderr=subprocess.DEVNULL, stdin=child, env=environment
+    )
+    os.close(child)
+    text = b""
+    while True:
+        try:
+            block = os.read(parent, 4096)
+        except OSError:  # Linux's way of saying that the other end is closed
+            break
+        if not block:
+            break
+        text += block
+    assert process.wait() in (0, 1)
+    os.close(parent)
+    lines = text.decode().splitlines()
+    assert "…" not in text.decode()
+    row = next(line for line in lines if "VeroWhitePlus" in line)
+    assert "343" in row
+    assert len(row.rstrip()) <= width
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["materials"], ["materials", "--json"]])
+def test_a_reader_that_goes_away_is_no_failure(arguments: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "planner", *arguments],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("arguments", [["materials"], ["materials", "--json"], ["--help"]])
+def test_a_full_output_is_bad_input(arguments: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "planner", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "No space left" in done.stderr
+
+
+def test_an_interrupt_within_a_compiled_loop_is_130(monkeypatch, capsys) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setattr("planner.grading.mixture.mixture_for", interrupted)
+    assert run(["invert", "-m", "1"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_names_that_a_terminal_cannot_show_are_escaped(finger: str) -> None:
+    Path("fìnger 手.stl").write_bytes(Path(finger).read_bytes())
+    done = subprocess.run(
+        [sys.executable, "-m", "planner", "grade", "fìnger 手.stl", *GRADIENT, "--dry-run"],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode in (0, 1), done.stderr
+
+
+def test_a_broken_plugin_is_named_and_the_others_work(monkeypatch, capsys) -> None:
+    from importlib.metadata import EntryPoint
+
+    import planner.printers as printers
+
+    real = printers.installed_printers()
+    broken = EntryPoint("broken", "no_such_module:PRINTER", printers.GROUP)
+    monkeypatch.setattr(printers, "installed_printers", lambda: {**real, "broken": broken})
+    assert run(["printers"]) == 1
+    printed = capsys.readouterr()
+    assert "connex3" in printed.out
+    assert "no_such_module" in printed.err
+
+
+def test_tolerance_is_a_number(finger: str, capsys) -> None:
+    run(["grade", finger, *GRADIENT, "--quiet"])
+    for tolerance in ("-1", "nan", "inf"):
+        assert run(["diff", "finger-graded", "finger-graded", f"--tolerance={tolerance}"]) == 2
+        assert "--tolerance" in capsys.readouterr().err
