@@ -1,7 +1,8 @@
 """Tables of numbers with known columns: profiles and strain fields."""
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.errors import FileError
-from planner.formats.tensile.text_rows import number, read_text, split_rows
+from planner.formats.tensile.text_rows import iterate_rows, number, read_text
 from planner.formats.tensile.units import unit_factor
 
 __all__ = ["ColumnFile", "read_columns"]
@@ -65,10 +66,11 @@ def read_columns(
     text = read_text(path)
     first = next(line for line in text.splitlines() if line.strip())
     separator = max(",;\t", key=first.count)
-    rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
+    rows = ((line, cells) for line, cells in iterate_rows(text, separator) if any(cells))
+    headings = next(rows)[1]
     places: dict[str, tuple[int, float]] = {}
     named: int | None = None
-    for index, heading in enumerate(rows[0][1]):
+    for index, heading in enumerate(headings):
         if heading == "specimen" and with_specimen:
             named = index
             continue
@@ -84,21 +86,23 @@ def read_columns(
     if missing:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
-            f"{', '.join(rows[0][1])}"
+            f"{', '.join(headings)}"
         )
-    if len(rows) < 2:
+    columns_of_text: list[list[str]] = [[] for _ in headings]
+    lines: list[int] = []
+    for line, cells in rows:
+        if len(cells) != len(headings):
+            raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
+        lines.append(line)
+        for column, cell in zip(columns_of_text, cells, strict=True):
+            column.append(cell)
+    if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
-    body = rows[1:]
-    width = len(rows[0][1])
-    for line, cells in body:
-        if len(cells) != width:
-            raise FileError(f"{where}, line {line}: {len(cells)} cells for {width} columns")
     numbers = {
-        name: factor * _numbers(body, index, separator, f"{where}", rows[0][1][index])
-        for name, (index, factor) in places.items()
+        name: factor * _numbers(columns_of_text[i], lines, separator, where, headings[i])
+        for name, (i, factor) in places.items()
     }
-    texts = () if named is None else tuple(cells[named] for _, cells in body)
-    return ColumnFile(numbers, texts, tuple(line for line, _ in body))
+    return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
 
 
 def _column(
@@ -124,15 +128,13 @@ def _column(
 
 
 def _numbers(
-    rows: list[tuple[int, list[str]]], index: int, separator: str, where: str, heading: str
+    cells: Sequence[str], lines: Sequence[int], separator: str, where: str, heading: str
 ) -> FloatArray:
-    values = np.empty(len(rows))
-    for position, (line, cells) in enumerate(rows):
-        value = number(cells[index], separator)
-        if value is None or not np.isfinite(value):
+    values = [number(cell, separator) for cell in cells]
+    for line, cell, value in zip(lines, cells, values, strict=True):
+        if value is None or not math.isfinite(value):
             raise FileError(
-                f"{where}, line {line}, column {heading!r}: {cells[index]!r} is no finite number; "
+                f"{where}, line {line}, column {heading!r}: {cell!r} is no finite number; "
                 "repair or remove the line"
             )
-        values[position] = value
-    return values
+    return np.array(values, dtype=np.float64)

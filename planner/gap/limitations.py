@@ -52,14 +52,17 @@ def _of_unknowns(specimens: Sequence[Specimen]) -> Iterator[str]:
 
 
 def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
+    beyond: dict[tuple[float, str], list[Specimen]] = {}
     for s in specimens:
-        reach, of = _range_of(s, palette)
-        peak = float(np.max(s.strain))
-        if peak > reach * (1.0 + 1e-9):
-            yield (
-                f"specimen {s.id}: strained to {peak:.4g}, past {reach:g}, where the law of {of} "
-                "ends; what lies beyond is not compared"
-            )
+        end = _range_of(s, palette)
+        if float(np.max(s.strain)) > end[0] * (1.0 + 1e-9):
+            beyond.setdefault(end, []).append(s)
+    for (reach, of), over in beyond.items():
+        peak = max(float(np.max(s.strain)) for s in over)
+        yield (
+            f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:g}, where the "
+            f"law of {of} ends; what lies beyond is not compared"
+        )
 
 
 def _range_of(specimen: Specimen, palette: Palette) -> tuple[float, str]:

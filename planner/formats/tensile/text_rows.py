@@ -3,11 +3,12 @@
 import csv
 import io
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from planner.errors import FileError
 
-__all__ = ["TextRow", "number", "read_text", "split_rows"]
+__all__ = ["TextRow", "iterate_rows", "number", "read_text", "split_rows"]
 
 TextRow = tuple[int, list[str]]
 """Line number in the file, and its cells without blanks around them."""
@@ -45,18 +46,22 @@ def read_text(path: Path) -> str:
 
 def split_rows(text: str, separator: str) -> list[TextRow]:
     """Split a text into rows of cells; a blank `separator` means any run of blanks."""
+    return list(iterate_rows(text, separator))
+
+
+def iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
+    """Yield what `split_rows` returns, row by row, for texts too long to hold in cells."""
     if separator == " ":
-        return [(n, line.split()) for n, line in enumerate(text.splitlines(), start=1)]
+        yield from ((n, line.split()) for n, line in enumerate(text.splitlines(), start=1))
+        return
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
-    rows: list[TextRow] = []
     start = 1
     try:
         for cells in reader:
-            rows.append((start, [cell.strip() for cell in cells]))
+            yield start, [cell.strip() for cell in cells]
             start = reader.line_num + 1
     except csv.Error as error:
         raise FileError(f"line {start}: {error}") from error
-    return rows
 
 
 def number(cell: str, separator: str) -> float | None:

@@ -13,8 +13,9 @@ __all__ = ["clipping_problems"]
 SHORTEST = 5
 """Fewer equal points than this may be chance."""
 
-RISE = 4.0
-"""The force should have risen by so many times noise and resolution along the plateau."""
+RISE, RISE_SHARE = 4.0, 0.01
+"""The force should have risen by so many times noise and resolution, and by so much of its peak,
+along the plateau: a material that yields levels off before."""
 
 
 def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
@@ -45,15 +46,16 @@ def _plateau(s: Specimen) -> tuple[int, int] | None:
     elsewhere = _longest_run(equal)
     if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return None
-    before = slice(max(start - (stop - start), 0), start)
+    first = max(start - max(SHORTEST, (stop - start) // 5), 0)
     travel = float(s.displacement_mm[stop - 1] - s.displacement_mm[start])
-    approach = float(s.displacement_mm[start] - s.displacement_mm[before.start])
+    approach = float(s.displacement_mm[start] - s.displacement_mm[first])
     if travel <= 0.0 or approach <= 0.0:
         return None
-    expected = travel * float(top - force[before.start]) / approach
+    expected = travel * float(top - force[first]) / approach
     steps = np.abs(np.diff(force))
     resolution = float(np.min(steps[steps > 0.0], initial=top))
-    return (start, stop) if expected > RISE * (noise_sd(force[:start]) + resolution) else None
+    least = max(RISE * (noise_sd(force[:start]) + resolution), RISE_SHARE * top)
+    return (start, stop) if expected > least else None
 
 
 def _longest_run(flags: np.ndarray) -> tuple[int, int]:

@@ -49,7 +49,7 @@ def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArra
         [make_law(m.law).nominal_stress_MPa(1.0 + strain) / strain for m in palette.materials]
     )
     if specimen.profile is None:
-        index = palette.index(palette.resolve(specimen.material or ""))
+        index = palette.materials.index(palette.resolve(specimen.material or ""))
         predicted: FloatArray = secants[index] * strain
         return predicted
     x = _slices(specimen)

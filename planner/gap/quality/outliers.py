@@ -4,7 +4,8 @@ Each specimen is compared with the mean of its replicates. How far they may diff
 the scatter of the others, moderated by that of all other groups: the variances of groups are
 taken as scaled inverse chi-square draws whose centre and weight the groups themselves tell
 (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004). So two or three replicates are judged by what the
-whole campaign knows of scatter, and not at all where it knows nothing.
+whole campaign knows of scatter; where it knows nothing, by what is usual, and then only a gross
+fault is named.
 """
 
 import math
@@ -26,6 +27,10 @@ FAMILY_WISE = 0.003
 
 SMALLEST = 0.08
 """A load within 8 % of its replicates' is no fault of the data, however small their scatter."""
+
+USUAL_SCATTER, USUAL_WEIGHT = 0.06, 4.0
+"""Jetted specimens of one print scatter by 1 to 9 %: a standard deviation and its weight as
+degrees of freedom."""
 
 _GRID = np.linspace(0.3, 0.9, 13)
 _SHORT = 0.3
@@ -130,20 +135,21 @@ def _judged(figure: _Figure) -> list[tuple[float, str, int, float, tuple[int, ..
 
 
 def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, float]:
-    """Return weight (degrees of freedom) and centre of the groups' variances; (0, 0) if unknown.
+    """Return weight (degrees of freedom) and centre of the groups' variances.
 
-    The weight never exceeds a half of the degrees of freedom that it comes from.
+    What is usual counts as one more group. The weight never exceeds a half of the degrees of
+    freedom that it comes from, or that of the usual.
     """
     from scipy.special import polygamma, psi
 
     known = [(v, d) for v, d in zip(variances, freedoms, strict=True) if v > 0.0]
-    total = float(sum(d for _, d in known))
-    if len(known) < 2 or total < 4.0:
-        return 0.0, 0.0
+    if not known:
+        return USUAL_WEIGHT, USUAL_SCATTER**2
+    known.append((USUAL_SCATTER**2, int(USUAL_WEIGHT)))
+    most = max(USUAL_WEIGHT, 0.5 * sum(d for _, d in known))
     d = np.array([d for _, d in known], dtype=np.float64)
     e = np.log([v for v, _ in known]) - psi(d / 2.0) + np.log(d / 2.0)
     excess = float(np.var(e, ddof=1) - np.mean(polygamma(1, d / 2.0)))
-    most = 0.5 * total
     if excess <= 0.0:
         return most, float(np.exp(np.mean(e)))
     weight = 2.0 * _trigamma_inverse(excess)

@@ -1,0 +1,321 @@
+"""Faults in a campaign's data, one by one, and what they are called."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner.gap.campaign import Campaign
+from planner.gap.quality import Kind, Problem, examine
+from planner.gap.quality.clipping import clipping_problems
+from planner.gap.quality.loading import log_load, predicted_stress_MPa
+from planner.gap.quality.motion import first_turn, speed_mm_s
+from planner.gap.quality.timing import dropouts, spikes
+from planner.gap.specimen import Protocol, Specimen, StrainField
+from planner.printers import printer
+
+PALETTE = printer("connex3").palette()
+POUND_N = 4.4482216
+
+
+def specimen(
+    k: int,
+    material: str = "FLX9760",
+    *,
+    protocol: Protocol = "monotonic",
+    gain: float = 1.0,
+    points: int = 200,
+    **changes: Any,
+) -> Specimen:
+    """A specimen of 3 % scatter and 0.1 % noise, pulled to strain 0.5 at 1 mm/s."""
+    rng = np.random.default_rng(k)
+    ramp = np.linspace(0.0, 12.5, points)
+    time, travel = ramp, ramp
+    if protocol == "cyclic":
+        time = np.linspace(0.0, 50.0, 2 * points)
+        travel = 12.5 * (1.0 - np.abs(1.0 - time / 12.5 % 2.0))
+    elif protocol == "relaxation":
+        time = np.linspace(0.0, 50.0, 2 * points)
+        travel = np.minimum(time, 12.5)
+    bare = Specimen(
+        f"S{k}", time, travel, travel, 25.0, material=material, width_mm=6.0, thickness_mm=2.0,
+        rate_mm_s=1.0, temperature_C=23.0, protocol=protocol, batch="A",
+    )  # fmt: skip
+    force = 12.0 * predicted_stress_MPa(bare, PALETTE, np.maximum(bare.strain, 1e-9))
+    force = gain * force * np.exp(0.03 * rng.normal())
+    force = force + 1e-3 * force.max() * rng.normal(size=len(force))
+    return replace(bare, force_N=force, **changes)
+
+
+def campaign(*specimens: Specimen) -> Campaign:
+    return Campaign("faulty", "connex3", PALETTE, specimens)
+
+
+def base(**changes: Any) -> list[Specimen]:
+    """Three replicates of two materials."""
+    return [specimen(k, m, **changes) for m, ks in (("FLX9760", (0, 1, 2)), ("FLX9740", (3, 4, 5)))
+            for k in ks]  # fmt: skip
+
+
+def found(specimens: list[Specimen], kind: Kind) -> tuple[Problem, ...]:
+    problems = examine(campaign(*specimens))
+    assert {p.kind for p in problems} <= {kind}
+    return problems
+
+
+@pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
+def test_nothing_is_wrong_with_what_is_right(protocol: Protocol) -> None:
+    assert examine(campaign(*base(protocol=protocol))) == ()
+
+
+def test_a_declared_rate_is_held_against_time() -> None:
+    specimens = base()
+    specimens[1] = replace(specimens[1], rate_mm_s=60.0)
+    (problem,) = found(specimens, "rate")
+    assert (problem.specimen, problem.expected) == ("S1", 60.0)
+    # Travel over time is exact here, but for rounding.
+    assert problem.value == pytest.approx(1.0, rel=1e-5)
+    assert "mm/s and mm/min" in problem.problem
+    (whole,) = found([replace(s, rate_mm_s=2.0) for s in base()], "rate")
+    assert whole.specimen is None
+    counted = [replace(s, rate_mm_s=2.0, time_recorded=False) for s in base()]
+    assert found(counted, "rate") == ()
+
+
+def test_a_protocol_is_held_against_the_crosshead() -> None:
+    cases: list[tuple[Protocol, Protocol, str]] = [
+        ("cyclic", "monotonic", "unloaded by 100 %"),
+        ("relaxation", "monotonic", "held for 7"),
+        ("monotonic", "cyclic", "never unloaded"),
+        ("monotonic", "relaxation", "held for 0 %"),
+    ]
+    for true, declared, words in cases:
+        odd = replace(specimen(1, protocol=true), protocol=declared)
+        (problem,) = [p for p in examine(campaign(odd)) if p.kind == "protocol"]
+        assert words in problem.problem
+
+
+def test_the_way_back_of_broken_grips_is_no_unloading() -> None:
+    s = specimen(0)
+    time = np.concatenate([s.time_s, s.time_s[-1] + s.time_s[1:]])
+    travel = np.concatenate([s.displacement_mm, s.displacement_mm[-2::-1]])
+    force = np.concatenate([s.force_N, np.zeros(len(s.force_N) - 1)])
+    broken = replace(s, time_s=time, displacement_mm=travel, force_N=force)
+    assert examine(campaign(broken)) == ()
+
+
+def test_a_declared_amplitude_is_held_against_travel() -> None:
+    specimens = [replace(s, covariates={"to_strain": 0.5}) for s in base(protocol="cyclic")]
+    assert found(specimens, "amplitude") == ()
+    specimens[2] = replace(specimens[2], covariates={"to_strain": 0.4})
+    (problem,) = found(specimens, "amplitude")
+    assert (problem.specimen, problem.expected) == ("S2", 10.0)
+    # The peak of 12.5 mm lies between two points, half a step of 0.13 mm away at most.
+    assert problem.value == pytest.approx(12.5, abs=0.07)
+
+
+def test_an_amplitude_unlike_its_replicates_is_named() -> None:
+    specimens = base(protocol="cyclic")
+    short = specimens[2]
+    specimens[2] = replace(short, displacement_mm=0.7 * short.displacement_mm)
+    kinds = {p.kind: p.specimen for p in examine(campaign(*specimens))}
+    assert kinds["amplitude"] == "S2"
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1 / POUND_N, "lbf taken for N"),
+        (POUND_N, "N taken for lbf"),
+        (1 / 9.80665, "kgf taken for N"),
+        (145.0377, "psi taken for MPa"),
+        (1e-3, "kN taken for N"),
+    ],
+)
+def test_another_unit_of_force_is_named_for_one_and_for_all(factor: float, words: str) -> None:
+    specimens = base()
+    specimens[4] = replace(specimens[4], force_N=specimens[4].force_N * factor)
+    (problem,) = found(specimens, "units")
+    assert problem.specimen == "S4"
+    assert words in problem.problem
+    (whole,) = found([replace(s, force_N=s.force_N * factor) for s in base()], "units")
+    assert whole.specimen is None
+    assert words in whole.problem
+
+
+def test_a_batch_in_pounds_is_told_from_the_batch_that_is_right() -> None:
+    specimens = [*base(), *(replace(s, id=f"{s.id}b", batch="B") for s in base(gain=1 / POUND_N))]
+    specimens = [replace(s, force_N=s.force_N * (1.0 + 0.01 * i)) for i, s in enumerate(specimens)]
+    problems = found(specimens, "units")
+    assert {p.specimen for p in problems} == {f"S{k}b" for k in range(6)}
+
+
+def test_a_single_is_judged_by_the_trend_of_the_others() -> None:
+    """Thirteen temperatures, one specimen each, a load that falls by 2 % a kelvin."""
+    temperatures = np.linspace(10.0, 40.0, 13)
+    specimens = [
+        specimen(k, gain=float(np.exp(-0.02 * (t - 23.0))), temperature_C=float(t))
+        for k, t in enumerate(temperatures)
+    ]
+    assert found(specimens, "units") == ()
+    specimens[6] = replace(specimens[6], force_N=specimens[6].force_N / POUND_N)
+    (problem,) = found(specimens, "units")
+    assert problem.specimen == "S6"
+
+
+def test_a_material_off_all_others_is_named_as_a_whole() -> None:
+    materials = ("FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785")
+    specimens = [
+        specimen(3 * m + k, name, gain=1 / POUND_N if name == "FLX9770" else 1.0)
+        for m, name in enumerate(materials)
+        for k in range(3)
+    ]
+    problems = found(specimens, "units")
+    assert {p.specimen for p in problems} == {"S9", "S10", "S11"}
+    assert all("or its law is off" in p.problem for p in problems)
+
+
+def test_a_real_effect_is_no_unit() -> None:
+    """Hot specimens five times softer, as soft grades are: replicates share it."""
+    hot = [replace(s, id=f"{s.id}h", temperature_C=50.0) for s in base(gain=1 / POUND_N)]
+    assert found([*base(), *hot], "units") == ()
+
+
+def test_travel_in_inches_is_told_from_force_by_the_declared_rate() -> None:
+    specimens = [replace(s, displacement_mm=s.displacement_mm / 25.4) for s in base()]
+    problems = examine(campaign(*specimens))
+    (units,) = [p for p in problems if p.kind == "units"]
+    assert units.specimen is None
+    assert "inches taken for mm" in units.problem
+    (rate,) = [p for p in problems if p.kind == "rate"]
+    assert "mm and inches" in rate.problem
+
+
+def test_a_strain_field_in_per_cent_is_named() -> None:
+    s = specimen(0)
+    strain = np.outer([0.0, 25.0, 50.0], [1.0, 1.0])
+    measured = StrainField(np.array([0.0, 6.0, 12.5]), np.array([5.0, 20.0]), strain)
+    (problem,) = found([replace(s, strain_field=measured)], "units")
+    assert "per cent" in problem.problem
+
+
+def test_an_outlier_is_judged_by_its_replicates() -> None:
+    specimens = base()
+    specimens[1] = replace(specimens[1], force_N=specimens[1].force_N * 2.5)
+    (problem,) = found(specimens, "outlier")
+    assert (problem.specimen, problem.expected) == ("S1", 1.0)
+    # Three per cent of scatter between it and the others.
+    assert problem.value == pytest.approx(2.5, rel=0.1)
+
+
+def test_of_two_that_differ_neither_is_blamed_alone() -> None:
+    materials = ("FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785")
+    specimens = [specimen(2 * m + k, n) for m, n in enumerate(materials) for k in range(2)]
+    specimens[4] = replace(specimens[4], force_N=specimens[4].force_N * 2.5)
+    problems = found(specimens, "outlier")
+    assert {p.specimen for p in problems} == {"S4", "S5"}
+    assert all("cannot be told" in p.problem for p in problems)
+
+
+def test_scatter_of_an_eighth_is_no_outlier() -> None:
+    specimens = base()
+    specimens[1] = replace(specimens[1], force_N=specimens[1].force_N * 1.12)
+    assert found(specimens, "outlier") == ()
+
+
+def test_force_at_the_load_cells_limit_is_named() -> None:
+    specimens = base()
+    limit = 0.7 * float(specimens[0].force_N.max())
+    specimens[0] = replace(specimens[0], force_N=np.minimum(specimens[0].force_N, limit))
+    (problem,) = [p for p in examine(campaign(*specimens)) if p.kind == "clipped"]
+    assert problem.specimen == "S0"
+    assert problem.value == pytest.approx(limit, rel=1e-5)
+
+
+def test_a_coarse_resolution_is_no_clipping() -> None:
+    s = specimen(0, points=400)
+    step = float(s.force_N.max()) / 20.0
+    assert not list(clipping_problems([replace(s, force_N=np.round(s.force_N / step) * step)]))
+
+
+def test_a_yield_plateau_is_no_clipping() -> None:
+    """Force that levels off slowly, without noise, and stays."""
+    s = specimen(0)
+    force = 30.0 * np.tanh(s.strain / 0.05)
+    assert not list(clipping_problems([replace(s, force_N=np.round(force, 4))]))
+
+
+def test_copies_are_named() -> None:
+    specimens = base()
+    first = specimens[0]
+    specimens[5] = replace(specimens[5], displacement_mm=first.displacement_mm,
+                           force_N=first.force_N)  # fmt: skip
+    (problem,) = [p for p in examine(campaign(*specimens)) if p.kind == "duplicate"]
+    assert problem.specimen == "S5"
+    assert "specimen S0" in problem.problem
+
+
+def test_sizes_in_inches_and_measured_sizes_are_held_against_sense() -> None:
+    specimens = base()
+    specimens[3] = replace(specimens[3], measured_width_mm=2.0)
+    (problem,) = [p for p in examine(campaign(*specimens)) if p.kind == "size"]
+    assert (problem.specimen, problem.value, problem.expected) == ("S3", 2.0, 6.0)
+    inches = [replace(s, thickness_mm=2.0 / 25.4) for s in base()]
+    (whole,) = [p for p in examine(campaign(*inches)) if p.kind == "size"]
+    assert whole.specimen is None
+    assert "inches?" in whole.problem
+    oversize = [replace(s, measured_thickness_mm=2.3) for s in base()]
+    assert not [p for p in examine(campaign(*oversize)) if p.kind == "size"]
+
+
+def test_lost_points_and_spikes_are_named() -> None:
+    specimens = base()
+    keep = np.r_[0:80, 100:200]
+    s = specimens[0]
+    specimens[0] = replace(s, time_s=s.time_s[keep], displacement_mm=s.displacement_mm[keep],
+                           force_N=s.force_N[keep])  # fmt: skip
+    force = specimens[1].force_N.copy()
+    force[60:62] = 0.0
+    specimens[1] = replace(specimens[1], force_N=force)
+    kinds = {p.kind: p for p in examine(campaign(*specimens))}
+    assert set(kinds) == {"dropout", "spike"}
+    assert kinds["dropout"].specimen == "S0"
+    # From point 79 to point 100 of 200 over 12.5 s.
+    assert kinds["dropout"].value == pytest.approx(21 * 12.5 / 199, rel=1e-5)
+    assert (kinds["spike"].specimen, kinds["spike"].value) == ("S1", 0.0)
+
+
+def test_turns_breaks_and_denser_sampling_are_neither_spikes_nor_gaps() -> None:
+    wave = np.abs(np.linspace(-3.0, 3.0, 121) % 2.0 - 1.0)
+    broken = np.concatenate([np.linspace(0.0, 5.0, 60), np.zeros(20)])
+    assert len(spikes(wave)) == len(spikes(broken)) == 0
+    assert list(spikes(np.where(np.arange(80) == 40, 1.0, broken))) == [40]
+    assert len(dropouts(np.concatenate([np.linspace(0, 1, 50), np.linspace(2, 40, 20)]))) == 0
+    assert len(dropouts(np.logspace(-2, 2, 60))) == 0
+
+
+def test_speed_is_that_of_most_of_the_way() -> None:
+    time = np.linspace(0.0, 100.0, 1001)
+    travel = np.where(time < 10.0, 2.0 * time, 20.0)
+    # One block of 16 points straddles the turn to rest.
+    assert speed_mm_s(time, travel) == pytest.approx(2.0, rel=1e-9)
+
+
+def test_first_turn_is_the_first_peak() -> None:
+    assert first_turn(np.array([0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 4], dtype=float)) == 3
+    assert first_turn(np.array([0, 1, 0.99, 2, 3], dtype=float)) == 4
+
+
+def test_load_is_held_against_the_law() -> None:
+    # The mean over 3 % of scatter and 0.1 % of noise, at thirteen strains.
+    load = log_load(specimen(0, gain=2.0), PALETTE)
+    assert load == pytest.approx(np.log(2.0), abs=0.1)
+
+
+def test_problems_of_the_whole_campaign_come_first() -> None:
+    specimens = [replace(s, rate_mm_s=2.0) for s in base()]
+    specimens[0] = replace(specimens[0], measured_width_mm=2.0)
+    problems = examine(campaign(*specimens))
+    assert problems[0].specimen is None
+    assert problems == examine(campaign(*specimens))
