@@ -297,7 +297,9 @@ def test_strain_past_the_law_is_a_limitation(folder: Path) -> None:
     (folder / "specimens.csv").write_text(HEAD + ROWS.replace("6,2,25", "6,2,2.5"))
     campaign = read_campaign(folder)
     break_strain = campaign.palette.resolve("FLX9760").elongation_at_break
-    assert f"specimen S1: strained to 1.9, past {break_strain:g}" in " ".join(campaign.limitations)
+    assert f"specimens S1, S2: strained to 1.9, past {break_strain:g}" in " ".join(
+        campaign.limitations
+    )
 
 
 def test_one_specimen_a_condition_is_a_limitation(folder: Path) -> None:
