@@ -43,8 +43,12 @@ class PaletteUsed:
 
 @dataclass(frozen=True, slots=True)
 class PartGraded:
-    """The part a plan was made for; adding `translation_mm` takes it to where the shells are."""
+    """The part a plan was made for; adding `translation_mm` takes it to where the shells are.
 
+    Its `name` is what files are called by: the file's stem in plain letters.
+    """
+
+    name: str
     file: str
     sha256: str
     unit: str
@@ -69,10 +73,14 @@ class Gradient:
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
-    """What "modulus" means: secant of the nominal stress from rest to a working strain."""
+    """What "modulus" means: secant of the nominal stress from rest to a working strain.
+
+    The laws of rigid grades are straight lines, whose secant is the initial modulus.
+    """
 
     measure: Literal["secant-nominal"]
     at_strain: float
+    rigid_measure: Literal["initial-modulus"] = "initial-modulus"
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +198,8 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """The part's name: its file's, without folder and ending."""
-        return Path(self.part.file).stem
+        """The part's name, which its files begin with."""
+        return self.part.name
 
     @property
     def ok(self) -> bool:

@@ -16,7 +16,7 @@ _FINDINGS_SHOWN = 10
 
 
 def grade(
-    part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF.")],
+    part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
     from_: Annotated[
         str | None, typer.Option("--from", help="Material where the gradient begins.")
     ] = None,
@@ -177,7 +177,7 @@ def _table(plan: "Plan") -> None:
         ],
         rows,
         title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
-        f"{plan.stiffness.at_strain:g}",
+        f"{plan.stiffness.at_strain:g}, of rigid grades the initial modulus",
         right=["#", "achieved", "error", "volume mm3", "mass g"],
         droppable=["95 % interval", "error", "#"],
         swatches=[colours.get(r.material or "", "#808080") for r in plan.regions] + ["default"],

@@ -43,7 +43,7 @@ def decode_document(data: bytes, type_: type[T], name: str) -> T:
     try:
         return msgspec.json.decode(data, type=type_)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise FileError(f"{name}: {error}; it is not a {type_.__name__.lower()} file") from error
+        raise FileError(f"{name}: not the JSON document that it should be: {error}") from error
 
 
 def _rounded(value: Any) -> Any:

@@ -1,6 +1,7 @@
 """Where a part comes from: a file, or a mesh in memory."""
 
 import hashlib
+import unicodedata
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
@@ -54,7 +55,8 @@ def open_part(
         called = _safe(path.stem if name is None else name)
         made = make_part(file.triangles, name=called, tray_mm=tray_mm)
         warnings = (*file.notes, *made.warnings)
-        return PartSource(made, called, path.name, file.sha256, file.unit, warnings)
+        shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
+        return PartSource(made, called, shown, file.sha256, file.unit, warnings)
     vertices, faces = _arrays(part)
     used = canonical_unit(unit or MILLIMETRES)
     called = _safe(name or "part")
@@ -82,5 +84,7 @@ def _arrays(part: object) -> tuple[FloatArray, IntArray]:
 
 def _safe(name: str) -> str:
     """Keep what any file system and any reader of STL headers takes."""
-    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in name)
+    plain = unicodedata.normalize("NFKD", name)  # an accent becomes a mark of its own
+    bare = (c for c in plain if not unicodedata.combining(c))
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in bare)
     return kept.strip(".-") or "part"

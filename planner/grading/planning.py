@@ -214,7 +214,7 @@ def _check_thickness(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
             f"{span_mm:.4g} mm; "
-            + (unit or f"use fewer bands (at most {fit}) or a gentler profile")
+            + (unit or f"use fewer bands (up to {fit} can fit) or a gentler profile")
         )
 
 
@@ -222,6 +222,7 @@ def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
     mesh = source.part.mesh
     low, high = mesh.bounds_mm
     return PartGraded(
+        name=source.name,
         file=source.file,
         sha256=source.sha256,
         unit=source.unit,
