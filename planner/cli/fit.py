@@ -1,21 +1,25 @@
 """planner fit."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from planner.cli.characterise import (
+from planner.cli.options import AsJson, Quiet
+from planner.cli.tensile_options import (
     ColumnNames,
+    Force,
     GaugeMm,
     MaterialName,
     SpecimensFile,
     TensileFiles,
     ThicknessMm,
     WidthMm,
+    refuse_existing,
+    split_columns,
 )
-from planner.cli.options import AsJson, Quiet
 
 if TYPE_CHECKING:
     from planner.measurement.palette_study import PaletteStudy
@@ -60,27 +64,25 @@ def fit(
     thickness_mm: ThicknessMm = None,
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the palette file.")] = False,
+    force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
     """Fit laws to tensile tests, choose one a material, and write a palette with intervals.
 
-    Exit code 1 when the palette cannot be planned with as it is: its laws cross.
+    Exit code 1 when the palette cannot be used as it is, because its laws cross, when replicates
+    are more than twice apart, or when a law describes its material badly.
 
     Example: [bold]planner fit samples/tensile --law all -o lab.toml[/bold]
     """
     from planner.cli.output import finding, print_document, progress, warn
-    from planner.errors import OutputError
+    from planner.formats.json_document import encode_document
     from planner.formats.palette_toml import write_palette
     from planner.materials.fit.sample import weighting_of
     from planner.measurement.palette_study import fit_study
     from planner.measurement.study import read_study
 
-    if output.exists() and not force:
-        raise OutputError(
-            f"{output}: exists already; replace it with --force, or name another with --output"
-        )
+    refuse_existing(output, force=force)
     study = read_study(
         files,
         specimens=specimens,
@@ -88,7 +90,7 @@ def fit(
         width_mm=width_mm,
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
-        columns=None if columns is None else [name.strip() for name in columns.split(",")],
+        columns=split_columns(columns),
     )
     with progress(not (quiet or as_json)) as stage:
         result = fit_study(
@@ -103,17 +105,20 @@ def fit(
             stage=stage,
         )
     write_palette(result.palette, output, force=force)
+    findings = list(result.findings)
+    if result.problem is not None:
+        findings.append(
+            f"{result.problem}; planner cannot grade, invert or list materials with this palette"
+        )
     if as_json:
-        print_document({**result.document(), "file": str(output)})
+        print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
         for note in result.notes:
             warn(note)
         _print_report(result, output)
-    if result.problem is not None:
-        if not (as_json or quiet):
-            finding(f"{result.problem}; planner grade will refuse this palette")
-        return 1
-    return 0
+        for said in findings:
+            finding(said)
+    return 1 if findings else 0
 
 
 def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
@@ -124,38 +129,44 @@ def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
     for text in given or ():
         key, _, value = text.rpartition("=")
         try:
-            figures[key.strip()] = float(value)
+            number = float(value)
         except ValueError:
-            key = ""
-        if not key.strip():
+            number = math.nan
+        if not key.strip() or not math.isfinite(number):
             raise ArgumentError(f"{option} {text!r}: write ID=NUMBER, as FLX9760=0.5")
+        figures[key.strip()] = number
     return figures
 
 
 def _print_report(result: "PaletteStudy", output: Path) -> None:
-    from planner.cli.output import figure, print_table, say
+    from planner.cli.output import say
+
+    _print_candidates(result)
+    _print_parameters(result)
+    for material in result.palette.materials:
+        fit = result.fits[material.id]
+        reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
+        say(f"{material.id}: {reason}")
+        say(f"  intervals: {fit.uncertainty.basis}")
+    say(f"palette {result.palette.name} written to {output}")
+
+
+def _print_candidates(result: "PaletteStudy") -> None:
+    from planner.cli.output import figure, print_table
 
     rows = []
     for material in result.palette.materials:
         fit = result.fits[material.id]
         name = material.id
-        if fit.choice is None:
-            modulus = fit.law.parameters["modulus_MPa"][0]
-            low, high = (
-                ends["modulus_MPa"][0]
-                for ends in (fit.uncertainty.law_low, fit.uncertainty.law_high)
-            )
-            law = f"* linear ({figure(modulus)} MPa, {figure(low)} .. {figure(high)})"
-            rows.append([name, str(fit.characteristics.n), law, "1", *[""] * 6])
-            continue
-        for candidate in fit.choice.candidates:
+        candidates = () if fit.choice is None else fit.choice.candidates
+        for candidate in candidates:
             one, convergence = candidate.fit, candidate.fit.convergence
             unstable = candidate.stability.strain
             rows.append(
                 [
                     name,
-                    str(fit.characteristics.n),
-                    f"{'*' if candidate is fit.choice.chosen else ' '} {one.name}",
+                    str(fit.characteristics.n) if name else "",
+                    f"{'*' if candidate.fit.parameters is fit.law else ' '} {one.name}",
                     str(one.parameter_count),
                     f"{100 * candidate.held_out_error:.2f} %",
                     f"{one.r2:.5f}",
@@ -166,39 +177,47 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
                 ]
             )
             name = ""
-    columns = [
-        "material",
-        "n",
-        "law",
-        "k",
-        "held out",
-        "R2",
-        "adj. R2",
-        "nRMSE",
-        "stable",
-        "starts",
-    ]
-    print_table(columns, rows, title="Laws tried (* chosen)", right=["n", "k", "held out", "nRMSE"])
-    chosen = []
+    if not rows:
+        return
+    figures = ["held out", "R2", "adj. R2", "nRMSE"]
+    print_table(
+        ["material", "n", "law", "k", *figures, "stable", "starts"],
+        rows,
+        title="Laws tried (* chosen)",
+        right=["n", "k", *figures, "starts"],
+    )
+
+
+def _print_parameters(result: "PaletteStudy") -> None:
+    from planner.cli.output import figure, print_table
+
+    rows = []
     for material in result.palette.materials:
-        fit = result.fits[material.id]
-        name = material.id
+        known = result.fits[material.id].uncertainty
+        name, law = material.id, material.law.model
+        spread = f"{100 * material.modulus_log_sd:.1f} %"
         for symbol, values in material.law.parameters.items():
-            ends = zip(
-                fit.uncertainty.law_low[symbol], fit.uncertainty.law_high[symbol], strict=True
-            )
+            ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
             for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
                 label = symbol if len(values) == 1 else f"{symbol} [{number}]"
-                interval = f"{figure(low)} .. {figure(high)}"
-                spread = f"{100 * material.modulus_log_sd:.1f} %" if name else ""
-                law = material.law.model if name else ""
-                chosen.append([name, law, label, figure(value, 4), interval, spread])
-                name = ""
-    percent = f"{100 * result.fits[result.palette.materials[0].id].uncertainty.level:g} % interval"
+                rows.append([name, law, label, figure(value, 4), _interval(low, high), spread])
+                name = law = spread = ""
+    level = result.fits[result.palette.materials[0].id].uncertainty.level
     print_table(
-        ["material", "law", "parameter", "value", percent, "next print's sd"],
-        chosen,
+        ["material", "law", "parameter", "value", f"{100 * level:g} % interval", "next print's sd"],
+        rows,
         title="Parameters",
         right=["value", "next print's sd"],
     )
-    say(f"palette {result.palette.name} written to {output}")
+
+
+def _interval(low: float, high: float) -> str:
+    """Write an interval with as many digits as tell its ends apart; an open end is said so."""
+    from planner.cli.output import figure
+
+    texts: list[str] = []
+    for digits in (3, 4, 5, 6):
+        texts = [figure(v, digits) if math.isfinite(v) else "open" for v in (low, high)]
+        if texts[0] != texts[1]:
+            break
+    return " .. ".join(texts)

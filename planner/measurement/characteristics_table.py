@@ -81,15 +81,19 @@ def characteristics_document(
     }
 
 
-def write_characteristics(materials: Sequence[MaterialCharacteristics], path: str | Path) -> None:
+def write_characteristics(
+    materials: Sequence[MaterialCharacteristics], path: str | Path, *, force: bool = False
+) -> None:
     """Write the CSV table, whole or not at all.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file is there already and `force` is false, or cannot be written.
     """
     path = Path(path)
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
     partial = path.with_name(f".{path.name}.partial")
     try:
         partial.write_text(characteristics_csv(materials), encoding="utf-8", newline="")

@@ -10,7 +10,9 @@ import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.tensile import Specimen
+from planner.formats.tensile.text_rows import number
 from planner.materials.coefficients import CoefficientModel
+from planner.materials.doubts import doubts
 from planner.materials.fit.law_choice import Candidate
 from planner.materials.fit.law_fit import STARTS
 from planner.materials.fit.material_fit import MaterialFit, fit_material
@@ -25,10 +27,15 @@ from planner.palette import Material, Palette, Reference
 __all__ = ["DEFAULT_DENSITY_G_CM3", "PaletteStudy", "fit_study"]
 
 DEFAULT_DENSITY_G_CM3 = 1.14
-"""Between TangoPlus (1.12 to 1.13) and VeroWhite (1.17 to 1.18 g/cm3), where none is given."""
+"""Assumed where none is given: between the 1.12 to 1.13 assumed of TangoPlus and the 1.17 to
+1.18 g/cm3 of VeroWhite."""
 
 RANKING_STRAIN = 0.1
 """Secant modulus at this strain, or at the smallest elongation at break, orders a palette."""
+
+SMALLEST_R2 = 0.9
+LARGEST_HELD_OUT_ERROR = 0.2
+"""A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
 _DIFFERENT = 1e-3
@@ -47,12 +54,16 @@ class PaletteStudy:
         What was corrected, assumed or doubtful, one sentence each.
     problem
         Why the palette cannot be planned with as it is (its laws cross), or None.
+    findings
+        What speaks against a material's figures or its law, one sentence each; the problem is
+        not among them.
     """
 
     palette: Palette
     fits: Mapping[str, MaterialFit]
     notes: tuple[str, ...]
     problem: str | None
+    findings: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """Return the report as plain values."""
@@ -65,6 +76,7 @@ class PaletteStudy:
             ],
             "notes": list(self.notes),
             "problem": self.problem,
+            "findings": list(self.findings),
         }
 
 
@@ -141,7 +153,8 @@ def fit_study(
     )
     palette = Palette(name, materials, _reference(study, notes), "planner fit")
     by_id = {ids[material]: fits[material] for material in ordered}
-    return PaletteStudy(palette, by_id, tuple(notes), _problem(palette))
+    findings = tuple(said for material in ordered for said in _findings(fits[material]))
+    return PaletteStudy(palette, by_id, tuple(notes), _problem(palette), findings)
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
@@ -155,6 +168,22 @@ def _problem(palette: Palette) -> str | None:
     except PaletteError as error:
         return str(error)
     return None
+
+
+def _findings(fit: MaterialFit) -> list[str]:
+    """Return what speaks against the specimens, and against the law that was chosen."""
+    said = list(doubts(fit.characteristics))
+    chosen = None if fit.choice is None else fit.choice.chosen
+    if chosen is not None and (
+        chosen.fit.r2 < SMALLEST_R2 or chosen.held_out_error > LARGEST_HELD_OUT_ERROR
+    ):
+        said.append(
+            f"material {fit.material}: {chosen.fit.name} describes it badly (R2 "
+            f"{chosen.fit.r2:.3f}, held-out error {100 * chosen.held_out_error:.2g} %; at least "
+            f"{SMALLEST_R2:g} and at most {100 * LARGEST_HELD_OUT_ERROR:g} % are asked): look at "
+            "the specimens, or try --law all"
+        )
+    return said
 
 
 def _coordinates(
@@ -216,11 +245,9 @@ def _by_material(
         cell = row.covariates.get(column, "")
         if not cell:
             continue
-        try:
-            value = float(cell)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
+        # A cell holds one figure, so that a comma in it can only be the decimal sign.
+        value = number(cell, ";")
+        if value is None or not np.isfinite(value):
             raise ArgumentError(
                 f"specimen {row.specimen}: {column} is {cell!r} in specimens.csv; write a number"
             )
@@ -241,11 +268,12 @@ def _rows(study: Study) -> list[Specimen]:
 def _reference(study: Study, notes: list[str]) -> Reference:
     """Return the mean conditions of the specimens; what differs between them is noted."""
     rows = _rows(study)
+    used = [study.dimensions.get(c.specimen) for curves in study.groups.values() for c in curves]
     values: dict[str, list[float]] = {
         "strain_rate_per_s": [
-            r.rate_mm_s / r.gauge_mm
-            for r in rows
-            if r.rate_mm_s is not None and r.gauge_mm is not None
+            d.rate_mm_s / d.gauge_mm
+            for d in used
+            if d is not None and d.rate_mm_s is not None and d.gauge_mm is not None
         ],
         "temperature_C": [r.temperature_C for r in rows if r.temperature_C is not None],
         "soak_h": [r.soak_h for r in rows if r.soak_h is not None],

@@ -23,10 +23,19 @@ def test_files_to_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "SYN-rigid: plastic" in out
     assert "ASTM D638" in err
     first = output.read_bytes()
-    code, out, err = run(capsys, *sorted(STUDY.iterdir()), "-o", output, "--quiet")
+    code, out, err = run(capsys, *sorted(STUDY.iterdir()), "-o", output, "--force", "--quiet")
     # The script that made the study lies beside it and is no tensile file.
     assert (code, out, err) == (0, "", "")
     assert output.read_bytes() == first
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "materials.csv"
+    output.write_text("mine")
+    code, out, err = run(capsys, STUDY, "-o", output)
+    assert (code, out) == (2, "")
+    assert "replace it with --force" in err
+    assert output.read_text() == "mine"
 
 
 def test_json_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
@@ -35,6 +44,7 @@ def test_json_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads(out)
     assert document["schema"] == 1
     assert [m["deformation"] for m in document["materials"]] == ["elastic", "elastic", "plastic"]
+    assert document["findings"] == []
     assert "secant_0.2_MPa" in document["materials"][0]["figures"]
 
 

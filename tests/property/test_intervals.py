@@ -15,7 +15,13 @@ from planner.materials.fit.intervals import intervals
 from planner.materials.fit.law_fit import fit_law, law_stress_MPa
 from planner.materials.fit.sample import Sample, sample_of
 from planner.materials.fit.scatter import ASSUMED_LOG_SD, scatter_of_fit, scatter_of_moduli
-from planner.materials.fit.separable import NeoHookean, Ogden, SeparableLaw, Yeoh
+from planner.materials.fit.separable import (
+    LARGEST_ALPHA,
+    NeoHookean,
+    Ogden,
+    SeparableLaw,
+    Yeoh,
+)
 
 SEEDS = 200
 LAWS: dict[str, tuple[SeparableLaw, tuple[float, ...], tuple[float, ...]]] = {
@@ -61,7 +67,8 @@ def coverage(name: str, specimens: int) -> tuple[float, ...]:
 def test_coverage_is_nominal(name: str, specimens: int) -> None:
     # 95 % of 200 seeds: a binomial standard deviation of 1.5 %; three of them.
     assert min(coverage(name, specimens)) >= 0.95 - 3 * 0.0154
-    assert max(coverage(name, specimens)) <= 1.0
+    # Nor wide at will: 99 % lies 2.6 of those deviations above.
+    assert np.mean(coverage(name, specimens)) <= 0.99
 
 
 def test_coverage_is_not_vacuous() -> None:
@@ -98,6 +105,19 @@ def test_undetermined_parameters_are_left_open() -> None:
     ends = intervals(fit_law(Ogden(2), sample, starts=12), sample)
     widths = ends.a[:, 1] - ends.a[:, 0]
     assert widths.max() > 10.0
+    # Where the search met the bound without a crossing the side is open, never the bound.
+    assert np.isinf(ends.a).any()
+    assert not np.any(np.abs(ends.a) == LARGEST_ALPHA)
+
+
+def test_profiles_and_students_intervals_are_told_apart() -> None:
+    sample = synthetic("ogden", 1, 3)
+    one, two, yeoh = (
+        intervals(fit_law(law, sample, starts=12), sample) for law in (Ogden(1), Ogden(2), Yeoh())
+    )
+    np.testing.assert_array_equal(one.profiled, [True, True])
+    np.testing.assert_array_equal(two.profiled, [True, True, False, False])
+    assert not yeoh.profiled.any()
 
 
 def test_one_specimen_counts_its_correlation() -> None:

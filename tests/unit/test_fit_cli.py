@@ -1,6 +1,7 @@
 """planner fit from files to a palette that planning takes, and what it refuses."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from planner.cli import run
+from planner.cli.fit import _interval
 from planner.materials.fit.law_fit import law_stress_MPa
 from planner.materials.fit.separable import Ogden
 from planner.palette import load_palette
@@ -127,7 +129,9 @@ def test_a_law_that_softens_into_another_is_a_finding(capsys) -> None:
         (["--coordinate", "C=1"], "coordinate of 'C': the tests have no such material"),
         (["--coordinate", "A=0"], "no coordinate, though others have one"),
         (["--coordinate", "A=1", "--coordinate", "B=0"], "must rise with stiffness"),
-        (["--coordinate", "A=nan", "--coordinate", "B=0"], "not above"),
+        (["--coordinate", "A=nan", "--coordinate", "B=0"], "write ID=NUMBER"),
+        (["--coordinate", "A=inf", "--coordinate", "B=0"], "write ID=NUMBER"),
+        (["--density", "A=nan"], "write ID=NUMBER"),
         (["--density", "A=-1"], "density_g_cm3 is -1"),
         (["--starts", "0"], "starts"),
         (["--level", "1.5"], "level"),
@@ -167,6 +171,102 @@ def test_bad_files_are_refused(text: str, message: str, capsys) -> None:
     assert not Path("palette.toml").exists()
 
 
+def test_one_material_with_a_coordinate_of_no_number(capsys) -> None:
+    write_curve("A.csv", 0.3)
+    assert run(["fit", "A.csv", "--coordinate", "A=nan"]) == 2
+    assert "write ID=NUMBER" in capsys.readouterr().err
+    assert not Path("palette.toml").exists()
+
+
+def test_a_specimen_that_only_begins_where_the_other_ends(capsys) -> None:
+    write_curve("E-1.csv", 0.3, break_strain=0.1)
+    write_curve("E-2.csv", 0.3, break_strain=1.6)
+    rows = Path("E-2.csv").read_text().splitlines()
+    Path("E-2.csv").write_text("\n".join([rows[0], *rows[10:]]) + "\n")
+    assert run(["fit", "E-1.csv", "E-2.csv", "--law", "ogden"]) == 1
+    captured = capsys.readouterr()
+    assert "strain at break is 0.1 of E-1 and 1.6 of E-2" in captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_replicates_far_apart_are_a_finding(capsys) -> None:
+    """A section in cm2 instead of mm2 makes one specimen a hundred times as stiff."""
+    for number, mu in enumerate((0.3, 0.31, 30.0), start=1):
+        write_curve(f"A-{number}.csv", mu)
+    assert run(["fit", "A-1.csv", "A-2.csv", "A-3.csv", "--law", "ogden", "--starts", "6"]) == 1
+    error = capsys.readouterr().err
+    # E = 1.5 mu alpha = 112.5 MPa.
+    assert re.search(r"modulus \(MPa\) is 11[123] of A-3, more than 2 times off the repl", error)
+    assert re.search(r"ogden-\d describes it badly \(R2 -0", error)
+    assert run(["fit", "A-1.csv", "A-2.csv", "--law", "neo-hookean", "--force"]) == 0
+    assert "finding" not in capsys.readouterr().err
+
+
+def test_a_rubber_in_psi_labelled_mpa_is_a_finding(capsys) -> None:
+    write_curve("A.csv", 0.3 * 145.038, break_strain=1.2)
+    assert run(["fit", "A.csv"]) == 1
+    assert "a rubber whose stress is psi given as MPa looks so" in capsys.readouterr().err
+
+
+def test_a_coordinate_with_a_decimal_comma(samples: Path) -> None:
+    for file in (samples / "tensile").iterdir():
+        Path(file.name).write_bytes(file.read_bytes())
+    text = Path("specimens.csv").read_text().replace(";", "")
+    rows = [line.split(",") for line in text.splitlines()]
+    place = rows[0].index("coordinate")
+    for row in rows[1:]:
+        row[place] = row[place].replace("0.5", "0,5").replace("1.5", "1,5")
+    Path("specimens.csv").write_text("\n".join(";".join(row) for row in rows) + "\n")
+    assert run(["fit", ".", "--law", "neo-hookean", "--quiet"]) in (0, 1)
+    assert [m.coordinate for m in load_palette("palette.toml").materials] == [0.0, 0.5, 1.5]
+
+
+def test_json_figures_have_nine_digits(capsys) -> None:
+    write_curve("A.csv", 0.3)
+    assert run(["fit", "A.csv", "--law", "ogden", "--json"]) == 0
+    text = capsys.readouterr().out
+    assert json.loads(text)["findings"] == []
+    figures = re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)
+    assert figures
+    for figure in figures:
+        assert len(figure.split("e")[0].replace("-", "").replace(".", "").lstrip("0")) <= 9, figure
+
+
+def test_the_report_fits_a_terminal_of_100_columns(
+    samples: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+    for command in (["characterise"], ["fit", "-o", "lab.toml", "--starts", "4"]):
+        assert run([*command, str(samples / "tensile")]) == 0
+        out = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
+        assert "…" not in out
+        tables = [line for line in out.splitlines() if not re.match(r"\S+: |  intervals: ", line)]
+        assert max(map(len, tables)) <= 100
+        assert "SYN-medium" in out
+
+
+def test_the_report_says_why_and_what_intervals_rest_on(capsys) -> None:
+    write_curve("A.csv", 0.3)
+    assert run(["fit", "A.csv", "--law", "ogden"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^A: ogden-\d .*held-out error", out, re.M)
+    assert re.search(r"^  intervals: profile \(.*alpha\).*; one specimen as", out, re.M)
+    assert "without the scatter between specimens" in out
+
+
+@pytest.mark.parametrize(
+    ("ends", "text"),
+    [
+        ((0.2001, 0.2004), "0.2001 .. 0.2004"),
+        ((0.1, 0.3), "0.100 .. 0.300"),
+        ((-np.inf, 21.23), "open .. 21.2"),
+    ],
+)
+def test_intervals_in_words(ends: tuple[float, float], text: str) -> None:
+    assert _interval(*ends) == text
+
+
 def test_no_stable_law_says_what_to_try(capsys) -> None:
     """A softening curve: Yeoh's cubic falls within the margin beyond the break."""
     strain = np.linspace(0.0, 1.0, 81)
@@ -186,5 +286,9 @@ def test_real_silicones_are_fitted(name: str, shared_data: Path) -> None:
     known = load_palette("palette.toml").materials[0].uncertainty
     assert known is not None
     assert known.nrmse is not None
+    reference = load_palette("palette.toml").reference
+    if name == "RTV615":
+        # 450 mm/min over 33 mm, as the file's head says.
+        assert reference.strain_rate_per_s == pytest.approx(450 / 60 / 33, rel=1e-8)
     # Looked at: the worst of the nineteen is SortaClear 40 with a one-term law.
     assert known.nrmse < 0.03

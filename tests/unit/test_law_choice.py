@@ -60,6 +60,21 @@ def test_an_s_shaped_curve_is_not_left_to_neo_hooke(specimens: int) -> None:
     assert choice.chosen.held_out_error < 0.3 * errors["neo-hookean"]
 
 
+def short(strain_from: float, strain_to: float) -> Curve:
+    strain = np.linspace(strain_from, strain_to, 40)
+    stress = law_stress_MPa(NeoHookean(), np.array([]), np.array([0.4]), 1.0 + strain)
+    return Curve(f"to {strain_to:g}", strain, stress)
+
+
+def test_a_specimen_beyond_the_others_strain_is_not_asked() -> None:
+    """The long one begins where the short one ends: only the short one can be predicted."""
+    sample = sample_of([short(0.2, 1.6), short(0.0, 0.1)])
+    choice = choose_law([NeoHookean(), Ogden(1)], sample, 1.0, starts=6)
+    assert choice.chosen is not None
+    assert all(c.held_out.shape == (1,) for c in choice.candidates)
+    assert np.isfinite(choice.chosen.held_out_error)
+
+
 def test_scatter_between_specimens_does_not_hide_the_shape() -> None:
     """Levels scatter by 5 %, the shapes differ by 3 %: the paired comparison tells them apart."""
     sample = study(Ogden(1), (3.2,), (0.3,), specimens=3, seed=2, break_strain=1.0)

@@ -38,9 +38,12 @@ class Intervals:
     ----------
     a, c
         Low and high, shapes (q, 2) and (p, 2), in the file's terms; infinite where the tests
-        leave a side open, the bound where it stopped the search.
+        leave a side open, for the profile meets the law's bound first (zero below, for a
+        parameter that is positive).
     level
         Nominal coverage.
+    profiled
+        Shape (q + p,): true where the profile gives the interval, false where Student's t does.
     basis
         "specimens" or "one specimen": the latter leaves out the scatter between specimens.
     independent_points
@@ -50,6 +53,7 @@ class Intervals:
     a: FloatArray
     c: FloatArray
     level: float
+    profiled: BoolArray
     basis: str
     independent_points: float | None
 
@@ -86,7 +90,8 @@ def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
     ends = best[:, None] + reach[:, None] * np.array([-1.0, 1.0])
     profiled = np.arange(q + p if q == p == 1 else q)
     ends[profiled] = _crossings(fit, sample, profiled, reach, rise)
-    return Intervals(ends[:q], ends[q:], level, basis, points)
+    by_profile = np.isin(np.arange(q + p), profiled)
+    return Intervals(ends[:q], ends[q:], level, by_profile, basis, points)
 
 
 def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
@@ -139,6 +144,7 @@ def _crossings(
     distance = np.maximum(reach, 1e-9 * np.abs(best) + 1e-300)[which]
     inside, outside = np.zeros(2 * k), np.full(2 * k, np.inf)
     near = np.tile(fit.a, (2 * k, 1))
+    open_ended = np.zeros(2 * k, dtype=bool)
     todo = np.arange(2 * k)
     for _ in range(ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
@@ -148,7 +154,8 @@ def _crossings(
         under = ratio < 1.0
         inside[todo] = np.where(under, np.maximum(inside[todo], at), inside[todo])
         outside[todo] = np.where(under, outside[todo], np.minimum(outside[todo], at))
-        done = (np.abs(ratio - 1.0) < CLOSE) | (under & (at >= limit[todo]))
+        open_ended[todo] = under & (at >= limit[todo])
+        done = (np.abs(ratio - 1.0) < CLOSE) | open_ended[todo]
         step = at / np.clip(ratio, 0.1, 10.0)
         astray = (step <= inside[todo]) | (step >= outside[todo])
         middle = 0.5 * (inside[todo] + np.where(np.isinf(outside[todo]), 2 * at, outside[todo]))
@@ -158,7 +165,10 @@ def _crossings(
             break
     # A search that ran out of rounds gives the wider end of its bracket.
     distance[todo] = np.minimum(outside[todo], limit[todo])
-    out: FloatArray = (best[which] + side * distance).reshape(k, 2)
+    end = best[which] + side * distance
+    positive = np.append(bounds[:, 0] >= 0.0, np.zeros(fit.law.columns, dtype=bool))[which]
+    end = np.where(open_ended, np.where(positive & (side < 0.0), 0.0, side * np.inf), end)
+    out: FloatArray = end.reshape(k, 2)
     return out
 
 

@@ -111,11 +111,23 @@ def choose_law(
 
 
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
+    """Return what is left out in turn; a specimen that nothing can be asked of is not."""
     if sample.specimens > 1:
-        return [sample.specimen == n for n in np.unique(sample.specimen)], "one specimen"
+        # The one that begins lowest can always be asked, so that at least one fold is left.
+        folds = [sample.specimen == n for n in np.unique(sample.specimen)]
+        return [fold for fold in folds if _asked(fold, sample).any()], "one specimen"
     rank = np.argsort(np.argsort(sample.stretch, kind="stable"), kind="stable")
     block = rank * BLOCKS // len(rank)
     return [block == b for b in range(1, BLOCKS - 1)], "one block of strain"
+
+
+def _asked(fold: BoolArray, sample: Sample) -> BoolArray:
+    """Return the points left out that lie within the others' strain.
+
+    Beyond it would be extrapolation, which a palette never does.
+    """
+    asked: BoolArray = fold & (sample.stretch <= sample.stretch[~fold].max())
+    return asked
 
 
 def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: float) -> FloatArray:
@@ -123,8 +135,7 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: fl
     for fold in folds:
         known = sample.part(~fold)
         again = fit_law(fit.law, known, starts=FOLD_STARTS, shift=shift, also=fit.a[None])
-        # Beyond the others' strain it would be extrapolation, which a palette never does.
-        asked = sample.part(fold & (sample.stretch <= known.stretch.max()))
+        asked = sample.part(_asked(fold, sample))
         predicted = law_stress_MPa(fit.law, again.a, again.c, asked.stretch)
         error = (predicted - asked.stress_MPa) / asked.scale_MPa
         errors.append(np.sqrt(np.mean(error**2)))
@@ -133,7 +144,7 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: fl
 
 def _as_good(candidate: Candidate, best: Candidate) -> bool:
     difference = candidate.held_out - best.held_out
-    error = difference.std(ddof=1) / np.sqrt(len(difference))
+    error = difference.std(ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return bool(difference.mean() <= max(error, INDIFFERENT * best.held_out_error))
 
 
@@ -142,7 +153,7 @@ def _reason(chosen: Candidate, best: Candidate) -> str:
     if chosen is best:
         return f"{chosen.fit.name} has the lowest held-out error, {error}"
     return (
-        f"{chosen.fit.name} ({chosen.fit.parameter_count} parameters, held-out error {error}) is "
-        f"as good as {best.fit.name} ({best.fit.parameter_count}, "
+        f"{chosen.fit.name} (k = {chosen.fit.parameter_count}, held-out error {error}) is "
+        f"as good as {best.fit.name} (k = {best.fit.parameter_count}, "
         f"{100 * best.held_out_error:.2g} %) within one standard error"
     )

@@ -17,7 +17,7 @@ from planner.materials.fit.intervals import Intervals, intervals
 from planner.materials.fit.law_choice import Candidate, Choice, choose_law
 from planner.materials.fit.law_fit import STARTS
 from planner.materials.fit.sample import Weighting, sample_of
-from planner.materials.fit.scatter import Scatter, scatter_of_fit, scatter_of_moduli
+from planner.materials.fit.scatter import ASSUMED_LOG_SD, Scatter, scatter_of_fit, scatter_of_moduli
 from planner.materials.fit.separable import SeparableLaw
 from planner.palette import LawParameters, Uncertainty
 
@@ -74,11 +74,6 @@ def fit_material(
         raise ArgumentError(f"level {level:g}: it must be at least 0.5 and below 1, as 0.95")
     found = characterise_material(material, curves)
     notes = [note for c in found.specimens for note in c.notes if "not shifted" not in note]
-    if not found.agree:
-        notes.append(
-            f"material {material}: its specimens deform unlike one another; taken as "
-            f"{found.deformation.kind}, because {found.deformation.reason}"
-        )
     if found.deformation.kind == "plastic":
         law, uncertainty, scatter = _linear(found, level)
         return MaterialFit(material, found, law, uncertainty, scatter, None, tuple(notes))
@@ -143,18 +138,26 @@ def _doubts(material: str, chosen: Candidate) -> list[str]:
 
 def _uncertainty(chosen: Candidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
     law = chosen.fit.law
-    basis = "profile; scatter between specimens"
-    if ends.independent_points is not None:
-        basis = (
-            f"profile; one specimen as {ends.independent_points:.3g} independent points, without "
-            "the scatter between specimens"
+    by_profile = ends.profiled.astype(np.float64)
+    flags = law.parameters(by_profile[: law.nonlinear], by_profile[law.nonlinear :])
+    kinds = {
+        kind: ", ".join(symbol for symbol, values in flags.items() if values[0] == flag)
+        for kind, flag in (("profile", 1.0), ("Student's t", 0.0))
+    }
+    ways = " and ".join(f"{kind} ({symbols})" for kind, symbols in kinds.items() if symbols)
+    if ends.independent_points is None:
+        scatter = f"scatter between {count} specimens"
+    else:
+        scatter = (
+            f"one specimen as {ends.independent_points:.3g} independent points, without the "
+            "scatter between specimens"
         )
     return Uncertainty(
         specimens=count,
         level=ends.level,
         law_low=_rounded(law.parameters(ends.a[:, 0], ends.c[:, 0])),
         law_high=_rounded(law.parameters(ends.a[:, 1], ends.c[:, 1])),
-        basis=f"{basis}; held out: {scheme}",
+        basis=f"{ways}; {scatter}; held out: {scheme}",
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
         held_out_error=float(f"{chosen.held_out_error:.3g}"),
@@ -175,7 +178,7 @@ def _linear(
     moduli = [c.modulus_MPa for c in found.specimens]
     scatter = scatter_of_moduli(moduli)
     mean = float(np.log(moduli).mean())
-    freedom = max(found.n - 1, 1) if found.n > 1 else np.inf
+    freedom = found.n - 1 if found.n > 1 else np.inf
     half = float(student.ppf(0.5 + 0.5 * level, freedom)) * scatter.between / np.sqrt(found.n)
     low, mean, high = (float(np.exp(v)) for v in (mean - half, mean, mean + half))
     uncertainty = Uncertainty(
@@ -183,7 +186,9 @@ def _linear(
         level=level,
         law_low={"modulus_MPa": (low,)},
         law_high={"modulus_MPa": (high,)},
-        basis="scatter between specimens" if found.n > 1 else "assumed scatter; one specimen",
+        basis=f"Student's t; scatter between {found.n} specimens"
+        if found.n > 1
+        else f"one specimen, {100 * ASSUMED_LOG_SD:g} % scatter between specimens assumed",
     )
     parameters = MappingProxyType({"modulus_MPa": (mean,)})
     return LawParameters("linear", parameters), uncertainty, scatter
