@@ -92,4 +92,5 @@ def _stress_MPa(strain: FloatArray, parameters: FloatArray, network: Network) ->
         # Gent 1996; `limit` is the largest I1 - 3
         gain = limit / np.maximum(limit - (stretch**2 + 2.0 / stretch - 3.0), 0.02 * limit)
         glassy = yield_MPa * (1.0 - np.exp(-strain / yield_strain))
-    return shear_MPa * gain * (stretch - stretch**-2) + glassy
+    stress_MPa: FloatArray = shear_MPa * gain * (stretch - stretch**-2) + glassy
+    return stress_MPa

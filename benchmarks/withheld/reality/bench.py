@@ -20,7 +20,7 @@ __all__ = ["Bench", "mount"]
 FloatArray = NDArray[np.float64]
 WithSlope = tuple[FloatArray, FloatArray]
 
-_ELEMENTS_A_SEGMENT = 6
+_ELEMENTS_A_SEGMENT = 4
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,10 @@ class Bench:
 
     Attributes
     ----------
-    centre_mm, element_mm
-        Elements along the gauge, (S, N); `element_mm` is what is really there, not the nominal.
+    edges_mm
+        Ends of the elements along the drawn gauge, (S, N + 1).
+    element_mm
+        The lengths that are really there, (S, N).
     coordinate
         Of what was really printed, (S, N).
     secant_factor
@@ -57,7 +59,7 @@ class Bench:
     design: Design
     motion: Motion
     law: BaseLaw
-    centre_mm: FloatArray
+    edges_mm: FloatArray
     element_mm: FloatArray
     coordinate: FloatArray
     area_mm2: FloatArray
@@ -72,6 +74,11 @@ class Bench:
     set_strain: Callable[[FloatArray], FloatArray] | None = None
     slip_mm: Callable[[FloatArray], WithSlope] | None = None
     compliance_mm: Callable[[FloatArray], WithSlope] | None = None
+
+    @property
+    def centre_mm(self) -> FloatArray:
+        """Return the middles of the elements along the drawn gauge, (S, N)."""
+        return 0.5 * (self.edges_mm[:, 1:] + self.edges_mm[:, :-1])
 
     def stiffened(self, factor: FloatArray) -> "Bench":
         """Return the bench with secant moduli multiplied; (S,), (S, N) or (S, N, strains)."""
@@ -94,9 +101,8 @@ def mount(palette: PaletteFile, design: Design, law: BaseLaw) -> Bench:
         )
         centre = 0.5 * (edges[:, 1:] + edges[:, :-1])
         coordinate = np.array([p.at(x) for p, x in zip(chosen, centre, strict=True)])
-        element = np.diff(edges, axis=1)
     else:
-        centre, element = 0.5 * design.gauge_mm[:, None], design.gauge_mm[:, None]
+        edges = design.gauge_mm[:, None] * np.array([0.0, 1.0])
         coordinate = design.coordinate[:, None]
     rows = motion.time_s.shape
     return Bench(
@@ -104,13 +110,13 @@ def mount(palette: PaletteFile, design: Design, law: BaseLaw) -> Bench:
         design=design,
         motion=motion,
         law=law,
-        centre_mm=centre,
-        element_mm=element,
+        edges_mm=edges,
+        element_mm=np.diff(edges, axis=1),
         coordinate=coordinate,
         area_mm2=design.width_mm * design.thickness_mm,
         secant_factor=np.ones((len(design), 1, 1)),
         time_factor=np.ones((len(design), 1)),
-        memory_share=np.zeros(centre.shape),
+        memory_share=np.zeros(coordinate.shape),
         lost_mm=np.zeros(rows),
         gain=np.ones((len(design), 1)),
         offset_N=np.zeros((len(design), 1)),

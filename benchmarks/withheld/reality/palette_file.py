@@ -84,7 +84,8 @@ def _published(law: Mapping[str, Any]) -> Callable[[FloatArray], FloatArray]:
                 )
             case "yeoh":
                 c1, c2, c3 = law["c_MPa"]
-                return 2.0 * shear * (c1 + 2.0 * c2 * j + 3.0 * c3 * j**2)
+                yeoh: FloatArray = 2.0 * shear * (c1 + 2.0 * c2 * j + 3.0 * c3 * j**2)
+                return yeoh
             case "neo-hookean":
                 return _one(law["mu_MPa"]) * shear
             case "martins":

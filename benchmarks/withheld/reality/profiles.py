@@ -12,7 +12,7 @@ __all__ = ["PROFILES", "Profile", "draw_profiles"]
 FloatArray = NDArray[np.float64]
 
 PROFILES = ("lamellae", "ramp", "blocks", "wave")
-SEGMENTS = 8
+SEGMENTS = 16
 _LENGTH_MM = 32.0
 _STEP_MM = 0.01
 
@@ -56,7 +56,7 @@ def draw_profiles(
     profiles = []
     for number in range(count):
         soft = int(rng.integers(0, max(1, len(grades) - 3)))
-        hard = int(rng.integers(min(soft + 2, len(grades) - 1), len(grades)))
+        hard = int(rng.integers(min(soft + 3, len(grades) - 1), len(grades)))
         ends = grades[soft].coordinate, grades[hard].coordinate
         profiles.append(_profile(PROFILES[number % len(PROFILES)], *ends))
     return tuple(profiles)
@@ -64,12 +64,12 @@ def draw_profiles(
 
 def _profile(kind: str, soft: float, hard: float) -> Profile:
     edges = np.linspace(0.0, _LENGTH_MM, SEGMENTS + 1)
-    grid = np.linspace(0.0, _LENGTH_MM, 16 * SEGMENTS + 1)
+    grid = np.linspace(0.0, _LENGTH_MM, 8 * SEGMENTS + 1)
     match kind:
         case "lamellae":
             steps = np.arange(SEGMENTS) % 2
         case "blocks":
-            steps = np.array([0, 0, 0, 1, 1, 1, 0, 0])
+            steps = np.array([0] * 5 + [1] * 6 + [0] * 5)
         case "ramp":
             return Profile(kind, grid, _decimals(soft + (hard - soft) * grid / _LENGTH_MM))
         case _:

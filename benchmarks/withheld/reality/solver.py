@@ -12,7 +12,9 @@ __all__ = ["Response", "solve"]
 
 _STEP = float(STRAINS[1])
 _BUCKLED = 0.05  # share of the stiffness that a thin strip keeps in compression
-_ITERATIONS = 40
+_BUCKLING_STRAIN = 0.004
+_ITERATIONS = 60
+_FULL_STEPS = 8
 _TOLERANCE_MM = 1e-9
 _LARGEST_CORRECTION = 0.1
 
@@ -58,10 +60,12 @@ class _Curves:
         rise = self._secant[at + 1] - low
         secant = low + rise * part
         slope = secant + strain * rise / _STEP
-        buckled = strain < 0.0
+        pushed = strain < 0.0
+        straight = np.exp(np.minimum(strain, 0.0) / _BUCKLING_STRAIN)
+        push = _BUCKLED * strain + (1.0 - _BUCKLED) * _BUCKLING_STRAIN * (straight - 1.0)
         return (
-            np.where(buckled, _BUCKLED, 1.0) * strain * secant,
-            np.where(buckled, _BUCKLED * secant, slope),
+            secant * np.where(pushed, push, strain),
+            np.where(pushed, secant * (_BUCKLED + (1.0 - _BUCKLED) * straight), slope),
         )
 
     def work_MPa(self, strain: FloatArray) -> FloatArray:
@@ -95,8 +99,7 @@ class _History:
         if bench.damage is not None:
             work = self._curves.work_MPa(felt)
             factor, factor_slope = bench.damage(work, self._curves.work_MPa(peak))
-            slope = np.where(below, factor * slope + factor_slope * stress * slope, slope)
-            slope = np.maximum(slope, 1e-3 * np.abs(stretch))
+            slope = np.where(below, factor * slope + factor_slope * stress**2 * stretch, slope)
             stress = np.where(below, factor * stress, stress)
         return stress, slope
 
@@ -134,8 +137,8 @@ def solve(bench: Bench) -> Response:
             kept = 1.0 + share * (now - 1.0)
             past = share * (earlier - now * before)
         scale = area * time_factor[:, row, None]
-        strain = strain + ((travel[:, row] - travel[:, row - 1]) / length)[:, None]
-        for _ in range(_ITERATIONS):
+        strain = _first_guess(strain, travel[:, row], travel[:, row - 1], length)
+        for iteration in range(_ITERATIONS):
             stress, slope = history.stress_MPa(strain)
             stiffness = scale * kept * slope
             excess = force[:, None] - scale * (kept * stress + past)
@@ -144,8 +147,9 @@ def solve(bench: Bench) -> Response:
             gap = travel[:, row] - lost - np.sum(bench.element_mm * strain + give * excess, axis=1)
             correction = gap / (give.sum(axis=1) + lost_slope)
             step = (excess + correction[:, None]) / stiffness
-            strain = strain + np.clip(step, -_LARGEST_CORRECTION, _LARGEST_CORRECTION)
-            force = force + correction
+            damped = 1.0 if iteration < _FULL_STEPS else 0.5
+            strain = strain + np.clip(damped * step, -_LARGEST_CORRECTION, _LARGEST_CORRECTION)
+            force = force + damped * correction
             if np.abs(bench.element_mm * step).max() < _TOLERANCE_MM:
                 break
         else:
@@ -157,6 +161,16 @@ def solve(bench: Bench) -> Response:
         largest_force = np.maximum(largest_force, force)
         forces[:, row], strains[:, row] = force, strain
     return Response(forces, strains)
+
+
+def _first_guess(
+    strain: FloatArray, travel: FloatArray, before: FloatArray, length: FloatArray
+) -> FloatArray:
+    """Scale the strains with the travel; at the very start, strain every element alike."""
+    early = before < 1e-3 * length
+    ratio = np.where(early, 1.0, travel / np.where(early, 1.0, before))
+    alike = np.where(early, (travel - before) / length, 0.0)
+    return strain * ratio[:, None] + alike[:, None]
 
 
 def _kernel(bench: Bench) -> FloatArray | None:

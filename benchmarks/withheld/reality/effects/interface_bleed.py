@@ -52,8 +52,9 @@ def _two_gaussians(bench: Bench, size: float, shape: Shape) -> Bench:
     near = size / np.sqrt(1.0 - share + share * far**2)
 
     def kernel(x: FloatArray) -> FloatArray:
-        narrow = np.exp(-0.5 * (x / near) ** 2) * (1.0 - share)
-        return narrow + share / far * np.exp(-0.5 * (x / (near * far)) ** 2)
+        wide = np.exp(-0.5 * (x / (near * far)) ** 2)
+        both: FloatArray = (1.0 - share) * np.exp(-0.5 * (x / near) ** 2) + share / far * wide
+        return both
 
     return _blurred(bench, size, kernel)
 

@@ -55,7 +55,7 @@ def _draw_initial(rng: np.random.Generator, design: Design) -> Shape:
 
 
 def _draw_late(rng: np.random.Generator, design: Design) -> Shape:
-    return {**_draw(rng, design), "power": float(rng.uniform(0.7, 1.5))}
+    return {**_draw(rng, design), "power": float(rng.uniform(0.6, 1.1))}
 
 
 EFFECT = Effect(
@@ -68,6 +68,6 @@ EFFECT = Effect(
     },
     other={
         "development": (Form("initial", 0.08, 0.45, _initial, _draw_initial),),
-        "final": (Form("late", 0.1, 0.45, _late, _draw_late),),
+        "final": (Form("late", 0.08, 0.3, _late, _draw_late),),
     },
 )

@@ -1,0 +1,88 @@
+"""Make sealed campaigns.
+
+python -m benchmarks.withheld.reality make --set development --tier other --count 20 --seed 1 -o DIR
+"""
+
+import argparse
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import get_args
+
+from benchmarks.withheld.reality.campaign import make_campaign
+from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.reality.palette_file import read_palette
+from benchmarks.withheld.reality.sealing import seal, sha256
+from benchmarks.withheld.reality.tiers import TIERS
+from benchmarks.withheld.reality.writing import write_campaign
+
+_PALETTE = Path(__file__).parents[3] / "printers/connex3/palettes/connex3-tango-vero.toml"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; see the module."""
+    options = _parser().parse_args(arguments)
+    folder: Path = options.output
+    truth_file: Path = options.truth or folder.with_name(f"{folder.name}.truth.json")
+    if folder.resolve() in truth_file.resolve().parents:
+        print(f"{truth_file}: the truth must lie outside the campaigns' folder", file=sys.stderr)
+        return 2
+    for path in (folder, truth_file):
+        if path.exists():
+            print(f"{path} is already there; remove it or choose another", file=sys.stderr)
+            return 2
+    try:
+        palette = read_palette(options.palette.read_text(encoding="utf-8"))
+        tiers = list(TIERS) if options.tier == "all" else [options.tier]
+        campaigns = [
+            make_campaign(palette, options.set, tier, options.specimens, options.seed, index)
+            for tier in tiers
+            for index in range(options.count)
+        ]
+    except (OSError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    made_by = {
+        name: getattr(options, name) for name in ("set", "tier", "count", "seed", "specimens")
+    }
+    sealed = seal(campaigns, made_by)
+    print(f"{sha256(sealed)}  {truth_file.name}", flush=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    whole = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
+    try:
+        for campaign in campaigns:
+            write_campaign(campaign, whole / campaign.name)
+        truth_file.parent.mkdir(parents=True, exist_ok=True)
+        truth_file.write_bytes(sealed)
+        whole.chmod(0o755)
+        whole.rename(folder)
+    except BaseException:
+        shutil.rmtree(whole, ignore_errors=True)
+        raise
+    print(f"{len(campaigns)} campaigns in {folder}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.withheld.reality",
+        description="Make measurement campaigns whose cause is known and sealed.",
+    )
+    make = parser.add_subparsers(required=True, metavar="make").add_parser(
+        "make", help="make campaigns and their sealed truth; prints the truth's sha256 first"
+    )
+    make.add_argument("--set", choices=get_args(Set), required=True)
+    meanings = "; ".join(f"{name}: {tier.meaning}" for name, tier in TIERS.items())
+    make.add_argument("--tier", choices=[*TIERS, "all"], required=True, help=meanings)
+    make.add_argument("--count", type=int, required=True, help="campaigns (of each tier, for all)")
+    make.add_argument("--seed", type=int, required=True, help="0 or above")
+    make.add_argument("--specimens", type=int, default=30, help="of each campaign (default 30)")
+    make.add_argument("--palette", type=Path, default=_PALETTE, help="a palette file")
+    make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")
+    make.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

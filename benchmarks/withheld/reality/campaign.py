@@ -1,0 +1,198 @@
+"""A whole campaign: design, cause, curves, noise, and the account of what was hidden."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.withheld.reality.base_law import BaseLaw, fit_base_law
+from benchmarks.withheld.reality.bench import Bench, FloatArray, mount
+from benchmarks.withheld.reality.design import Design, draw_design
+from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.reality.fields import measured_strain
+from benchmarks.withheld.reality.noise import measured_force
+from benchmarks.withheld.reality.palette_file import PaletteFile
+from benchmarks.withheld.reality.sets import SETS
+from benchmarks.withheld.reality.sizing import Hidden, force_N, hide, hide_cancelling, mounted_with
+from benchmarks.withheld.reality.solver import solve
+from benchmarks.withheld.reality.strength import Yardstick, level_excess, relative_excess
+from benchmarks.withheld.reality.tiers import TIERS, draw_causes, draw_scenario
+
+__all__ = ["Campaign", "make_campaign"]
+
+_STREAMS = ("design", "scatter", "noise", "field", "truth", "names")
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What the lab hands over, and what it does not.
+
+    Attributes
+    ----------
+    time_s, displacement_mm, force_N
+        As measured, (S, T), by `design.number`.
+    fields
+        (specimen number, times, positions, strains (times, positions)) of the graded bars.
+    palette_toml
+        The palette with the lab's own calibration uncertainty.
+    truth
+        What is sealed; ready for JSON.
+    """
+
+    name: str
+    design: Design
+    specimen_ids: tuple[str, ...]
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    fields: tuple[tuple[int, FloatArray, FloatArray, FloatArray], ...]
+    palette_toml: str
+    truth: dict[str, Any]
+
+
+def make_campaign(
+    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
+) -> Campaign:
+    """Make the campaign number `index` of a seed.
+
+    Design and noise come from streams that do not depend on the tier: campaigns of one seed and
+    index differ in what is hidden and in nothing else (but the confounded tier's design, and the
+    heavy noise of the tiers that are about it).
+    """
+    rng = _streams(set_name, tier, seed, index)
+    rules, kind = SETS[set_name], TIERS[tier]
+    design = draw_design(palette, rules.levels, count, rng["design"])
+    scenario = draw_scenario(tier, rng["truth"])
+    if scenario is not None:
+        design = scenario.restrict(design, rules.levels, palette.strain_rate_per_s)
+    scatter = rules.draw_scatter(rng["scatter"], kind.scatter_factor, kind.freedom)
+    law = fit_base_law(palette, rules.network, rules.largest_misfit)
+    grades = len(law.coordinates)
+    law = law.shifted(
+        scatter.calibration * rng["scatter"].normal(size=grades),
+        scatter.tilt * rng["scatter"].normal(size=grades),
+    )
+    benches = _mounted(palette, design, law)
+    plain = force_N(benches)
+    by = Yardstick.of(benches, scatter, plain)
+    causes = draw_causes(tier, set_name, design, scenario, rng["truth"])
+    if tier == "cancelling":
+        hidden: Sequence[Hidden] = hide_cancelling(benches, (causes[0], causes[1]), plain, by)
+    else:
+        hidden = [hide(benches, cause, plain, by) for cause in causes]
+    ideal = force_N(benches, hidden)
+    travel, time_s = _by_number(benches)
+    share = travel / travel.max(axis=1, keepdims=True)
+    measured = measured_force(ideal, share, design, scatter, rng["noise"])
+    published = _mounted(palette, design, fit_base_law(palette, rules.network, 0.0))
+    return Campaign(
+        name=f"{int(rng['names'].integers(16**8)):08x}",
+        design=design,
+        specimen_ids=_specimen_ids(len(design), rng["names"]),
+        time_s=time_s,
+        displacement_mm=travel,
+        force_N=measured,
+        fields=_fields(benches, hidden, rng["field"]),
+        palette_toml=palette.calibrated(scatter.calibration),
+        truth={
+            "set": set_name,
+            "tier": tier,
+            "index": index,
+            "design": scenario.name if scenario else "full",
+            **_account(benches, hidden, plain, ideal, by),
+            "class": [[i] for i in scenario.confounded] if scenario else _own_class(hidden),
+            "gap": _gap(measured, force_N(published), force_N(published, hidden), ideal),
+            "scatter": asdict(scatter),
+        },
+    )
+
+
+def _streams(set_name: Set, tier: str, seed: int, index: int) -> dict[str, np.random.Generator]:
+    tier_number, set_number = list(TIERS).index(tier), list(SETS).index(set_name)
+    streams = {}
+    for number, stream in enumerate(_STREAMS):
+        # 99 stands for "whatever the tier"
+        of_tier = tier_number if stream in ("truth", "names") else 99
+        key = (set_number, index, number, of_tier)
+        streams[stream] = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+    return streams
+
+
+def _mounted(palette: PaletteFile, design: Design, law: BaseLaw) -> tuple[Bench, ...]:
+    groups = (design.profile < 0, design.profile >= 0)
+    return tuple(mount(palette, design.take(group), law) for group in groups if group.any())
+
+
+def _by_number(benches: Sequence[Bench]) -> tuple[FloatArray, FloatArray]:
+    order = np.concatenate([b.design.number for b in benches]).argsort()
+    travel = np.concatenate([b.motion.displacement_mm for b in benches])[order]
+    return travel, np.concatenate([b.motion.time_s for b in benches])[order]
+
+
+def _specimen_ids(count: int, rng: np.random.Generator) -> tuple[str, ...]:
+    numbers = rng.choice(9000, size=count, replace=False) + 1000
+    return tuple(f"S{n}" for n in numbers)
+
+
+def _fields(
+    benches: Sequence[Bench], hidden: Sequence[Hidden], rng: np.random.Generator
+) -> tuple[tuple[int, FloatArray, FloatArray, FloatArray], ...]:
+    fields = []
+    for bench in benches:
+        if not (bench.design.profile >= 0).any():
+            continue
+        with_effect = mounted_with(bench, hidden)
+        rows, positions, strain = measured_strain(with_effect, solve(with_effect).strain, rng)
+        times = bench.motion.time_s[:, rows]
+        fields += list(zip(bench.design.number, times, positions, strain, strict=True))
+    return tuple((int(n), t, x, e) for n, t, x, e in fields)
+
+
+def _account(
+    benches: Sequence[Bench],
+    hidden: Sequence[Hidden],
+    plain: FloatArray,
+    ideal: FloatArray,
+    by: Yardstick,
+) -> dict[str, Any]:
+    causes = []
+    for item in hidden:
+        excess = relative_excess(force_N(benches, [item]), plain)
+        causes.append(
+            {
+                "effect": item.cause.effect.id,
+                "form": item.cause.form.name,
+                "size": item.size,
+                "shape": dict(item.cause.shape),
+                "where": list(item.cause.effect.where),
+                "snr_wanted": item.cause.wanted_snr,
+                "snr": by.snr(level_excess(excess)),
+                "detectability": by.detectability(excess),
+                "excess_rms": float(np.sqrt(np.mean(excess**2))),
+            }
+        )
+    excess = relative_excess(ideal, plain)
+    return {
+        "effects": sorted(c["effect"] for c in causes),
+        "causes": causes,
+        "snr": by.snr(level_excess(excess)),
+        "detectability": by.detectability(excess),
+        "excess_rms": float(np.sqrt(np.mean(excess**2))),
+    }
+
+
+def _own_class(hidden: Sequence[Hidden]) -> list[list[str]]:
+    return [sorted(h.cause.effect.id for h in hidden)] if hidden else []
+
+
+def _gap(
+    measured: FloatArray, published: FloatArray, with_effect: FloatArray, ideal: FloatArray
+) -> dict[str, float]:
+    """Return the normalised RMS errors of force: of the palette, with the effect, and of noise."""
+    peak = np.abs(measured).max(axis=1, keepdims=True)
+    before, after, noise = (
+        float(np.sqrt(np.mean(((measured - model) / peak) ** 2)))
+        for model in (published, with_effect, ideal)
+    )
+    return {"before": before, "with_true_effect": after, "noise": noise}
