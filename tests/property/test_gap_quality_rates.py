@@ -276,7 +276,7 @@ def detection(name: str, seeds: range) -> tuple[int, int, int]:
 
 
 def test_clean_campaigns_are_clean() -> None:
-    """At most one in a hundred; four in thousand were found when `FAMILY_WISE` was set."""
+    """At most one in a hundred; of two thousand others none had a problem named."""
     assert len({seed for seed, _ in alarms(range(100))}) <= 1
 
 
@@ -286,7 +286,7 @@ def test_planted_faults_are_found(name: str) -> None:
     assert planted >= 1
     assert wrong <= 1
     if "one of 3 or 4" not in name:
-        # Of larger samples 87 % and more are found, see the table in the reference.
+        # Of 200 campaigns 84 % and more are found, see the table in the reference.
         assert found >= 0.75 * planted
 
 
