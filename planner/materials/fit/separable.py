@@ -180,14 +180,22 @@ class Ogden:
         With x = ln l and h = 0.75 a x it is exp(a x / 4) x / l * sinh(h) / h.
         """
         x = np.log(stretch)[None, :, None]
-        exponent = a[:, None, :]
-        h = 0.75 * exponent * x
-        small = np.abs(h) < 1e-2
+        quarter = 0.25 * a[:, None, :] * x
+        root = np.exp(quarter)
+        # The one exponential serves both: exp(h) is its cube.
+        h = 3.0 * quarter
+        up = root * root * root
+        down = 1.0 / up
+        square = h * h
+        small = square < 1e-4
         safe = np.where(small, 1.0, h)
-        sinh, cosh = np.sinh(safe), np.cosh(safe)
-        quotient = np.where(small, 1.0 + h * h / 6.0 + h**4 / 120.0, sinh / safe)
-        slope = np.where(small, h / 3.0 + h**3 / 30.0, (cosh - sinh / safe) / safe)
-        scale = np.exp(0.25 * exponent * x) * x / stretch[None, :, None]
+        quotient = np.where(
+            small, 1.0 + square * (1.0 / 6.0 + square / 120.0), 0.5 * (up - down) / safe
+        )
+        slope = np.where(
+            small, h * (1.0 / 3.0 + square / 30.0), (0.5 * (up + down) - quotient) / safe
+        )
+        scale = root * (x / stretch[None, :, None])
         phi = scale * quotient
         return phi, x * (0.25 * phi + 0.75 * scale * slope)
 
