@@ -39,7 +39,7 @@ def characteristics_csv(materials: Sequence[MaterialCharacteristics]) -> str:
 def characteristics_document(
     materials: Sequence[MaterialCharacteristics], notes: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the figures of materials and specimens as a JSON document."""
+    """Return the figures of materials and specimens as plain values, unrounded."""
     return {
         "schema": 1,
         "materials": [
@@ -50,10 +50,10 @@ def characteristics_document(
                 "specimens_agree": m.agree,
                 "figures": {
                     name: {
-                        "mean": _rounded(s.mean),
-                        "sd": _rounded(s.sd),
-                        "cv": _rounded(s.cv),
-                        "interval": None if s.interval is None else [*map(_rounded, s.interval)],
+                        "mean": s.mean,
+                        "sd": s.sd,
+                        "cv": s.cv,
+                        "interval": None if s.interval is None else [*s.interval],
                         "n": s.n,
                     }
                     for name, s in m.spreads.items()
@@ -61,15 +61,15 @@ def characteristics_document(
                 "specimens": [
                     {
                         "specimen": c.specimen,
-                        "modulus_MPa": _rounded(c.modulus_MPa),
-                        "modulus_uncompensated_MPa": _rounded(c.modulus_uncompensated_MPa),
-                        "linear_strain": [*map(_rounded, c.linear_strain)],
-                        "toe_strain": _rounded(c.toe_strain),
-                        "toughness_MJ_m3": _rounded(c.toughness_MJ_m3),
-                        "elongation_at_break": _rounded(c.elongation_at_break),
-                        "strength_MPa": _rounded(c.strength_MPa),
-                        "secant_MPa": {f"{k:g}": _rounded(v) for k, v in c.secant_MPa.items()},
-                        "yield_strain": _rounded(c.yield_strain),
+                        "modulus_MPa": c.modulus_MPa,
+                        "modulus_uncompensated_MPa": c.modulus_uncompensated_MPa,
+                        "linear_strain": [*c.linear_strain],
+                        "toe_strain": c.toe_strain,
+                        "toughness_MJ_m3": c.toughness_MJ_m3,
+                        "elongation_at_break": c.elongation_at_break,
+                        "strength_MPa": c.strength_MPa,
+                        "secant_MPa": {f"{k:g}": v for k, v in c.secant_MPa.items()},
+                        "yield_strain": c.yield_strain,
                         "deformation": c.deformation.kind,
                     }
                     for c in m.specimens
@@ -123,7 +123,3 @@ def _cells(figure: Spread | None) -> list[str]:
         *("" if v is None else f"{v:.{_DIGITS}g}" for v in (low, high)),
         str(figure.n),
     ]
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.{_DIGITS}g}")
