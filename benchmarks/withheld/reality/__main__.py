@@ -36,9 +36,10 @@ def main(arguments: list[str] | None = None) -> int:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
         tiers = list(TIERS) if options.tier == "all" else [options.tier]
         campaigns = [
+            # Tiers of one set share no design and no noise
             make_campaign(palette, options.set, tier, options.specimens, options.seed, index)
-            for tier in tiers
-            for index in range(options.count)
+            for number, tier in enumerate(tiers)
+            for index in range(number * options.count, (number + 1) * options.count)
         ]
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)

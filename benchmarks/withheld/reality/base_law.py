@@ -7,6 +7,7 @@ Between grades the logarithm of the secant modulus follows a monotone cubic in t
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -48,6 +49,7 @@ class BaseLaw:
         return BaseLaw(self.coordinates, self.log_secant_MPa + shift)
 
 
+@cache
 def fit_base_law(palette: PaletteFile, network: Network, largest_misfit: float) -> BaseLaw:
     """Fit the bench's law to each grade's published curve, strain 0 to break.
 

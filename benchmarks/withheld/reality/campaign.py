@@ -10,18 +10,19 @@ from benchmarks.withheld.reality.base_law import BaseLaw, fit_base_law
 from benchmarks.withheld.reality.bench import Bench, FloatArray, mount
 from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import Set
-from benchmarks.withheld.reality.fields import measured_strain
+from benchmarks.withheld.reality.fields import field_detectability, measured_strain
 from benchmarks.withheld.reality.noise import measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.sizing import Hidden, force_N, hide, hide_cancelling, mounted_with
 from benchmarks.withheld.reality.solver import solve
 from benchmarks.withheld.reality.strength import Yardstick, level_excess, relative_excess
-from benchmarks.withheld.reality.tiers import TIERS, draw_causes, draw_scenario
+from benchmarks.withheld.reality.tiers import TIERS, draw_causes, scenario_of
 
 __all__ = ["Campaign", "make_campaign"]
 
 _STREAMS = ("design", "scatter", "noise", "field", "truth", "names")
+_ANY = 99  # stands for "whatever the tier" and "whatever the index" in the seeds
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ def make_campaign(
     rng = _streams(set_name, tier, seed, index)
     rules, kind = SETS[set_name], TIERS[tier]
     design = draw_design(palette, rules.levels, count, rng["design"])
-    scenario = draw_scenario(tier, rng["truth"])
+    turn = index + int(rng["turns"].integers(1000))
+    scenario = scenario_of(tier, turn)
     if scenario is not None:
         design = scenario.restrict(design, rules.levels, palette.strain_rate_per_s)
     scatter = rules.draw_scatter(rng["scatter"], kind.scatter_factor, kind.freedom)
@@ -76,7 +78,7 @@ def make_campaign(
     benches = _mounted(palette, design, law)
     plain = force_N(benches)
     by = Yardstick.of(benches, scatter, plain)
-    causes = draw_causes(tier, set_name, design, scenario, rng["truth"])
+    causes = draw_causes(tier, set_name, design, scenario, turn, rng["truth"])
     if tier == "cancelling":
         hidden: Sequence[Hidden] = hide_cancelling(benches, (causes[0], causes[1]), plain, by)
     else:
@@ -87,7 +89,7 @@ def make_campaign(
     measured = measured_force(ideal, share, design, scatter, rng["noise"])
     published = _mounted(palette, design, fit_base_law(palette, rules.network, 0.0))
     return Campaign(
-        name=f"{int(rng['names'].integers(16**8)):08x}",
+        name=f"{int(rng['names'].integers(16**10)):010x}",
         design=design,
         specimen_ids=_specimen_ids(len(design), rng["names"]),
         time_s=time_s,
@@ -112,11 +114,15 @@ def _streams(set_name: Set, tier: str, seed: int, index: int) -> dict[str, np.ra
     tier_number, set_number = list(TIERS).index(tier), list(SETS).index(set_name)
     streams = {}
     for number, stream in enumerate(_STREAMS):
-        # 99 stands for "whatever the tier"
-        of_tier = tier_number if stream in ("truth", "names") else 99
-        key = (set_number, index, number, of_tier)
-        streams[stream] = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+        of_tier = tier_number if stream in ("truth", "names") else _ANY
+        streams[stream] = _generator(seed, set_number, index, number, of_tier)
+    # Where the turns of a tier start; one for all its campaigns
+    streams["turns"] = _generator(seed, set_number, _ANY, len(_STREAMS), tier_number)
     return streams
+
+
+def _generator(seed: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def _mounted(palette: PaletteFile, design: Design, law: BaseLaw) -> tuple[Bench, ...]:
@@ -169,6 +175,7 @@ def _account(
                 "snr_wanted": item.cause.wanted_snr,
                 "snr": by.snr(level_excess(excess)),
                 "detectability": by.detectability(excess),
+                "field_detectability": _field_detectability(benches, item),
                 "excess_rms": float(np.sqrt(np.mean(excess**2))),
             }
         )
@@ -180,6 +187,17 @@ def _account(
         "detectability": by.detectability(excess),
         "excess_rms": float(np.sqrt(np.mean(excess**2))),
     }
+
+
+def _field_detectability(benches: Sequence[Bench], item: Hidden) -> float:
+    bars = [b for b in benches if (b.design.profile >= 0).any()]
+    return max(
+        (
+            field_detectability(b, solve(mounted_with(b, [item])).strain, solve(b).strain)
+            for b in bars
+        ),
+        default=0.0,
+    )
 
 
 def _own_class(hidden: Sequence[Hidden]) -> list[list[str]]:

@@ -21,13 +21,12 @@ def relative_excess(with_effect_N: FloatArray, without_N: FloatArray) -> FloatAr
     """Return the change of force over the force, at a dozen rows of each curve."""
     peak = np.abs(without_N).max(axis=1, keepdims=True)
     scale = np.maximum(np.abs(without_N), _LEAST_SHARE_OF_PEAK * peak)
-    excess: FloatArray = (with_effect_N - without_N)[:, ROWS_LOOKED_AT]
-    return excess / scale[:, ROWS_LOOKED_AT]
+    return np.asarray(((with_effect_N - without_N) / scale)[:, ROWS_LOOKED_AT])
 
 
 def level_excess(excess: FloatArray) -> FloatArray:
     """Return each specimen's root mean square excess, with the sign of its mean."""
-    return np.sign(excess.mean(axis=1)) * np.sqrt(np.mean(excess**2, axis=1))
+    return np.asarray(np.sign(excess.mean(axis=1)) * np.sqrt(np.mean(excess**2, axis=1)))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from benchmarks.withheld.reality.confounded import SCENARIOS, Scenario
 from benchmarks.withheld.reality.design import Design
 from benchmarks.withheld.reality.effects import EFFECTS, UNCLAIMED, Effect, Form, Set, Shape
 
-__all__ = ["TIERS", "Cause", "Tier", "draw_causes", "draw_scenario", "drawn_cause"]
+__all__ = ["TIERS", "Cause", "Tier", "draw_causes", "drawn_cause", "scenario_of"]
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class Cause:
         return replace(self, shape={**self.shape, "sign": flipped})
 
 
-def draw_scenario(tier: str, rng: np.random.Generator) -> Scenario | None:
-    """Draw the restricted design of a confounded campaign; other tiers have the full one."""
-    return SCENARIOS[int(rng.integers(len(SCENARIOS)))] if tier == "confounded" else None
+def scenario_of(tier: str, turn: int) -> Scenario | None:
+    """Return the restricted design of a confounded campaign; other tiers have the full one."""
+    return SCENARIOS[turn % len(SCENARIOS)] if tier == "confounded" else None
 
 
 def draw_causes(
@@ -86,23 +86,27 @@ def draw_causes(
     set_name: Set,
     design: Design,
     scenario: Scenario | None,
+    turn: int,
     rng: np.random.Generator,
 ) -> tuple[Cause, ...]:
-    """Draw what is hidden: nothing, one cause or two."""
+    """Draw what is hidden: nothing, one cause or two.
+
+    Single effects take turns, so that a set holds each of them as often as any other.
+    """
     ids = sorted(EFFECTS)
     wanted = _draw_snr(rng)
     match tier:
         case "none" | "none-t4" | "none-scatter":
             return ()
         case "library" | "other":
-            effect = EFFECTS[ids[int(rng.integers(len(ids)))]]
+            effect = EFFECTS[ids[turn % len(ids)]]
             return (drawn_cause(effect, tier, set_name, design, wanted, rng),)
         case "unclaimed":
-            effect = UNCLAIMED[sorted(UNCLAIMED)[int(rng.integers(len(UNCLAIMED)))]]
+            effect = UNCLAIMED[sorted(UNCLAIMED)[turn % len(UNCLAIMED)]]
             return (drawn_cause(effect, "other", set_name, design, wanted, rng),)
         case "confounded":
             assert scenario is not None
-            member = scenario.members[int(rng.integers(len(scenario.members)))]
+            member = scenario.members[turn // len(SCENARIOS) % len(scenario.members)]
             form = member.find()
             shape = {**form.draw(rng, design), **member.fixed}
             return (Cause(EFFECTS[member.effect], form, shape, max(wanted, 4.0)),)
