@@ -37,10 +37,8 @@ def choose(printer: str, palette: str | None) -> "tuple[Printer, Palette]":
     UnknownNameError, PaletteError
         No such printer or palette, or a palette file that breaks its schema.
     """
-    from planner.palette import load_palette
+    from planner.printers import palette_of
     from planner.printers import printer as load_printer
 
     machine = load_printer(printer)
-    if palette is not None and (palette.endswith(".toml") or Path(palette).is_file()):
-        return machine, load_palette(palette)
-    return machine, machine.palette(palette)
+    return machine, palette_of(machine, palette)
