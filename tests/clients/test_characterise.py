@@ -23,7 +23,8 @@ def test_files_to_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "SYN-rigid: plastic" in out
     assert "ASTM D638" in err
     first = output.read_bytes()
-    code, out, err = run(capsys, *sorted(p for p in STUDY.iterdir() if p.is_file()), "-o", output, "--force", "--quiet")
+    files = sorted(path for path in STUDY.iterdir() if path.is_file())
+    code, out, err = run(capsys, *files, "-o", output, "--force", "--quiet")
     # The script that made the study lies beside it and is no tensile file.
     assert (code, out, err) == (0, "", "")
     assert output.read_bytes() == first
