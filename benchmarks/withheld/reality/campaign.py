@@ -88,6 +88,7 @@ def make_campaign(
     share = travel / travel.max(axis=1, keepdims=True)
     measured = measured_force(ideal, share, design, scatter, rng["noise"])
     published = _mounted(palette, design, fit_base_law(palette, rules.network, 0.0))
+    before = force_N(published)
     return Campaign(
         name=f"{int(rng['names'].integers(16**10)):010x}",
         design=design,
@@ -104,7 +105,7 @@ def make_campaign(
             "design": scenario.name if scenario else "full",
             **_account(benches, hidden, plain, ideal, by),
             "class": [[i] for i in scenario.confounded] if scenario else _own_class(hidden),
-            "gap": _gap(measured, force_N(published), force_N(published, hidden), ideal),
+            "gap": _gap(measured, before, force_N(published, hidden) if hidden else before, ideal),
             "scatter": asdict(scatter),
         },
     )
@@ -164,7 +165,7 @@ def _account(
 ) -> dict[str, Any]:
     causes = []
     for item in hidden:
-        excess = relative_excess(force_N(benches, [item]), plain)
+        alone = ideal if len(hidden) == 1 else force_N(benches, [item])
         causes.append(
             {
                 "effect": item.cause.effect.id,
@@ -173,16 +174,20 @@ def _account(
                 "shape": dict(item.cause.shape),
                 "where": list(item.cause.effect.where),
                 "snr_wanted": item.cause.wanted_snr,
-                "snr": by.snr(level_excess(excess)),
-                "detectability": by.detectability(excess),
                 "field_detectability": _field_detectability(benches, item),
-                "excess_rms": float(np.sqrt(np.mean(excess**2))),
+                **_visibility(relative_excess(alone, plain), by),
             }
         )
-    excess = relative_excess(ideal, plain)
+    together = causes[0] if len(causes) == 1 else _visibility(relative_excess(ideal, plain), by)
     return {
-        "effects": sorted(c["effect"] for c in causes),
+        "effects": sorted(str(c["effect"]) for c in causes),
         "causes": causes,
+        **{name: together[name] for name in ("snr", "detectability", "excess_rms")},
+    }
+
+
+def _visibility(excess: FloatArray, by: Yardstick) -> dict[str, Any]:
+    return {
         "snr": by.snr(level_excess(excess)),
         "detectability": by.detectability(excess),
         "excess_rms": float(np.sqrt(np.mean(excess**2))),

@@ -61,7 +61,7 @@ def hide_cancelling(
     """Hide the first cause, and the second so that it takes back as much of it as it can.
 
     Either may change its sign for that; the second is as large as makes the sum of the two
-    specimens' excess smallest, within its range.
+    specimens' excess smallest. Where its range ends before, the first is made smaller.
     """
     first, second = causes
     choices = []
@@ -72,8 +72,11 @@ def hide_cancelling(
         taken = _level(benches, trial, plain_N)
         ideal = -trial.size * float(level @ taken) / float(taken @ taken)
         size = float(np.clip(ideal, other.form.low, other.form.high))
+        less = float(np.clip(hidden.size * size / max(ideal, size), one.form.low, hidden.size))
+        level = level * less / hidden.size
         left = level + taken * size / trial.size
-        choices.append((float(left @ left) / float(level @ level), hidden, Hidden(other, size)))
+        left_share = float(left @ left) / float(level @ level)
+        choices.append((left_share, Hidden(one, less), Hidden(other, size)))
     _, hidden, taking = min(choices, key=lambda choice: choice[0])
     return hidden, taking
 

@@ -52,8 +52,7 @@ _CANCELLING = (
     ("cross-section", "strain-scale"),
     ("skin", "strain-scale"),
     ("skin", "composition-offset"),
-    ("machine-compliance", "composition-offset"),
-    ("grip-slack", "composition-offset"),
+    ("strain-scale", "composition-offset"),
 )
 _STRATA = ((1.0, 2.0), (2.0, 4.0), (4.0, 20.0))
 _STRATUM_SHARES = (0.1, 0.3, 0.6)
