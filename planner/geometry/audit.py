@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
-from planner.geometry.kernel import kernel
-from planner.geometry.mesh import Mesh, volume_and_area
+from planner.geometry.mesh import Mesh, measure
+from planner.geometry.topology import connected, order_edges
 from planner.geometry.weld import (
     cancel_opposite,
-    counting_order,
+    order_rows,
     repeats_index,
+    sorted_corners,
     weld,
     weld_points,
 )
@@ -112,109 +114,39 @@ def audit_welded(mesh: Mesh) -> Audit:
     """Audit a mesh whose equal positions are one vertex already; see `audit`."""
     vertices, faces = mesh.vertices, mesh.faces
     proper = faces[~repeats_index(faces)]
-    opened, overused, flat, duplicates, bodies, fault = _audit(vertices, proper)
-    volume_mm3, area_mm2 = volume_and_area(vertices, proper)
+    order, starts, count = order_edges(proper)
+    tail = proper.ravel()
+    pairs = starts[count == 2]
+    wrong = count != 2
+    wrong[count == 2] = tail[order[pairs]] == tail[order[pairs + 1]]
+    opened = int(np.count_nonzero(count == 1))
+    measured = measure(vertices, proper)
     first_fault_mm = None
-    if fault[0] >= 0:
-        x, y, z = ((vertices[fault[0]].astype(np.float64) + vertices[fault[1]]) / 2).tolist()
+    if wrong.any():
+        face, j = divmod(int(order[starts[wrong]].min()), 3)
+        x, y, z = (
+            vertices[proper[face, [j, (j + 1) % 3]]].astype(np.float64).sum(axis=0) / 2
+        ).tolist()
         first_fault_mm = (x, y, z)
     bounds_mm = np.zeros((2, 3))
     if len(vertices):
         bounds_mm[:] = vertices.min(axis=0), vertices.max(axis=0)
+    later = np.delete(np.arange(len(order)), starts)
+    bodies = connected(len(proper), order[later - 1] // 3, order[later] // 3)
     return Audit(
         triangles=len(faces),
         vertices=len(vertices),
-        open_edges=int(opened),
-        overused_edges=int(overused),
+        open_edges=opened,
+        overused_edges=int(np.count_nonzero(wrong)) - opened,
         first_fault_mm=first_fault_mm,
         degenerate_faces=len(faces) - len(proper),
-        flat_faces=int(flat),
-        duplicate_faces=int(duplicates),
-        volume_mm3=volume_mm3,
-        area_mm2=area_mm2,
+        flat_faces=measured.flat,
+        duplicate_faces=len(proper) - len(order_rows(*sorted_corners(proper))[1]),
+        volume_mm3=float(measured.volume_mm3[0]),
+        area_mm2=float(measured.area_mm2[0]),
         bounds_mm=bounds_mm,
-        bodies=int(bodies),
+        bodies=int(bodies.max(initial=-1)) + 1,
     )
-
-
-@kernel
-def _audit(vertices: Any, faces: Any) -> Any:
-    n, m = vertices.shape[0], faces.shape[0]
-    low, high, order = _edges(faces, n)
-    flat = 0
-    for i in range(m):
-        flat += _is_flat(vertices, faces[i, 0], faces[i, 1], faces[i, 2])
-
-    parent = np.arange(m).astype(np.int32)
-    bodies = m
-    opened = overused = duplicates = 0
-    fault = np.full(2, -1, dtype=np.int64)
-    earliest = 3 * m
-    start = 0
-    while start < 3 * m:
-        e = order[start]
-        end = start + 1
-        forward = 1 if faces[e // 3, e % 3] == low[e] else 0
-        while end < 3 * m and low[order[end]] == low[e] and high[order[end]] == high[e]:
-            g = order[end]
-            forward += 1 if faces[g // 3, g % 3] == low[e] else 0
-            first, second = _root(parent, e // 3), _root(parent, g // 3)
-            if first != second:
-                parent[max(first, second)] = min(first, second)
-                bodies -= 1
-            # The face is counted at the one of its edges that faces its largest vertex.
-            apex = faces[g // 3, (g % 3 + 2) % 3]
-            if apex > high[e]:
-                for k in range(start, end):
-                    h = order[k]
-                    if faces[h // 3, (h % 3 + 2) % 3] == apex:
-                        duplicates += 1
-                        break
-            end += 1
-        if end - start != 2 or forward != 1:
-            if end - start == 1:
-                opened += 1
-            else:
-                overused += 1
-            if e < earliest:
-                earliest = e
-                fault[0], fault[1] = low[e], high[e]
-        start = end
-    return opened, overused, flat, duplicates, bodies, fault
-
-
-@kernel
-def _edges(faces: Any, n: Any) -> Any:
-    """Sort directed edges 3f + j by their two ends: all faces at an edge become neighbours."""
-    m = faces.shape[0]
-    low, high = np.empty(3 * m, dtype=np.int32), np.empty(3 * m, dtype=np.int32)
-    for i in range(m):
-        for j in range(3):
-            a, b = faces[i, j], faces[i, (j + 1) % 3]
-            low[3 * i + j], high[3 * i + j] = min(a, b), max(a, b)
-    order = counting_order(high, np.arange(3 * m).astype(np.int32), n)
-    return low, high, counting_order(low, order, n)
-
-
-@kernel
-def _root(parent: Any, i: Any) -> Any:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@kernel
-def _is_flat(vertices: Any, a: Any, b: Any, c: Any) -> Any:
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        uj = np.float64(vertices[b, j]) - vertices[a, j]
-        uk = np.float64(vertices[b, k]) - vertices[a, k]
-        vj = np.float64(vertices[c, j]) - vertices[a, j]
-        vk = np.float64(vertices[c, k]) - vertices[a, k]
-        if uj * vk != uk * vj:
-            return 0
-    return 1
 
 
 @dataclass(frozen=True)
@@ -301,7 +233,7 @@ def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> 
     faces = index[np.concatenate(corners)].reshape(-1, 3)
     faces = faces[~repeats_index(faces)]
     rest = faces[cancel_opposite(faces)]
-    volume_mm3, area_mm2 = volume_and_area(vertices, rest)
+    left = measure(vertices, rest)
     # Positions of the part come first; rounding has moved only what is not among them.
     moved = rest[(rest > index[: len(own)].max(initial=-1)).any(axis=1)]
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
@@ -310,38 +242,22 @@ def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> 
     return Interfaces(
         cancelled=(len(faces) - len(rest)) // 2,
         remaining=len(rest),
-        closed=bool(len(rest) and _balanced(rest, len(vertices))),
-        volume_error_mm3=volume_mm3 - part.volume_mm3,
-        area_error_mm2=area_mm2 - part.area_mm2,
-        volume_limit_mm3=volume_and_area(vertices, moved)[1] * spacing_mm + digits * extent_mm,
+        closed=bool(len(rest) and _balanced(rest)),
+        volume_error_mm3=float(left.volume_mm3[0]) - part.volume_mm3,
+        area_error_mm2=float(left.area_mm2[0]) - part.area_mm2,
+        volume_limit_mm3=float(measure(vertices, moved).area_mm2[0]) * spacing_mm
+        + digits * extent_mm,
         area_limit_mm2=_perimeter(vertices, moved) * spacing_mm + digits,
     )
 
 
-@kernel
-def _perimeter(vertices: Any, faces: Any) -> Any:
-    total = 0.0
-    for i in range(faces.shape[0]):
-        for j in range(3):
-            square = 0.0
-            for k in range(3):
-                step = np.float64(vertices[faces[i, j], k]) - vertices[faces[i, (j + 1) % 3], k]
-                square += step * step
-            total += np.sqrt(square)
-    return total
+def _perimeter(vertices: Float32Array, faces: NDArray[np.int32]) -> float:
+    corners = vertices[faces].astype(np.float64)
+    return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
 
 
-@kernel
-def _balanced(faces: Any, n: Any) -> Any:
+def _balanced(faces: NDArray[np.int32]) -> bool:
     """Tell whether every directed edge occurs as often as its reverse."""
-    m = faces.shape[0]
-    low, high, order = _edges(faces, n)
-    net = 0
-    for i in range(3 * m):
-        e = order[i]
-        if i > 0 and (low[e] != low[order[i - 1]] or high[e] != high[order[i - 1]]):
-            if net != 0:
-                return False
-            net = 0
-        net += 1 if faces[e // 3, e % 3] == low[e] else -1
-    return net == 0
+    order, starts, _ = order_edges(faces)
+    way = np.where(faces < faces[:, [1, 2, 0]], 1, -1).ravel()
+    return not np.add.reduceat(way[order], starts).any()

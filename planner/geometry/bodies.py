@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from planner.arrays import BoolArray, FloatArray
 from planner.errors import MeshError
+from planner.geometry.mesh import measure
 from planner.geometry.repair import turn
-from planner.geometry.topology import Topology, body_measures
+from planner.geometry.topology import Topology
 from planner.geometry.weld import repeats_index, weld
 
 __all__ = ["Arranged", "arrange_bodies"]
@@ -46,7 +47,7 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
     MeshError
         Bodies overlap and cannot be united.
     """
-    volume, area, bounds = body_measures(vertices, topology)
+    volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
     extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
     full = np.abs(volume) > _FLAT * area * extent
     notes = []

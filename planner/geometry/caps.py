@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
 from planner.geometry.cut import LATTICE_MM, Divided
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 from planner.geometry.mend import first_unfilled, flip_thin, side_clashes, split_sides
 
 __all__ = ["caps"]
@@ -54,17 +54,16 @@ def caps(
         u, v = v, u
     outline = divided.segment[divided.segment_below]
     plane = divided.segment_plane[divided.segment_below]
-    corners, starts, loop_plane, astray = _loops(outline, plane, divided.vertices, u, v)
+    points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
+    corners, starts, loop_plane, astray = _loops(outline, plane, points)
     if astray >= 0:
         raise MeshError(
             f"the surface is open near {_place(divided, astray)}: the outline of a cut ends there; "
             "repair the mesh so that every edge has two faces"
         )
-    cap_faces, cap_level = _triangulate(
-        divided.vertices[:, [u, v]].astype(np.float64), corners, starts, loop_plane
-    )
+    cap_faces, cap_level = _triangulate(points, corners, starts, loop_plane)
     flip_thin(divided.vertices, cap_faces)
-    unfilled = int(first_unfilled(cap_faces, divided.segment, divided.segment_below))
+    unfilled = first_unfilled(cap_faces, divided.segment, divided.segment_below)
     if unfilled >= 0:
         raise MeshError(
             f"the cross-section near {_place(divided, unfilled)} cannot be divided into triangles: "
@@ -111,77 +110,92 @@ def _triangulate(
     return np.concatenate(faces), np.concatenate(level)
 
 
-@kernel
-def _loops(outline: Any, plane: Any, pool: Any, u: Any, v: Any) -> Any:
+def _loops(
+    outline: NDArray[np.int32], plane: NDArray[np.int32], points: FloatArray
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
     """Chain the sides in a plane, turned over, to loops with the material on their left.
 
-    Sides that occur both ways cancel. Where loops touch at a vertex, a side continues with the
-    first one clockwise from where it came: every corner then spans one wedge of material.
+    Sides that occur both ways cancel.
+
+    Returns
+    -------
+    corners, starts, plane
+        Loop i has the vertices ``corners[starts[i] : starts[i + 1]]`` and lies in ``plane[i]``.
+    astray : int
+        A vertex at which no side goes on; -1 if all loops close.
     """
-    count = outline.shape[0]
-    first = np.full(pool.shape[0], -1, dtype=np.int32)
-    later = np.empty(count, dtype=np.int32)
+    count = len(outline)
+    corners, starts = np.empty(count, dtype=np.int32), np.zeros(count + 1, dtype=np.int32)
+    seeds, later = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
+    first = np.full(len(points), -1, dtype=np.int32)
     alive = np.zeros(count, dtype=np.bool_)
-    for e in range(count):
+    loops, astray = _chain(outline, points, first, later, alive, corners, starts, seeds)
+    return corners[: starts[loops]], starts[: loops + 1], plane[seeds[:loops]], astray
+
+
+@kernel
+def _chain(
+    outline: Any, points: Any, first: Any, later: Any, alive: Any,
+    corners: Any, starts: Any, seeds: Any,
+) -> Any:  # fmt: skip
+    """Fill the loops; return how many there are, and the vertex where one ends or -1.
+
+    Each vertex has a list of the sides that leave it: first[vertex], later[side], ...; -1.
+    Where loops touch at a vertex, a side continues with the first one clockwise from where it
+    came: every corner then spans one wedge of material.
+    """
+    for e in range(outline.shape[0]):
         tail, head = outline[e, 1], outline[e, 0]
-        back, previous = first[head], -1
+        back, previous = first[head], np.int32(-1)
         while back >= 0 and outline[back, 0] != tail:
             previous, back = back, later[back]
-        if back >= 0:
+        if back < 0:
+            alive[e] = True
+            later[e] = first[tail]
+            first[tail] = e
+        else:
             alive[back] = False
             if previous >= 0:
                 later[previous] = later[back]
             else:
                 first[head] = later[back]
-        else:
-            alive[e] = True
-            later[e] = first[tail]
-            first[tail] = e
 
-    corners = np.empty(count, dtype=np.int32)
-    starts = np.zeros(count + 1, dtype=np.int32)
-    loop_plane = np.empty(count, dtype=np.int32)
     loops = filled = 0
-    astray = -1
-    for seed in range(count):
+    for seed in range(outline.shape[0]):
         if not alive[seed]:
             continue
-        loop_plane[loops] = plane[seed]
         # The seed stays in its vertex's list until the loop comes back to it.
         e = seed
-        while True:
+        while alive[seed]:
             corners[filled] = outline[e, 1]
             filled += 1
             at, came = outline[e, 0], outline[e, 1]
-            best, before, previous, widest = -1, -1, -1, -1.0
-            candidate = first[at]
-            while candidate >= 0:
-                turn = 0.0
-                if later[first[at]] >= 0:
-                    turn = _clockwise(pool, u, v, at, came, outline[candidate, 0])
-                if best < 0 or turn < widest:
+            best = candidate = first[at]
+            if best < 0:
+                return loops, at
+            before, previous, widest = np.int32(-1), np.int32(-1), 5.0
+            while candidate >= 0 and later[first[at]] >= 0:
+                turn = _clockwise(points, at, came, outline[candidate, 0])
+                if turn < widest:
                     best, before, widest = candidate, previous, turn
                 previous, candidate = candidate, later[candidate]
-            if best < 0:
-                return corners, starts, loop_plane, np.int64(at)
             if before >= 0:
                 later[before] = later[best]
             else:
                 first[at] = later[best]
             alive[best] = False
-            if best == seed:
-                break
             e = best
+        seeds[loops] = seed
         loops += 1
         starts[loops] = filled
-    return corners[:filled], starts[: loops + 1], loop_plane[:loops], np.int64(astray)
+    return loops, np.int32(-1)
 
 
-@kernel
-def _clockwise(pool: Any, u: Any, v: Any, at: Any, came: Any, to: Any) -> Any:
+@inner_kernel
+def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
     """Measure the clockwise turn from at-came to at-to, growing with the angle, in (0, 4]."""
-    cu, cv = np.float64(pool[came, u]) - pool[at, u], np.float64(pool[came, v]) - pool[at, v]
-    tu, tv = np.float64(pool[to, u]) - pool[at, u], np.float64(pool[to, v]) - pool[at, v]
+    cu, cv = points[came, 0] - points[at, 0], points[came, 1] - points[at, 1]
+    tu, tv = points[to, 0] - points[at, 0], points[to, 1] - points[at, 1]
     cosine, sine = cu * tu + cv * tv, cv * tu - cu * tv
     size = abs(cosine) + abs(sine)
     if size == 0.0:

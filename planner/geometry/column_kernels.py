@@ -5,10 +5,13 @@ intervals, so that a closed oriented mesh crosses each column with signs that su
 Lattice units below are 1 / `LATTICE` of a voxel, with voxel centres at multiples of `LATTICE`.
 """
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.arrays import FloatArray, IntArray
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 
 __all__ = ["LATTICE", "bin_triangles", "fill_runs", "slab_runs", "snap"]
 
@@ -17,26 +20,20 @@ LATTICE = 1 << _SHIFT
 """Steps in a voxel that vertices are rounded to."""
 
 
-@kernel
-def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> IntArray:
-    """Return vertices (n, 3) in lattice units, int64; voxel (i, j, k) is centred at LATTICE ijk."""
-    snapped = np.empty(vertices.shape, np.int64)
-    for v in range(len(vertices)):
-        for axis in range(3):
-            voxel = (vertices[v, axis] - origin[axis]) / pitch[axis]
-            snapped[v, axis] = np.int64(np.floor(voxel * LATTICE + 0.5)) - LATTICE // 2
-    return snapped
+def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> NDArray[np.int64]:
+    """Return vertices (n, 3) in lattice units; voxel (i, j, k) is centred at LATTICE ijk."""
+    voxel = (vertices - origin) / pitch
+    return np.floor(voxel * LATTICE + 0.5).astype(np.int64) - LATTICE // 2
 
 
-@kernel
-def _ceil_voxel(coordinate: int) -> int:
+@inner_kernel
+def _ceil_voxel(coordinate: Any) -> Any:
     return (coordinate + (LATTICE - 1)) >> _SHIFT
 
 
-@kernel
 def bin_triangles(
-    snapped: IntArray, faces: IntArray, nx: int, ny: int, slab_rows: int
-) -> tuple[IntArray, IntArray, IntArray]:
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int, slab_rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
     """Sort triangles into slabs of rows.
 
     Returns
@@ -46,11 +43,29 @@ def bin_triangles(
         ``spans[s]`` of its rows in all. Faces that cover no column (steep or small) are left out.
     """
     slabs = (ny + slab_rows - 1) // slab_rows
-    offsets = np.zeros(slabs + 1, np.int64)
-    spans = np.zeros(slabs, np.int64)
-    low = np.empty(len(faces), np.int32)
-    high = np.empty(len(faces), np.int32)
-    for f in range(len(faces)):
+    low, high = np.empty((2, len(faces)), np.int32)
+    count, spans = np.zeros((2, slabs), np.int64)
+    _cover(snapped, faces, nx, ny, slab_rows, low, high, count, spans)
+    offsets = np.append(0, np.cumsum(count))
+    members = np.empty(offsets[-1], np.int32)
+    _deal(low, high, slab_rows, offsets[:-1].copy(), members)
+    return offsets, members, spans
+
+
+@kernel
+def _cover(
+    snapped: IntArray,
+    faces: IntArray,
+    nx: int,
+    ny: int,
+    slab_rows: int,
+    low: IntArray,
+    high: IntArray,
+    count: IntArray,
+    spans: IntArray,
+) -> None:
+    # Rows that each face covers, and what falls to each slab.
+    for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
         ay, by, cy = snapped[a, 1], snapped[b, 1], snapped[c, 1]
@@ -58,27 +73,27 @@ def bin_triangles(
         last = min(_ceil_voxel(max(ay, by, cy)), ny)
         left = max(_ceil_voxel(min(ax, bx, cx)), 0)
         right = min(_ceil_voxel(max(ax, bx, cx)), nx)
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         low[f], high[f] = 0, 0
-        if first < last and left < right and area != 0:
+        if first < last and left < right and (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):
             low[f], high[f] = first, last
             for s in range(first // slab_rows, (last - 1) // slab_rows + 1):
-                offsets[s + 1] += 1
+                count[s] += 1
                 spans[s] += min(last, (s + 1) * slab_rows) - max(first, s * slab_rows)
-    for s in range(slabs):
-        offsets[s + 1] += offsets[s]
-    members = np.empty(offsets[slabs], np.int32)
-    cursor = offsets[:-1].copy()
-    for f in range(len(faces)):
+
+
+@kernel
+def _deal(
+    low: IntArray, high: IntArray, slab_rows: int, cursor: IntArray, members: IntArray
+) -> None:
+    for f in range(low.size):
         if low[f] < high[f]:
             for s in range(low[f] // slab_rows, (high[f] - 1) // slab_rows + 1):
                 members[cursor[s]] = f
                 cursor[s] += 1
-    return offsets, members, spans
 
 
-@kernel
-def _first_pixel(x0: int, y0: int, x1: int, y1: int, per_row: float, y: int) -> int:
+@inner_kernel
+def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any) -> Any:
     # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division,
     # estimated in floating point (per_row = 1 / denominator) and mended in integers.
     denominator = (y1 - y0) << _SHIFT
@@ -160,8 +175,8 @@ def _spans(
     return n
 
 
-@kernel
-def _sort(keys: IntArray, first: int, last: int) -> None:
+@inner_kernel
+def _sort(keys: Any, first: Any, last: Any) -> Any:
     # Shell sort: insertion sort for the usual handful, no quadratic worst case for a stack.
     gap = 1
     while gap < (last - first) // 3:
@@ -177,11 +192,10 @@ def _sort(keys: IntArray, first: int, last: int) -> None:
         gap //= 3
 
 
-@kernel
 def slab_runs(
-    snapped: IntArray,
-    faces: IntArray,
-    members: IntArray,
+    snapped: NDArray[np.int64],
+    faces: NDArray[np.int32],
+    members: NDArray[np.int32],
     spans: int,
     row0: int,
     row1: int,
@@ -205,34 +219,49 @@ def slab_runs(
         do not sum to zero, columns where the winding is negative over more than one voxel (one
         may come from rounding), and the first faulty column of each kind (-1: none).
     """
-    total = (row1 - row0) * nx
-    cursor = np.zeros(total + 1, np.int32)
-    columns = np.empty((spans, 3), np.int32)
-    heights = np.empty((spans, 2), np.float64)
+    cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
+    columns, heights = np.empty((spans, 3), np.int32), np.empty((spans, 2), np.float64)
     n = _spans(snapped, faces, members, row0, row1, nx, cursor, columns, heights)
-    crossings, here = 0, 0
-    for c in range(total):
+    crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
+    keys = np.empty(crossings, np.int32)
+    start, stop = np.empty((2, crossings // 2), np.int32)
+    offsets, faults = np.zeros(len(cursor), np.int64), np.array([0, 0, -1, -1])
+    ends = (offsets, start, stop, faults)
+    runs = _runs(columns[:n], heights, cursor, keys, nz, shortest, *ends)
+    return offsets, start[:runs], stop[:runs], faults
+
+
+@kernel
+def _runs(
+    columns: Any,
+    heights: Any,
+    cursor: Any,
+    keys: Any,
+    nz: Any,
+    shortest: Any,
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    faults: Any,
+) -> Any:
+    # Gather each column's crossings in `keys`, sort them, and count the winding along them.
+    crossings = here = 0
+    for c in range(cursor.size - 1):
         here += cursor[c]
         cursor[c] = crossings
         crossings += here
-    keys = np.empty(crossings, np.int32)
-    for s in range(n):
-        column, z, rise, sign = columns[s, 0], heights[s, 0], heights[s, 1], columns[s, 2]
+    for s in range(columns.shape[0]):
+        z, rise = heights[s, 0], heights[s, 1]
         for i in range(columns[s, 1]):
-            lattice = int(np.floor(z + rise * i + 0.5))
+            lattice = np.int64(np.floor(z + rise * i + 0.5))
             voxel = min(max(_ceil_voxel(lattice), -1), nz + 1)
             # entries sort before exits of the same voxel: touching bodies make one run
-            keys[cursor[column + i]] = np.int32(voxel << 1) | sign
-            cursor[column + i] += 1
-
-    offsets = np.zeros(total + 1, np.int64)
-    start = np.empty(crossings // 2, np.int32)
-    stop = np.empty(crossings // 2, np.int32)
-    faults = np.zeros(4, np.int64)
-    faults[2], faults[3] = -1, -1
-    runs, first = 0, 0
-    for c in range(total):
-        last = int(cursor[c])
+            c = columns[s, 0] + i
+            keys[cursor[c]] = (voxel << 1) | columns[s, 2]
+            cursor[c] += 1
+    runs, first = np.int64(0), np.int64(0)
+    for c in range(cursor.size - 1):
+        last = np.int64(cursor[c])
         if last - first == 2:
             if keys[first] > keys[first + 1]:
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]
@@ -247,22 +276,22 @@ def slab_runs(
                     low = voxel
                 elif winding == 0:
                     inverted |= voxel - below > 1
-            else:
-                winding -= 1
-                if winding == 0:
-                    high = voxel
-                    if high - low < shortest:
-                        low = min(low, nz - shortest) if low <= nz else low
-                        high = low + shortest
-                    low, high = max(low, 0), min(high, nz)
-                    if low < high:
-                        if runs > offsets[c] and low <= stop[runs - 1]:
-                            stop[runs - 1] = max(high, stop[runs - 1])
-                        else:
-                            start[runs], stop[runs] = low, high
-                            runs += 1
-                elif winding == -1:
-                    below = voxel
+                continue
+            winding -= 1
+            if winding == -1:
+                below = voxel
+            elif winding == 0:
+                high = voxel
+                if high - low < shortest:
+                    low = min(low, nz - shortest) if low <= nz else low
+                    high = low + shortest
+                low, high = max(low, 0), min(high, nz)
+                if low < high:
+                    if runs > offsets[c] and low <= stop[runs - 1]:
+                        stop[runs - 1] = max(high, stop[runs - 1])
+                    else:
+                        start[runs], stop[runs] = low, high
+                        runs += 1
         if winding != 0:
             faults[0] += 1
             if faults[2] < 0:
@@ -273,7 +302,7 @@ def slab_runs(
                 faults[3] = c
         offsets[c + 1] = runs
         first = last
-    return offsets, start[:runs], stop[:runs], faults
+    return runs
 
 
 @kernel

@@ -1,11 +1,10 @@
 """Find where a closed surface crosses itself, by rays along z."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from planner.geometry.kernel import kernel
+from planner.arrays import FloatArray, IntArray
 from planner.geometry.mesh import Mesh
 
 __all__ = ["Crossing", "find_crossing"]
@@ -58,10 +57,10 @@ def find_crossing(mesh: Mesh) -> Crossing | None:
     if not (step > 0.0).all():
         return None
     first = low[:2] + step * np.array(_SHIFT)
-    arguments = (mesh.vertices, mesh.faces, first, step)
-    count = _cross(*arguments, np.empty(0, np.int32), np.empty(0), np.empty(0, np.int8))
-    ray, z, way = np.empty(count, np.int32), np.empty(count), np.empty(count, np.int8)
-    _cross(*arguments, ray, z, way)
+    y0, y1, y2 = (mesh.vertices[corner, 1] for corner in mesh.faces.T)
+    bottom, top = np.minimum(np.minimum(y0, y1), y2), np.maximum(np.maximum(y0, y1), y2)
+    face, row = _covered(bottom, top, first[1], step[1])
+    ray, z, way = _cross(mesh, face, row, first, step)
     order = np.lexsort((-way, z, ray))  # of equal heights the entry first
     ray, z = ray[order], z[order]
     inside = np.cumsum(way[order])  # the sum over each ray is zero
@@ -70,8 +69,7 @@ def find_crossing(mesh: Mesh) -> Crossing | None:
     if not wrong.any():
         return None
     worst = int(np.argmax(np.where(wrong, length, 0.0)))
-    row, column = divmod(int(ray[worst]), _RAYS)
-    x, y = first + step * np.array([column, row])
+    x, y = first + step * np.array([ray[worst] % _RAYS, ray[worst] // _RAYS])
     return Crossing(
         place_mm=(float(x), float(y), float((z[worst] + z[worst + 1]) / 2)),
         times_inside=int(inside[worst]),
@@ -80,58 +78,58 @@ def find_crossing(mesh: Mesh) -> Crossing | None:
     )
 
 
-@kernel
-def _cross(vertices: Any, faces: Any, first: Any, step: Any, ray: Any, z: Any, way: Any) -> Any:
-    """Write the rays' crossings where there is room, and count them.
+def _cross(
+    mesh: Mesh, face: IntArray, row: IntArray, first: FloatArray, step: FloatArray
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Ray, height and way (1 in, -1 out) of the crossings of faces with rows of rays.
 
     A row of rays meets a triangle between its edge that runs up and its edge that runs down;
     a shared edge gives both of its triangles the same bound, so that no ray slips through.
     """
-    n = 0
-    for f in range(faces.shape[0]):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        top, bottom = max(a[1], b[1], c[1]), min(a[1], b[1], c[1])
-        row = max(0, int(np.ceil((bottom - first[1]) / step[1])) - 1)
-        last = min(_RAYS - 1, int(np.floor((top - first[1]) / step[1])) + 1)
-        while row <= last:
-            y = first[1] + row * step[1]
-            row += 1
-            if not bottom <= y < top:
-                continue
-            up = down = 0.0
-            for j in range(3):
-                i0, i1 = faces[f, j], faces[f, (j + 1) % 3]
-                low, high = min(i0, i1), max(i0, i1)
-                p, q = vertices[low], vertices[high]
-                if (p[1] <= y) == (q[1] <= y):
-                    continue
-                x = p[0] + (q[0] - p[0]) * ((y - p[1]) / (q[1] - p[1]))
-                if vertices[i0, 1] <= y:
-                    up = x
-                else:
-                    down = x
-            left, right = min(up, down), max(up, down)
-            column = max(0, int(np.ceil((left - first[0]) / step[0])) - 1)
-            final = min(_RAYS - 1, int(np.floor((right - first[0]) / step[0])) + 1)
-            while column <= final:
-                x = first[0] + column * step[0]
-                if left <= x < right:
-                    if n < z.shape[0]:
-                        ray[n] = (row - 1) * _RAYS + column
-                        z[n] = _height(a, b, c, x, y)
-                        way[n] = 1 if up < down else -1
-                    n += 1
-                column += 1
-    return n
+    x, y, _ = mesh.vertices.T
+    corners, height = mesh.faces[face], first[1] + row * step[1]
+    up, down = np.zeros(len(face)), np.zeros(len(face))
+    for tail, head in ((0, 1), (1, 2), (2, 0)):
+        p, q = corners[:, tail], corners[:, head]
+        rising = y[p] <= height
+        crossed = np.flatnonzero(rising != (y[q] <= height))
+        p, q = np.minimum(p, q)[crossed], np.maximum(p, q)[crossed]
+        at = x[p] + (x[q] - x[p]) * ((height[crossed] - y[p]) / (y[q] - y[p]))
+        rising = rising[crossed]
+        up[crossed[rising]], down[crossed[~rising]] = at[rising], at[~rising]
+    span, column = _covered(np.minimum(up, down), np.maximum(up, down), first[0], step[0])
+    way = np.where(up < down, 1, -1)[span]
+    heights = _height(mesh.vertices[corners[span]], first[0] + column * step[0], height[span])
+    return row[span] * _RAYS + column, heights, way
 
 
-@kernel
-def _height(a: Any, b: Any, c: Any, x: Any, y: Any) -> Any:
+def _covered(
+    low: FloatArray, high: FloatArray, first: float, step: float
+) -> tuple[IntArray, IntArray]:
+    """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
+    begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
+    count = np.maximum(end - begin, 0)
+    owner = np.repeat(np.arange(len(low)), count)
+    return owner, np.arange(len(owner)) - (np.cumsum(count) - count - begin)[owner]
+
+
+def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
+    """Smallest ray with first + ray * step >= value, judged by that expression."""
+    ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
+    ray -= first + (ray - 1.0) * step >= value
+    ray += first + ray * step < value
+    settled: IntArray = np.clip(ray, 0.0, _RAYS).astype(np.int64)
+    return settled
+
+
+def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    a, b, c = corners.transpose(1, 2, 0)
     ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
     area = ux * vy - uy * vx
-    low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
-    if area == 0.0:
-        return (low + high) / 2
-    s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
-    t = (ux * (y - a[1]) - uy * (x - a[0])) / area
-    return min(max(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low), high)
+    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
+        t = (ux * (y - a[1]) - uy * (x - a[0])) / area
+        z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
+    heights: FloatArray = np.where(area == 0.0, (low + high) / 2.0, z)
+    return heights

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import BoolArray, Float32Array, FloatArray
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 from planner.geometry.mesh import Mesh
-from planner.geometry.weld import cancel_opposite, position_slot
+from planner.geometry.weld import cancel_opposite, row_slot
 
 __all__ = ["Divided", "divide", "snap_distance_mm"]
 
@@ -83,33 +83,51 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
     """
     axis = int(np.argmax(np.abs(normal))) if np.count_nonzero(normal) == 1 else -1
     along, code = _classify(mesh.vertices, normal, offsets_mm, snap_distance_mm(mesh.bounds_mm))
-    crossings, triangles, sides = _size(mesh.faces, code)
+    c0, c1, c2 = (code[corner] for corner in mesh.faces.T)
+    first = (np.minimum(np.minimum(c0, c1), c2) + 1) >> 1
+    last = np.maximum(np.maximum(c0, c1), c2) >> 1
+    flat = np.flatnonzero((c0 == c1) & (c1 == c2) & (c0 & 1 == 1))
+    first[flat] = last[flat] + ~_faces_up(mesh, flat, normal)
+    cut, whole = np.flatnonzero(last > first), np.flatnonzero(last <= first)
+    crossings = int((last[cut] - first[cut]).sum())
     # New points: at most two a crossing, as each side of an edge finds its own.
     n, most = len(mesh.vertices), 2 * crossings
     vertices = np.empty((n + most, 3), dtype=np.float32)
     vertices[:n] = mesh.vertices
     tag = np.full(n + most, -1, dtype=np.int32)
     tag[:n][code % 2 == 1] = code[code % 2 == 1]
+    bits = max(4, int(2 * (np.count_nonzero(tag >= 0) + most)).bit_length())
     origin = np.empty((most, 2), dtype=np.int32)
     merged = np.zeros(n + most, dtype=np.bool_)
-    bits = max(4, int(2 * (np.count_nonzero(tag >= 0) + most)).bit_length())
-    table = np.full(1 << bits, -1, dtype=np.int32)
-    faces, piece = np.empty((triangles, 3), dtype=np.int32), np.empty(triangles, dtype=np.int32)
-    segment = np.empty((sides, 4), dtype=np.int32)
-    made, written, drawn = _divide(
-        mesh.vertices, mesh.faces, normal, axis, offsets_mm, along, code, vertices,
-        vertices.view(np.uint32), tag, origin, merged, table, np.uint64(64 - bits), faces, piece,
-        segment,
+    faces = np.empty((len(cut) + 2 * crossings, 3), dtype=np.int32)
+    piece, source = np.empty((2, len(faces)), dtype=np.int32)
+    made, written = _divide(
+        mesh.vertices, mesh.faces, cut, normal, axis, offsets_mm, along, code, vertices,
+        vertices.view(np.uint32), tag, origin, merged, np.full(1 << bits, -1, dtype=np.int32),
+        np.uint64(64 - bits), np.empty(5, dtype=np.int64), faces, piece, source,
     )  # fmt: skip
-    vertices, merged = vertices[: n + made], merged[: n + made]
-    faces, piece, segment = faces[:written], piece[:written], segment[:drawn]
+    vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
+    # Back into the order of the mesh's faces.
+    rank = np.searchsorted(whole, source[:written]) + np.arange(written)
+    other = np.ones(len(whole) + written, dtype=np.bool_)
+    other[rank] = False
+    divided, faces = faces[:written], np.empty((len(other), 3), dtype=np.int32)
+    faces[rank], faces[other] = divided, mesh.faces[whole]
+    between, piece = piece[:written], np.empty(len(other), dtype=np.int32)
+    piece[rank], piece[other] = between, first[whole]
+    t0, t1, t2 = (tag[corner] for corner in faces.T)
+    drawn = np.stack([t0 == t1, t1 == t2, t2 == t0], axis=1)
+    drawn &= np.stack([t0 >= 0, t1 >= 0, t2 >= 0], axis=1)
+    side = np.flatnonzero(drawn)
+    face, j = side // 3, side % 3
+    segment = np.stack([faces[face, j], faces[face, (j + 1) % 3]], axis=1)
+    segment_plane = tag[segment[:, 0]] >> 1
+    segment_below = segment_plane == piece[face]
     if merged.any():
         touched = np.flatnonzero(merged[faces].any(axis=1))
         doubled = touched[~_cancel_in_pieces(faces[touched], piece[touched])]
         faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
-    return Divided(
-        vertices, faces, piece, segment[:, :2].copy(), segment[:, 2].copy(), segment[:, 3] == 1
-    )
+    return Divided(vertices, faces, piece, segment, segment_plane, segment_below)
 
 
 def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> BoolArray:
@@ -121,81 +139,42 @@ def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> Boo
     return keep
 
 
-@kernel
-def _classify(vertices: Any, normal: Any, offsets: Any, snap: Any) -> Any:
+def _classify(
+    vertices: FloatArray, normal: FloatArray, offsets_mm: FloatArray, snap_mm: float
+) -> tuple[FloatArray, NDArray[np.int32]]:
     """Place every vertex along the normal: code 2i in piece i, 2i + 1 in plane i."""
-    n = vertices.shape[0]
-    along = np.empty(n, dtype=np.float64)
-    code = np.empty(n, dtype=np.int32)
-    for i in range(n):
-        s = normal[0] * vertices[i, 0] + normal[1] * vertices[i, 1] + normal[2] * vertices[i, 2]
-        along[i] = s
-        low, high = 0, offsets.size
-        while low < high:
-            middle = (low + high) // 2
-            if offsets[middle] < s - snap:
-                low = middle + 1
-            else:
-                high = middle
-        code[i] = 2 * low
-        if low < offsets.size and offsets[low] <= s + snap:
-            code[i] += 1
-    return along, code
+    x, y, z = vertices.T
+    along = normal[0] * x + normal[1] * y + normal[2] * z
+    above = np.searchsorted(offsets_mm, along - snap_mm)
+    nearest = np.append(offsets_mm, np.inf)[above]
+    return along, (2 * above + (nearest <= along + snap_mm)).astype(np.int32)
 
 
-@kernel
-def _has_side(c0: Any, c1: Any, c2: Any) -> Any:
-    """Tell whether two of a triangle's corners lie in one plane."""
-    return (c0 == c1 and c0 & 1) or (c1 == c2 and c1 & 1) or (c2 == c0 and c2 & 1)
-
-
-@kernel
-def _size(faces: Any, code: Any) -> Any:
-    """Count planes that cross triangles, and the most triangles and sides in planes to come."""
-    crossings = sides = 0
-    for f in range(faces.shape[0]):
-        c0, c1, c2 = code[faces[f, 0]], code[faces[f, 1]], code[faces[f, 2]]
-        crossed = max(c0, c1, c2) // 2 - (min(c0, c1, c2) + 1) // 2
-        if crossed > 0:
-            crossings += crossed
-            sides += 3 * (1 + 2 * crossed)
-        elif _has_side(c0, c1, c2):
-            sides += 3
-    return crossings, faces.shape[0] + 2 * crossings, sides
+def _faces_up(mesh: Mesh, faces: NDArray[np.intp], normal: FloatArray) -> BoolArray:
+    """Tell which normals of faces have a positive part along the planes' normal."""
+    a, b, c = mesh.vertices[mesh.faces[faces]].transpose(1, 0, 2)
+    return np.asarray(np.cross(b - a, c - a) @ normal > 0.0)
 
 
 @kernel
 def _divide(
-    vertices: Any, faces: Any, normal: Any, axis: Any, offsets: Any, along: Any, code: Any,
-    pool: Any, raw: Any, tag: Any, origin: Any, merged: Any, table: Any, shift: Any,
-    out_face: Any, out_piece: Any, segment: Any,
+    vertices: Any, faces: Any, cut: Any, normal: Any, axis: Any, offsets: Any, along: Any,
+    code: Any, pool: Any, raw: Any, tag: Any, origin: Any, merged: Any, table: Any, shift: Any,
+    polygon: Any, out_face: Any, out_piece: Any, out_source: Any,
 ) -> Any:  # fmt: skip
-    """Fill the output; return how many points, triangles and sides there are."""
+    """Divide the faces `cut`; return how many points and triangles there are."""
     n = vertices.shape[0]
     for i in range(n):
         if tag[i] >= 0:
-            slot = position_slot(raw[i, 0], raw[i, 1], raw[i, 2], shift)
+            slot = row_slot(raw, i, shift)
             while table[slot] >= 0:
                 slot = (slot + 1) & (table.size - 1)
             table[slot] = i
-    polygon = np.empty(5, dtype=np.int64)
-    made = written = drawn = 0
-    for f in range(faces.shape[0]):
-        # One integer type for indices: kernels called below are then compiled once.
+    # One integer type for indices: kernels called below are then compiled once.
+    made = written = np.int64(0)
+    for f in cut:
         lo, mid, hi = np.int64(faces[f, 0]), np.int64(faces[f, 1]), np.int64(faces[f, 2])
         c0, c1, c2 = code[lo], code[mid], code[hi]
-        first = (min(c0, c1, c2) + 1) // 2
-        last = max(c0, c1, c2) // 2
-        if first >= last:
-            if c0 == c1 and c1 == c2 and c0 & 1:
-                first = c0 // 2 + (0 if _faces_up(vertices, normal, lo, mid, hi) else 1)
-            out_face[written, 0], out_face[written, 1], out_face[written, 2] = lo, mid, hi
-            out_piece[written] = first
-            written += 1
-            if _has_side(c0, c1, c2):
-                drawn = _draw(segment, drawn, tag, lo, mid, hi, first)
-            continue
-
         turned = False
         if c0 > c1:
             lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
@@ -203,6 +182,7 @@ def _divide(
             mid, hi, c1, c2, turned = hi, mid, c2, c1, not turned
         if c0 > c1:
             lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
+        first, last = (c0 + 1) // 2, c2 // 2
         long_below = short_below = lo
         below = c0
         for k in range(first, last + 1):
@@ -233,31 +213,28 @@ def _divide(
             # Counter-clockwise along lo, mid, hi; the middle corner first where it takes part.
             corners = 0
             if (c1 > below or k == first) and (c1 < above or k == last):
-                corners = _append(polygon, corners, mid)
-            corners = _append(polygon, corners, short_above)
-            corners = _append(polygon, corners, long_above)
-            corners = _append(polygon, corners, long_below)
-            corners = _append(polygon, corners, short_below)
+                polygon[0] = mid
+                corners = 1
+            for v in (short_above, long_above, long_below, short_below):
+                if corners == 0 or polygon[corners - 1] != v:
+                    polygon[corners] = v
+                    corners += 1
             while corners > 1 and polygon[corners - 1] == polygon[0]:
                 corners -= 1
-            if corners == 4 and _better_from_second(pool, polygon):
-                v = polygon[0]
-                polygon[0], polygon[1], polygon[2] = polygon[1], polygon[2], polygon[3]
-                polygon[3] = v
+            turn = 1 if corners == 4 and _better_from_second(pool, polygon) else 0
             for j in range(1, corners - 1):
-                a, b, c = polygon[0], polygon[j], polygon[j + 1]
+                a, b, c = polygon[turn], polygon[j + turn], polygon[(j + 1 + turn) % corners]
                 if turned:
                     b, c = c, b
                 if a != b and b != c and c != a:
                     out_face[written, 0], out_face[written, 1], out_face[written, 2] = a, b, c
-                    out_piece[written] = k
+                    out_piece[written], out_source[written] = k, f
                     written += 1
-                    drawn = _draw(segment, drawn, tag, a, b, c, k)
             long_below, short_below, below = long_above, short_above, above
-    return made, written, drawn
+    return made, written
 
 
-@kernel
+@inner_kernel
 def _meet(
     vertices: Any, along: Any, low: Any, high: Any, offset: Any, axis: Any, normal: Any,
     pool: Any, raw: Any, n: Any, made: Any, origin: Any, merged: Any, table: Any, shift: Any,
@@ -271,7 +248,7 @@ def _meet(
         else:
             value = vertices[low, j] + t * (vertices[high, j] - vertices[low, j])
         pool[i, j] = np.rint(value / LATTICE_MM) * LATTICE_MM + 0.0
-    slot = position_slot(raw[i, 0], raw[i, 1], raw[i, 2], shift)
+    slot = row_slot(raw, i, shift)
     while table[slot] >= 0:
         j = table[slot]
         if raw[j, 0] == raw[i, 0] and raw[j, 1] == raw[i, 1] and raw[j, 2] == raw[i, 2]:
@@ -284,40 +261,7 @@ def _meet(
     return np.int64(i), made + 1
 
 
-@kernel
-def _append(polygon: Any, corners: Any, v: Any) -> Any:
-    if corners > 0 and polygon[corners - 1] == v:
-        return corners
-    polygon[corners] = v
-    return corners + 1
-
-
-@kernel
-def _draw(segment: Any, drawn: Any, tag: Any, a: Any, b: Any, c: Any, piece: Any) -> Any:
-    """Note the sides of a triangle that lie in a plane."""
-    for _ in range(3):
-        if tag[a] >= 0 and tag[a] == tag[b]:
-            segment[drawn, 0], segment[drawn, 1] = a, b
-            segment[drawn, 2] = tag[a] // 2
-            segment[drawn, 3] = 1 if tag[a] // 2 == piece else 0
-            drawn += 1
-        a, b, c = b, c, a
-    return drawn
-
-
-@kernel
-def _faces_up(vertices: Any, normal: Any, a: Any, b: Any, c: Any) -> Any:
-    """Tell whether a face's normal has a positive part along the planes' normal."""
-    dot = 0.0
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        uj, uk = vertices[b, j] - vertices[a, j], vertices[b, k] - vertices[a, k]
-        vj, vk = vertices[c, j] - vertices[a, j], vertices[c, k] - vertices[a, k]
-        dot += normal[i] * (uj * vk - uk * vj)
-    return dot > 0.0
-
-
-@kernel
+@inner_kernel
 def _better_from_second(pool: Any, polygon: Any) -> Any:
     """Tell whether diagonal 1-3 of a quadrilateral leaves thicker triangles than 0-2."""
     p0, p1, p2, p3 = polygon[0], polygon[1], polygon[2], polygon[3]
@@ -326,7 +270,7 @@ def _better_from_second(pool: Any, polygon: Any) -> Any:
     return other > kept
 
 
-@kernel
+@inner_kernel
 def squared_height(pool: Any, a: Any, b: Any, c: Any) -> Any:
     """Square of a triangle's height over its longest side; 0 where two corners coincide."""
     ux = np.float64(pool[b, 0]) - pool[a, 0]

@@ -7,6 +7,7 @@ transition is solved for, not sampled, and decided by the same comparison as a s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from planner.arrays import FloatArray, IntArray
 from planner.errors import ArgumentError
 from planner.geometry.columns import Columns
 from planner.geometry.fields import Field, PlanarField
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 
 __all__ = ["LabelledColumns", "label_by_planes", "label_columns", "label_volumes_mm3", "layers"]
 
@@ -69,19 +70,26 @@ def label_by_planes(
     columns: Columns, normal: FloatArray, offsets_mm: FloatArray
 ) -> LabelledColumns:
     """Split the runs of columns at parallel planes normal . x = offset, offsets rising in mm."""
-    start, stop, label, offsets = _split_runs(
+    grid, crossed = columns.grid, len(offsets_mm) if normal[2] != 0.0 else 0
+    most = len(columns.start) + crossed * int(np.count_nonzero(np.diff(columns.offsets)))
+    start, stop = np.empty((2, most), np.int32)
+    label, offsets = np.empty(most, np.int16), np.zeros_like(columns.offsets)
+    runs = _split_runs(
         columns.offsets,
         columns.start,
         columns.stop,
         columns.first_row,
-        np.array(columns.grid.origin_mm),
-        np.array(columns.grid.pitch_mm),
-        np.array(columns.grid.shape),
-        np.asarray(normal, dtype=np.float64),
+        np.array([*grid.origin_mm, *grid.pitch_mm, *normal], np.float64),
+        grid.shape[0],
+        grid.shape[2],
         offsets_mm,
+        np.full(len(offsets_mm) + 1, grid.shape[2], np.int64),
+        *(start, stop, label, offsets),
     )
     return LabelledColumns(
-        columns.grid, columns.first_row, offsets, start, stop, columns.faults, label
+        *(grid, columns.first_row, offsets, start[:runs].copy(), stop[:runs].copy()),
+        columns.faults,
+        label[:runs].copy(),
     )
 
 
@@ -135,66 +143,60 @@ def layers(
 
 @kernel
 def _split_runs(
-    offsets: IntArray,
-    start: IntArray,
-    stop: IntArray,
-    first_row: int,
-    origin: FloatArray,
-    pitch: FloatArray,
-    shape: IntArray,
-    normal: FloatArray,
-    plane: FloatArray,
-) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    first_row: Any,
+    frame: Any,
+    nx: Any,
+    nz: Any,
+    plane: Any,
+    cross: Any,
+    new_start: Any,
+    new_stop: Any,
+    label: Any,
+    new_offsets: Any,
+) -> Any:
+    # `frame`: the grid's origin and pitch, and the normal n.
     # Along a column n . x = base + z(k) rise is monotone in k, in floating point too: level i is
     # crossed at one k, `cross[i]`, estimated by a division and then settled by that comparison.
-    nx, nz, levels = shape[0], shape[2], len(plane)
-    rise = normal[2]
-    occupied = 0
-    for c in range(len(offsets) - 1):
-        occupied += offsets[c + 1] > offsets[c]
-    most = len(start) + (occupied * levels if rise != 0.0 else 0)
-    new_start = np.empty(most, np.int32)
-    new_stop = np.empty(most, np.int32)
-    label = np.empty(most, np.int16)
-    new_offsets = np.zeros(len(offsets), np.int64)
-    cross = np.empty(levels + 1, np.int64)
-    n = 0
-    for c in range(len(offsets) - 1):
+    origin, pitch, rise = frame[2], frame[5], frame[8]
+    levels, n = plane.size, 0
+    for c in range(offsets.size - 1):
         if offsets[c] < offsets[c + 1]:
-            x = origin[0] + (c % nx + 0.5) * pitch[0]
-            y = origin[1] + (first_row + c // nx + 0.5) * pitch[1]
-            base = x * normal[0] + y * normal[1]
+            x = frame[0] + (c % nx + 0.5) * frame[3]
+            y = frame[1] + (first_row + c // nx + 0.5) * frame[4]
+            base = x * frame[6] + y * frame[7]
             # `order` counts crossings upwards along z: label rises with it or falls
             for order in range(levels):
-                i = order if rise >= 0.0 else levels - 1 - order
+                level = plane[order if rise >= 0.0 else levels - 1 - order]
                 if rise == 0.0:
-                    cross[order] = 0 if base >= plane[i] else nz
+                    cross[order] = 0 if base >= level else nz
                     continue
-                z = (plane[i] - base) / rise
-                k = int(min(max(np.ceil((z - origin[2]) / pitch[2] - 0.5), 0.0), float(nz)))
-                while k < nz and not _past(base, origin[2], pitch[2], k, rise, plane[i]):
+                z = (level - base) / rise
+                k = np.int64(min(max(np.ceil((z - origin) / pitch - 0.5), 0.0), float(nz)))
+                while k < nz and not _past(base, origin, pitch, k, rise, level):
                     k += 1
-                while k > 0 and _past(base, origin[2], pitch[2], k - 1, rise, plane[i]):
+                while k > 0 and _past(base, origin, pitch, k - 1, rise, level):
                     k -= 1
                 cross[order] = k
-            cross[levels] = nz
             order = 0
             for r in range(offsets[c], offsets[c + 1]):
-                low = start[r]
+                low = np.int64(start[r])
                 while low < stop[r]:
                     while order < levels and cross[order] <= low:
                         order += 1
-                    high = min(stop[r], cross[order])
+                    high = min(np.int64(stop[r]), cross[order])
                     new_start[n], new_stop[n] = low, high
                     label[n] = order if rise >= 0.0 else levels - order
                     n += 1
                     low = high
         new_offsets[c + 1] = n
-    return new_start[:n].copy(), new_stop[:n].copy(), label[:n].copy(), new_offsets
+    return n
 
 
-@kernel
-def _past(base: float, origin: float, pitch: float, k: int, rise: float, plane: float) -> bool:
+@inner_kernel
+def _past(base: Any, origin: Any, pitch: Any, k: Any, rise: Any, plane: Any) -> Any:
     along = base + (origin + (k + 0.5) * pitch) * rise
     return along >= plane if rise > 0.0 else along < plane
 

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Float32Array
+from planner.arrays import BoolArray, Float32Array
 from planner.geometry.cut import LATTICE_MM, squared_height
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
+from planner.geometry.weld import order_rows
 
 __all__ = ["first_unfilled", "flip_thin", "side_clashes", "split_sides"]
 
@@ -26,20 +27,14 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32]) -> None:
     faces : (m, 3) int32
         A triangulation of flat regions.
     """
-    thin = _thin(vertices, faces, THIN_MM**2)
+    a, b, c = vertices[faces].transpose(1, 0, 2).astype(np.float64)
+    u, v = b - a, c - a
+    square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
+    square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
+    doubled = (np.cross(u, v) ** 2).sum(axis=1)
+    thin = np.flatnonzero(doubled < THIN_MM**2 * np.where(square > 0.0, square, 1.0))
     if len(thin):
         _flip(vertices, faces, thin)
-
-
-@kernel
-def _thin(vertices: Any, faces: Any, limit: Any) -> Any:
-    found = np.empty(faces.shape[0], dtype=np.int32)
-    count = 0
-    for i in range(faces.shape[0]):
-        if squared_height(vertices, faces[i, 0], faces[i, 1], faces[i, 2]) < limit:
-            found[count] = i
-            count += 1
-    return found[:count]
 
 
 @kernel
@@ -82,7 +77,7 @@ def _flip(vertices: Any, faces: Any, thin: Any) -> Any:
             break
 
 
-@kernel
+@inner_kernel
 def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
     """Tell whether the normals of triangles a-b-c and d-e-f are less than 90 degrees apart."""
     dot = 0.0
@@ -91,7 +86,7 @@ def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) ->
     return dot > 0.0
 
 
-@kernel
+@inner_kernel
 def _normal(vertices: Any, a: Any, b: Any, c: Any, i: Any) -> Any:
     j, k = (i + 1) % 3, (i + 2) % 3
     uj = np.float64(vertices[b, j]) - vertices[a, j]
@@ -101,7 +96,7 @@ def _normal(vertices: Any, a: Any, b: Any, c: Any, i: Any) -> Any:
     return uj * vk - uk * vj
 
 
-@kernel
+@inner_kernel
 def _half_edges(faces: Any) -> Any:
     """Hash the directed sides: face 3f + j where a slot is taken, -1 where it is free."""
     size = 16
@@ -118,7 +113,7 @@ def _half_edges(faces: Any) -> Any:
     return table, half
 
 
-@kernel
+@inner_kernel
 def _find(table: Any, a: Any, b: Any) -> Any:
     """Find the slot of side a-b, or the free one where it would go; free slots hold 0."""
     key = (np.int64(a) << 32) + b + 1
@@ -129,8 +124,7 @@ def _find(table: Any, a: Any, b: Any) -> Any:
     return slot
 
 
-@kernel
-def first_unfilled(faces: Any, segment: Any, below: Any) -> Any:
+def first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:
     """Find where caps and the surface below them do not close.
 
     Parameters
@@ -143,34 +137,16 @@ def first_unfilled(faces: Any, segment: Any, below: Any) -> Any:
     int
         A vertex at a side that occurs more often one way than the other; -1 if there is none.
     """
-    size = 16
-    while size < 2 * (segment.shape[0] + 3 * faces.shape[0]):
-        size *= 2
-    table = np.zeros(size, dtype=np.int64)
-    net = np.zeros(size, dtype=np.int32)
-    for i in range(faces.shape[0]):
-        for j in range(3):
-            a, b = faces[i, j], faces[i, (j + 1) % 3]
-            _count(table, net, a, b)
-    for i in range(segment.shape[0]):
-        if below[i]:
-            _count(table, net, segment[i, 0], segment[i, 1])
-    for slot in range(size):
-        if net[slot] != 0:
-            return table[slot] >> 32
-    return -1
+    tails, heads = np.concatenate([_sides(faces), segment[below]]).T
+    order, starts = order_rows(np.minimum(tails, heads), np.maximum(tails, heads))
+    way = np.where(tails < heads, 1, -1)
+    odd = starts[np.add.reduceat(way[order], starts) != 0] if len(starts) else starts
+    return int(min(tails[order[odd[0]]], heads[order[odd[0]]])) if len(odd) else -1
 
 
-@kernel
-def _count(table: Any, net: Any, a: Any, b: Any) -> Any:
-    low, high = min(a, b), max(a, b)
-    slot = _find(table, low, high)
-    table[slot] = (np.int64(low) << 32) + high + 1
-    net[slot] += 1 if a == low else -1
-
-
-@kernel
-def side_clashes(faces: Any, segment: Any, below: Any) -> Any:
+def side_clashes(
+    faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray
+) -> NDArray[np.intp]:
     """Find inner sides of caps that the surface, or another cap triangle, has already.
 
     Parameters
@@ -184,45 +160,34 @@ def side_clashes(faces: Any, segment: Any, below: Any) -> Any:
 
     Returns
     -------
-    (r,) int32
+    (r,) int
         3f + j for side j of face f: an edge of the piece below or above would have four faces.
     """
-    table, half = _half_edges(faces)
-    size = 16
-    while size < 2 * (segment.shape[0] + 3 * faces.shape[0]):
-        size *= 2
-    found = np.empty(3 * faces.shape[0], dtype=np.int32)
-    flagged = np.zeros(3 * faces.shape[0], dtype=np.bool_)
-    for part in (True, False):
-        taken = np.zeros(size, dtype=np.int64)
-        for i in range(segment.shape[0]):
-            if below[i] == part:
-                a, b = segment[i, 0], segment[i, 1]
-                taken[_find(taken, a, b)] = (np.int64(a) << 32) + b + 1
-        for i in range(faces.shape[0]):
-            for j in range(3):
-                a, b = faces[i, j], faces[i, (j + 1) % 3]
-                if half[_find(table, b, a)] < 0:
-                    continue
-                if not part:
-                    a, b = b, a
-                slot = _find(taken, a, b)
-                if taken[slot] != 0:
-                    flagged[3 * i + j] = True
-                taken[slot] = (np.int64(a) << 32) + b + 1
-    count = 0
-    for i in range(flagged.size):
-        if flagged[i]:
-            found[count] = i
-            count += 1
-    return found[:count]
+    sides = _sides(faces)
+    inner = np.flatnonzero(np.isin(_key(sides[:, ::-1]), _key(sides)))
+    clash = np.zeros(len(sides), dtype=np.bool_)
+    for surface, own in ((segment[below], sides[inner]), (segment[~below], sides[inner, ::-1])):
+        both = np.concatenate([surface, own])
+        order, starts = order_rows(both[:, 0].copy(), both[:, 1].copy())
+        later = np.delete(order, starts) - len(surface)
+        clash[inner[later[later >= 0]]] = True
+    return np.flatnonzero(clash)
+
+
+def _sides(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Directed sides 3f + j, (3 m, 2)."""
+    return np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
+
+
+def _key(sides: NDArray[np.int32]) -> NDArray[np.int64]:
+    return (sides[:, 0].astype(np.int64) << 32) + sides[:, 1]
 
 
 def split_sides(
     vertices: Float32Array,
     faces: NDArray[np.int32],
     level: NDArray[np.int32],
-    sides: NDArray[np.int32],
+    sides: NDArray[np.intp],
 ) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
     """Put a new vertex on each side, and divide the triangles on both sides of it.
 
@@ -232,7 +197,7 @@ def split_sides(
         Positions in mm.
     faces, level : (m, 3) int32, (m,) int32
         Cap triangles and their planes.
-    sides : (r,) int32
+    sides : (r,) int
         Sides as `side_clashes` gives them; of a face or its neighbour at most one is divided.
 
     Returns

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,26 @@ from numpy.typing import NDArray
 from planner.arrays import Float32Array, FloatArray
 from planner.geometry.kernel import kernel
 
-__all__ = ["Mesh", "volume_and_area"]
+__all__ = ["Measures", "Mesh", "measure"]
+
+
+class Measures(NamedTuple):
+    """What `measure` finds of each part of a surface.
+
+    Attributes
+    ----------
+    volume_mm3, area_mm2 : (parts,) float64
+        The volume is negative for a surface turned inside out; both are 0 without faces.
+    bounds_mm : (parts, 2, 3) float64
+        Smallest and largest coordinates: inf and -inf without faces, NaN where one is NaN.
+    flat : int
+        Triangles of zero area, in all parts.
+    """
+
+    volume_mm3: FloatArray
+    area_mm2: FloatArray
+    bounds_mm: FloatArray
+    flat: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,31 +61,34 @@ class Mesh:
     @cached_property
     def bounds_mm(self) -> FloatArray:
         """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
-        bounds_mm: FloatArray = _bounds(self.vertices, self.faces)
+        bounds_mm: FloatArray = self._measured.bounds_mm[0]
         return bounds_mm
 
     @property
     def volume_mm3(self) -> float:
         """Signed volume in mm³: positive where normals point outwards."""
-        return self._measure[0]
+        return float(self._measured.volume_mm3[0])
 
     @property
     def area_mm2(self) -> float:
         """Surface area in mm²."""
-        return self._measure[1]
+        return float(self._measured.area_mm2[0])
 
     @cached_property
-    def _measure(self) -> tuple[float, float]:
-        return volume_and_area(self.vertices, self.faces)
+    def _measured(self) -> Measures:
+        return measure(self.vertices, self.faces)
 
 
-def volume_and_area(
-    vertices: FloatArray | Float32Array, faces: NDArray[np.int32]
-) -> tuple[float, float]:
-    """Volume that a closed surface encloses, by the divergence theorem, and its area.
+def measure(
+    vertices: FloatArray | Float32Array,
+    faces: NDArray[np.int32],
+    part: NDArray[np.int32] | None = None,
+    parts: int = 1,
+) -> Measures:
+    """Measure each part of a surface.
 
-    Summed about a vertex of the surface: about a distant origin the terms would cancel and take
-    the digits with them. The order of summation is fixed.
+    Volumes are by the divergence theorem, summed about a vertex of the part: about a distant
+    origin the terms would cancel and take the digits with them. The order of summation is fixed.
 
     Parameters
     ----------
@@ -74,39 +96,39 @@ def volume_and_area(
         Positions in mm.
     faces : (m, 3) int32
         Outward triangles.
-
-    Returns
-    -------
-    volume_mm3, area_mm2 : float
-        The volume is negative for a surface turned inside out; both are 0 without faces.
+    part : (m,) int32
+        Which part each triangle belongs to, from 0 on; by default all to one.
+    parts : int
+        How many there are.
     """
-    volume_mm3, area_mm2 = _volume_and_area(vertices, faces)
-    return float(volume_mm3), float(area_mm2)
+    if part is None:
+        part = np.zeros(len(faces), dtype=np.int32)
+    volume, area, origin = np.zeros(parts), np.zeros(parts), np.full((parts, 3), np.nan)
+    bounds = np.empty((parts, 2, 3))
+    bounds[:, 0], bounds[:, 1] = np.inf, -np.inf
+    points = np.require(vertices, np.float64, ["C", "W"])
+    first = np.unique(part, return_index=True)[1] if parts > 1 else np.arange(min(len(part), 1))
+    origin[part[first]] = points[faces[first, 0]]
+    faces = np.require(faces, np.int32, ["C", "W"])
+    flat = _measure(points, faces, part, origin, volume, area, bounds)
+    return Measures(volume / 6.0, area / 2.0, bounds, int(flat))
 
 
 @kernel
-def _bounds(vertices: Any, faces: Any) -> Any:
-    bounds = np.empty((2, 3))
-    bounds[0], bounds[1] = np.inf, -np.inf
+def _measure(
+    vertices: Any, faces: Any, part: Any, origin: Any, volume: Any, area: Any, bounds: Any
+) -> Any:
+    flat = 0
     for i in range(faces.shape[0]):
+        p, i0, i1, i2 = part[i], faces[i, 0], faces[i, 1], faces[i, 2]
         for j in range(3):
             for k in range(3):
                 x = vertices[faces[i, j], k]
-                if np.isnan(x):  # no comparison would notice it
-                    bounds[:] = np.nan
-                    return bounds
-                bounds[0, k], bounds[1, k] = min(bounds[0, k], x), max(bounds[1, k], x)
-    return bounds
-
-
-@kernel
-def _volume_and_area(vertices: Any, faces: Any) -> Any:
-    volume = area = 0.0
-    if faces.shape[0] == 0:
-        return volume, area
-    ox, oy, oz = vertices[faces[0, 0]].astype(np.float64)
-    for i in range(faces.shape[0]):
-        i0, i1, i2 = faces[i, 0], faces[i, 1], faces[i, 2]
+                if x < bounds[p, 0, k] or x != x:  # NaN, which then stays
+                    bounds[p, 0, k] = x
+                if x > bounds[p, 1, k] or x != x:
+                    bounds[p, 1, k] = x
+        ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
         ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
         ux = vertices[i1, 0] - ox - ax
         uy = vertices[i1, 1] - oy - ay
@@ -115,6 +137,8 @@ def _volume_and_area(vertices: Any, faces: Any) -> Any:
         vy = vertices[i2, 1] - oy - ay
         vz = vertices[i2, 2] - oz - az
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        volume += ax * nx + ay * ny + az * nz
-        area += np.sqrt(nx * nx + ny * ny + nz * nz)
-    return volume / 6.0, area / 2.0
+        volume[p] += ax * nx + ay * ny + az * nz
+        area[p] += np.sqrt(nx * nx + ny * ny + nz * nz)
+        if nx == 0.0 and ny == 0.0 and nz == 0.0:
+            flat += 1
+    return flat

@@ -5,11 +5,13 @@ either side of each row and one empty word at either end of each column. What li
 rows counts as empty.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import BoolArray, IntArray
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 
 __all__ = [
     "ROOM",
@@ -94,7 +96,6 @@ def active_words(region: Bits, radius: int) -> BoolArray:
     return np.asarray((region != 0) & ~interior)
 
 
-@kernel
 def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: BoolArray) -> Bits:
     """Erode a region by a `ball`, or dilate what is left of it.
 
@@ -108,11 +109,19 @@ def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: Boo
     active
         From `active_words` of the region; the result is the region in all other words.
     """
-    rows, columns, words = source.shape
-    out = np.zeros(source.shape, np.uint64)
+    out = np.zeros_like(source)
+    line, step = np.empty((2, source.shape[2]), np.uint64)
     flip = ~np.uint64(0) if dilate else np.uint64(0)
-    line = np.empty(words, np.uint64)
-    step = np.empty(words, np.uint64)
+    _morph(source, lines, flip, region, active, out, line, step)
+    return out
+
+
+@kernel
+def _morph(
+    source: Any, lines: Any, flip: Any, region: Any, active: Any, out: Any, line: Any, step: Any
+) -> Any:
+    one, top = np.uint64(1), np.uint64(63)
+    rows, columns, words = source.shape
     for row in range(rows):
         for column in range(ROOM, columns - ROOM):
             end = 0
@@ -138,11 +147,11 @@ def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: Boo
                     while length > lines[i, 2]:
                         for w in range(first, end):
                             here = line[w]
-                            up = (here << np.uint64(1)) | (line[w - 1] >> np.uint64(63))
-                            down = (here >> np.uint64(1)) | (line[w + 1] << np.uint64(63))
+                            up = (here << one) | (line[w - 1] >> top)
+                            down = (here >> one) | (line[w + 1] << top)
                             step[w] = here & up & down
-                        line[low] &= line[low] << np.uint64(1)
-                        line[end] &= line[end] >> np.uint64(1)
+                        line[low] &= line[low] << one
+                        line[end] &= line[end] >> one
                         for w in range(first, end):
                             line[w] = step[w]
                         length -= 1
@@ -150,18 +159,15 @@ def morph(source: Bits, lines: IntArray, dilate: bool, region: Bits, active: Boo
                     if 0 <= at < rows:
                         for w in range(low, high):
                             line[w] &= source[at, beside, w] ^ flip
-                    elif not dilate:
+                    elif flip == 0:
                         for w in range(low, high):
                             line[w] = 0
                 for w in range(first, end):
                     out[row, column, w] = line[w] ^ flip
-    return out
 
 
-@kernel
-def _morph_word(
-    source: Bits, lines: IntArray, flip: np.uint64, row: int, column: int, word: int
-) -> np.uint64:
+@inner_kernel
+def _morph_word(source: Any, lines: Any, flip: Any, row: Any, column: Any, word: Any) -> Any:
     # `morph` of one word, with its two neighbours in registers
     one, top = np.uint64(1), np.uint64(63)
     before = here = after = ~np.uint64(0)
@@ -183,32 +189,25 @@ def _morph_word(
     return here
 
 
-@kernel
 def grow(grown: Bits, within: Bits, steps: int) -> int:
     """Grow a set in place within another, step by step; return how many words are not filled.
 
     Steps take in the 6 neighbours across faces and the 18 across faces and edges by turns,
     beginning with the 6: an octagonal ball whose radius is true to 13 %.
     """
-    rows, columns, words = grown.shape
-    todo = 0
-    for row in range(rows):
-        for c in range(ROOM, columns - ROOM):
-            for w in range(1, words - 1):
-                todo += (within[row, c, w] & ~grown[row, c, w]) != 0
-    place = np.empty((todo, 3), np.int32)
-    value = np.empty(todo, np.uint64)
-    todo = 0
-    for row in range(rows):
-        for c in range(ROOM, columns - ROOM):
-            for w in range(1, words - 1):
-                if (within[row, c, w] & ~grown[row, c, w]) != 0:
-                    place[todo, 0], place[todo, 1], place[todo, 2] = row, c, w
-                    todo += 1
+    inner = np.s_[:, ROOM:-ROOM, 1:-1]
+    place = np.argwhere(within[inner] & ~grown[inner]) + np.array([0, ROOM, 1])
+    return int(_grow(grown, within, steps, place, np.empty(len(place), np.uint64)))
+
+
+@kernel
+def _grow(grown: Any, within: Any, steps: Any, place: Any, value: Any) -> Any:
+    one, top = np.uint64(1), np.uint64(63)
+    last, todo = grown.shape[0] - 1, place.shape[0]
     for step in range(steps):
         for i in range(todo):
             row, c, w = place[i, 0], place[i, 1], place[i, 2]
-            above, below = max(row - 1, 0), min(row + 1, rows - 1)
+            above, below = max(row - 1, 0), min(row + 1, last)
             new = np.uint64(0)
             for v in range(w - 1, w + 2):
                 along = grown[row, c, v]
@@ -222,11 +221,11 @@ def grow(grown: Bits, within: Bits, steps: int) -> int:
                         new |= grown[above, c - 1, v] | grown[above, c + 1, v]
                         new |= grown[below, c - 1, v] | grown[below, c + 1, v]
                 if v < w:
-                    new |= along >> np.uint64(63)
+                    new |= along >> top
                 elif v > w:
-                    new |= along << np.uint64(63)
+                    new |= along << top
                 else:
-                    new |= along | (along << np.uint64(1)) | (along >> np.uint64(1))
+                    new |= along | (along << one) | (along >> one)
             value[i] = new & within[row, c, w]
         left, changed = 0, False
         for i in range(todo):

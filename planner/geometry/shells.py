@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,7 @@ from planner.errors import ArgumentError
 from planner.geometry.caps import caps
 from planner.geometry.cut import LATTICE_MM, divide, snap_distance_mm
 from planner.geometry.fields import Field, PlanarField
-from planner.geometry.kernel import kernel
-from planner.geometry.mesh import Mesh
+from planner.geometry.mesh import Mesh, measure
 
 __all__ = ["Pieces", "piece_bounds_mm", "piece_volumes_mm3", "shell_faces", "split"]
 
@@ -139,55 +137,32 @@ def shell_faces(pieces: Pieces, members: Collection[int]) -> NDArray[np.int32]:
 
 def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
     """Volume of every piece in mm³, (count,); their sum is the part's volume."""
-    volumes: FloatArray = _volumes(
-        pieces.vertices, pieces.faces, pieces.piece, pieces.cap_faces, pieces.cap_level,
-        pieces.count,
-    )  # fmt: skip
-    return volumes
+    if not len(pieces.faces):
+        return np.zeros(pieces.count)
+    origin = pieces.vertices[pieces.faces[0, 0]].astype(np.float64)
+    points = pieces.vertices - origin
+    caps_mm3 = _six_volumes(points, pieces.cap_faces) / 6.0
+    # `bincount` adds one by one in this order.
+    return np.bincount(
+        np.concatenate([pieces.piece, np.add.outer(pieces.cap_level, [0, 1]).ravel()]),
+        weights=np.concatenate(
+            [_six_volumes(points, pieces.faces) / 6.0, np.outer(caps_mm3, [1.0, -1.0]).ravel()]
+        ),
+        minlength=pieces.count,
+    ).astype(np.float64, copy=False)
 
 
 def piece_bounds_mm(pieces: Pieces) -> FloatArray:
     """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
-    bounds: FloatArray = _bounds(pieces.vertices, pieces.faces, pieces.piece, pieces.count)
-    return bounds
+    found = measure(pieces.vertices, pieces.faces, pieces.piece, pieces.count)
+    return np.where(np.isfinite(found.bounds_mm), found.bounds_mm, np.nan)
 
 
-@kernel
-def _volumes(
-    vertices: Any, faces: Any, piece: Any, cap_faces: Any, cap_level: Any, count: Any
-) -> Any:
-    volumes = np.zeros(count, dtype=np.float64)
-    if faces.shape[0] == 0:
-        return volumes
-    o = vertices[faces[0, 0]].astype(np.float64)
-    for i in range(faces.shape[0]):
-        volumes[piece[i]] += _six_volume(vertices, faces, i, o) / 6.0
-    for i in range(cap_faces.shape[0]):
-        volume = _six_volume(vertices, cap_faces, i, o) / 6.0
-        volumes[cap_level[i]] += volume
-        volumes[cap_level[i] + 1] -= volume
-    return volumes
-
-
-@kernel
-def _six_volume(vertices: Any, faces: Any, i: Any, o: Any) -> Any:
-    a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
-    ax, ay, az = vertices[a, 0] - o[0], vertices[a, 1] - o[1], vertices[a, 2] - o[2]
-    bx, by, bz = vertices[b, 0] - o[0], vertices[b, 1] - o[1], vertices[b, 2] - o[2]
-    cx, cy, cz = vertices[c, 0] - o[0], vertices[c, 1] - o[1], vertices[c, 2] - o[2]
-    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-
-
-@kernel
-def _bounds(vertices: Any, faces: Any, piece: Any, count: Any) -> Any:
-    bounds = np.full((count, 2, 3), np.nan)
-    for i in range(faces.shape[0]):
-        box = bounds[piece[i]]
-        for j in range(3):
-            for k in range(3):
-                x = vertices[faces[i, j], k]
-                if not box[0, k] <= x:
-                    box[0, k] = x
-                if not box[1, k] >= x:
-                    box[1, k] = x
-    return bounds
+def _six_volumes(points: FloatArray, faces: NDArray[np.int32]) -> FloatArray:
+    """Six times the volume of the tetrahedron between each face and the origin."""
+    x, y, z = points.T
+    a, b, c = faces.T
+    six: FloatArray = x[a] * (y[b] * z[c] - z[b] * y[c])
+    six += y[a] * (z[b] * x[c] - x[b] * z[c])
+    six += z[a] * (x[b] * y[c] - y[b] * x[c])
+    return six

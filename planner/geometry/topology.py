@@ -2,18 +2,43 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import BoolArray, FloatArray
+from planner.arrays import BoolArray
 from planner.geometry.kernel import kernel
+from planner.geometry.weld import order_rows
 
-__all__ = ["CROWDED", "OPEN", "Topology", "body_measures", "consistent_winding"]
+__all__ = [
+    "CROWDED",
+    "OPEN",
+    "EdgeOrder",
+    "Topology",
+    "connected",
+    "consistent_winding",
+    "order_edges",
+]
 
 OPEN, CROWDED = -1, -2
 """In `Topology.twin`: no other face at this edge, or more than one."""
+
+
+class EdgeOrder(NamedTuple):
+    """Half-edges sorted by the edge they lie at.
+
+    Attributes
+    ----------
+    order : (3 m,) int32
+        Half-edges; those at one edge, either way, are neighbours and rise.
+    starts, faces : (e,) int64
+        Where in `order` each edge's half-edges begin, and how many there are.
+    """
+
+    order: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    faces: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +56,20 @@ class Topology:
     faces: NDArray[np.int32]
 
     @cached_property
+    def _around(self) -> EdgeOrder:
+        """The half-edges, those at one edge next to each other."""
+        return order_edges(self.faces)
+
+    @cached_property
     def _paired(self) -> tuple[NDArray[np.int32], int]:
-        twin, same_way = _pair(self.faces, int(self.faces.max(initial=-1)) + 1)
-        return twin, int(same_way)
+        order, starts, count = self._around
+        twin = np.full(self.faces.size, OPEN, dtype=np.int32)
+        twin[order[np.repeat(count > 2, count)]] = CROWDED
+        pairs = starts[count == 2]
+        one, other = order[pairs], order[pairs + 1]
+        twin[one], twin[other] = other, one
+        tail = self.faces.ravel()
+        return twin, int(np.count_nonzero(tail[one] == tail[other]))
 
     @property
     def twin(self) -> NDArray[np.int32]:
@@ -61,8 +97,8 @@ class Topology:
 
         Faces are of one body when steps over edges of exactly two faces connect them.
         """
-        labels: NDArray[np.int32] = _bodies(self.twin)
-        return labels
+        half = np.flatnonzero(self.twin >= 0)
+        return connected(len(self.faces), half // 3, self.twin[half] // 3)
 
     @property
     def bodies(self) -> int:
@@ -76,75 +112,41 @@ class Topology:
         return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
 
 
-@kernel
-def _pair(faces: Any, n: Any) -> Any:
-    """Bucket half-edges by their lower vertex, sort each bucket by the higher, match equals."""
-    m = faces.shape[0]
-    place = np.zeros(n + 1, dtype=np.int32)
-    for i in range(m):
-        for j in range(3):
-            place[min(faces[i, j], faces[i, (j + 1) % 3]) + 1] += 1
-    for i in range(n):
-        place[i + 1] += place[i]
-    bucket = np.empty(3 * m, dtype=np.int32)
-    high = np.empty(3 * m, dtype=np.int32)
-    for i in range(m):
-        for j in range(3):
-            a, b = faces[i, j], faces[i, (j + 1) % 3]
-            k = place[min(a, b)]
-            bucket[k], high[k] = 3 * i + j, max(a, b)
-            place[min(a, b)] = k + 1
-    twin = np.full(3 * m, -1, dtype=np.int32)
-    same_way = 0
-    start = 0
-    for v in range(n):
-        end = place[v]
-        gap = (end - start) // 2  # Shell's sort: at most vertices few edges meet, at a fan's many
-        while gap > 0:
-            for i in range(start + gap, end):
-                h, e, k = high[i], bucket[i], i
-                while k >= start + gap and high[k - gap] > h:
-                    high[k], bucket[k] = high[k - gap], bucket[k - gap]
-                    k -= gap
-                high[k], bucket[k] = h, e
-            gap //= 2
-        while start < end:
-            stop = start + 1
-            while stop < end and high[stop] == high[start]:
-                stop += 1
-            if stop - start == 2:
-                e, g = bucket[start], bucket[start + 1]
-                twin[e], twin[g] = g, e
-                same_way += faces[e // 3, e % 3] == faces[g // 3, g % 3]
-            elif stop - start > 2:
-                for k in range(start, stop):
-                    twin[bucket[k]] = -2
-            start = stop
-    return twin, same_way
+def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
+    """Sort half-edges 3 f + j by the two vertices they join; see `EdgeOrder`."""
+    heads = faces[:, [1, 2, 0]]
+    order, starts = order_rows(np.minimum(faces, heads).ravel(), np.maximum(faces, heads).ravel())
+    return EdgeOrder(order, starts, np.diff(starts, append=len(order)))
+
+
+def connected(
+    count: int, one: NDArray[np.integer[Any]], other: NDArray[np.integer[Any]]
+) -> NDArray[np.int32]:
+    """Find which of 0..count-1 links one[i]-other[i] join; number groups by first appearance."""
+    parent = np.arange(count, dtype=np.int32)
+    _join(parent, one.astype(np.int32), other.astype(np.int32))
+    number = np.cumsum(parent == np.arange(count), dtype=np.int32) - np.int32(1)
+    labels: NDArray[np.int32] = number[parent]
+    return labels
 
 
 @kernel
-def _bodies(twin: Any) -> Any:
-    m = twin.shape[0] // 3
-    label = np.full(m, -1, dtype=np.int32)
-    stack = np.empty(m, dtype=np.int32)
-    bodies = 0
-    for seed in range(m):
-        if label[seed] >= 0:
-            continue
-        label[seed] = bodies
-        stack[0], size = seed, 1
-        while size > 0:
-            size -= 1
-            f = stack[size]
-            for j in range(3):
-                g = twin[3 * f + j]
-                if g >= 0 and label[g // 3] < 0:
-                    label[g // 3] = bodies
-                    stack[size] = g // 3
-                    size += 1
-        bodies += 1
-    return label
+def _join(parent: Any, one: Any, other: Any) -> None:
+    """Point each member of a group at its smallest, by links between two (union-find)."""
+    for i in range(one.size):
+        a, b = one[i], other[i]
+        while parent[a] != a:
+            parent[a] = parent[parent[a]]
+            a = parent[a]
+        while parent[b] != b:
+            parent[b] = parent[parent[b]]
+            b = parent[b]
+        if a < b:
+            parent[b] = a
+        else:
+            parent[a] = b
+    for i in range(parent.size):
+        parent[i] = parent[parent[i]]
 
 
 def consistent_winding(topology: Topology) -> BoolArray | None:
@@ -193,46 +195,3 @@ def _flood(faces: Any, twin: Any) -> Any:
                 elif turned[g] != wanted:
                     return turned, False
     return turned, True
-
-
-def body_measures(
-    vertices: FloatArray, topology: Topology
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Measure each body.
-
-    Returns
-    -------
-    volume_mm3, area_mm2 : (bodies,)
-        Signed volume about a vertex of the body, and surface.
-    bounds_mm : (bodies, 2, 3)
-        Smallest and largest coordinates.
-    """
-    volume, area, bounds = _measure(vertices, topology.faces, topology.body, topology.bodies)
-    return volume, area, bounds
-
-
-@kernel
-def _measure(vertices: Any, faces: Any, body: Any, bodies: Any) -> Any:
-    volume, area = np.zeros(bodies), np.zeros(bodies)
-    bounds = np.empty((bodies, 2, 3))
-    bounds[:, 0], bounds[:, 1] = np.inf, -np.inf
-    origin = np.empty((bodies, 3))
-    for i in range(faces.shape[0]):
-        b = body[i]
-        if bounds[b, 0, 0] == np.inf:
-            for k in range(3):
-                origin[b, k] = vertices[faces[i, 0], k]
-        for j in range(3):
-            for k in range(3):
-                at = vertices[faces[i, j], k]
-                bounds[b, 0, k] = min(bounds[b, 0, k], at)
-                bounds[b, 1, k] = max(bounds[b, 1, k], at)
-        i0, i1, i2 = faces[i, 0], faces[i, 1], faces[i, 2]
-        x, y, z = vertices[i0, 0], vertices[i0, 1], vertices[i0, 2]
-        ux, uy, uz = vertices[i1, 0] - x, vertices[i1, 1] - y, vertices[i1, 2] - z
-        vx, vy, vz = vertices[i2, 0] - x, vertices[i2, 1] - y, vertices[i2, 2] - z
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        x, y, z = x - origin[b, 0], y - origin[b, 1], z - origin[b, 2]
-        volume[b] += x * nx + y * ny + z * nz
-        area[b] += np.sqrt(nx * nx + ny * ny + nz * nz)
-    return volume / 6.0, area / 2.0, bounds

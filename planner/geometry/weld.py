@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import BoolArray, Float32Array, FloatArray
-from planner.geometry.kernel import kernel
+from planner.geometry.kernel import inner_kernel, kernel
 
 __all__ = [
     "cancel_opposite",
-    "counting_order",
-    "position_slot",
+    "order_rows",
     "repeats_index",
+    "row_slot",
+    "sorted_corners",
     "weld",
     "weld_points",
 ]
@@ -43,58 +44,54 @@ def weld(triangles: Points) -> tuple[Points, NDArray[np.int32]]:
 
 def weld_points(points: Points) -> tuple[Points, NDArray[np.int32]]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
-    bits = np.uint32 if points.dtype == np.float32 else np.uint64
-    vertices, index = _weld(
-        np.require(points, requirements=["C", "W"]).view(bits),
-        bits(1 << (8 * points.dtype.itemsize - 1)),
-    )
-    return vertices.view(points.dtype), index
+    plain = np.add(points, 0.0, order="C", dtype=points.dtype)  # no minus zero is left
+    words = plain.view(np.uint32)
+    distinct = np.empty_like(words)
+    index = np.empty(len(words), dtype=np.int32)
+    n = _weld(words, distinct, index)
+    vertices: Points = distinct[:n].copy().view(points.dtype)
+    return vertices, index
 
 
 @kernel
-def _weld(corners: Any, minus_zero: Any) -> Any:
-    """Hash the bit patterns into an open-addressed table that doubles when half full."""
-    count = corners.shape[0]
-    index = np.empty(count, dtype=np.int32)
-    vertices = np.empty((max(count, 1), 3), dtype=corners.dtype)
+def _weld(rows: Any, distinct: Any, index: Any) -> Any:
+    """Find equal rows by a hash table, open-addressed, that grows when half full."""
+    count, width = rows.shape
     shift = np.uint64(54)
-    table = np.full(1024, -1, dtype=np.int32)
+    table = np.zeros(1024, dtype=np.int32)  # number + 1 of a distinct row; 0 where free
     n = 0
     for i in range(count):
-        x, y, z = corners[i, 0], corners[i, 1], corners[i, 2]
-        x = x if x != minus_zero else x ^ x
-        y = y if y != minus_zero else y ^ y
-        z = z if z != minus_zero else z ^ z
-        slot = position_slot(x, y, z, shift)
-        while True:
-            j = table[slot]
-            if j < 0:
-                vertices[n, 0], vertices[n, 1], vertices[n, 2] = x, y, z
-                table[slot] = n
-                j = n
-                n += 1
-                break
-            if vertices[j, 0] == x and vertices[j, 1] == y and vertices[j, 2] == z:
+        slot = row_slot(rows, i, shift)
+        while table[slot] > 0:
+            j, same = table[slot] - 1, True
+            for k in range(width):
+                same &= distinct[j, k] == rows[i, k]
+            if same:
                 break
             slot = (slot + 1) & (table.size - 1)
-        index[i] = j
+        if table[slot] == 0:
+            for k in range(width):
+                distinct[n, k] = rows[i, k]
+            n += 1
+            table[slot] = n
+        index[i] = table[slot] - 1
         if 2 * n > table.size:
             shift -= np.uint64(2)
-            table = np.full(4 * table.size, -1, dtype=np.int32)
-            for k in range(n):
-                slot = position_slot(vertices[k, 0], vertices[k, 1], vertices[k, 2], shift)
-                while table[slot] >= 0:
+            table = np.zeros(4 * table.size, dtype=np.int32)
+            for j in range(n):
+                slot = row_slot(distinct, j, shift)
+                while table[slot] > 0:
                     slot = (slot + 1) & (table.size - 1)
-                table[slot] = k
-    return vertices[:n].copy(), index
+                table[slot] = j + 1
+    return n
 
 
-@kernel
-def position_slot(x: Any, y: Any, z: Any, shift: Any) -> Any:
-    """Top bits of a product hash: low bits of round coordinates are all zero."""
-    mixed = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15)
-    mixed ^= np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)
-    mixed ^= np.uint64(z) * np.uint64(0x165667B19E3779F9)
+@inner_kernel
+def row_slot(rows: Any, i: Any, shift: Any) -> Any:
+    """Top bits of a product hash of a row of uint32: low bits of round coordinates are all zero."""
+    mixed = np.uint64(0)
+    for k in range(rows.shape[1]):
+        mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= mixed >> np.uint64(32)
     mixed *= np.uint64(0xD6E8FEB86659FD93)
     return np.int64(mixed >> shift)
@@ -122,56 +119,67 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
     (m,) bool
         True where a face stays.
     """
-    keep: BoolArray = _cancel(faces, int(faces.max(initial=-1)) + 1)
+    keep = np.ones(len(faces), dtype=np.bool_)
+    order, starts = order_rows(*sorted_corners(faces))
+    count = np.diff(starts, append=len(order))
+    if not (count > 1).any():
+        return keep
+    a, b, c = faces[order].T
+    way = np.where((a < b) ^ (b < c) ^ (c < a), -1, 1)
+    net = np.repeat(np.add.reduceat(way, starts), count)
+    frequent = way * net > 0
+    rank = np.cumsum(frequent)
+    rank -= np.repeat(rank[starts] - frequent[starts], count)
+    keep[order] = frequent & (rank <= np.abs(net))
     return keep
 
 
-@kernel
-def _cancel(faces: Any, n: Any) -> Any:
-    m = faces.shape[0]
-    key = np.empty((3, m), dtype=np.int32)
-    way = np.empty(m, dtype=np.int8)
-    for i in range(m):
-        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
-        low, high = min(a, b, c), max(a, b, c)
-        key[0, i], key[1, i], key[2, i] = high, a ^ b ^ c ^ low ^ high, low
-        way[i] = 1 if (a < b) + (b < c) + (c < a) == 2 else -1
-    keep = np.ones(m, dtype=np.bool_)
-    order = np.arange(m).astype(np.int32)
-    for digit in range(3):
-        order = counting_order(key[digit], order, n)
-    start = 0
-    while start < m:
-        i = order[start]
-        end, net = start, 0
-        while end < m:
-            j = order[end]
-            if key[0, i] != key[0, j] or key[1, i] != key[1, j] or key[2, i] != key[2, j]:
-                break
-            net += way[j]
-            end += 1
-        if abs(net) != end - start:
-            for k in range(start, end):
-                j = order[k]
-                if net * way[j] > 0:
-                    net -= way[j]
-                else:
-                    keep[j] = False
-        start = end
-    return keep
+def sorted_corners(
+    faces: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Lowest, middle and highest vertex of each face: the same for faces on the same three."""
+    a, b, c = faces.T
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
+
+
+def order_rows(*columns: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Sort rows of small numbers, stably, so that equal ones become neighbours.
+
+    Parameters
+    ----------
+    *columns : (m,) int32
+        Numbers from 0 on, such as indices of vertices; the first column counts most.
+
+    Returns
+    -------
+    order : (m,) int32
+        Indices of the rows.
+    starts : (g,) int64
+        Where in `order` each group of equal rows begins.
+    """
+    order = np.arange(len(columns[0]), dtype=np.int32)
+    for column in columns[::-1]:
+        moved = np.empty_like(order)
+        place = np.zeros(int(column.max(initial=-1)) + 2, dtype=np.int32)
+        _count_into(column, order, place, moved)
+        order = moved
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = False
+    for column in columns:
+        ranked = column[order]
+        first[1:] |= ranked[1:] != ranked[:-1]
+    return order, np.flatnonzero(first)
 
 
 @kernel
-def counting_order(key: Any, order: Any, size: Any) -> Any:
-    """Sort `order` stably by key[order], keys in 0..size-1: one digit of a radix sort."""
-    place = np.zeros(size + 1, dtype=np.int32)
-    for i in range(order.size):
-        place[key[order[i]] + 1] += 1
-    for i in range(size):
+def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
+    """Sort `order` stably by key[order] into `moved`: one digit of a radix sort."""
+    for i in range(key.size):
+        place[key[i] + 1] += 1
+    for i in range(place.size - 1):
         place[i + 1] += place[i]
-    moved = np.empty_like(order)
     for i in range(order.size):
         k = key[order[i]]
         moved[place[k]] = order[i]
         place[k] += 1
-    return moved

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from planner.errors import MeshError
 from planner.geometry.audit import audit
 from planner.geometry.crossings import find_crossing
-from planner.geometry.mesh import Mesh
+from planner.geometry.mesh import Mesh, measure
 from planner.geometry.part import make_part
-from planner.geometry.topology import CROWDED, OPEN, Topology, body_measures, consistent_winding
+from planner.geometry.topology import CROWDED, OPEN, Topology, consistent_winding
 from planner.geometry.weld import weld
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
@@ -155,7 +155,8 @@ def test_bodies_are_measured_one_by_one():
     cube, ball = manifold3d.Manifold.cube((1, 2, 3)), manifold3d.Manifold.sphere(2, 32)
     soup = np.concatenate([triangles_of(cube.translate((5, 5, 5))), triangles_of(ball)])
     vertices, faces = weld(soup)
-    volume, area, bounds = body_measures(vertices, Topology(faces))
+    topology = Topology(faces)
+    volume, area, bounds, _ = measure(vertices, faces, topology.body, topology.bodies)
     assert volume == pytest.approx([6, ball.volume()], rel=1e-12)
     assert area == pytest.approx([22, ball.surface_area()], rel=1e-12)
     assert np.array_equal(bounds[0], [[5, 5, 5], [6, 7, 8]])
