@@ -13,11 +13,17 @@ __all__ = ["check_target", "new_folder"]
 MARK = "plan.json"
 """The file by which a folder is known as one that planner wrote."""
 
+OWN = (MARK, "*.3mf", "HOWTO.md", "report.html", "stl/*.stl")
+"""What planner writes into a folder, and so may replace."""
+
+_NAMED = 5
+
 
 def check_target(folder: str | Path, *, force: bool = False) -> Path:
     """Make sure that a folder may be written, before hours are spent on its content.
 
-    An absent or empty folder may; one that planner wrote may with `force`; anything else never.
+    An absent or empty folder may; one that holds `OWN` files alone may with `force`; anything
+    else never.
 
     Returns
     -------
@@ -37,6 +43,12 @@ def check_target(folder: str | Path, *, force: bool = False) -> Path:
                 raise OutputError(
                     f"{folder}: exists and holds no {MARK}, so planner did not write it and does "
                     "not replace it; name another folder with --output"
+                )
+            strangers = _strangers(target)
+            if strangers:
+                raise OutputError(
+                    f"{folder}: holds {_listed(strangers)}, which planner did not write and does "
+                    "not delete; move that elsewhere, or name another folder with --output"
                 )
             if content and not force:
                 raise OutputError(
@@ -77,14 +89,16 @@ def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        The target may not be written, or the system refused: no permission, no space.
+        The target may not be written, or the system refused: no permission, no space. Or the
+        target is written and a rest of the earlier plan is left; the message says where.
     """
     target = check_target(folder, force=force)
     scratch = None
     try:
         scratch = _make_sibling(target, "partial")
         yield scratch
-        _exchange(scratch, target)
+        check_target(folder, force=force)  # what has come there meanwhile
+        earlier = _exchange(scratch, target)
     except OSError as error:
         raise OutputError(
             f"{folder}: {_reason(error)}; nothing was written; choose another place with --output"
@@ -92,6 +106,14 @@ def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
+    try:
+        if earlier is not None:
+            shutil.rmtree(earlier)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: is written, but the earlier plan could not be deleted whole "
+            f"({_reason(error)}); delete {earlier}"
+        ) from error
 
 
 def _make_sibling(target: Path, suffix: str) -> Path:
@@ -106,11 +128,28 @@ def _make_sibling(target: Path, suffix: str) -> Path:
     raise AssertionError("count() does not end")
 
 
-def _exchange(scratch: Path, target: Path) -> None:
-    """Rename `scratch` to `target`; what was there is kept until that has worked."""
+def _strangers(folder: Path) -> list[str]:
+    """List what is not planner's in a folder, sorted; folders end in a slash."""
+    own = {path for pattern in OWN for path in folder.glob(pattern) if path.is_file()}
+    own |= {folder / "stl"} if (folder / "stl").is_dir() else set()
+    own = {path for path in own if not path.is_symlink()}
+    return sorted(
+        path.relative_to(folder).as_posix() + "/" * (path.is_dir() and not path.is_symlink())
+        for path in folder.rglob("*")
+        if path not in own
+    )
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _exchange(scratch: Path, target: Path) -> Path | None:
+    """Rename `scratch` to `target`; return where what was there has gone."""
     if not target.exists():
         scratch.rename(target)
-        return
+        return None
     earlier = _make_sibling(target, "replaced")
     kept = earlier / target.name
     try:
@@ -121,7 +160,7 @@ def _exchange(scratch: Path, target: Path) -> None:
             kept.rename(target)
         earlier.rmdir()
         raise
-    shutil.rmtree(earlier, ignore_errors=True)
+    return earlier
 
 
 def _reason(error: Exception) -> str:

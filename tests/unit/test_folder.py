@@ -2,6 +2,8 @@
 
 import errno
 import os
+import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,97 @@ def test_foreign_folder_stays(tmp_path, force):
     with pytest.raises(OutputError, match=r"holds no plan\.json"):
         write(tmp_path / "thesis", force=force)
     assert content(tmp_path / "thesis") == {"text.txt": "years of work"}
+
+
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize(
+    ("stranger", "named"),
+    [
+        ("notes.txt", "notes.txt"),
+        ("stl/readme.md", "stl/readme.md"),
+        ("photos/a.stl", "photos/, photos/a.stl"),
+        ("stl/old/a.stl", "stl/old/, stl/old/a.stl"),
+        ("HOWTO.md.bak", "HOWTO.md.bak"),
+        ("a.stl", "a.stl"),
+        (".hidden", ".hidden"),
+    ],
+)
+def test_what_others_put_into_a_plan_stays(tmp_path, stranger, named, force):
+    target = tmp_path / "out"
+    write(target, "old")
+    (target / stranger).parent.mkdir(exist_ok=True)
+    (target / stranger).write_text("mine")
+    before = content(target)
+    with pytest.raises(OutputError, match=f"holds {re.escape(named)}, which planner did not write"):
+        write(target, force=force)
+    assert content(target) == before
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_file_named_stl_is_no_plan_file(tmp_path):
+    write(tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "stl")
+    (tmp_path / "out" / "stl").write_text("mine")
+    with pytest.raises(OutputError, match="holds stl, which"):
+        check_target(tmp_path / "out", force=True)
+
+
+def test_a_link_in_a_plan_is_no_plan_file(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+    (tmp_path / "elsewhere").mkdir()
+    (target / "part.3mf").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match=r"holds part\.3mf, which"):
+        check_target(target, force=True)
+
+
+def test_many_strangers_are_counted(tmp_path):
+    write(tmp_path / "out")
+    for number in range(8):
+        (tmp_path / "out" / f"{number}.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"0\.txt, .*4\.txt and 3 more, which"):
+        check_target(tmp_path / "out", force=True)
+
+
+def test_all_that_planner_writes_is_replaced(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+    for own in ("part.3mf", "HOWTO.md", "report.html", "stl/b.stl"):
+        (target / own).write_text("old")
+    write(target, force=True)
+    assert content(target) == {"plan.json": "new", "stl/a.stl": "new"}
+
+
+def test_what_comes_while_writing_stays(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+
+    def write_slowly():
+        with new_folder(target, force=True) as scratch:
+            (scratch / "plan.json").write_text("new")
+            (target / "notes.txt").write_text("mine")
+
+    with pytest.raises(OutputError, match=r"notes\.txt"):
+        write_slowly()
+    assert content(target) == {"notes.txt": "mine", "plan.json": "old", "stl/a.stl": "old"}
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_rest_of_the_earlier_plan_is_told(tmp_path, monkeypatch):
+    """Another program may hold its files open, as on network drives."""
+    target = tmp_path / "out"
+    write(target, "old")
+    original = shutil.rmtree
+
+    def refuse(path, **options):
+        if "replaced" in str(path):
+            raise OSError(errno.EBUSY, "Device or resource busy")
+        original(path, **options)
+
+    monkeypatch.setattr(shutil, "rmtree", refuse)
+    with pytest.raises(OutputError, match=r"is written, but .*busy.*; delete .*\.out\.replaced"):
+        write(target, force=True)
+    assert content(target)["plan.json"] == "new"
 
 
 @pytest.mark.parametrize("force", [False, True])
