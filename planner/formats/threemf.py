@@ -113,7 +113,9 @@ def encode_threemf(
             mesh.SetObjectLevelProperty(bases.GetUniqueResourceID(), entries[key])
             component = assembly.AddComponent(mesh, identity)
             component.SetUUID(_identifier("component", number, digests[-1]))
-        whole = hashlib.sha256("\n".join((assembly_name, *digests)).encode("utf-8")).hexdigest()
+        whole = hashlib.sha256(
+            "\n".join((_text(assembly_name), *digests)).encode("utf-8")
+        ).hexdigest()
         assembly.SetName(_text(assembly_name))
         assembly.SetUUID(_identifier("assembly", 0, whole))
         model.AddBuildItem(assembly, identity).SetUUID(_identifier("item", 0, whole))
@@ -140,14 +142,17 @@ def _identifier(kind: str, number: int, digest: str) -> str:
 
 def _digest(item: ThreemfObject) -> str:
     text = "\n".join((item.name, item.material_name, item.colour, *map(str, item.metadata.items())))
-    digest = hashlib.sha256(text.encode("utf-8"))
+    digest = hashlib.sha256(_text(text).encode("utf-8"))
     digest.update(np.ascontiguousarray(item.vertices, dtype="<f4").tobytes())
     digest.update(np.ascontiguousarray(item.faces, dtype="<i4").tobytes())
     return digest.hexdigest()
 
 
 def _text(value: str) -> str:
-    """Replace the control characters that XML cannot hold."""
+    """Replace what XML cannot hold: control characters, and halves of surrogate pairs.
+
+    Such halves stand for the bytes of a file name that are not UTF-8.
+    """
     return re.sub(r"[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", value)
 
 

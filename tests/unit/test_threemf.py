@@ -137,6 +137,17 @@ def test_names_that_xml_cannot_hold_as_they_are():
     assert read.metadata["note"] == "line\nbreak?"
 
 
+def test_names_that_utf8_cannot_hold():
+    """Python reads a file name's byte FF, which is not UTF-8, as half of a surrogate pair."""
+    odd = "\udcffpart\ufffe"
+    shell = tetrahedron(odd, odd, note=odd)
+    data = encode_threemf([shell], odd, {"Description": odd, "part": odd})
+    model = decode_threemf(data, "x", strict=True)
+    assert {model.objects[0].name, model.objects[0].material_name} == {"?part?"}
+    assert model.objects[0].metadata == {"note": "?part?"}
+    assert {model.metadata[key] for key in ("Title", "Description", "part")} == {"?part?"}
+
+
 @pytest.mark.parametrize(
     ("objects", "message"),
     [
