@@ -18,6 +18,8 @@ from planner.printers import Printer
 
 __all__ = ["print_checks"]
 
+_MOST_VOXELS = 16_000  # along an axis; a grid numbers few more
+
 
 def print_checks(
     mesh: Mesh,
@@ -36,7 +38,11 @@ def print_checks(
         ``places_too_thin``: walls and fragments below the minimum wall.
         ``voxel_volume_error``: volume of each piece in the printer's own voxels against
         `volumes_mm3`, of the part's volume, at worst. A voxel is counted wrongly only where the
-        surface passes within half its diagonal, which is the limit.
+        surface passes within half its diagonal, which is the limit. Voxels are coarser than the
+        printer's where a part over the tray would need more than can be numbered.
+
+        Walls and voxels of a part that is far over the tray are not checked, and the findings
+        say so: its unit is wrong.
     findings : tuple of Finding
         In words, the tray first. Places are in the coordinates of the files.
     """
@@ -48,6 +54,9 @@ def print_checks(
         findings.append(_too_large(extent_mm, machine))
     levels = [band.start for band in steps[1:]]
     materials = [palette.materials[band.grade].id for band in steps]
+    if excess_mm > max(machine.tray_mm):
+        findings.append(_unchecked(machine))
+        return checks, tuple(findings)
     places = thin_walls(mesh, field, levels, materials, machine.minimum_wall_mm)
     count = sum(1 + place.more for place in places)
     checks["places_too_thin"] = Check(count, 0, count == 0)
@@ -69,6 +78,14 @@ def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
     )
 
 
+def _unchecked(machine: Printer) -> Finding:
+    return Finding(
+        kind="unchecked",
+        message=f"walls and voxels were not checked: the part is far over the tray of "
+        f"{machine.title}; check its unit",
+    )
+
+
 def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
     where = ", ".join(f"{coordinate:.2f}" for coordinate in place.place_mm)
     extent = " x ".join(f"{length:.2f}" for length in place.extent_mm)
@@ -87,9 +104,11 @@ def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
 def _voxel_check(
     mesh: Mesh, field: Field, levels: Sequence[float], volumes_mm3: FloatArray, machine: Printer
 ) -> Check:
-    pitch_mm = (*machine.pixel_mm, machine.layer_mm)
+    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
+    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
+    pitch_mm = native_mm * max(1.0, float((extent_mm / native_mm).max()) / _MOST_VOXELS)
     counted_mm3 = np.zeros(len(levels) + 1)
-    for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm)):
+    for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
         labelled = label_columns(columns, field, levels)
         counted_mm3 += label_volumes_mm3(labelled, len(levels) + 1)
     error = float(np.abs(counted_mm3 - volumes_mm3).max()) / mesh.volume_mm3
