@@ -19,9 +19,20 @@ from planner.errors import ArgumentError, MeshError
 from planner.geometry.column_kernels import LATTICE, bin_triangles, fill_runs, slab_runs, snap
 from planner.geometry.mesh import Mesh
 
-__all__ = ["Columns", "Faults", "Grid", "dense", "grid_for", "iterate_columns", "voxelize"]
+__all__ = [
+    "MOST_VOXELS",
+    "Columns",
+    "Faults",
+    "Grid",
+    "dense",
+    "grid_for",
+    "iterate_columns",
+    "voxelize",
+]
 
-_MOST_VOXELS = 1 << 14
+MOST_VOXELS = 1 << 14
+"""Along an axis of a grid."""
+
 _SLAB_COLUMNS = 1 << 17  # a slab's working arrays stay in the second-level cache
 
 
@@ -48,10 +59,10 @@ class Grid:
             )
         if not all(np.isfinite(self.origin_mm)):
             raise ArgumentError(f"grid origin is {self.origin_mm} mm; it must be finite")
-        if not all(0 < n <= _MOST_VOXELS for n in self.shape):
+        if not all(0 < n <= MOST_VOXELS for n in self.shape):
             raise ArgumentError(
                 f"a pitch of {self.pitch_mm} mm makes a grid of {self.shape} voxels; up to "
-                f"{_MOST_VOXELS} along an axis are possible: choose a coarser pitch"
+                f"{MOST_VOXELS} along an axis are possible: choose a coarser pitch"
             )
 
     @property
@@ -232,12 +243,12 @@ def _check_reach(mesh: Mesh, grid: Grid) -> None:
     used = mesh.bounds_mm
     with np.errstate(invalid="ignore", over="ignore"):
         voxels = (used - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
-        near = np.abs(voxels) <= 2 * _MOST_VOXELS
-        small = voxels[1] - voxels[0] <= _MOST_VOXELS
+        near = np.abs(voxels) <= 2 * MOST_VOXELS
+        small = voxels[1] - voxels[0] <= MOST_VOXELS
     if not (near.all() and small.all()):
         raise MeshError(
             f"the mesh reaches from {used[0].tolist()} to {used[1].tolist()} mm, which is not "
-            f"within {_MOST_VOXELS} voxels of {grid.pitch_mm} mm about the grid's origin "
+            f"within {MOST_VOXELS} voxels of {grid.pitch_mm} mm about the grid's origin "
             f"{grid.origin_mm} mm; choose a coarser pitch, or cut the part"
         )
 

@@ -16,12 +16,20 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError
+from planner.geometry.columns import MOST_VOXELS
 from planner.geometry.fields import Field, PlanarField
 from planner.geometry.inscribed import inscribed_ball
 from planner.geometry.mesh import Mesh
-from planner.geometry.thin_places import Band, Place, Raster, raster_for, thin_places
+from planner.geometry.thin_places import (
+    COARSEST_RADIUS,
+    Band,
+    Place,
+    Raster,
+    raster_for,
+    thin_places,
+)
 
-__all__ = ["Finding", "thin_walls"]
+__all__ = ["Finding", "longest_checked_mm", "thin_walls"]
 
 _SOUND = 0.98  # of the minimum wall: walls drawn at the minimum come out rounded
 
@@ -67,6 +75,11 @@ class _Region:
     inner_mm: FloatArray  # planes between its pieces
 
 
+def longest_checked_mm(minimum_wall_mm: float) -> float:
+    """Return the longest extent of a part whose walls `thin_walls` can check."""
+    return (MOST_VOXELS - 3) * minimum_wall_mm / (2 * COARSEST_RADIUS + 1)
+
+
 def thin_walls(
     mesh: Mesh,
     field: Field,
@@ -106,7 +119,8 @@ def thin_walls(
     Raises
     ------
     ArgumentError
-        The wall or limit is not positive, the counts do not match, or the field is not planar.
+        The wall or limit is not positive, the counts do not match, the field is not planar, or
+        a region is longer than `longest_checked_mm`.
     """
     if not (0 < minimum_wall_mm < np.inf and limit > 0):
         raise ArgumentError(

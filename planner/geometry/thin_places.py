@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import BoolArray, FloatArray, IntArray
-from planner.geometry.columns import Columns, Grid, iterate_columns
+from planner.geometry.columns import MOST_VOXELS, Columns, Grid, iterate_columns
 from planner.geometry.labels import label_by_planes
 from planner.geometry.mesh import Mesh
 from planner.geometry.morphology import (
@@ -26,7 +26,7 @@ from planner.geometry.morphology import (
 __all__ = ["Band", "Place", "Raster", "raster_for", "thin_places"]
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
-_COARSEST_RADIUS = 2
+COARSEST_RADIUS = 2
 _SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
 _LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
 _MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}  # columns times lines of the ball
@@ -101,14 +101,15 @@ class Place:
 def raster_for(low_mm: FloatArray, high_mm: FloatArray, diameter_mm: float) -> Raster:
     """Choose a grid for a box and a ball: the finest that is cheap in memory and time."""
     order = np.argsort(high_mm - low_mm, kind="stable")
-    for radius in range(FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
+    for radius in range(FINEST_RADIUS, COARSEST_RADIUS - 1, -1):
         pitch = diameter_mm / (2 * radius + 1)
         origin = low_mm[order] - pitch
         shape = np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2
         row_bytes = (int(shape[0]) + 2 * ROOM) * (int(shape[2]) // 64 + 3) * 8
         rows = _SET_BYTES // row_bytes
         work = int(shape[0]) * int(shape[1]) * len(ball(radius))
-        if rows >= min(_LEAST_ROWS, int(shape[1])) and work <= _MOST_WORK.get(radius, 0):
+        small = rows >= min(_LEAST_ROWS, int(shape[1])) and int(shape.max()) <= MOST_VOXELS
+        if small and work <= _MOST_WORK.get(radius, 0):
             break
     x, y, z = (float(o) for o in origin)
     nx, ny, nz = (int(n) for n in shape)

@@ -5,20 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.arrays import FloatArray
-from planner.geometry.columns import grid_for, iterate_columns
+from planner.geometry.columns import MOST_VOXELS, grid_for, iterate_columns
 from planner.geometry.fields import Field
 from planner.geometry.labels import label_columns, label_volumes_mm3
 from planner.geometry.mesh import Mesh
 from planner.geometry.printability import Finding as Place
-from planner.geometry.printability import thin_walls
+from planner.geometry.printability import longest_checked_mm, thin_walls
 from planner.grading.bands import Band
 from planner.palette import Palette
 from planner.plan import Check, Finding
 from planner.printers import Printer
 
 __all__ = ["print_checks"]
-
-_MOST_VOXELS = 16_000  # along an axis; a grid numbers few more
 
 
 def print_checks(
@@ -54,7 +52,8 @@ def print_checks(
         findings.append(_too_large(extent_mm, machine))
     levels = [band.start for band in steps[1:]]
     materials = [palette.materials[band.grade].id for band in steps]
-    if excess_mm > max(machine.tray_mm):
+    longest_mm = longest_checked_mm(machine.minimum_wall_mm)
+    if excess_mm > max(machine.tray_mm) or (excess_mm > 0.0 and extent_mm.max() > longest_mm):
         findings.append(_unchecked(machine))
         return checks, tuple(findings)
     places = thin_walls(mesh, field, levels, materials, machine.minimum_wall_mm)
@@ -106,7 +105,7 @@ def _voxel_check(
 ) -> Check:
     native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
-    pitch_mm = native_mm * max(1.0, float((extent_mm / native_mm).max()) / _MOST_VOXELS)
+    pitch_mm = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
     counted_mm3 = np.zeros(len(levels) + 1)
     for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
         labelled = label_columns(columns, field, levels)
