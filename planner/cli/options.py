@@ -1,6 +1,5 @@
 """Options that more than one command takes."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
