@@ -5,7 +5,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["inner_kernel", "kernel"]
+__all__ = ["free_kernel", "inner_kernel", "kernel"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -22,6 +22,11 @@ def kernel(function: F) -> F:
     numpy does as well.
     """
     return _compiled(function)
+
+
+def free_kernel(function: F) -> F:
+    """Compile a function that lets other threads run meanwhile; see `kernel`."""
+    return _compiled(function, nogil=True)
 
 
 def inner_kernel(function: F) -> F:

@@ -10,7 +10,7 @@ from planner.arrays import BoolArray, FloatArray, IntArray
 from planner.gap.profile_design import ProfileDesign
 from planner.palette import Reference
 
-__all__ = ["RELAXATION_TIMES_s", "SOFTENING_PEAKS", "SOFTENING_SHARES", "Setup"]
+__all__ = ["SOFTENING_PEAKS", "SOFTENING_SHARES", "RELAXATION_TIMES_s", "Setup"]
 
 RELAXATION_TIMES_s: FloatArray = np.geomspace(1e-2, 1e5, 15)
 """Times of the exponentials that any relaxation is written with, two a decade."""
