@@ -4,26 +4,41 @@ import itertools
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 
 from planner.errors import OutputError
 
-__all__ = ["check_target", "new_folder"]
+__all__ = ["PLAN", "FolderKind", "check_target", "new_folder"]
 
-MARK = "plan.json"
-"""The file by which a folder is known as one that planner wrote."""
 
-OWN = (MARK, "*.3mf", "HOWTO.md", "report.html", "stl/*.stl")
-"""What planner writes into a folder, and so may replace."""
+@dataclass(frozen=True, slots=True)
+class FolderKind:
+    """What planner writes into one kind of folder.
+
+    Attributes
+    ----------
+    mark
+        The file by which such a folder is known.
+    own
+        Patterns of its files, the mark among them, which may so be replaced.
+    """
+
+    mark: str
+    own: tuple[str, ...]
+
+
+PLAN = FolderKind("plan.json", ("plan.json", "*.3mf", "HOWTO.md", "report.html", "stl/*.stl"))
+"""The folder of a plan."""
 
 _NAMED = 5
 
 
-def check_target(folder: str | Path, *, force: bool = False) -> Path:
+def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = PLAN) -> Path:
     """Make sure that a folder may be written, before hours are spent on its content.
 
-    An absent or empty folder may; one that holds `OWN` files alone may with `force`; anything
-    else never.
+    An absent or empty folder may; one that holds files of its kind alone may with `force`;
+    anything else never.
 
     Returns
     -------
@@ -39,12 +54,12 @@ def check_target(folder: str | Path, *, force: bool = False) -> Path:
         target = Path(folder).resolve()
         if target.is_dir():
             content = {entry.name for entry in target.iterdir()}
-            if content and MARK not in content:
+            if content and kind.mark not in content:
                 raise OutputError(
-                    f"{folder}: exists and holds no {MARK}, so planner did not write it and does "
-                    "not replace it; name another folder with --output"
+                    f"{folder}: exists and holds no {kind.mark}, so planner did not write it and "
+                    "does not replace it; name another folder with --output"
                 )
-            strangers = _strangers(target)
+            strangers = _strangers(target, kind)
             if strangers:
                 raise OutputError(
                     f"{folder}: holds {_listed(strangers)}, which planner did not write and does "
@@ -67,7 +82,9 @@ def check_target(folder: str | Path, *, force: bool = False) -> Path:
 
 
 @contextmanager
-def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
+def new_folder(
+    folder: str | Path, *, force: bool = False, kind: FolderKind = PLAN
+) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
     The body writes into the folder it is given, a sibling of the target, which takes the
@@ -79,7 +96,7 @@ def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
     folder
         The target; see `check_target` for what may be there.
     force
-        Replace an earlier plan.
+        Replace an earlier folder of the same kind.
 
     Yields
     ------
@@ -90,14 +107,14 @@ def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
     ------
     OutputError
         The target may not be written, or the system refused: no permission, no space. Or the
-        target is written and a rest of the earlier plan is left; the message says where.
+        target is written and a rest of the earlier folder is left; the message says where.
     """
-    target = check_target(folder, force=force)
+    target = check_target(folder, force=force, kind=kind)
     scratch = None
     try:
         scratch = _make_sibling(target, "partial")
         yield scratch
-        check_target(folder, force=force)  # what has come there meanwhile
+        check_target(folder, force=force, kind=kind)  # what has come there meanwhile
         earlier = _exchange(scratch, target)
     except OSError as error:
         raise OutputError(
@@ -111,7 +128,7 @@ def new_folder(folder: str | Path, *, force: bool = False) -> Iterator[Path]:
             shutil.rmtree(earlier)
     except OSError as error:
         raise OutputError(
-            f"{folder}: is written, but the earlier plan could not be deleted whole "
+            f"{folder}: is written, but the earlier one could not be deleted whole "
             f"({_reason(error)}); delete {earlier}"
         ) from error
 
@@ -128,10 +145,11 @@ def _make_sibling(target: Path, suffix: str) -> Path:
     raise AssertionError("count() does not end")
 
 
-def _strangers(folder: Path) -> list[str]:
+def _strangers(folder: Path, kind: FolderKind) -> list[str]:
     """List what is not planner's in a folder, sorted; folders end in a slash."""
-    own = {path for pattern in OWN for path in folder.glob(pattern) if path.is_file()}
-    own |= {folder / "stl"} if (folder / "stl").is_dir() else set()
+    own = {path for pattern in kind.own for path in folder.glob(pattern) if path.is_file()}
+    within = {folder / PurePosixPath(pattern).parent for pattern in kind.own} - {folder}
+    own |= {path for path in within if path.is_dir()}
     own = {path for path in own if not path.is_symlink()}
     return sorted(
         path.relative_to(folder).as_posix() + "/" * (path.is_dir() and not path.is_symlink())

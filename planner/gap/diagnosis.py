@@ -27,7 +27,10 @@ Effects = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """A set of effects and its probability; `with_unknown` is the share that needs more."""
+    """A set of effects and its probability.
+
+    `with_unknown` is the share of that probability, 0 to 1, that needs something unknown besides.
+    """
 
     effects: Effects
     probability: float
@@ -143,7 +146,11 @@ class Traces:
     measured_N : (n, T)
         Of each specimen, in the campaign's order, on its test's steps.
     residual_before, residual_after : (n,)
-        Mean relative error of force of each specimen.
+        Mean relative error of force of each specimen, positive where it bears more than predicted.
+    specimens : (n,)
+        Their ids in the campaign's order.
+    columns
+        By axis, what each specimen has there, None where it is unknown; see `axis_columns`.
     """
 
     label: tuple[str, ...]
@@ -155,6 +162,8 @@ class Traces:
     measured_N: FloatArray
     residual_before: FloatArray = field(default_factory=lambda: np.zeros(0))
     residual_after: FloatArray = field(default_factory=lambda: np.zeros(0))
+    specimens: tuple[str, ...] = ()
+    columns: Mapping[str, tuple[float | str | None, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,3 +206,8 @@ class Diagnosis:
     recalibration: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     seed: int = 0
     traces: Traces | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether no gap was found: nothing to explain, and nothing that remains."""
+        return self.verdict == "none" and not self.remainder

@@ -12,11 +12,13 @@ __all__ = [
     "INK",
     "Chart",
     "band",
+    "dot",
     "frame",
     "line",
     "marker",
     "picture",
     "rectangle",
+    "segment",
     "text",
 ]
 
@@ -64,14 +66,31 @@ def picture(width: float, height: float, parts: Sequence[str], *, title: str) ->
     return (head + "\n".join(parts) + "\n</svg>\n").encode("utf-8")
 
 
-def frame(chart: Chart, *, x_label: str, y_label: str) -> Iterator[str]:
-    """Draw grid, figures and names of both axes."""
+def frame(
+    chart: Chart,
+    *,
+    x_label: str,
+    y_label: str,
+    x_ticks: Sequence[tuple[float, str]] | None = None,
+    most_ticks: int = _TICKS,
+) -> Iterator[str]:
+    """Draw grid, figures and names of both axes.
+
+    Parameters
+    ----------
+    x_ticks
+        Places and what to write there, in place of round figures.
+    most_ticks
+        About how many round figures an axis has room for.
+    """
     right, bottom = chart.left + chart.width, chart.top + chart.height
-    for value in ticks(*chart.x_range):
+    if x_ticks is None:
+        x_ticks = [(value, f"{value:g}") for value in ticks(*chart.x_range, most_ticks)]
+    for value, words in x_ticks:
         x = chart.x(value)
         yield f'<path d="M{x:.2f},{chart.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
-        yield text(x, bottom + 16.0, f"{value:g}", anchor="middle")
-    for value in ticks(*chart.y_range):
+        yield text(x, bottom + 16.0, words, anchor="middle")
+    for value in ticks(*chart.y_range, most_ticks):
         y = chart.y(value)
         yield f'<path d="M{chart.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
         yield text(chart.left - 6.0, y + 4.0, f"{value:g}", anchor="end")
@@ -105,6 +124,32 @@ def marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
     return f'<path d="{cross}" stroke="{colour}" stroke-width="2.5"/>'
 
 
+def dot(
+    chart: Chart, x: float, y: float, *, colour: str, radius: float = 3.5, hollow: bool = False
+) -> str:
+    """Mark a point with a disc, or a ring."""
+    place = f'cx="{chart.x(x):.2f}" cy="{chart.y(y):.2f}" r="{radius:g}"'
+    if hollow:
+        return f'<circle {place} fill="#ffffff" stroke="{colour}" stroke-width="1.5"/>'
+    return f'<circle {place} fill="{colour}"/>'
+
+
+def segment(
+    start: tuple[float, float],
+    stop: tuple[float, float],
+    *,
+    colour: str,
+    width: float = 1.0,
+    dash: str = "",
+) -> str:
+    """Draw a straight line between two places of the picture."""
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    return (
+        f'<path d="M{start[0]:.2f},{start[1]:.2f}L{stop[0]:.2f},{stop[1]:.2f}" '
+        f'stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
+    )
+
+
 def rectangle(left: float, top: float, width: float, height: float, *, colour: str) -> str:
     """Fill a rectangle of the picture."""
     return (
@@ -123,9 +168,12 @@ def text(
     )
 
 
-def ticks(low: float, high: float) -> tuple[float, ...]:
-    """Return four to eight round values from low to high, at steps of 1, 2 or 5 times 10^n."""
-    rough = (high - low) / _TICKS
+def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:
+    """Return round values from low to high, at steps of 1, 2 or 5 times 10^n.
+
+    They are `most` at most, one more where both ends are round, and at least about half of that.
+    """
+    rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= rough * (1.0 - 1e-9))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
