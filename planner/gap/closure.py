@@ -1,0 +1,260 @@
+"""How far the gap shrinks once the effect is added, on conditions that took no part.
+
+Each fold leaves a condition out, chooses the effect anew on the rest, fits it, and predicts what
+was left out with the palette's own laws and that effect.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import FloatArray
+from planner.gap.closure_folds import Fold, folds_of
+from planner.gap.diagnosis import Gap
+from planner.gap.evidence.applied import specimen_forces_N
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.posterior import UNKNOWN, posterior, verdict_of
+from planner.gap.evidence.priors import Priors
+from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.weigh import Effects, weigh
+from planner.gap.features.table import BRANCHES
+
+__all__ = ["closure"]
+
+RESAMPLES = 400
+GENERIC_AMPLITUDE = 0.1
+RECALIBRATION_SD = 5.0
+"""Base laws are refitted nearly freely: their stated deviation times this."""
+
+NEGATIVE = 1.05
+_FIELD = BRANCHES.index("field")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Errors:
+    """Mean squared normalised errors of specimens, (n,), held out once or more; NaN if never."""
+
+    before: FloatArray
+    after: FloatArray
+    recalibrated: FloatArray
+    generic: FloatArray
+
+
+def closure(
+    problem: Problem,
+    priors: Priors,
+    verdict: Effects,
+    rng: np.random.Generator,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> Gap:
+    """Return the gap before and after, beside the replicate floor and two baselines.
+
+    Parameters
+    ----------
+    verdict
+        Of the whole campaign: with "none" or "unknown" there is no effect to add.
+    """
+    folds = folds_of(problem.campaign)
+    measured = problem.mounted.measured_N
+    peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
+    plain = specimen_forces_N(problem, Candidate(()), problem.mounted.setup)
+    before = np.mean(((measured - plain) / peak) ** 2, axis=1)
+    floor = _floor(problem, peak)
+    nothing = verdict in ((), UNKNOWN)
+    if not folds:
+        figure = float(np.sqrt(before.mean()))
+        return Gap(figure, None, None, None, None, None, None, "one specimen: nothing left out")
+    errors = _held_out(problem, priors, folds, peak, before, nothing, progress)
+    some = np.isfinite(errors.before)
+    rms = {
+        name: float(np.sqrt(np.nanmean(getattr(errors, name)[some])))
+        for name in ("before", "after", "recalibrated", "generic")
+    }
+    floor_rms = None if floor is None else float(np.sqrt(np.nanmean(floor)))
+    closed = interval = None
+    if floor_rms is not None and not nothing:
+        closed = _closed(rms["before"], rms["after"], floor_rms)
+        interval = _interval(errors, floor, some, _batches(problem), rng)
+    elif nothing:
+        closed = 0.0
+    names = list(dict.fromkeys(name for name, _ in folds))
+    return Gap(
+        before=rms["before"],
+        after=rms["after"],
+        floor=floor_rms,
+        closed=closed,
+        closed_interval=interval,
+        recalibration_only=rms["recalibrated"],
+        generic=rms["generic"],
+        held_out=f"one level of {', '.join(names)} at a time, {len(folds)} folds",
+        negative_transfer=rms["after"] > NEGATIVE * rms["before"],
+    )
+
+
+def _held_out(
+    problem: Problem,
+    priors: Priors,
+    folds: tuple[Fold, ...],
+    peak: FloatArray,
+    before: FloatArray,
+    nothing: bool,
+    progress: Callable[[int, int, str], None] | None,
+) -> _Errors:
+    measured = problem.mounted.measured_N
+    n = len(measured)
+    totals = {name: np.zeros(n) for name in ("after", "recalibrated", "generic")}
+    times = np.zeros(n)
+    for k, (_, out) in enumerate(folds):
+        if progress is not None:
+            progress(k, len(folds), "held-out conditions")
+        weight = np.where(out, 0.0, 1.0)
+        chosen = Candidate(())
+        if not nothing:
+            weighed = weigh(problem, priors, weight, quick=True)
+            chosen = weighed.best[verdict_of(posterior([weighed.log_odds]))]
+        forces = specimen_forces_N(problem, _not_subset(chosen), problem.mounted.setup)
+        if chosen.members is not None:
+            forces = plain_with_subset(problem, chosen, forces)
+        totals["after"][out] += np.mean(((measured - forces) / peak) ** 2, axis=1)[out]
+        setup = problem.mounted.setup
+        for way, size in zip(problem.ways, _recalibration(problem, weight), strict=True):
+            setup = way.applied(setup, size)
+        forces = specimen_forces_N(problem, Candidate(()), setup)
+        totals["recalibrated"][out] += np.mean(((measured - forces) / peak) ** 2, axis=1)[out]
+        ratio = _generic_ratio(problem, weight, peak)
+        totals["generic"][out] += (before * ratio)[out]
+        times[out] += 1.0
+    held = np.where(times > 0.0, times, np.nan)
+    return _Errors(
+        np.where(times > 0.0, before, np.nan),
+        totals["after"] / held,
+        totals["recalibrated"] / held,
+        totals["generic"] / held,
+    )
+
+
+def _not_subset(candidate: Candidate) -> Candidate:
+    return Candidate(()) if candidate.members is not None else candidate
+
+
+def plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) -> FloatArray:
+    """Return forces with each specimen's gain, told from its own curve's level alone.
+
+    Which specimens are affected cannot be known of those left out; whether the gain that the rest
+    show fits them better than none is read off their own curves, one bit a specimen.
+    """
+    measured = problem.mounted.measured_N
+    scaled = forces * np.exp(chosen.log_gain)
+    plain_error = np.mean((measured - forces) ** 2, axis=1)
+    scaled_error = np.mean((measured - scaled) ** 2, axis=1)
+    return np.where((scaled_error < plain_error)[:, None], scaled, forces)
+
+
+def _recalibration(problem: Problem, weight: FloatArray) -> list[float]:
+    """Return sizes of the calibrations that fit the weighted specimens best, no effect added."""
+    columns = problem.whitened.columns
+    rows = np.repeat(weight, np.diff(problem.whitened.first_row))
+    first = columns.shape[1] - problem.whitened.nuisances
+    j = columns[:, first : first + len(problem.ways)]
+    inner = j.T @ (j * rows[:, None]) + np.eye(j.shape[1]) / RECALIBRATION_SD**2
+    best = np.linalg.solve(inner, j.T @ (columns[:, 0] * rows))
+    return [float(b * way.sd) for b, way in zip(best, problem.ways, strict=True)]
+
+
+def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> FloatArray:
+    """Return squared error after over before a generic regressor, on the figures of force.
+
+    It knows every column, strain and branch, and no physics: all patterns of the unknown at once,
+    beside the calibrations, by ridge regression.
+    """
+    whitened = problem.whitened
+    columns = whitened.columns[:, problem.first_unknown :]
+    rows = np.repeat(weight, np.diff(whitened.first_row))
+    sd = np.full(columns.shape[1], GENERIC_AMPLITUDE)
+    sd[columns.shape[1] - whitened.nuisances :] = 1.0
+    scaled = columns * sd
+    inner = scaled.T @ (scaled * rows[:, None]) + np.eye(scaled.shape[1])
+    best = sd * np.linalg.solve(inner, scaled.T @ (whitened.columns[:, 0] * rows))
+    table = problem.table
+    raw_columns = [a.columns for a in problem.unknown]
+    raw = np.concatenate(
+        [*raw_columns, problem.calibration_figures.T, problem.noise.batch], axis=1
+    )
+    predicted = table.transformed(problem.unpredicted) + raw @ best
+    force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
+    scale = peak[table.specimen, 0]
+    counted = table.branch != _FIELD
+    n = len(problem.campaign.specimens)
+    after = np.bincount(
+        table.specimen[counted],
+        (((table.measured_raw - force) / scale) ** 2)[counted],
+        minlength=n,
+    )
+    before = np.bincount(
+        table.specimen[counted],
+        (((table.measured_raw - problem.unpredicted) / scale) ** 2)[counted],
+        minlength=n,
+    )
+    ratio: FloatArray = after / np.maximum(before, 1e-300)
+    return ratio
+
+
+def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
+    """Return what replicates differ by, squared, (n,); None without replicates."""
+    measured = problem.mounted.measured_N / peak
+    peaks = peak[:, 0]
+    floor = np.full(len(measured), np.nan)
+    for members in problem.mounted.tests:
+        if len(members) > 1:
+            rows = np.array(members)
+            # Relative to the group's mean peak: each one's own would hide its level.
+            curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
+            share = len(rows) / (len(rows) - 1.0)
+            floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
+    return None if np.isnan(floor).all() else floor
+
+
+def _closed(before: float, after: float, floor: float) -> float | None:
+    if before <= 1.02 * floor:
+        return None
+    return 1.0 - (after - floor) / (before - floor)
+
+
+def _batches(problem: Problem) -> list[str | None]:
+    return [s.batch for s in problem.campaign.specimens]
+
+
+def _interval(
+    errors: _Errors,
+    floor: FloatArray | None,
+    some: np.ndarray,
+    batches: list[str | None],
+    rng: np.random.Generator,
+) -> tuple[float, float] | None:
+    """Return the 90 % interval of the closure over resampled batches and specimens."""
+    assert floor is not None
+    names = list(dict.fromkeys(batches))
+    groups = [np.flatnonzero(some & np.array([b == name for b in batches])) for name in names]
+    groups = [g for g in groups if len(g)]
+    values = []
+    for _ in range(RESAMPLES):
+        drawn = rng.integers(len(groups), size=len(groups)) if len(groups) > 2 else range(
+            len(groups)
+        )
+        rows = np.concatenate(
+            [groups[g][rng.integers(len(groups[g]), size=len(groups[g]))] for g in drawn]
+        )
+        if np.isnan(floor[rows]).all():
+            continue
+        value = _closed(
+            float(np.sqrt(errors.before[rows].mean())),
+            float(np.sqrt(errors.after[rows].mean())),
+            float(np.sqrt(np.nanmean(floor[rows]))),
+        )
+        if value is not None:
+            values.append(value)
+    if len(values) < RESAMPLES // 2:
+        return None
+    low, high = np.quantile(values, [0.05, 0.95])
+    return float(low), float(high)

@@ -1,0 +1,146 @@
+"""Diagnose a campaign: where its gap lies, which effect causes it, how far it closes, what next."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planner.errors import UnknownNameError
+from planner.gap.campaign import Campaign
+from planner.gap.closure import closure
+from planner.gap.diagnosis import Diagnosis, Quality, Traces, Untestable
+from planner.gap.effects import EFFECTS, Effect
+from planner.gap.effects.material_law import effect_for
+from planner.gap.effects.testable import untestable
+from planner.gap.evidence.applied import specimen_forces_N
+from planner.gap.evidence.bootstrap import resampled_odds
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.detectable import detectable_sizes
+from planner.gap.evidence.intervals import found_effects
+from planner.gap.evidence.posterior import UNKNOWN, class_of, posterior, verdict_of
+from planner.gap.evidence.priors import Priors
+from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.weigh import Effects, weigh
+from planner.gap.experiments import next_experiments
+from planner.gap.forward import LawTables
+from planner.gap.forward.mount import mount
+from planner.gap.quality import examine
+from planner.gap.remainder import places_of, recalibration_of
+from planner.gap.traces import traces_of
+from planner.palette import nearest_names
+
+__all__ = ["diagnose"]
+
+Progress = Callable[[int, int, str], None]
+RANKED = 12
+LEAST_PROBABILITY = 1e-4
+
+
+def diagnose(
+    campaign: Campaign,
+    *,
+    seed: int = 0,
+    without: Sequence[str] = (),
+    progress: Progress | None = None,
+    priors: Priors | None = None,
+) -> Diagnosis:
+    """Return the diagnosis of a campaign.
+
+    Parameters
+    ----------
+    seed
+        Of resampling; the same campaign and seed give the same diagnosis.
+    without
+        Effects to take out of the library, to see whether their absence is noticed.
+    progress
+        Called with how much is done, of how much, and what.
+
+    Raises
+    ------
+    UnknownNameError
+        An effect in `without` that there is not.
+    """
+    priors = Priors() if priors is None else priors
+    effects, reasons = _library(campaign, without)
+    mounted = mount(campaign)
+    problem = set_up(campaign, mounted, LawTables.of(campaign.palette), effects, progress)
+    weighed = weigh(problem, priors)
+    rng = np.random.default_rng(seed)
+    runs = [weighed.log_odds, *resampled_odds(problem, priors, weighed, rng)]
+    ranking = posterior(runs)
+    verdict = verdict_of(ranking)
+    chosen = weighed.best.get(verdict, Candidate(()))
+    nominal = weighed.nominal
+    where, remainder = places_of(problem, chosen, rng)
+    return Diagnosis(
+        campaign=campaign.name,
+        palette=campaign.palette.name,
+        palette_sha256=campaign.palette.sha256,
+        specimens=len(campaign.specimens),
+        tests=len(mounted.tests),
+        verdict=_name(verdict),
+        ranking=tuple(
+            replace(h, effects=h.effects or ("none",))
+            for h in ranking[:RANKED]
+            if h.probability >= LEAST_PROBABILITY
+        ),
+        same_class=tuple(e or ("none",) for e in class_of(problem, weighed, ranking, verdict)),
+        not_testable=reasons,
+        where=where,
+        gap=closure(problem, priors, verdict, rng, progress),
+        effect=found_effects(problem, nominal, chosen),
+        remainder=remainder,
+        data_quality=tuple(
+            Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)
+        ),
+        next_experiments=next_experiments(problem, weighed, ranking, rng),
+        detectable=detectable_sizes(problem, nominal, priors),
+        limitations=(*campaign.limitations, *mounted.limitations, *_cautions(problem)),
+        recalibration=recalibration_of(problem, chosen),
+        seed=seed,
+        traces=traces_of(problem, chosen),
+    )
+
+
+def _library(
+    campaign: Campaign, without: Sequence[str]
+) -> tuple[tuple[Effect, ...], tuple[Untestable, ...]]:
+    for id in without:
+        if id not in EFFECTS:
+            near = nearest_names(id, list(EFFECTS))
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise UnknownNameError(
+                f"--without {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
+            )
+    effects, reasons = [], []
+    for id, effect in EFFECTS.items():
+        if id in without:
+            continue
+        reason = untestable(effect, campaign)
+        if reason is not None:
+            reasons.append(Untestable(id, reason))
+        elif id == "material-law":
+            effects.append(effect_for(campaign))
+        else:
+            effects.append(effect)
+    return tuple(effects), tuple(reasons)
+
+
+def _name(effects: Effects) -> str:
+    return "+".join(effects) or "none"
+
+
+def _cautions(problem: Problem) -> tuple[str, ...]:
+    found = []
+    n = len(problem.campaign.specimens)
+    if problem.scatter.degrees_of_freedom == 0:
+        found.append(
+            "no two specimens were made and tested alike, so that scatter is not measured but "
+            "taken to be what is usual (3 % from specimen to specimen): print replicates"
+        )
+    if n < 6:
+        found.append(
+            f"{n} specimen{'s' if n > 1 else ''} cannot tell causes apart: take the verdict as "
+            "a hint of what to test next"
+        )
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Which hypothesis the figures speak for."""

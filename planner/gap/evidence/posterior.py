@@ -1,0 +1,96 @@
+"""From odds to probabilities, a verdict, and what the data cannot tell from it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import logsumexp
+
+from planner.arrays import FloatArray
+from planner.gap.diagnosis import Hypothesis
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.weigh import Effects, Weighed
+from planner.gap.evidence.weights import node_weights
+
+__all__ = ["UNKNOWN", "class_of", "posterior", "signature_cosine", "verdict_of"]
+
+UNKNOWN: Effects = ("unknown",)
+
+ALIKE_COSINE = 0.95
+ALIKE_NATS = 3.0
+
+LogOdds = Mapping[tuple[Effects, str], float]
+
+
+def posterior(runs: Sequence[LogOdds]) -> tuple[Hypothesis, ...]:
+    """Return probabilities, most probable first, averaged over runs."""
+    together: dict[Effects, float] = {}
+    beside: dict[Effects, float] = {}
+    for odds in runs:
+        total = float(logsumexp(list(odds.values())))
+        for (effects, axis), value in odds.items():
+            key = UNKNOWN if not effects and axis else effects
+            share = float(np.exp(value - total)) / len(runs)
+            together[key] = together.get(key, 0.0) + share
+            if effects and axis:
+                beside[key] = beside.get(key, 0.0) + share
+    ranked = sorted(together, key=lambda e: (-together[e], e))
+    return tuple(
+        Hypothesis(e, together[e], beside.get(e, 0.0) / max(together[e], 1e-300)) for e in ranked
+    )
+
+
+def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
+    """Return the effects of the verdict: () for none."""
+    return ranking[0].effects
+
+
+def signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
+    """Return the cosine of two candidates' whitened patterns, nuisances projected out."""
+    first, second = _combination(problem, a), _combination(problem, b)
+    m = weighed.nominal.products[: len(first), : len(first)]
+    ma, mb = m @ first, m @ second
+    return float(first @ mb / np.sqrt(max(float((first @ ma) * (second @ mb)), 1e-300)))
+
+
+def class_of(
+    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis], verdict: Effects
+) -> tuple[Effects, ...]:
+    """Return the hypotheses that the data cannot tell from the verdict, itself first.
+
+    Those less than `ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
+    """
+    odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
+    alike = [verdict]
+    mine = weighed.best.get(verdict)
+    for h in ranking:
+        if h.effects == verdict:
+            continue
+        near = odds[h.effects] > odds[verdict] - ALIKE_NATS
+        other = weighed.best.get(h.effects)
+        if (
+            not near
+            and mine is not None
+            and other is not None
+            and len(h.effects) == len(verdict) == 1
+        ):
+            near = (
+                mine.members is None
+                and other.members is None
+                and signature_cosine(problem, weighed, mine, other) > ALIKE_COSINE
+                and other.gain > mine.gain - 2.0 * ALIKE_NATS
+            )
+        if near:
+            alike.append(h.effects)
+    return tuple(alike)
+
+
+def _combination(problem: Problem, candidate: Candidate) -> FloatArray:
+    """Return the candidate's pattern as a combination of residual, nodes and gains."""
+    vector = np.zeros(problem.gains.stop)
+    for branch, place in zip(candidate.branches, candidate.places, strict=True):
+        first = problem.nodes.start + branch.first
+        vector[first : first + branch.nodes] += node_weights(branch, place)
+    if candidate.members is not None:
+        vector[problem.gains] = candidate.log_gain * candidate.members
+    return vector
