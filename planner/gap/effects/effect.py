@@ -86,7 +86,7 @@ class Effect:
         entry may name alternatives, "rate_mm_s|hold".
     channels
         What must have been measured, each entry with alternatives: ``unloading``, ``hold``,
-        ``bar``, ``materials`` (two or more, or a bar).
+        ``bar``, ``materials`` (two or more, or a bar), ``section`` (width and thickness).
     individual
         Coefficient of variation of its size from specimen to specimen; 0 where all have it alike.
     some

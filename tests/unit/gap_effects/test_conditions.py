@@ -1,0 +1,172 @@
+"""Effects of conditions and of unloading go the right way, off the palette's reference."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.gap.effects import EFFECTS
+from planner.gap.effects.rate import REFERENCE_STRAIN
+from planner.gap.forward.setup import SOFTENING_PEAKS, RELAXATION_TIMES_s, Setup
+from planner.palette import Reference
+
+Make = Callable[..., Setup]
+Apply = Callable[..., Setup]
+Middles = Callable[..., dict[str, float]]
+
+
+@pytest.mark.parametrize("id", ["rate", "temperature", "moisture", "ageing", "orientation"])
+def test_at_the_reference_the_palette_holds(id: str, coupons: Make, middles: Middles) -> None:
+    before = coupons()
+    for form in EFFECTS[id].forms:
+        after = form.apply(before, middles(form))
+        if not np.any(after.relaxing):
+            np.testing.assert_allclose(after.log_factor, 0.0, atol=1e-15)
+            np.testing.assert_allclose(after.log_tilt, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("form", ["prony", "graded-prony", "fractional"])
+def test_a_relaxing_law_keeps_the_palettes_own_test(
+    form: str, coupons: Make, applied: Apply
+) -> None:
+    after = applied("rate", form, coupons())
+    # Pull a linear law to the reference strain in small steps and let each step's stress relax.
+    rate = 0.034
+    ends = np.linspace(0.0, REFERENCE_STRAIN / rate, 20001)
+    since = ends[-1] - 0.5 * (ends[1:] + ends[:-1])
+    decay = np.mean(np.exp(-since[:, None] / RELAXATION_TIMES_s), axis=0)
+    shares = after.relaxing
+    stress = np.exp(after.log_factor) * (1.0 - shares.sum(axis=1) + shares @ decay)
+    # Midpoints of steps a 2000th of the shortest time that matters: 1e-4 of its share at most.
+    np.testing.assert_allclose(stress, 1.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize("form", ["power-law", "graded-power-law"])
+def test_faster_is_stiffer(form: str, coupons: Make, applied: Apply) -> None:
+    rates = 0.034 * np.array([0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
+    after = applied("rate", form, coupons(rate_per_s=rates, coordinate=np.full(6, 0.3)))
+    assert np.all(np.diff(after.log_factor) > 0.0)
+    # A power law: the same for every decade.
+    np.testing.assert_allclose(np.diff(after.log_factor, 2), 0.0, atol=1e-12)
+
+
+def test_the_fractional_law_is_a_power_of_time(coupons: Make, applied: Apply) -> None:
+    exponent, onset = 0.2, 0.5
+    one = coupons(1)
+    after = applied("rate", "fractional", one, exponent=exponent, onset=onset, peak=0.0)
+    t = np.geomspace(0.1, 2000.0, 30)
+    shares = after.relaxing[0]
+    shown = 1.0 - shares.sum() + np.exp(-t[:, None] / RELAXATION_TIMES_s) @ shares
+    # The sum over half decades is off by 1e-3 inside the range of times; the part that relaxes
+    # after 1e5 s stands still here, 9 % of (0.5 / 1e5)^0.2.
+    np.testing.assert_allclose(shown, (1.0 + t / onset) ** -exponent, atol=0.02)
+
+
+@pytest.mark.parametrize("form", [f.name for f in EFFECTS["temperature"].forms])
+def test_warmer_is_softer(form: str, coupons: Make, applied: Apply) -> None:
+    warm = np.array([5.0, 15.0, 23.0, 30.0, 40.0, 60.0])
+    after = applied("temperature", form, coupons(temperature_C=warm, coordinate=np.full(6, 0.3)))
+    assert np.all(np.diff(after.log_factor) < 0.0)
+
+
+def test_the_glass_transition_lies_higher_in_harder_mixtures(coupons: Make, applied: Apply) -> None:
+    before = coupons(temperature_C=np.full(6, 33.0))
+    after = applied("temperature", "transition", before, transition=0.0, span=60.0, drop=5.0)
+    # At 23 to 33 degC a mixture whose transition is at 28 falls most.
+    steepest = np.linspace(0.0, 1.0, 6)[np.argmin(after.log_factor)]
+    assert abs(60.0 * steepest - 28.0) <= 12.0
+
+
+def test_soaking_softens_thin_sheet_first_and_saturates(
+    coupons: Make, applied: Apply, middles: Middles
+) -> None:
+    hours = np.array([0.0, 1.0, 4.0, 24.0, 240.0, 1000.0])
+    for form in EFFECTS["moisture"].forms:
+        same = {"coordinate": np.full(6, 0.3), "soak_h": hours}
+        after = form.apply(coupons(**same), middles(form, softening=0.3, peak=0.3))
+        assert np.all(np.diff(after.log_factor) <= 0.0)
+        # Saturated within 1 % of the size after 1000 h.
+        assert after.log_factor[-1] == pytest.approx(np.log(0.7), abs=0.01)
+    thin = applied("moisture", "fick", coupons(soak_h=np.full(6, 4.0)))
+    thick = applied("moisture", "fick", coupons(soak_h=np.full(6, 4.0), thickness_mm=np.full(6, 5)))
+    assert np.all(thin.log_factor < thick.log_factor)
+
+
+@pytest.mark.parametrize("form", [f.name for f in EFFECTS["ageing"].forms])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_ageing_goes_one_way_ever_slower(
+    form: str, sign: float, coupons: Make, applied: Apply
+) -> None:
+    days = np.array([1.0, 9.0, 17.0, 25.0, 33.0, 41.0])
+    before = coupons(age_days=days, coordinate=np.full(6, 0.3))
+    after = applied("ageing", form, before, change=sign * 0.1)
+    grown = sign * np.diff(after.log_factor)
+    assert np.all(grown > 0.0)
+    assert np.all(np.diff(grown) < 0.0)
+    assert after.log_factor[1] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_orientations_differ_as_each_form_says(coupons: Make, applied: Apply) -> None:
+    before = coupons(3, orientation=np.arange(3))
+    changes = {
+        "build-direction": (0.0, 0.0, 0.2),
+        "head-direction": (0.0, -0.2, -0.2),
+        "swath-direction": (0.0, 0.2, 0.0),
+        "three-way": (0.0, 0.1, 0.2),
+        "strained-layers": (0.0, 0.0, 0.2),
+    }
+    for name, expected in changes.items():
+        after = applied("orientation", name, before, change=0.2)
+        np.testing.assert_allclose(after.log_factor, expected, atol=1e-15)
+    along_z = replace(before, reference=Reference(orientation="z"))
+    turned = applied("orientation", "build-direction", along_z, change=0.2)
+    np.testing.assert_allclose(turned.log_factor, (-0.2, -0.2, 0.0), atol=1e-15)
+
+
+def test_unknown_conditions_count_as_the_references(away: Make, middles: Middles) -> None:
+    known = {
+        name: np.zeros(8, dtype=np.bool_)
+        for name in ("rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation")
+    }
+    nowhere = np.full(8, np.nan)
+    before = away(known=known, temperature_C=nowhere, soak_h=nowhere, age_days=nowhere)
+    for id in ("rate", "temperature", "moisture", "ageing", "orientation"):
+        form = EFFECTS[id].forms[0]
+        np.testing.assert_allclose(form.apply(before, middles(form)).log_factor, 0.0, atol=1e-15)
+    bare = replace(away(), reference=Reference())
+    for id in ("rate", "temperature", "moisture", "ageing", "orientation"):
+        for form in EFFECTS[id].forms:
+            assert np.all(np.isfinite(form.apply(bare, middles(form)).log_factor))
+
+
+def test_trends_are_largest_where_they_say(coupons: Make, applied: Apply) -> None:
+    before = coupons(rate_per_s=np.full(6, 0.34))
+    for peak, expected in ((0.0, 0), (0.4, 2), (1.0, 5)):
+        after = applied("rate", "graded-power-law", before, rise=0.5, peak=peak)
+        assert int(np.argmax(after.log_factor)) == expected
+        assert after.log_factor.max() == pytest.approx(0.5)
+
+
+def test_softening_vanishes_at_the_peak_and_grows_away_from_it(
+    coupons: Make, middles: Middles
+) -> None:
+    for form in EFFECTS["softening"].forms:
+        table = form.apply(coupons(), middles(form)).softening_table
+        assert np.all(np.diff(table, axis=0) <= 0.0)
+        assert np.all(np.diff(table[0]) >= -1e-15)
+        assert np.all(table[:, 0] == 0.0)
+
+
+def test_set_grows_with_the_peak(coupons: Make, applied: Apply, middles: Middles) -> None:
+    for form in EFFECTS["permanent-set"].forms:
+        after = form.apply(coupons(), middles(form))
+        assert np.all(after.set_share > 0.0)
+        assert np.all(np.diff(after.set_table) > 0.0)
+        assert after.set_table[0] == 0.0
+    below, beyond = (
+        np.interp(e, SOFTENING_PEAKS, applied("permanent-set", "threshold", coupons(),
+                                               threshold=0.3).set_table) / e
+        for e in (0.1, 0.8)
+    )  # fmt: skip
+    assert below < 0.05 < 0.9 < beyond
