@@ -1,0 +1,122 @@
+"""The runner of the withheld check, with a diagnosis that always gives one answer."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from benchmarks.withheld.leave_one_out import Case, by_effect
+from benchmarks.withheld.run import main
+from benchmarks.withheld.targets import LEFT_OUT, targets
+from planner.gap.bench.answer import NO_ANSWER, read_answer
+from planner.gap.bench.score import Score, score
+from planner.gap.bench.truth import CampaignTruth
+
+
+def document(verdict: str, **gap: float | None) -> dict[str, Any]:
+    """Make the document of a diagnosis that is certain."""
+    effects = [] if verdict == "none" else verdict.split("+")
+    return {
+        "verdict": verdict,
+        "ranking": [{"effects": effects, "probability": 1.0}],
+        "class": [effects],
+        "where": [{"axis": "rate_mm_s"}],
+        "gap": gap,
+    }
+
+
+def truth(*effects: str, tier: str = "library", snr: float = 5.0) -> CampaignTruth:
+    where = frozenset({"rate_mm_s"}) if effects else frozenset()
+    own = frozenset({effects})
+    return CampaignTruth(tier, effects, own, where, snr if effects else None, 9.0, 0.2, 0.03, 0.01)
+
+
+def scored(verdict: str, hidden: CampaignTruth, **more: Any) -> Score:
+    return score("c", read_answer(document(verdict), "c"), hidden, **more)
+
+
+def test_targets_are_held_by_tier_and_stratum() -> None:
+    scores = [
+        scored("rate", truth("rate"), seconds=2.0),
+        scored("rate", truth("rate", snr=3.0), seconds=12.0),
+        scored("skin", truth("rate", snr=3.0)),
+        scored("rate", truth(tier="none")),
+        scored("rate+skin", truth("rate", "skin", tier="pair")),
+    ]
+    by_name = {t.name: t for t in targets(scores, 30)}
+    assert by_name["library, SNR > 4: top-1"].got == "100 % [21, 100] (1/1)"
+    assert by_name["library, SNR 2-4: top-1"].got == "50 % [9, 91] (1/2)"
+    assert by_name["library, SNR 2-4: top-1"].met is False
+    assert by_name["none: false alarm"].met is False
+    assert by_name["two effects: both"].met
+    assert by_name["other forms: top-1"].met is None
+    # one of 12 s; 10 s are allowed for 30 specimens, 60 s for 120
+    assert by_name["cost: longest of 30 specimens"].met is False
+    assert targets(scores, 120)[-1].met
+
+
+def test_what_an_effect_left_out_leaves() -> None:
+    hidden = truth("rate")
+    full = document("rate", before=0.2, after=0.04, floor=0.02)
+    for verdict, after, expected in (("unknown", None, 0.2), ("skin", 0.15, 0.15)):
+        less = document(verdict, before=0.2, after=after)
+        case = Case(
+            effect="rate",
+            true_effect=hidden.with_true_effect,
+            full=read_answer(full, "c"),
+            full_score=scored("rate", hidden),
+            less=read_answer(less, "c"),
+            less_score=scored(verdict, hidden, without=["rate"]),
+        )
+        (row,) = by_effect([case])
+        assert (row.before, row.without, row.with_effect, row.floor) == (0.2, expected, 0.04, 0.02)
+        assert (row.true_effect, row.named, row.where_hits) == (0.03, 1, 1)
+        assert (row.unknown, row.misattributed) == ((1, 0) if verdict == "unknown" else (0, 1))
+        assert row.declared == 0
+    failed = score("c", NO_ANSWER, hidden, without=["rate"])
+    lost = Case("rate", 0.03, None, failed, None, failed)
+    (row,) = by_effect([lost])
+    assert (row.before, row.unknown, row.declared, row.misattributed) == (None, 0, 0, 0)
+
+
+def test_a_run_from_making_to_markdown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def diagnose(campaign: object, *, seed: int, without: tuple[str, ...]) -> str:
+        asked.append(without)
+        return "unknown" if without else "none"
+
+    fakes = {"diagnose": {"diagnose": diagnose}, "diagnosis_json": {"to_document": document}}
+    for module, names in fakes.items():
+        monkeypatch.setitem(sys.modules, f"planner.gap.{module}", SimpleNamespace(**names))
+    folder = tmp_path / "run"
+    command = ["--set", "development", "--seed", "5", "--count", "1", "--specimens", "20"]
+    command += ["--jobs", "1", "--subset", "ci", "-o", str(folder)]
+    assert main(command) == 1  # "none" to everything misses targets
+    # nine tiers, and the library's campaign once more without its effect
+    assert len(asked) == 10
+    assert sum(bool(without) for without in asked) == 1
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    rows = {r["tier"]: r["rates"] for r in results["summary"]["rows"] if r["by"] == "all"}
+    assert rows["none"]["false_alarm"]["share"] == 0.0
+    assert rows["library"]["missed"]["share"] == 1.0
+    assert rows[LEFT_OUT]["open"]["share"] == 1.0
+    assert results["left_out"][0]["unknown"] == 1
+    assert results["problems"] == {}
+    said = capsys.readouterr().out
+    assert said.startswith(results["truth_sha256"])
+    assert said.rstrip().endswith((folder / "results.md").read_text(encoding="utf-8").rstrip())
+    assert main(command) == 2
+    # going on has nothing left to diagnose, not even after a cut-off line
+    with (folder / "outcomes.jsonl").open("a") as journal:
+        journal.write('{"campaign": "')
+    before = (folder / "results.json").read_bytes()
+    assert main([*command, "--resume"]) == 1
+    assert len(asked) == 10
+    assert (folder / "results.json").read_bytes() == before
+    assert main([*command, "--resume", "--seed", "6"]) == 2
