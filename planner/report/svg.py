@@ -12,14 +12,17 @@ __all__ = [
     "INK",
     "Chart",
     "band",
-    "dot",
+    "disc",
     "frame",
     "line",
     "marker",
     "picture",
     "rectangle",
+    "ring",
     "segment",
     "text",
+    "ticks",
+    "upright",
 ]
 
 INK = "#222222"
@@ -124,16 +127,6 @@ def marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
     return f'<path d="{cross}" stroke="{colour}" stroke-width="2.5"/>'
 
 
-def dot(
-    chart: Chart, x: float, y: float, *, colour: str, radius: float = 3.5, hollow: bool = False
-) -> str:
-    """Mark a point with a disc, or a ring."""
-    place = f'cx="{chart.x(x):.2f}" cy="{chart.y(y):.2f}" r="{radius:g}"'
-    if hollow:
-        return f'<circle {place} fill="#ffffff" stroke="{colour}" stroke-width="1.5"/>'
-    return f'<circle {place} fill="{colour}"/>'
-
-
 def segment(
     start: tuple[float, float],
     stop: tuple[float, float],
@@ -166,6 +159,27 @@ def text(
         f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" fill="{colour}" '
         f'font-size="{size:g}">{escape(words)}</text>'
     )
+
+
+def upright(x: float, y: float, words: str, *, colour: str = INK, size: float = 12.0) -> str:
+    """Write words upwards, their middle at a place of the picture."""
+    return (
+        f'<text transform="translate({x:.2f},{y:.2f}) rotate(-90)" text-anchor="middle" '
+        f'fill="{colour}" font-size="{size:g}">{escape(words)}</text>'
+    )
+
+
+def ring(x: float, y: float, *, colour: str, radius: float = 3.5) -> str:
+    """Draw a ring at a place of the picture."""
+    return (
+        f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:g}" fill="#ffffff" stroke="{colour}" '
+        'stroke-width="1.5"/>'
+    )
+
+
+def disc(x: float, y: float, *, colour: str, radius: float = 3.5) -> str:
+    """Fill a disc at a place of the picture."""
+    return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:g}" fill="{colour}"/>'
 
 
 def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:

@@ -1,0 +1,287 @@
+"""The verdict in plain words: for the terminal, and above the figures of the report."""
+
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from planner.gap.diagnosis import Diagnosis, Effects, Experiment, Gap, Quality
+from planner.report.gap.effect_sizes import detectable_words, size_words
+from planner.report.gap.wording import (
+    axis_words,
+    clause,
+    effects_words,
+    figure,
+    id_of,
+    listed,
+    p_value,
+    percent,
+    probability,
+    sentence,
+    setting,
+)
+
+__all__ = ["Section", "headline", "scope", "verdict_sections", "verdict_text"]
+
+WIDTH = 88
+_INDENT = "  "
+_PLACES = 3
+_PROBLEMS = 6
+_EXPERIMENTS = 3
+_WORTH_NAMING = 0.05
+_UNKNOWN_SHARE = 0.2
+_SIGNIFICANT = 0.05
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|N|K|°C|h|s|nats|days|times|decade)\b|%)")
+_SURE = ((0.97, "almost certainly"), (0.85, "very likely"), (0.6, "probably"))
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading and the sentences below it; a list has each of them on its own."""
+
+    heading: str
+    sentences: tuple[str, ...]
+    is_list: bool = False
+
+
+def verdict_text(diagnosis: Diagnosis, *, width: int = WIDTH) -> str:
+    """Return the verdict as text: headings, indented sentences, no line wider than `width`."""
+    lines = [*textwrap.wrap(headline(diagnosis), width), *textwrap.wrap(scope(diagnosis), width)]
+    for section in verdict_sections(diagnosis):
+        lines += ["", section.heading]
+        blocks = section.sentences if section.is_list else (" ".join(section.sentences),)
+        for block in blocks:
+            lead = f"{_INDENT}- " if section.is_list else _INDENT
+            follow = " " * len(lead)
+            lines += textwrap.wrap(
+                _UNIT.sub("\xa0", block),  # a figure and its unit stay on one line
+                max(width, 20),
+                initial_indent=lead,
+                subsequent_indent=follow,
+                break_on_hyphens=False,
+            )
+    return "\n".join(lines).replace("\xa0", " ")
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one line."""
+    chance = probability(_probability_of(diagnosis))
+    if diagnosis.verdict == "none":
+        return f"Verdict: none (probability {chance}): no gap that needs an explanation"
+    if diagnosis.verdict == "unknown":
+        return f"Verdict: unknown (probability {chance}): a gap that no effect here explains"
+    effects = tuple(diagnosis.verdict.split("+"))
+    return f"Verdict: {diagnosis.verdict} (probability {chance}): {effects_words(effects)}"
+
+
+def verdict_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
+    """Return the verdict section by section, those with nothing to say left out."""
+    d = diagnosis
+    sections = (
+        Section("What it is", tuple(_what(d))),
+        Section("How large it is", tuple(size_words(d.effect)), is_list=True),
+        Section("What would have been seen", tuple(_seen(d)), is_list=True),
+        Section("Where it lies", tuple(_where(d)), is_list=True),
+        Section("How far it closes", tuple(_how_far(d))),
+        Section("What these data cannot tell apart", tuple(_same_class(d))),
+        Section("What remains", tuple(_remainder(d))),
+        Section("What could not be tested", tuple(_not_testable(d)), is_list=True),
+        Section("Data to look at", tuple(_quality(d.data_quality)), is_list=True),
+        Section("Limits of this campaign", tuple(map(sentence, d.limitations)), is_list=True),
+        Section("What to test next", tuple(_next(d.next_experiments)), is_list=True),
+    )
+    return tuple(s for s in sections if s.sentences)
+
+
+def scope(diagnosis: Diagnosis) -> str:
+    """Return what was diagnosed, in one line."""
+    d = diagnosis
+    count = f"{d.specimens} specimen{'s' if d.specimens != 1 else ''}"
+    tests = f"{d.tests} test{'s' if d.tests != 1 else ''}"
+    return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
+
+
+def _effects_of(verdict: str) -> Effects:
+    return () if verdict == "none" else tuple(verdict.split("+"))
+
+
+def _probability_of(diagnosis: Diagnosis) -> float:
+    effects = _effects_of(diagnosis.verdict)
+    return next((h.probability for h in diagnosis.ranking if h.effects == effects), 0.0)
+
+
+def _what(diagnosis: Diagnosis) -> Iterator[str]:
+    effects = _effects_of(diagnosis.verdict)
+    chance = _probability_of(diagnosis)
+    sure = next((words for least, words in _SURE if chance >= least), None)
+    clauses = "; and ".join(clause(e) for e in effects)
+    if not effects:
+        yield (
+            "What was measured agrees with the palette within the scatter of specimens and the "
+            "uncertainty of the palette's own calibration."
+        )
+    elif effects == ("unknown",):
+        yield (
+            "The measurements differ from the palette in a way that none of the effects weighed "
+            "here, alone or in pairs, reproduces."
+        )
+        yield "Look at where it lies before blaming any cause."
+    elif sure is None:
+        pair = " a pair" if len(effects) > 1 else ""
+        yield f"No explanation is sure; the best is{pair}: {clauses}."
+    elif len(effects) > 1:
+        yield f"{len(effects)} effects are {sure} at work: {clauses}."
+    else:
+        yield f"The cause is {sure} this: {clauses}."
+    yield from _doubts(diagnosis, effects)
+
+
+def _doubts(diagnosis: Diagnosis, effects: Effects) -> Iterator[str]:
+    top = next((h for h in diagnosis.ranking if h.effects == effects), None)
+    if top is not None and effects != ("unknown",) and top.with_unknown >= _UNKNOWN_SHARE:
+        yield (
+            f"Even so, {percent(top.with_unknown)} of that probability asks for something unknown "
+            "beside it."
+        )
+    others = [
+        f"{id_of(h.effects)} ({probability(h.probability)})"
+        for h in diagnosis.ranking
+        if h.effects != effects and h.probability >= _WORTH_NAMING
+    ]
+    if others:
+        yield f"Less probable, but not ruled out: {listed(others, most=4)}."
+
+
+def _seen(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.verdict == "none":
+        yield from detectable_words(diagnosis.detectable)
+
+
+def _where(diagnosis: Diagnosis) -> Iterator[str]:
+    clear = [place for place in diagnosis.where if place.p < _SIGNIFICANT]
+    for place in clear[:_PLACES]:
+        low, high = place.share_interval
+        detail = f": {place.detail}" if place.detail else ""
+        yield sentence(
+            f"{axis_words(place.axis)}, {percent(place.share)} of the gap beyond scatter "
+            f"({percent(low)} to {percent(high)}, {p_value(place.p)}){detail}"
+        )
+    if len(clear) > _PLACES:
+        yield sentence(f"also along {listed([axis_words(p.axis) for p in clear[_PLACES:]])}")
+    if diagnosis.where and not clear:
+        least = min(diagnosis.where, key=lambda place: place.p)
+        yield (
+            f"Along no axis beyond chance; the nearest to it is {axis_words(least.axis)} "
+            f"({p_value(least.p)})."
+        )
+
+
+def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
+    gap = diagnosis.gap
+    named = diagnosis.verdict not in ("none", "unknown")
+    yield (
+        f"The palette alone misses the force by {percent(gap.before)} of a test's largest, in root "
+        "mean square" + (f"; {_floor(gap)}." if gap.floor is not None else ".")
+    )
+    if gap.floor is None:
+        yield (
+            "There are no replicates to say how far any model could get, so how much of the gap "
+            "closes cannot be said."
+        )
+    if named and gap.after is None:
+        yield (
+            "How far the effect closes it could not be checked on tests that it was not fitted "
+            "to: this campaign has too few conditions to leave one out."
+        )
+    if gap.after is not None:
+        yield from _closed(gap, named)
+    baselines = [
+        f"{percent(value)} {words}"
+        for value, words in (
+            (gap.recalibration_only, "after refitting the palette's laws without any effect"),
+            (gap.generic, "with a flexible regression that knows no physics"),
+        )
+        if value is not None
+    ]
+    if baselines:
+        yield f"For comparison: {listed(baselines)}."
+
+
+def _floor(gap: Gap) -> str:
+    assert gap.floor is not None
+    return f"replicates differ by {percent(gap.floor)}, which no model can beat"
+
+
+def _closed(gap: Gap, named: bool) -> Iterator[str]:
+    assert gap.after is not None
+    held_out = f" ({gap.held_out})" if gap.held_out else ""
+    model = "With the effect added" if named else "With the best explanation of each fold"
+    if gap.negative_transfer:
+        yield (
+            f"{model} it misses tests that took no part in the fit{held_out} by "
+            f"{percent(gap.after)}: the effect makes predictions worse, so do not use it."
+        )
+        return
+    closed = ""
+    if gap.closed is not None and gap.closed <= 0.0:
+        closed = ", which closes nothing"
+    elif gap.closed is not None:
+        closed = f", which closes {percent(gap.closed)} of what can be closed"
+        if gap.closed_interval is not None:
+            low, high = gap.closed_interval
+            closed += f" (90 % interval {percent(low)} to {percent(high)})"
+    yield (
+        f"{model} it misses tests that took no part in the fit{held_out} by "
+        f"{percent(gap.after)}{closed}."
+    )
+
+
+def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
+    effects = _effects_of(diagnosis.verdict)
+    others = [id_of(e) for e in diagnosis.same_class if e != effects]
+    if not others:
+        return
+    named = listed(others, last="or")
+    yield f"{diagnosis.verdict} looks the same here as {named}; take them as one answer."
+    splits = {tuple(sorted(pair)) for x in diagnosis.next_experiments for pair in x.splits}
+    if any(tuple(sorted((diagnosis.verdict, other))) in splits for other in others):
+        yield "The tests proposed below would split them."
+
+
+def _remainder(diagnosis: Diagnosis) -> Iterator[str]:
+    if not diagnosis.remainder:
+        return
+    named = diagnosis.verdict not in ("none", "unknown")
+    yield f"{'Beside the effect, a' if named else 'A'} gap above scatter remains:"
+    places = [
+        f"along {axis_words(p.axis)} ({p_value(p.p)})"
+        + (f", {p.detail.rstrip('.')}" if p.detail else "")
+        for p in diagnosis.remainder
+    ]
+    yield "; ".join(places) + "."
+
+
+def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
+    reasons: dict[str, list[str]] = {}
+    for untestable in diagnosis.not_testable:
+        reasons.setdefault(untestable.reason, []).append(untestable.id)
+    for reason, ids in reasons.items():
+        yield f"{listed(ids)}{': ' + reason.rstrip('.') if reason else ''}."
+
+
+def _quality(problems: tuple[Quality, ...]) -> Iterator[str]:
+    for q in problems[:_PROBLEMS]:
+        yield sentence(f"{q.specimen or 'All specimens'}: {q.problem}")
+    if len(problems) > _PROBLEMS:
+        yield f"{len(problems) - _PROBLEMS} more of these are in diagnosis.json."
+
+
+def _next(experiments: tuple[Experiment, ...]) -> Iterator[str]:
+    for x in experiments[:_EXPERIMENTS]:
+        change = listed([setting(key, value) for key, value in x.change.items()])
+        what = x.detail.rstrip(".") or f"test with {change}"
+        hours = f", about {figure(x.hours, 2)} h" if x.hours > 0.0 else ""
+        splits = listed([f"{a} from {b}" for a, b in x.splits], most=2)
+        telling = f"tells {splits}; " if splits else ""
+        gain = f"expected gain {figure(x.expected_gain_nats, 2)} nats"
+        yield sentence(f"{what} ({telling}{gain}{hours})")
