@@ -12,6 +12,9 @@ __all__ = ["BINS_MOST", "FieldWeights", "bin_edges_mm", "bin_means", "frame_trav
 
 BINS_MOST = 16
 
+_PLACES_LEAST = 3
+"""Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
+
 _NEAR = 0.1
 """A frame this much of its travel away from an instant still counts, its strains scaled."""
 
@@ -50,7 +53,7 @@ def bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArra
     middle = 0.5 * (x_mm[1:] + x_mm[:-1])
     begin = np.concatenate([[x_mm[0] - 0.5 * (x_mm[1] - x_mm[0])], middle])
     end = np.concatenate([middle, [x_mm[-1] + 0.5 * (x_mm[-1] - x_mm[-2])]])
-    count = min(BINS_MOST, len(x_mm))
+    count = max(1, min(BINS_MOST, len(x_mm) // _PLACES_LEAST))
     bin_of = np.arange(len(x_mm)) * count // len(x_mm)
     first = np.searchsorted(bin_of, np.arange(count))
     last = np.searchsorted(bin_of, np.arange(count), side="right") - 1

@@ -27,6 +27,7 @@ that the crosshead takes for it."""
 
 _LOOKS = np.linspace(0.125, 1.0, 8)
 MINIMUM_ROWS = 4
+"""Of a first loading, unless it is but the way to a hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,11 @@ class Leg:
     end_s: float
     begin_mm: float
     end_mm: float
+
+    @property
+    def rows(self) -> int:
+        """Their number."""
+        return self.last - self.first + 1
 
     @property
     def moves(self) -> bool:
@@ -93,7 +99,10 @@ def path_of(specimen: Specimen) -> Path | None:
         spans.pop(0)
     named = _named(spans, travel)
     kept, broken = _unbroken(named, force)
-    if not kept or kept[0][2] - kept[0][1] + 1 < MINIMUM_ROWS:
+    if not kept:
+        return None
+    held = len(kept) > 1 and kept[1][0] == "hold"
+    if kept[0][2] - kept[0][1] + 1 < (2 if held else MINIMUM_ROWS):
         return None
     start = kept[0][1]
     reach = kept[0][2]

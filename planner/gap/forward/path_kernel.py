@@ -9,7 +9,7 @@ force is bracketed and each slice's strain with it: slow, but certain to end wit
 import math
 
 from planner.arrays import FloatArray, IntArray
-from planner.gap.forward.slice_stress import bounded_tangent, slice_stress
+from planner.gap.forward.slice_stress import slice_stress
 from planner.geometry.kernel import free_kernel, inner_kernel
 
 __all__ = ["WORK_ROWS", "follow_path"]
@@ -21,7 +21,8 @@ _STRAIN, _FORMER, _LARGEST, _LEFT, _STRESS, _STRESS_BEFORE, _SHARE, _REST, _ALON
     10
 )
 _LOW, _HIGH = -0.6, 4.0
-_ITERATIONS = 24
+_ITERATIONS = 40
+_PATIENCE = 8
 _BISECTIONS = 100
 _TOLERANCE = 1e-10
 _LONGEST = 0.25
@@ -75,7 +76,7 @@ def strain_at(
             low = strain
         if excess == 0.0 or high - low < 1e-15:
             break
-        slope = area * share * bounded_tangent(tangent, stress, strain)
+        slope = area * share * tangent
         wanted = strain - excess / slope
         if not low < wanted < high:
             wanted = 0.5 * (low + high)
@@ -108,9 +109,9 @@ def bracketed_force(
             low = force
         else:
             high = force
-        if high - low <= 1e-13 * (abs(low) + abs(high)):
-            break
         if low > -math.inf and high < math.inf:
+            if high - low <= 1e-13 * (abs(low) + abs(high)):
+                break
             force = 0.5 * (low + high)
         else:  # one end is not known yet: go on in ever longer strides
             force += stride if high == math.inf else -stride
@@ -208,7 +209,7 @@ def follow_path(
                 work[_STRAIN, i] = now + ahead * (now - work[_FORMER, i])
                 work[_FORMER, i] = now
             solved = False
-            for _ in range(_ITERATIONS):
+            for iteration in range(_ITERATIONS):
                 worst, length, soft, elongation = 0.0, 0.0, 0.0, 0.0
                 for i in range(first, stop):
                     e = work[_STRAIN, i]
@@ -218,7 +219,7 @@ def follow_path(
                         step,
                     )  # fmt: skip
                     work[_STRESS, i] = stress
-                    stiff = slices[1, i] * work[_SHARE, i] * bounded_tangent(tangent, stress, e)
+                    stiff = slices[1, i] * work[_SHARE, i] * tangent
                     excess = slices[1, i] * (work[_SHARE, i] * stress + work[_REST, i]) - force
                     worst = max(worst, abs(excess))
                     work[_STIFF, i] = stiff
@@ -237,10 +238,12 @@ def follow_path(
                     solved = True
                     break
                 change = (target - lost - length) / (soft + slope)
-                force += change
+                # Kinks can send Newton's method to and fro; half a step ends that.
+                part = 1.0 if iteration < _PATIENCE else 0.5
+                force += part * change
                 for i in range(first, stop):
                     move = work[_ALONE, i] + change / work[_STIFF, i] - work[_STRAIN, i]
-                    e = work[_STRAIN, i] + min(max(move, -_LONGEST), _LONGEST)
+                    e = work[_STRAIN, i] + part * min(max(move, -_LONGEST), _LONGEST)
                     work[_STRAIN, i] = min(max(e, _LOW), _HIGH)
             if not solved:
                 force = bracketed_force(

@@ -11,6 +11,8 @@ __all__ = ["forces_N", "step_times_s"]
 _FEWEST = 5
 """Rows that a parabola is laid through at least, so that it evens out some noise."""
 
+_MANY = 200
+
 
 def step_times_s(path: Path, walk: Walk) -> FloatArray:
     """Return when a specimen came by each step, (T,)."""
@@ -60,10 +62,21 @@ def _middle_s(leg: Leg) -> float:
     return 0.5 * (leg.begin_s + leg.end_s)
 
 
+def _fewer(values: FloatArray) -> FloatArray:
+    """Return the means of runs of points where there are very many."""
+    size = len(values) // _MANY
+    if size < 2:
+        return values
+    whole = values[: len(values) // size * size].reshape(-1, size).mean(axis=1)
+    rest = values[len(values) // size * size :]
+    return np.append(whole, rest.mean()) if len(rest) else whole
+
+
 def _smooth(
     rows: FloatArray, values: FloatArray, places: FloatArray, reach: FloatArray
 ) -> FloatArray:
     """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`."""
+    rows, values = _fewer(rows), _fewer(values)
     away = np.abs(rows[None, :] - places[:, None])
     few = min(_FEWEST, len(rows))
     nearest = np.partition(away, few - 1, axis=1)[:, few - 1]

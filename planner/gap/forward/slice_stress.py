@@ -5,7 +5,7 @@ import math
 from planner.arrays import FloatArray
 from planner.geometry.kernel import inner_kernel
 
-__all__ = ["bounded_tangent", "elastic_stress", "fallen_share", "slice_stress"]
+__all__ = ["elastic_stress", "fallen_share", "slice_stress"]
 
 BUCKLED = 0.05
 """Stiffness in compression over that in tension: a strip gives way sideways."""
@@ -13,6 +13,7 @@ BUCKLED = 0.05
 _BUCKLING_STRAIN = 0.005
 _TILT_MIDDLE, _TILT_WIDTH = 0.15, 0.2
 _LEAST_TANGENT = 0.02
+"""Of the secant: a tangent below it, of a law that falls, would send Newton's method astray."""
 
 
 @inner_kernel
@@ -43,8 +44,8 @@ def elastic_stress(
         stress = BUCKLED * strain - (1.0 - BUCKLED) * _BUCKLING_STRAIN * (1.0 - decay)
         return secant * stress, secant * (BUCKLED + (1.0 - BUCKLED) * decay)
     tangent = secant * (1.0 + inside * slope)
+    tangent = max(tangent, _LEAST_TANGENT * secant)
     if strain > end:
-        tangent = max(tangent, _LEAST_TANGENT * secant)
         return secant * end + tangent * (strain - end), tangent
     return secant * inside, tangent
 
@@ -83,14 +84,8 @@ def slice_stress(
     if softening != 0.0:
         fall, slope = fallen_share(table, felt / largest, largest)
         factor = 1.0 - softening * fall
+        least = _LEAST_TANGENT * factor * tangent
         tangent = factor * tangent - softening * slope * spread / largest * stress
+        tangent = max(tangent, least)
         stress *= factor
     return stress, tangent
-
-
-@inner_kernel
-def bounded_tangent(tangent: float, stress: float, strain: float) -> float:
-    """Return a tangent that is safe to divide by, also where a softened law falls."""
-    if strain > 1e-9 or strain < -1e-9:
-        return max(tangent, _LEAST_TANGENT * abs(stress / strain))
-    return tangent

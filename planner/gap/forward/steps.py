@@ -44,6 +44,7 @@ _FRACTIONS: Mapping[Kind, tuple[tuple[float, ...], ...]] = {
 """Places of features along a leg, three lists each: fewer a leg where more legs have any."""
 
 FEATURES_MOST = 18
+ROWS_LEAST = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +132,7 @@ def feature_places(legs: Sequence[Leg]) -> list[tuple[float, ...]]:
     """Return where along each leg features are taken: () on most.
 
     The first loading, the first and the last unloading, the last reloading and the longest hold
-    have some, `FEATURES_MOST` in all at most.
+    have some, `FEATURES_MOST` in all at most. A leg of few rows has its end only.
     """
     kinds = [leg.kind for leg in legs]
     chosen: set[int] = {0}
@@ -145,7 +146,10 @@ def feature_places(legs: Sequence[Leg]) -> list[tuple[float, ...]]:
         places = [_FRACTIONS[kind][level] if i in chosen else () for i, kind in enumerate(kinds)]
         if sum(map(len, places)) <= FEATURES_MOST:
             break
-    return places
+    return [
+        some if leg.rows >= ROWS_LEAST else some[-1:]
+        for some, leg in zip(places, legs, strict=True)
+    ]
 
 
 def walk_of(paths: Sequence[Path], extra: Sequence[float] = ()) -> Walk:
