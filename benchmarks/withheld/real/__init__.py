@@ -1,0 +1,1 @@
+"""Campaigns from published measurements, for which nobody made up the cause."""
