@@ -52,8 +52,8 @@ def thesis() -> Real:
     campaign = Campaign("thesis", machine.name, palette, tuple(specimens), notes=notes)
     return Real(
         campaign,
-        "no effect of the library: areas of the soft grades disagree by 4 to 7 times, moduli by more, "
-        "and FLX9795 agrees; unknown, or material-law, with material as the place",
+        "no effect of the library: soft grades differ by 4 to 7 times in area, by more in modulus, "
+        "FLX9795 agrees; unknown, or material-law, with material as the place",
     )
 
 
