@@ -9,8 +9,7 @@ from planner.errors import UnknownNameError
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure
 from planner.gap.diagnosis import Diagnosis, Quality, Traces, Untestable
-from planner.gap.effects import EFFECTS, Effect
-from planner.gap.effects.material_law import effect_for
+from planner.gap.effects import EFFECTS, Effect, effects_for
 from planner.gap.effects.testable import untestable
 from planner.gap.evidence.applied import specimen_forces_N
 from planner.gap.evidence.bootstrap import resampled_odds
@@ -22,8 +21,7 @@ from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.experiments import next_experiments
-from planner.gap.forward import LawTables
-from planner.gap.forward.mount import mount
+from planner.gap.forward.mount import Mounted, mount
 from planner.gap.quality import examine
 from planner.gap.remainder import places_of, recalibration_of
 from planner.gap.traces import traces_of
@@ -62,8 +60,8 @@ def diagnose(
     """
     priors = Priors() if priors is None else priors
     effects, reasons = _library(campaign, without)
-    mounted = mount(campaign)
-    problem = set_up(campaign, mounted, LawTables.of(campaign.palette), effects, progress)
+    campaign, mounted = _mounted(campaign)
+    problem = set_up(campaign, mounted, effects, progress)
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     runs = [weighed.log_odds, *resampled_odds(problem, priors, weighed, rng)]
@@ -113,17 +111,27 @@ def _library(
                 f"--without {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
             )
     effects, reasons = [], []
-    for id, effect in EFFECTS.items():
+    for id, effect in effects_for(campaign.palette).items():
         if id in without:
             continue
         reason = untestable(effect, campaign)
         if reason is not None:
             reasons.append(Untestable(id, reason))
-        elif id == "material-law":
-            effects.append(effect_for(campaign))
         else:
             effects.append(effect)
     return tuple(effects), tuple(reasons)
+
+
+def _mounted(campaign: Campaign) -> tuple[Campaign, Mounted]:
+    """Mount a campaign without the specimens whose curves cannot be compared."""
+    mounted = mount(campaign)
+    used = sorted(place for test in mounted.tests for place in test)
+    if len(used) == len(campaign.specimens):
+        return campaign, mounted
+    kept = tuple(campaign.specimens[place] for place in used)
+    limitations = (*campaign.limitations, *mounted.limitations)
+    campaign = replace(campaign, specimens=kept, limitations=limitations)
+    return campaign, mount(campaign)
 
 
 def _name(effects: Effects) -> str:

@@ -1,6 +1,6 @@
 """One explanation of a campaign, fitted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,3 +48,11 @@ class Candidate:
     def flat(self) -> FloatArray:
         """All places one after another."""
         return np.array([x for place in self.places for x in place])
+
+    def at(self, flat: tuple[float, ...], gain: float, log_evidence: float) -> "Candidate":
+        """Return the candidate moved to another place."""
+        places, first = [], 0
+        for place in self.places:
+            places.append(tuple(flat[first : first + len(place)]))
+            first += len(place)
+        return replace(self, places=tuple(places), gain=gain, log_evidence=log_evidence)

@@ -105,8 +105,7 @@ class Elimination:
 def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> Whitened:
     """Whiten columns (N, X) by each specimen's own covariance."""
     white = np.empty_like(columns)
-    for rows, block in zip(noise.rows, noise.blocks, strict=True):
-        factor = np.linalg.cholesky(block)
+    for rows, factor in zip(noise.rows, noise.factors, strict=True):
         white[rows] = scipy.linalg.solve_triangular(
             factor, columns[rows], lower=True, check_finite=False
         )

@@ -8,6 +8,7 @@ import numpy as np
 from planner.arrays import FloatArray, IntArray
 from planner.gap.campaign import Campaign
 from planner.gap.effects.effect import Effect
+from planner.gap.evidence.discrepancy import discrepancy_factors
 from planner.gap.evidence.gram import Whitened, whiten
 from planner.gap.evidence.nodes import Branch, branches_of
 from planner.gap.evidence.unknown import UnknownAxis, unknown_axes
@@ -23,6 +24,7 @@ from planner.gap.noise import (
     specimen_noise,
 )
 from planner.gap.noise.blocks import place_on_path
+from planner.gap.noise.courses import course_columns, field_columns
 from planner.gap.noise.calibration import Calibration, calibrations, step
 
 __all__ = ["Problem", "Progress", "set_up"]
@@ -45,11 +47,12 @@ class Problem:
         Change of the transformed figures at each node.
     calibration_figures : (q, N)
         Columns of the laws' calibration.
+    factors : (N, k)
+        What an effect's form may depart by, see `discrepancy_factors`.
     """
 
     campaign: Campaign
     mounted: Mounted
-    laws: LawTables
     branches: tuple[Branch, ...]
     scatter: Scatter
     noise: SpecimenNoise
@@ -60,8 +63,14 @@ class Problem:
     node_figures: FloatArray
     calibration_figures: FloatArray
     whitened: Whitened
+    factors: FloatArray
     unknown: tuple[UnknownAxis, ...]
     first_unknown: int
+
+    @property
+    def laws(self) -> LawTables:
+        """The palette's laws."""
+        return self.mounted.laws
 
     @property
     def table(self) -> FeatureTable:
@@ -102,7 +111,6 @@ class Problem:
 def set_up(
     campaign: Campaign,
     mounted: Mounted,
-    laws: LawTables,
     effects: Sequence[Effect],
     progress: Progress | None = None,
 ) -> Problem:
@@ -115,7 +123,7 @@ def set_up(
         setups += [branch.form.apply(mounted.setup, v) for v in branch.node_values()]
     table = mounted.table
     figures = np.empty((len(setups), len(table)))
-    for k, prediction in enumerate(predict_all(setups, laws)):
+    for k, prediction in enumerate(predict_all(setups, mounted.laws)):
         figures[k] = mounted.predicted(prediction)
         if progress is not None and k % 20 == 0:
             progress(k, len(setups), "forward model")
@@ -132,6 +140,11 @@ def set_up(
     scatter = estimate_scatter(table, sensitivity, *noise_inputs)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = calibration_columns(ways, changes[: len(ways)], np.zeros(len(table)))
+    courses = np.concatenate(
+        [course_columns(campaign, table, sensitivity),
+         field_columns(table, unpredicted, sensitivity)], axis=1,
+    )  # fmt: skip
+    calibration = np.concatenate([calibration, courses], axis=1)
     unknown = unknown_axes(campaign, table, sensitivity)
     gains = np.where(table.branch != _FIELD, sensitivity, 0.0)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
@@ -145,7 +158,6 @@ def set_up(
     return Problem(
         campaign=campaign,
         mounted=mounted,
-        laws=laws,
         branches=branches,
         scatter=scatter,
         noise=noise,
@@ -156,6 +168,7 @@ def set_up(
         node_figures=changes[len(ways) :],
         calibration_figures=calibration.T,
         whitened=whiten(columns, noise, nuisances),
+        factors=discrepancy_factors(campaign, table),
         unknown=unknown,
         first_unknown=1 + len(changes) - len(ways) + gains.shape[1],
     )

@@ -70,7 +70,7 @@ def unknown_axes(
     courses = []
     for material in dict.fromkeys(n for n in names if n is not None):
         of_it = np.array([n == material for n in names])[table.specimen]
-        courses += [h * of_it * b for b in bumps[:2]]
+        courses += [h * of_it, h * of_it * travel]
     if len(courses) > 2:
         found.append(_axis("material", np.stack(courses, axis=1), True))
     places = _position_patterns(campaign, table, sensitivity)

@@ -12,10 +12,10 @@ from scipy.special import logsumexp
 
 from planner.arrays import FloatArray
 from planner.gap.evidence.candidate import Candidate
-from planner.gap.evidence.gram import Elimination
-from planner.gap.evidence.individual import individual_columns
+from planner.gap.evidence.gram import Elimination, Gram
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.search import Pairs, Search, Singles
 from planner.gap.evidence.subset import weigh_subset
 from planner.gap.evidence.unknown import AMPLITUDES
@@ -23,6 +23,12 @@ from planner.gap.evidence.unknown import AMPLITUDES
 __all__ = ["Effects", "Weighed", "weigh"]
 
 Effects = tuple[str, ...]
+
+FORMS = 3
+"""Forms of a single effect that are weighed in full."""
+
+WORTH_NATS = 15.0
+"""Hypotheses this far below the best are not weighed at other scales of scatter."""
 
 WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them."""
@@ -72,47 +78,46 @@ def weigh(
     search = Search.of(problem)
     nominal = gram.eliminate()
     result = Weighed(nominal)
+    logs = _LogPriors(problem, priors)
     singles = search.singles(nominal)
     pairs = search.pairs(nominal, search.scan(nominal, singles.place))
-    logs = _LogPriors(problem, priors)
-    _offer(search, singles, pairs, logs, result)
-    contexts = {}
-    for effects, candidate in list(result.best.items()):
-        if len(effects) == 1 and candidate.branches:
-            extra = individual_columns(problem, candidate, weight)
-            if extra is not None:
-                contexts[effects[0]] = extra
+    candidates = _candidates(search, singles, pairs, logs)
+    refiners = [Refiner(problem, gram, c, weight) for c in candidates]
+    result.offer(Candidate(()))
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
     scales = ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
+    chosen: list[tuple[Refiner, float]] = []
     for scale, share in scales[: 1 if quick else 3]:
-        elimination = nominal if scale == 1.0 else gram.eliminate(scale)
-        offset = elimination.none - nominal.none + float(np.log(share))
-        here = (singles, pairs)
-        if scale != 1.0:
-            here = search.singles(elimination), search.pairs(elimination, pairs)
-        ours = _evidence(search, *here, logs)
+        plain = nominal if scale == 1.0 else gram.eliminate(scale)
+        offset = plain.none - nominal.none + float(np.log(share))
+        result.add((), "", offset + logs.none)
+        ours: dict[Effects, float] = {}
+        for refiner in refiners:
+            candidate = refiner.candidate
+            found = refiner.weigh(refiner.eliminate(scale), plain.none)
+            value = found.evidence + logs.forms(candidate)
+            old = ours.get(candidate.effects, -np.inf)
+            ours[candidate.effects] = float(np.logaddexp(old, value))
+            if scale == 1.0:
+                result.offer(candidate.at(found.place, found.gain, value))
         if logs.some:
-            subset = weigh_subset(problem, elimination)
+            subset = weigh_subset(problem, plain)
             if scale == 1.0:
                 result.offer(subset)
-            ours[("force-scale",)] = float(
-                np.logaddexp(ours[("force-scale",)], subset.log_evidence) - np.log(2.0)
+            ours[subset.effects] = float(
+                np.logaddexp(ours.get(subset.effects, -np.inf), subset.log_evidence) - np.log(2.0)
             )
-        for id, extra in contexts.items():
-            context = gram.eliminate(scale, extra)
-            shift = context.none - elimination.none
-            theirs = _evidence(
-                search, search.singles(context), search.pairs(context, _with(search, pairs, id)),
-                logs,
-            )  # fmt: skip
-            for effects, value in theirs.items():
-                if id in effects and effects in ours:
-                    ours[effects] = float(np.logaddexp(ours[effects], value + shift) - np.log(2.0))
-        result.add((), "", offset + logs.none)
         for effects, value in ours.items():
             result.add(effects, "", offset + logs.of(effects) + value)
-        if not quick:
-            _beside_unknown(search, elimination, offset, logs, ours, result)
+        if scale == 1.0:
+            refiners = _worth(refiners, result, logs)
+        if quick or not problem.unknown:
+            continue
+        if scale == 1.0:
+            chosen = _best(problem, gram, weight, result, ours, logs)
+        _add_unknown(problem, plain, offset, logs, result)
+        for refiner, others in chosen:
+            _add_beside(problem, refiner, scale, plain.none, offset + others, logs, result)
     return result
 
 
@@ -126,90 +131,91 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
-        self.unknown = float(np.log(priors.unknown))
-        self.beside = float(np.log(priors.beside / (1.0 - priors.beside)))
+        axes = max(len(problem.unknown) * len(AMPLITUDES), 1)
+        self.unknown = float(np.log(priors.unknown / axes))
+        self.beside = float(np.log(priors.beside / (1.0 - priors.beside) / axes))
         self.branch = np.log([b.weight for b in problem.branches])
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
         return (self.none, self.single, self.pair)[len(effects)]
 
-
-def _offer(
-    search: Search, singles: Singles, pairs: Pairs, logs: _LogPriors, result: Weighed
-) -> None:
-    result.offer(Candidate(()))
-    for k in range(len(singles.gain)):
-        numbers = (float(singles.gain[k]), float(singles.evidence[k] + logs.branch[k]))
-        result.offer(search.candidate([k], [singles.place[k]], *numbers))
-    for row, both in enumerate(pairs.branches.tolist()):
-        value = float(pairs.evidence[row] + logs.branch[both].sum())
-        places = [pairs.place[row, :3], pairs.place[row, 3:]]
-        result.offer(search.candidate(both, places, float(pairs.gain[row]), value))
+    def forms(self, candidate: Candidate) -> float:
+        """Return the log prior of a candidate's forms among those of its effects."""
+        return float(sum(self.branch[b.number] for b in candidate.branches))
 
 
-def _evidence(
+def _candidates(
     search: Search, singles: Singles, pairs: Pairs, logs: _LogPriors
-) -> dict[Effects, float]:
-    """Return log evidence by effects, forms averaged."""
-    names = [b.effect.id for b in search.problem.branches]
-    parts: dict[Effects, list[float]] = {}
-    for k, name in enumerate(names):
-        parts.setdefault((name,), []).append(float(singles.evidence[k] + logs.branch[k]))
+) -> list[Candidate]:
+    """Return the best forms of every effect, and the pairs that passed the scan."""
+    found = []
+    value = singles.evidence + logs.branch
+    for effect in range(int(search.effect.max(initial=-1)) + 1):
+        mine = np.flatnonzero(search.effect == effect)
+        for k in mine[np.argsort(-value[mine], kind="stable")][:FORMS].tolist():
+            place = [singles.place[k]]
+            found.append(search.candidate([k], place, float(singles.gain[k]), float(value[k])))
     for row, both in enumerate(pairs.branches.tolist()):
-        effects = tuple(sorted((names[both[0]], names[both[1]])))
-        value = float(pairs.evidence[row] + logs.branch[both].sum())
-        parts.setdefault(effects, []).append(value)
-    return {effects: float(logsumexp(values)) for effects, values in parts.items()}
+        places = [pairs.place[row, :3], pairs.place[row, 3:]]
+        gain, evidence = float(pairs.gain[row]), float(pairs.evidence[row])
+        found.append(search.candidate(both, places, gain, evidence))
+    return found
 
 
-def _with(search: Search, pairs: Pairs, id: str) -> Pairs:
-    names = np.array([b.effect.id for b in search.problem.branches])
-    rows = np.any(names[pairs.branches] == id, axis=1) if len(pairs.branches) else slice(0)
-    return Pairs(pairs.branches[rows], pairs.place[rows], pairs.gain[rows], pairs.evidence[rows])
+def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[Refiner]:
+    """Return those of hypotheses that another scatter could still make the best."""
+    odds = {e: c.log_evidence + logs.of(e) for e, c in result.best.items()}
+    least = max(odds.values()) - WORTH_NATS
+    return [r for r in refiners if odds[r.candidate.effects] > least]
 
 
-def _beside_unknown(
-    search: Search,
-    elimination: Elimination,
-    offset: float,
-    logs: _LogPriors,
-    ours: dict[Effects, float],
+def _best(
+    problem: Problem,
+    gram: Gram,
+    weight: FloatArray | None,
     result: Weighed,
-) -> None:
-    """Add the unknown alone, and beside the best hypotheses."""
-    problem = search.problem
-    if not problem.unknown:
-        return
+    ours: dict[Effects, float],
+    logs: _LogPriors,
+) -> list[tuple[Refiner, float]]:
+    """Return the best hypotheses' best forms, and what their other forms add, in nats."""
     ranked = sorted(ours, key=lambda e: -(ours[e] + logs.of(e)))[:WITH_UNKNOWN]
-    chosen = [result.best[e] for e in ranked if e in result.best and result.best[e].branches]
-    each = float(np.log(len(problem.unknown) * len(AMPLITUDES)))
-    start = problem.nodes.start
+    chosen = []
+    for effects in ranked:
+        best = result.best[effects]
+        if best.branches:
+            others = max(ours[effects] - best.log_evidence, 0.0)
+            chosen.append((Refiner(problem, gram, best, weight, unknown=True), others))
+    return chosen
+
+
+def _add_unknown(
+    problem: Problem, plain: Elimination, offset: float, logs: _LogPriors, result: Weighed
+) -> None:
+    """Add the unknown alone, along each axis."""
     for number, axis in enumerate(problem.unknown):
         at = problem.unknown_columns(number)
-        random = np.arange(at.start, at.stop)
-        for candidate in chosen:
-            nodes = [start + b.first + np.arange(b.nodes) for b in candidate.branches]
-            head = np.concatenate([[0], *nodes])
-            part = elimination.part(np.concatenate([head, random]))
-            firsts = np.cumsum([0, *[b.nodes for b in candidate.branches]])[:-1]
-            alone = candidate.log_evidence
-            for amplitude in AMPLITUDES:
-                left = part.with_random(slice(len(head), len(head) + len(random)), amplitude,
-                                        len(head))  # fmt: skip
-                inner = (np.ascontiguousarray(left.products[0, 1:]),
-                         np.ascontiguousarray(left.products[1:, 1:]))  # fmt: skip
-                _, value = search.climb(inner, firsts, candidate)
-                value += left.none - elimination.none
-                # Of the best form alone; its share among the effect's forms as without.
-                share = ours[candidate.effects] - alone
-                value += logs.of(candidate.effects) + logs.beside - each
-                value += float(sum(logs.branch[b.number] for b in candidate.branches)) + max(
-                    share, 0.0
-                )
-                result.add(candidate.effects, axis.axis, offset + value)
-        part = elimination.part(np.concatenate([[0], random]))
+        part = plain.part(np.concatenate([[0], np.arange(at.start, at.stop)]))
         for amplitude in AMPLITUDES:
-            left = part.with_random(slice(1, 1 + len(random)), amplitude, 1)
-            value = left.none - elimination.none + logs.unknown - each
-            result.add((), axis.axis, offset + value)
+            left = part.with_random(slice(1, 1 + at.stop - at.start), amplitude, 1)
+            result.add((), axis.axis, offset + logs.unknown + left.none - plain.none)
+
+
+def _add_beside(
+    problem: Problem,
+    refiner: Refiner,
+    scale: float,
+    none: float,
+    offset: float,
+    logs: _LogPriors,
+    result: Weighed,
+) -> None:
+    """Add a candidate with the unknown beside it, along each axis."""
+    context = refiner.eliminate(scale)
+    effects = refiner.candidate.effects
+    prior = logs.of(effects) + logs.beside + logs.forms(refiner.candidate)
+    for number, axis in enumerate(problem.unknown):
+        for amplitude in AMPLITUDES:
+            left = refiner.beside(context, problem.unknown_columns(number), amplitude)
+            value = refiner.weigh(left, none).evidence
+            result.add(effects, axis.axis, offset + prior + value)

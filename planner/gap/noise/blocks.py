@@ -27,6 +27,8 @@ class SpecimenNoise:
         Slices of the table's rows, one a specimen.
     blocks
         Covariance of each specimen's rows, (d, d).
+    factors
+        Their lower Cholesky factors.
     batch : (N, batches)
         What specimens of one batch share, a column of prior deviation 1 a batch; no column where
         batches are unknown or all the same.
@@ -34,6 +36,7 @@ class SpecimenNoise:
 
     rows: tuple[slice, ...]
     blocks: tuple[FloatArray, ...]
+    factors: tuple[FloatArray, ...]
     batch: FloatArray
 
 
@@ -65,7 +68,8 @@ def specimen_noise(
     for column, number in enumerate(batches[: columns.shape[1]]):
         of_batch = (batch_of[table.specimen] == number) & (table.branch != _FIELD)
         columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
-    return SpecimenNoise(rows, blocks, columns)
+    factors = tuple(np.linalg.cholesky(block) for block in blocks)
+    return SpecimenNoise(rows, blocks, factors, columns)
 
 
 def place_on_path(table: FeatureTable, last_step: int) -> FloatArray:

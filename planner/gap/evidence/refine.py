@@ -1,0 +1,96 @@
+"""Weigh one candidate on its own columns, with what its form may depart by."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import FloatArray, IntArray
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.discrepancy import discrepancy_patterns
+from planner.gap.evidence.gram import Elimination, Gram
+from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.search_kernels import weigh_single
+
+__all__ = ["Refiner", "Weight"]
+
+
+@dataclass(frozen=True, slots=True)
+class Weight:
+    """Gain and log evidence over no effect at the same scale of scatter, and the best place."""
+
+    gain: float
+    evidence: float
+    place: tuple[float, ...]
+
+
+class Refiner:
+    """One candidate's columns: the residual, its nodes, perhaps the unknown's, and all nuisances.
+
+    Its form is right, or departs as `discrepancy_patterns` says: with equal probability.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        gram: Gram,
+        candidate: Candidate,
+        weight: FloatArray | None,
+        *,
+        unknown: bool = False,
+    ) -> None:
+        self.candidate = candidate
+        start = problem.nodes.start
+        nodes = [start + b.first + np.arange(b.nodes) for b in candidate.branches]
+        self.head = 1 + sum(len(n) for n in nodes)
+        total = len(gram.products)
+        first = problem.first_unknown if unknown else total - gram.nuisances
+        columns: IntArray = np.concatenate([[0], *nodes, np.arange(first, total)]).astype(np.int64)
+        self._shift = self.head - problem.first_unknown
+        own, form = discrepancy_patterns(
+            candidate, problem.node_figures, problem.factors, problem.noise, problem.table
+        )
+        rows = None if weight is None else np.repeat(weight, np.diff(problem.whitened.first_row))
+        white = problem.whitened.columns[:, columns]
+        self._extras = [_inner(p, white, rows) for p in (own, np.concatenate([own, form], axis=1))]
+        self._gram = Gram(gram.products[np.ix_(columns, columns)], gram.rows, gram.nuisances)
+        self._firsts = np.cumsum([0, *[b.nodes for b in candidate.branches]])[:-1].astype(np.int64)
+        self._shapes = np.array([b.shapes for b in candidate.branches], dtype=np.int64)
+        self._lows = np.array([b.least for b in candidate.branches])
+
+    def eliminate(self, scale: float) -> list[Elimination]:
+        """Integrate over nuisances: with the form as it is, and with departures from it."""
+        return [self._gram.eliminate(scale, extra) for extra in self._extras]
+
+    def weigh(self, eliminations: list[Elimination], none: float) -> Weight:
+        """Return the candidate's weight; `none` is ln p of no effect at that scale."""
+        found = [self._weigh(e, none) for e in eliminations]
+        evidence = float(np.logaddexp.reduce([w.evidence for w in found]) - np.log(len(found)))
+        best = max(found, key=lambda w: w.evidence)
+        return Weight(best.gain, evidence, best.place)
+
+    def _weigh(self, elimination: Elimination, none: float) -> Weight:
+        a = elimination.products
+        place = self.candidate.flat
+        gain, evidence = weigh_single(
+            np.ascontiguousarray(a[0, 1 : self.head]),
+            np.ascontiguousarray(a[1 : self.head, 1 : self.head]),
+            self._firsts, self._shapes, self._lows, place,
+        )  # fmt: skip
+        shift = elimination.none - none
+        return Weight(float(gain) + shift, float(evidence) + shift, tuple(place.tolist()))
+
+    def beside(
+        self, eliminations: list[Elimination], axis: slice, amplitude: float
+    ) -> list[Elimination]:
+        """Add an unknown along one axis, given by its columns in the problem."""
+        at = slice(axis.start + self._shift, axis.stop + self._shift)
+        return [e.with_random(at, amplitude, self.head) for e in eliminations]
+
+
+def _inner(
+    patterns: FloatArray, columns: FloatArray, rows: FloatArray | None
+) -> tuple[FloatArray, FloatArray] | None:
+    if not patterns.shape[1]:
+        return None
+    weighted = patterns if rows is None else patterns * rows[:, None]
+    return weighted.T @ columns, weighted.T @ patterns
