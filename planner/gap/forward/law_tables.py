@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from planner.arrays import FloatArray, IntArray
 from planner.errors import PaletteError
-from planner.materials.laws import Law, make_law
+from planner.materials.laws import Law, OgdenThesis, make_law
 from planner.materials.stiffness import secant_modulus_MPa
 from planner.palette import Palette
 from planner.simulation.response import FARTHEST
@@ -88,7 +88,9 @@ def law_tables(palette: Palette) -> LawTables:
     nodes = np.linspace(0.0, STRAIN_END, _INTERVALS + 1)
     tables = []
     for material in palette.materials:
-        table = _cubics(make_law(material.law), nodes, FARTHEST * material.elongation_at_break)
+        law = make_law(material.law)
+        farthest = FARTHEST * material.elongation_at_break
+        table = None if isinstance(law, OgdenThesis) else _cubics(law, nodes, farthest)
         if table is None:
             raise PaletteError(
                 f"palette {palette.name}: material {material.id!r}: law: {material.law.model} "

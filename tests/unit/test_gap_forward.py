@@ -1,0 +1,296 @@
+"""The forward solver against closed forms and against the simulation's own solver."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from planner.errors import PaletteError
+from planner.gap.forward import RELAXATION_TIMES_s, Setup, law_tables, predict, predict_all
+from planner.gap.forward.law_tables import STRAIN_END
+from planner.materials.coefficients import CoefficientModel
+from planner.materials.laws import make_law
+from planner.palette import LawParameters, Material, Palette, Reference
+from planner.simulation.bar import Bar
+from planner.simulation.equilibrium import solve
+from planner.simulation.response import elastic_response
+
+GAUGE_MM = 40.0
+AREA_mm2 = 30.0
+NODES = np.linspace(0.0, 1.0, 21)
+
+
+def material(id, coordinate, model, elongation=1.2, **parameters):
+    return Material(id, coordinate, elongation, 1.1, LawParameters(model, parameters))
+
+
+SOFT = material("soft", 0.0, "ogden", mu_MPa=(0.26, 0.42), alpha=(-1.5, 1.5))
+FIRM = material("firm", 0.5, "yeoh", c_MPa=(0.9, -0.12, 0.03))
+HARD = material("hard", 1.0, "linear", 0.1, modulus_MPa=(900.0,))
+LINEAR = material("linear", 0.0, "linear", modulus_MPa=(2.0,))
+PALETTE = Palette("three", (SOFT, FIRM, HARD))
+LAWS = law_tables(PALETTE)
+LINEAR_LAWS = law_tables(Palette("one", (LINEAR,)))
+
+
+def setup(travel_mm, *, time_s=None, coordinates=((0.0,),), lengths=None, **changes):
+    """A rigid machine that pulls one test a tuple of coordinates through `travel_mm`."""
+    travel = np.atleast_2d(travel_mm)
+    travel = np.broadcast_to(travel, (len(coordinates), travel.shape[1])).copy()
+    P, T = travel.shape
+    counts = [len(c) for c in coordinates]
+    S = sum(counts)
+    length = [np.full(n, GAUGE_MM / n) for n in counts] if lengths is None else lengths
+    ones, none, still = np.ones(P), np.zeros(S), np.zeros(P)
+    plain = Setup(
+        reference=Reference(),
+        coordinate_range=(0.0, 1.0),
+        first_slice=np.concatenate([[0], np.cumsum(counts)]),
+        time_s=np.broadcast_to(
+            np.arange(T, dtype=float) if time_s is None else time_s, (P, T)
+        ).copy(),
+        travel_mm=travel,
+        rate_per_s=0.03 * ones,
+        temperature_C=23.0 * ones,
+        soak_h=still,
+        age_days=ones,
+        width_mm=10.0 * ones,
+        thickness_mm=3.0 * ones,
+        gauge_mm=GAUGE_MM * ones,
+        orientation=np.zeros(P, dtype=int),
+        known={},
+        designs=(None,) * P,
+        x_mm=none,
+        coordinate=np.concatenate([np.array(c, dtype=float) for c in coordinates]),
+        log_factor=none,
+        log_tilt=none,
+        relaxing=np.zeros((S, len(RELAXATION_TIMES_s))),
+        softening=none,
+        set_share=none,
+        length_mm=np.concatenate(length),
+        area_mm2=np.full(S, AREA_mm2),
+        travel_factor=ones,
+        lost_mm=np.zeros((P, T)),
+        slip_mm_N=still,
+        slip_from_N=still,
+        slip_power=ones,
+        compliance_mm_N=still,
+        compliance_power=ones,
+        gain=np.ones((P, T)),
+        offset_N=np.zeros((P, T)),
+    )
+    return plain.with_(**changes)
+
+
+def there_and_back(strains, points=41):
+    """Travel through turning points of strain, from rest."""
+    ways = [np.linspace(a, b, points)[1:] for a, b in zip((0.0, *strains), strains, strict=False)]
+    return GAUGE_MM * np.concatenate([[0.0], *ways])
+
+
+def test_tables_are_the_laws():
+    strain = np.linspace(0.0, 1.15, 777)
+    for m in (SOFT, FIRM):
+        stress = LAWS.stress_MPa(m.coordinate, strain)
+        # Cubics on 600 intervals leave the laws' ln(secant) off by about 1e-11.
+        np.testing.assert_allclose(stress, make_law(m.law).nominal_stress_MPa(1 + strain), 1e-9)
+    model = CoefficientModel(PALETTE)
+    inside = strain[strain < 0.2]  # the hard material's law is followed to twice its 0.1
+    blend = LAWS.stress_MPa(0.73, inside)
+    np.testing.assert_allclose(blend, model.nominal_stress_MPa(0.73, 1 + inside), 1e-9)
+
+
+def test_tables_go_on_rising_beyond_a_laws_end():
+    falling = material("f", 0.0, "yeoh", c_MPa=(1.0, -0.6, 0.01))  # falls from 0.6 or so
+    laws = law_tables(Palette("p", (falling,)))
+    stress = laws.stress_MPa(0.0, np.linspace(0.0, 3.0, 500))
+    assert laws.sound_strain[0] < STRAIN_END
+    assert np.isfinite(stress).all()
+    assert (np.diff(stress) > 0).all()
+
+
+def test_materials_whose_stiffness_crosses_have_tables():
+    crossing = Palette("p", (FIRM, material("b", 0.8, "ogden", mu_MPa=(0.5,), alpha=(4.0,))))
+    with pytest.raises(PaletteError):
+        CoefficientModel(crossing)
+    assert np.isfinite(law_tables(crossing).stress_MPa(0.65, 0.5))
+
+
+def test_law_that_is_not_stress_free_is_refused():
+    odd = LawParameters(
+        "ogden-thesis",
+        {"c": (0.06, 1.5, 0.8, 0.5, 0.5, -0.5), "strain_min": (0.2,), "strain_max": (0.9,)},
+    )
+    with pytest.raises(PaletteError, match="'odd'"):
+        law_tables(Palette("p", (Material("odd", 0.0, 0.9, 1.1, odd),)))
+
+
+def test_coupon_is_its_law():
+    travel = np.linspace(0.0, 0.9 * GAUGE_MM, 64)
+    force = predict(setup(travel), LAWS).force_N[0]
+    law = make_law(SOFT.law).nominal_stress_MPa(1.0 + travel / GAUGE_MM)
+    np.testing.assert_allclose(force, AREA_mm2 * law, rtol=1e-8, atol=1e-9)
+
+
+def test_factor_and_tilt_multiply_the_stress():
+    travel = np.linspace(0.0, 20.0, 64)
+    e = travel / GAUGE_MM
+    plain = predict(setup(travel), LAWS).force_N[0]
+    bent = setup(travel, log_factor=np.array([0.3]), log_tilt=np.array([-0.2]))
+    expected = plain * np.exp(0.3 - 0.2 * np.tanh((e - 0.15) / 0.2))
+    np.testing.assert_allclose(predict(bent, LAWS).force_N[0], expected, rtol=1e-8, atol=1e-9)
+
+
+def test_bar_at_small_strain_is_springs_in_series():
+    coordinates = np.linspace(0.0, 1.0, 33)
+    found = predict(setup([0.0, 1e-6 * GAUGE_MM], coordinates=(coordinates,)), LAWS)
+    secant = LAWS.stress_MPa(coordinates, 1e-7) / 1e-7
+    springs = 1e-6 * GAUGE_MM / np.sum(GAUGE_MM / 33 / (AREA_mm2 * secant))
+    # Stiffness changes by about the strain of the softest slice, 2e-6, over the step.
+    assert found.force_N[0, 1] == pytest.approx(springs, rel=1e-5)
+    assert np.mean(found.strain[1]) == pytest.approx(1e-6, rel=1e-9)
+
+
+def test_bar_equals_the_simulation():
+    coordinates = 0.5 + 0.45 * np.sin(np.linspace(0.0, 7.0, 40))
+    area = AREA_mm2 * (1.0 + 0.3 * np.cos(np.linspace(0.0, 5.0, 40)))
+    travel = np.linspace(0.0, 0.15 * GAUGE_MM, 64)
+    bar = Bar(np.linspace(0.0, GAUGE_MM, 41), coordinates, area)
+    truth = solve(bar, elastic_response(CoefficientModel(PALETTE), coordinates), travel)
+    found = predict(setup(travel, coordinates=(coordinates,), area_mm2=area), LAWS)
+    np.testing.assert_allclose(found.force_N[0], truth.force_N, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.strain, truth.strain, atol=1e-8)
+
+
+def test_relaxing_ramp_and_hold_of_one_exponential():
+    share, term, rate, ramp_s = 0.4, 5, 0.02, 10.0
+    tau = RELAXATION_TIMES_s[term]
+    time = np.concatenate([np.linspace(0.0, ramp_s, 9), ramp_s + np.geomspace(0.01, 200.0, 40)])
+    strain = rate * np.minimum(time, ramp_s)
+    relaxing = np.zeros((1, len(RELAXATION_TIMES_s)))
+    relaxing[0, term] = share
+    held = setup(strain * GAUGE_MM, time_s=time, relaxing=relaxing)
+    viscous = 2.0 * share * rate * tau * (1.0 - np.exp(-np.minimum(time, ramp_s) / tau))
+    viscous *= np.exp(-np.maximum(time - ramp_s, 0.0) / tau)
+    stress = 2.0 * (1.0 - share) * strain + viscous
+    # The law is linear, so the recursion is exact; 1e-10 is where Newton's method stops.
+    force = predict(held, LINEAR_LAWS).force_N[0]
+    np.testing.assert_allclose(force, AREA_mm2 * stress, rtol=1e-8, atol=1e-9)
+
+
+def test_relaxation_converges_with_the_square_of_the_step():
+    relaxing = np.full((1, len(RELAXATION_TIMES_s)), 0.05)
+
+    def at_end(steps):
+        time = np.linspace(0.0, 30.0, steps + 1)
+        pulled = setup(0.8 * GAUGE_MM * time / 30.0, time_s=time, relaxing=relaxing)
+        return predict(pulled, LAWS).force_N[0, -1]
+
+    fine = at_end(1024)
+    errors = [abs(at_end(n) / fine - 1.0) for n in (16, 32, 64)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.1)
+    assert errors[2] < 1e-4  # 64 steps are what a test has
+
+
+def test_reloading_rejoins_the_virgin_curve():
+    strains = (0.3, 0.0, 0.5)
+    path = there_and_back(strains)
+    table = np.outer(1.0 - NODES**2, NODES)
+    coordinates = ((0.0,), (0.0, 0.2, 0.4))
+    virgin = setup(path, coordinates=coordinates)
+    marked = virgin.with_(
+        softening=np.full(4, 0.5), softening_table=table, set_share=np.full(4, 1.0),
+        set_table=0.2 * NODES,
+    )  # fmt: skip
+    before, after = predict(virgin, LAWS).force_N, predict(marked, LAWS).force_N
+    first, way_back, again = slice(0, 41), slice(42, 81), path > 0.3 * GAUGE_MM + 1e-9
+    # On a pull no slice of a bar goes back, so that below the peak only the way back is marked.
+    np.testing.assert_allclose(after[:, first], before[:, first], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(after[:, again], before[:, again], rtol=1e-8, atol=1e-9)
+    assert (after[:, way_back] < before[:, way_back] - 1e-6).all()
+
+
+def test_set_and_softening_follow_their_equations():
+    path = there_and_back((0.4, 0.0))
+    left = 0.25 * 0.2 * 0.4
+    set_only = setup(path, set_share=np.array([0.25]), set_table=0.2 * NODES)
+    way_back = slice(41, 81)
+    e = path[way_back] / GAUGE_MM
+    bearing = e > left
+    felt = (e - left) * 0.4 / (0.4 - left)
+    force = predict(set_only, LAWS).force_N[0, way_back]
+    expected = AREA_mm2 * LAWS.stress_MPa(0.0, felt[bearing])
+    np.testing.assert_allclose(force[bearing], expected, rtol=1e-7, atol=1e-9)
+    # In compression a strip buckles: far less force than its stiffness would give.
+    assert -0.5 * expected[0] < force[~bearing].min() < 0.0
+    table = np.outer(1.0 - NODES, NODES)
+    soft = setup(path, softening=np.array([0.6]), softening_table=table)
+    factor = 1.0 - 0.6 * (1.0 - e / 0.4) * 0.4
+    expected = AREA_mm2 * LAWS.stress_MPa(0.0, e) * factor
+    np.testing.assert_allclose(
+        predict(soft, LAWS).force_N[0, way_back], expected, rtol=1e-7, atol=1e-8
+    )
+
+
+def test_slack_shifts_the_curve():
+    travel = np.linspace(0.0, 12.0, 61)
+    slack = setup(travel, lost_mm=np.minimum(travel, 1.0)[None, :])
+    plain = predict(setup(np.maximum(travel - 1.0, 0.0)), LAWS).force_N
+    np.testing.assert_allclose(predict(slack, LAWS).force_N, plain, rtol=1e-9, atol=1e-9)
+
+
+def test_travel_factor_gain_and_offset():
+    travel = np.linspace(0.0, 12.0, 25)
+    scaled = setup(travel, travel_factor=np.array([0.9]), gain=np.full((1, 25), 4.448),
+                   offset_N=np.full((1, 25), -0.3))  # fmt: skip
+    plain = predict(setup(0.9 * travel), LAWS).force_N
+    np.testing.assert_allclose(predict(scaled, LAWS).force_N, 4.448 * plain - 0.3, rtol=1e-12)
+
+
+def test_compliance_is_a_spring_in_series():
+    travel = np.linspace(0.0, 8.0, 30)
+    stiff = 2.0 * AREA_mm2 / GAUGE_MM
+    soft = setup(travel, compliance_mm_N=np.array([0.05]))
+    force = predict(soft, LINEAR_LAWS).force_N[0]
+    np.testing.assert_allclose(force, stiff * travel / (1.0 + 0.05 * stiff), rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("power", [0.3, 0.7, 1.0])
+def test_losses_and_elongations_add_up_to_the_travel(power):
+    path = there_and_back((0.3, -0.02, 0.4))
+    coordinates = (np.linspace(0.0, 0.9, 20),)
+    loose = setup(
+        path, coordinates=coordinates, compliance_mm_N=np.array([0.05]),
+        compliance_power=np.array([power]), slip_mm_N=np.array([0.08]),
+        slip_from_N=np.array([5.0]), slip_power=np.array([1.5]), set_share=np.full(20, 0.5),
+        set_table=0.2 * NODES,
+    )  # fmt: skip
+    found = predict(loose, LAWS)
+    force = found.force_N[0]
+    machine = 0.05 * np.sign(force) * ((1.0 + abs(force)) ** power - 1.0) / power
+    most = np.maximum.accumulate(np.maximum(force, 0.0))
+    slip = 0.08 * np.maximum(most - 5.0, 0.0) ** 1.5
+    assert force.max() > 5.0  # so that it does slip
+    np.testing.assert_allclose(found.strain @ loose.length_mm + machine + slip, path, atol=1e-7)
+
+
+def test_more_travel_than_the_slices_can_take_stays_finite():
+    wild = setup(
+        there_and_back((30.0, -5.0)), coordinates=((0.0, 1.0),), log_tilt=np.array([-3.0, 3.0])
+    )
+    found = predict(wild, LAWS)
+    assert np.isfinite(found.force_N).all()
+    assert np.isfinite(found.strain).all()
+
+
+def test_threads_change_nothing():
+    path = there_and_back((0.3, 0.05, 0.4), points=15)
+    plain = setup(path, coordinates=(np.linspace(0.0, 0.8, 12), (0.3,)))
+    setups = [plain.stiffened(np.full(13, 0.01 * k)) for k in range(8)]
+    alone = predict_all(setups, LAWS, workers=1)
+    together = predict_all(iter(setups), LAWS, workers=2)
+    for one, two in zip(alone, together, strict=True):
+        for f in fields(one):
+            np.testing.assert_array_equal(getattr(one, f.name), getattr(two, f.name))
+    assert alone[0].force_N[0, -1] < alone[-1].force_N[0, -1]
