@@ -158,6 +158,7 @@ def _spans(
             a, b = _held_rows(travel, int(first), int(stop) - 1, spread, noise)
             spans.append(("rest", a, b))
         else:
+            first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
             corners = _turns(travel[first:stop], turn) + first
             spans += [("move", int(a), int(b)) for a, b in pairwise(corners)]
     # Join: a move begins where the span before ends, and one too short to be a way is left out.
@@ -184,7 +185,12 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
         ahead = np.interp(time + share * window, time, travel)
         still &= np.abs(ahead - travel) < least_mm
     until = np.maximum.accumulate(np.where(still, time + window, -np.inf))
-    return np.asarray(until >= time)
+    resting = np.asarray(until >= time)
+    # The last rows have not enough ahead of them: they rest on, or they move.
+    judged = int(np.searchsorted(time, time[-1] - window, side="right")) - 1
+    if judged >= 0 and still[judged]:
+        resting[judged:] = np.abs(travel[judged:] - travel[judged]) < least_mm
+    return resting
 
 
 def _held_rows(

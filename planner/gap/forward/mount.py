@@ -208,9 +208,14 @@ def _measured(
 
 def _sensor_sd_N(force_N: FloatArray) -> float:
     """Return the noise of a force; of a coarse one, that of rounding, if more."""
+    noise = noise_sd(force_N)
     steps = np.diff(np.unique(force_N))
-    rounding = float(np.min(steps)) / np.sqrt(12.0) if len(steps) else 0.0
-    return max(noise_sd(force_N), rounding)
+    if not len(steps):
+        return noise
+    digit = float(np.min(steps))
+    multiples = steps / digit
+    rounded = np.abs(multiples - np.round(multiples)) < 1e-3 * multiples
+    return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
 
 
 def _break_strain(palette: Palette, coordinate: FloatArray) -> FloatArray:

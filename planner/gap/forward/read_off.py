@@ -8,7 +8,7 @@ from planner.gap.forward.steps import Walk, hold_scale_s, instants_s, moments_s
 
 __all__ = ["forces_N", "step_times_s"]
 
-_FEWEST = 5
+_FEWEST = 7
 """Rows that a parabola is laid through at least, so that it evens out some noise."""
 
 _MANY = 200
@@ -78,11 +78,15 @@ def _smooth(
     """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`."""
     rows, values = _fewer(rows), _fewer(values)
     away = np.abs(rows[None, :] - places[:, None])
-    few = min(_FEWEST, len(rows))
-    nearest = np.partition(away, few - 1, axis=1)[:, few - 1]
-    width = np.maximum(np.maximum(reach, nearest), 1e-12)
-    weight = (away <= width[:, None] * (1.0 + 1e-9)).astype(np.float64)
-    powers = np.arange(3 if len(rows) >= _FEWEST else min(2, len(rows)))
+    if len(rows) > _FEWEST:
+        width = np.maximum(reach, np.partition(away, _FEWEST, axis=1)[:, _FEWEST])
+        width = np.maximum(width, 1e-12)
+        # Fading to nothing at the ends, so that no row's place decides all or nothing.
+        weight = np.maximum(1.0 - (away / width[:, None]) ** 2, 0.0)
+    else:
+        width = np.maximum(away.max(axis=1), 1e-12)
+        weight = np.ones_like(away)
+    powers = np.arange(3 if len(rows) >= 5 else min(2, len(rows)))
     basis = ((rows[None, :] - places[:, None]) / width[:, None])[..., None] ** powers
     normal = np.einsum("pr,pri,prj->pij", weight, basis, basis)
     # Rows that stand at one place decide no slope; the least of a ridge leaves it at none.

@@ -1,0 +1,321 @@
+"""Mounting a campaign: legs, shared tests, steps, slices and features."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.errors import FileError
+from planner.gap.campaign import Campaign
+from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_writer import write_campaign
+from planner.gap.features import BRANCHES
+from planner.gap.forward import law_tables, predict
+from planner.gap.forward.mount import mount
+from planner.gap.forward.slices import slice_edges_mm, step_places_mm
+from planner.gap.profile_design import ProfileDesign
+from planner.gap.specimen import Specimen, StrainField
+from planner.palette import LawParameters, Material, Palette, Reference
+
+PALETTE = Palette(
+    "two",
+    (
+        Material("soft", 0.0, 0.9, 1.1, LawParameters("neo-hookean", {"mu_MPa": (0.6,)})),
+        Material("firm", 1.0, 0.5, 1.1, LawParameters("neo-hookean", {"mu_MPa": (4.0,)})),
+    ),
+    Reference(0.03, 23.0, 0.0, 9.0, "x"),
+)
+LAWS = law_tables(PALETTE)
+GAUGE_MM = 40.0
+NOISE_N = 0.02
+STEPPED = ProfileDesign("stepped", [0.0, 15.0, 15.0, 25.0, 25.0, 40.0], [0, 0, 1, 1, 0, 0])
+SMOOTH = ProfileDesign("smooth", [0.0, 40.0], [0.0, 1.0])
+
+PULL = ((0.0, 0.0), (12.0, 12.0))
+CYCLE = ((0.0, 0.0), (5.0, 5.0), (9.0, 1.0), (18.0, 10.0), (27.0, 1.0))
+HOLD = ((0.0, 0.0), (8.0, 8.0), (308.0, 8.0))
+
+
+def specimen(id, corners=PULL, *, rng=None, rows=240, material="soft", factor=1.0, **more):
+    """A coupon that follows its law, and a sensor that does not quite."""
+    at, places = np.array(corners).T
+    time = np.linspace(at[0], at[-1], rows)
+    if len(corners) == 3 and corners[1][1] == corners[2][1]:
+        ramp = np.linspace(0.0, at[1], rows // 2)
+        time = np.concatenate([ramp, at[1] + np.geomspace(0.05, at[2] - at[1], rows - rows // 2)])
+    travel = np.interp(time, at, places)
+    coordinate = PALETTE.resolve(material).coordinate
+    force = factor * 30.0 * LAWS.stress_MPa(coordinate, np.maximum(travel, 0.0) / GAUGE_MM)
+    if rng is not None:
+        force = force + NOISE_N * rng.normal(size=rows)
+    known = {"width_mm": 10.0, "thickness_mm": 3.0, "rate_mm_s": 1.0, "temperature_C": 23.0} | more
+    return Specimen(id, time, travel, force, GAUGE_MM, material=material, **known)
+
+
+def bar(id, design, *, rng, field=False):
+    """A bar that follows the forward model, seen by a camera of 1 mm spacing."""
+    blank = specimen(id)
+    blank = replace(blank, material=None, profile=design)
+    mounted = mount(Campaign("c", "p", PALETTE, (blank,)))
+    found = predict(mounted.setup, LAWS)
+    steps_s = mounted.setup.time_s[0]
+    force = np.interp(blank.time_s, steps_s, found.force_N[0])
+    seen = None
+    if field:
+        x = np.arange(1.0, 39.5, 1.0)
+        frames = np.linspace(1.5, 12.0, 8)
+        edges = slice_edges_mm(design)
+        along = np.concatenate([[0.0], np.cumsum(np.diff(edges))])
+        strain = []
+        for time in frames:
+            now = [np.interp(time, steps_s, s) for s in found.strain.T]
+            reached = np.concatenate([[0.0], np.cumsum(now * np.diff(edges))])
+            ends = np.interp([x - 0.5, x + 0.5], along, reached)
+            strain.append(ends[1] - ends[0])
+        seen = StrainField(frames, x, np.array(strain) + 1e-4 * rng.normal(size=(8, len(x))))
+    noisy = force + NOISE_N * rng.normal(size=len(force))
+    return replace(blank, force_N=noisy, strain_field=seen)
+
+
+def campaign(*specimens):
+    return Campaign("bench", "printer", PALETTE, specimens)
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    rng = np.random.default_rng(3)
+    return campaign(
+        specimen("P1", rng=rng, batch="A"),
+        specimen("C1", CYCLE, rng=rng, protocol="cyclic"),
+        bar("B1", STEPPED, rng=rng, field=True),
+        specimen("P2", rng=rng, batch="B"),
+        specimen("R1", HOLD, rng=rng, protocol="relaxation"),
+        specimen("F1", rng=rng, material="firm", temperature_C=None),
+        specimen("C2", CYCLE, rng=rng, protocol="cyclic"),
+    )
+
+
+@pytest.fixture(scope="module")
+def mounted(mixed):
+    return mount(mixed)
+
+
+def test_replicates_share_a_test_whatever_their_batch(mounted):
+    assert mounted.tests == ((0, 3), (1, 6), (2,), (4,), (5,))
+    assert mounted.test_of.tolist() == [0, 1, 2, 0, 3, 4, 1]
+    assert mounted.limitations == ()
+
+
+def test_legs_are_found(mounted):
+    kinds = [[leg.kind for leg in legs] for legs in mounted.legs]
+    back_and_forth = ["loading", "unloading", "reloading", "unloading"]
+    assert kinds == [["loading"], back_and_forth, ["loading"], ["loading", "hold"], ["loading"]]
+    ends = [leg.end_mm for leg in mounted.legs[1]]
+    # Turns lie between rows; the lines on both sides meet at the turn.
+    np.testing.assert_allclose(ends, [5.0, 1.0, 10.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose([leg.end_s for leg in mounted.legs[3]], [8.0, 308.0], atol=1e-6)
+
+
+def test_steps_go_from_rest_through_all_legs(mounted):
+    setup = mounted.setup
+    assert setup.time_s.shape == setup.travel_mm.shape == (5, 64)
+    assert (setup.time_s[:, 0] == 0.0).all()
+    assert (setup.travel_mm[:, 0] == 0.0).all()
+    assert (np.diff(setup.time_s, axis=1) > 0.0).all()
+    for legs, leg_of_step in zip(mounted.legs, mounted.leg_of_step, strict=True):
+        assert min(Counter(leg_of_step.tolist()).values()) >= 6
+        assert len(set(leg_of_step.tolist())) == len(legs)
+    held = mounted.leg_of_step[3] == 1
+    since = setup.time_s[3, held] - 8.0
+    # Even in the logarithm of time, but for halves of strides that features' steps leave.
+    strides = np.diff(np.log1p(since / 0.3))
+    assert strides.max() < 2.5 * strides.min()
+    assert since[0] < 0.01 * since[-1]
+
+
+def test_covariates_are_the_records_or_unknown(mounted):
+    setup = mounted.setup
+    np.testing.assert_allclose(setup.rate_per_s, 1.0 / GAUGE_MM, rtol=1e-6)
+    assert setup.known["temperature_C"].tolist() == [True, True, True, True, False]
+    assert setup.temperature_C.tolist() == [23.0] * 5
+    assert not setup.known["soak_h"].any()
+    assert not setup.known["orientation"].any()
+    assert setup.age_days.tolist() == [9.0] * 5  # the reference's, and not known
+    assert setup.is_bar.tolist() == [False, False, True, False, False]
+
+
+def test_features_lie_on_the_curves_within_noise(mounted):
+    raw = mounted.predicted(predict(mounted.setup, mounted.laws))
+    table = mounted.table
+    assert np.bincount(table.specimen).tolist()[:2] == [8, 18]
+    assert (np.diff(table.specimen) >= 0).all()
+    force = ~table.is_field
+    # Local parabolas even out some noise; 4.5 deviations of 80 figures are passed once in 2000.
+    assert np.abs(raw - table.measured_raw)[force].max() < 4.5 * NOISE_N
+    assert np.std((raw - table.measured_raw)[force]) < 0.8 * NOISE_N
+    # The camera's noise is 1e-4 a place, three places a bin; what is left is interpolation.
+    assert np.abs(raw - table.measured_raw)[~force].max() < 5e-4
+    np.testing.assert_allclose(mounted.sensor_sd_N, NOISE_N, rtol=0.4)
+
+
+def test_features_by_branch(mounted):
+    table = mounted.table
+    branches = [
+        Counter(BRANCHES[b] for b in table.branch[table.specimen == place]) for place in range(7)
+    ]
+    assert branches[0] == {"loading": 8}
+    assert branches[1] == {"loading": 6, "unloading": 8, "reloading": 4}
+    assert branches[4] == {"loading": 8, "hold": 5}
+    fields = branches[2]["field"]
+    assert fields == 2 * 13  # of 39 places three a bin, at two instants
+    held = table.time_s[(table.specimen == 4) & (table.branch == BRANCHES.index("hold"))]
+    assert held[-1] == pytest.approx(300.0, rel=1e-3)  # since the hold began
+    steps = mounted.setup.travel_mm[table.test, table.step] / GAUGE_MM
+    np.testing.assert_allclose(table.strain, steps)
+
+
+def test_field_features_are_means_of_slices(mounted):
+    weights, table = mounted.field_weights, mounted.table
+    sums = np.bincount(weights.feature, weights.weight, minlength=len(table))
+    np.testing.assert_allclose(sums, table.is_field.astype(float), atol=1e-12)
+    prediction = predict(mounted.setup, mounted.laws)
+    even = replace(prediction, strain=np.full_like(prediction.strain, 0.123))
+    np.testing.assert_allclose(mounted.predicted(even)[table.is_field], 0.123)
+
+
+def test_written_and_read_campaign_mounts_alike(mixed, mounted, tmp_path):
+    again = mount(read_campaign(write_campaign(mixed, tmp_path / "c")))
+    assert again.tests == mounted.tests
+    # Nine digits are written, of forces whose features a difference of noisy rows can magnify.
+    np.testing.assert_allclose(again.table.measured, mounted.table.measured, atol=1e-5)
+
+
+def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
+    ends = [campaign(specimen("a"), specimen("b", ((0.0, 0.0), (end, end)))) for end in (9.0, 4.0)]
+    near, far = map(mount, ends)
+    assert near.tests == ((0, 1),)
+    assert near.setup.travel_mm[0, -1] == pytest.approx(9.0)
+    assert far.tests == ((0,), (1,))
+
+
+def test_another_pace_is_another_test():
+    slow = specimen("b", ((0.0, 0.0), (24.0, 12.0)))  # declared 1 mm/s, went at 0.5
+    found = mount(campaign(specimen("a"), slow))
+    assert found.tests == ((0,), (1,))
+    np.testing.assert_allclose(found.setup.rate_per_s * GAUGE_MM, [1.0, 0.5], rtol=1e-6)
+
+
+def test_measured_sections_are_allowed_for():
+    thick = specimen("b", factor=1.1, measured_width_mm=11.0, measured_thickness_mm=3.0)
+    found = mount(campaign(specimen("a"), thick))
+    assert found.tests == ((0, 1),)
+    assert found.setup.area_mm2.tolist() == [pytest.approx(31.5)]
+    np.testing.assert_allclose(found.measured_N[0], found.measured_N[1], rtol=1e-9, atol=1e-9)
+    assert found.setup.width_mm.tolist() == [10.0]
+
+
+def test_only_what_came_before_a_break_counts():
+    whole = specimen("a", rng=np.random.default_rng(0))
+    force = np.where(whole.time_s > 8.0, 0.02 * whole.force_N, whole.force_N)
+    broken = mount(campaign(replace(whole, force_N=force)))
+    assert 7.8 < broken.setup.travel_mm[0, -1] <= 8.0
+    assert any("a: broke" in sentence for sentence in broken.limitations)
+
+
+def test_strain_beyond_the_laws_is_left_out():
+    far = mount(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
+    assert far.setup.travel_mm[0, -1] == pytest.approx(GAUGE_MM)
+    firm = mount(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)), material="firm")))
+    assert firm.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.5 * GAUGE_MM)
+    rng = np.random.default_rng(1)
+    graded = bar("a", SMOOTH, rng=rng)
+    stretched = replace(graded, displacement_mm=graded.displacement_mm * 3.0)
+    found = mount(campaign(stretched))
+    strain = predict(found.setup, found.laws).strain
+    assert strain.max() <= 1.0 + 1e-6
+    assert found.setup.travel_mm[0, -1] < 36.0
+    assert all(len(m.limitations) == 1 for m in (far, firm, found))
+
+
+def test_noise_of_the_travel_makes_no_turns():
+    rng = np.random.default_rng(2)
+    for corners in (PULL, CYCLE, HOLD):
+        clean = specimen("a", corners, rows=600)
+        shaken = replace(clean, displacement_mm=clean.displacement_mm + 0.02 * rng.normal(size=600))
+        kinds = [[leg.kind for leg in mount(campaign(s)).legs[0]] for s in (clean, shaken)]
+        assert kinds[0] == kinds[1]
+
+
+def test_waiting_before_the_test_and_preload_are_taken_off():
+    waiting = specimen("a", ((0.0, 0.0), (6.0, 0.0), (18.0, 12.0)))
+    preload = specimen("b", ((0.0, 0.4), (11.6, 12.0)))
+    for one in (waiting, preload):
+        found = mount(campaign(one)).setup
+        assert (found.time_s[0, 0], found.travel_mm[0, 0]) == (0.0, 0.0)
+        # A wait is a rest within 0.4 % of the travel, so its end is known to as much.
+        assert found.time_s[0, -1] == pytest.approx(12.0, abs=0.06)
+
+
+def test_hold_after_a_ramp_of_two_rows_still_counts():
+    time = np.concatenate([[0.0, 0.5], 0.5 + np.geomspace(0.2, 100.0, 60)])
+    travel = np.minimum(8.0 * time / 0.5, 8.0)
+    force = 30.0 * LAWS.stress_MPa(0.0, travel / GAUGE_MM)
+    fast = replace(specimen("a"), time_s=time, displacement_mm=travel, force_N=force)
+    found = mount(campaign(fast))
+    assert [leg.kind for leg in found.legs[0]] == ["loading", "hold"]
+    assert [BRANCHES[b] for b in found.table.branch] == ["loading"] + 5 * ["hold"]
+
+
+def test_nothing_to_compare_is_refused():
+    noise = np.random.default_rng(4).normal(size=240)
+    idle = replace(specimen("a"), displacement_mm=0.01 * noise)
+    with pytest.raises(FileError, match="no specimen loads"):
+        mount(campaign(idle))
+    partly = mount(campaign(specimen("b"), idle))
+    assert partly.test_of.tolist() == [0, -1]
+    assert "specimen a: no loading" in partly.limitations[0]
+    assert np.isnan(partly.measured_N[1]).all()
+
+
+def test_unknown_section_is_one_and_said():
+    bare = specimen("a", width_mm=None, thickness_mm=None)
+    found = mount(campaign(bare))
+    assert found.setup.area_mm2.tolist() == [1.0]
+    assert not found.setup.known["width_mm"].any()
+    assert "section is unknown" in found.limitations[0]
+
+
+def test_slices_are_fine_at_steps_and_few():
+    edges = slice_edges_mm(STEPPED)
+    assert step_places_mm(STEPPED).tolist() == [15.0, 25.0]
+    assert len(edges) <= 57
+    assert {15.0, 25.0} <= set(edges.tolist())
+    for place in (15.0, 25.0):
+        at = int(np.flatnonzero(edges == place)[0])
+        sizes = np.diff(edges)
+        assert max(sizes[at - 1], sizes[at]) < 0.06
+        np.testing.assert_allclose(sizes[at + 1 : at + 4] / sizes[at : at + 3], 2.0, atol=0.35)
+    many = np.repeat(np.arange(0.0, 41.0, 2.0), 2)[1:-1]
+    striped = ProfileDesign("s", many, np.arange(len(many)) // 2 % 2)
+    assert len(slice_edges_mm(striped)) <= 57
+    ramp = ProfileDesign("r", [0.0, 19.995, 20.005, 40.0], [0.0, 0.0, 1.0, 1.0])
+    assert step_places_mm(ramp).tolist() == [pytest.approx(20.0)]
+    assert len(step_places_mm(SMOOTH)) == 0
+
+
+def test_slices_are_fine_enough_for_force_and_strain():
+    found = mount(campaign(bar("a", SMOOTH, rng=np.random.default_rng(5))))
+    setup = found.setup
+    n = 4000
+    fine = setup.with_(
+        first_slice=np.array([0, n]),
+        x_mm=(np.arange(n) + 0.5) * GAUGE_MM / n,
+        length_mm=np.full(n, GAUGE_MM / n),
+        coordinate=(np.arange(n) + 0.5) / n,
+        area_mm2=np.full(n, 30.0),
+        **{name: np.zeros(n) for name in ("log_factor", "log_tilt", "softening", "set_share")},
+        relaxing=np.zeros((n, setup.relaxing.shape[1])),
+    )
+    coarse = predict(setup, found.laws).force_N
+    np.testing.assert_allclose(coarse, predict(fine, found.laws).force_N, rtol=5e-4, atol=1e-9)
