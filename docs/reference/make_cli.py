@@ -1,7 +1,9 @@
 """Write docs/reference/cli.md from the commands themselves: python docs/reference/make_cli.py."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -14,9 +16,9 @@ HEAD = """# The command line
 Made by `docs/reference/make_cli.py`; do not edit.
 
 Exit codes of every command: 0 done; 1 done, but with a finding (a target out of reach, a check
-that failed, a difference); 2 wrong usage or bad input, with the reason in one line on stderr and
-nothing written; 130 interrupted; 70 an internal error. `--json` prints one JSON document on
-stdout and nothing else there. Colours follow the terminal and `NO_COLOR`.
+that failed, a difference, a gap); 2 wrong usage or bad input, with the reason in one line on
+stderr and nothing written; 130 interrupted; 70 an internal error. `--json` prints one JSON
+document on stdout and nothing else there. Colours follow the terminal and `NO_COLOR`.
 """
 
 
@@ -24,7 +26,7 @@ def reference() -> str:
     """Return the page."""
     group = typer.main.get_command(app)
     lines = [HEAD]
-    for name, command in sorted(group.commands.items()):  # type: ignore[attr-defined]
+    for name, command in _commands(group):
         text = _plain(command.callback.__doc__ or "")
         summary, _, rest = text.partition("\n\n")
         arguments = [p for p in command.params if p.param_type_name == "argument"]
@@ -42,6 +44,16 @@ def reference() -> str:
             lines.append(f"| {names} | {_plain(p.help or '')}{shown} |")
         lines.append("")
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _commands(group: Any) -> Iterator[tuple[str, Any]]:
+    """Yield every command by the words that call it, sorted; of a group, its own commands."""
+    for name, command in sorted(group.commands.items()):
+        if not hasattr(command, "commands"):
+            yield name, command
+            continue
+        for inner, below in _commands(command):
+            yield f"{name} {inner}", below
 
 
 def _plain(text: str) -> str:

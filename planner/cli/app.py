@@ -8,6 +8,7 @@ from planner.cli.characterise import characterise
 from planner.cli.check import check
 from planner.cli.diff import diff
 from planner.cli.fit import fit
+from planner.cli.gap import app as gap
 from planner.cli.grade import grade
 from planner.cli.invert import invert
 from planner.cli.materials import materials
@@ -48,6 +49,7 @@ def planner(
 
 app.command()(grade)
 app.command()(simulate)
+app.add_typer(gap)
 app.command()(invert)
 app.command()(materials)
 app.command()(fit)

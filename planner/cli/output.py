@@ -5,6 +5,7 @@ Results go to stdout, everything else to stderr. NO_COLOR and non-terminals are 
 
 import contextlib
 import json
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,8 @@ __all__ = [
     "print_table",
     "progress",
     "say",
+    "say_verdict",
+    "terminal_width",
     "warn",
 ]
 
@@ -40,6 +43,23 @@ def warn(message: str) -> None:
 def say(message: str = "") -> None:
     """Write a line of the result to stdout."""
     print(message)
+
+
+def say_verdict(text: str) -> None:
+    """Write a text of indented paragraphs to stdout, its headings bold where colour is on."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    for line in text.splitlines():
+        style = "bold" if line and not line.startswith(" ") else None
+        console.print(line, style=style, soft_wrap=True, markup=False)
+
+
+def terminal_width() -> int:
+    """Return how wide to set text: a terminal's width up to 100 columns, elsewhere 88."""
+    if sys.stdout is None or not sys.stdout.isatty():
+        return 88
+    return max(40, min(100, shutil.get_terminal_size().columns))
 
 
 def finding(message: str) -> None:

@@ -14,6 +14,7 @@ from planner.formats.json_document import encode_document
 from planner.gap.diagnosis import (
     Detectable,
     Diagnosis,
+    Effects,
     Experiment,
     FoundEffect,
     Gap,
@@ -52,13 +53,13 @@ def to_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": d.verdict,
         "ranking": [
             {
-                "effects": list(h.effects),
+                "effects": _ids(h.effects),
                 "probability": _known(h.probability, "ranking.probability"),
                 "with_unknown": _known(h.with_unknown, "ranking.with_unknown"),
             }
             for h in d.ranking
         ],
-        "class": [list(effects) for effects in d.same_class],
+        "class": [_ids(effects) for effects in d.same_class],
         "not_testable": [u.id for u in d.not_testable],
         "not_testable_because": {u.id: u.reason for u in d.not_testable},
         "where": _places(d.where, "where"),
@@ -154,9 +155,9 @@ def of_document(document: Mapping[str, Any], *, name: str = "diagnosis") -> Diag
         tests=file.tests,
         verdict=file.verdict,
         ranking=tuple(
-            Hypothesis(tuple(h.effects), h.probability, h.with_unknown) for h in file.ranking
+            Hypothesis(_effects(h.effects), h.probability, h.with_unknown) for h in file.ranking
         ),
-        same_class=tuple(tuple(effects) for effects in file.class_),
+        same_class=tuple(map(_effects, file.class_)),
         not_testable=tuple(Untestable(id, because.get(id, "")) for id in file.not_testable),
         where=_read_places(file.where),
         gap=Gap(
@@ -216,6 +217,15 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     if not isinstance(document, dict):
         raise FileError(f"{file}: holds a JSON {type(document).__name__}; it must be an object")
     return of_document(document, name=str(file))
+
+
+def _ids(effects: Effects) -> list[str]:
+    """Return a hypothesis as the verdict is written: "none" is no empty list."""
+    return list(effects) or ["none"]
+
+
+def _effects(ids: list[str]) -> Effects:
+    return () if ids == ["none"] else tuple(ids)
 
 
 def _rounded(value: float) -> float:

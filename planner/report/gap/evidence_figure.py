@@ -15,7 +15,9 @@ _LEFT, _WIDTH, _RIGHT, _TOP, _STEP, _BAR = 290.0, 380.0, 90.0, 82.0, 28.0, 17.0
 
 def evidence_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: most probable first, the part that needs an unknown pale."""
-    shown = [h for h in diagnosis.ranking[:_MOST] if h.effects == () or h.probability >= 5e-4]
+    shown = [
+        h for h in diagnosis.ranking[:_MOST] if id_of(h.effects) == "none" or h.probability >= 5e-4
+    ]
     title = "How probable each explanation is"
     bottom = _TOP + _STEP * max(len(shown), 1)
     parts = [text(20.0, 28.0, title, size=15.0), *_key()]

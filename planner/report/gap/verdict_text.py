@@ -106,8 +106,8 @@ def _effects_of(verdict: str) -> Effects:
 
 
 def _probability_of(diagnosis: Diagnosis) -> float:
-    effects = _effects_of(diagnosis.verdict)
-    return next((h.probability for h in diagnosis.ranking if h.effects == effects), 0.0)
+    found = (h.probability for h in diagnosis.ranking if id_of(h.effects) == diagnosis.verdict)
+    return next(found, 0.0)
 
 
 def _what(diagnosis: Diagnosis) -> Iterator[str]:
@@ -133,12 +133,13 @@ def _what(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{len(effects)} effects are {sure} at work: {clauses}."
     else:
         yield f"The cause is {sure} this: {clauses}."
-    yield from _doubts(diagnosis, effects)
+    yield from _doubts(diagnosis)
 
 
-def _doubts(diagnosis: Diagnosis, effects: Effects) -> Iterator[str]:
-    top = next((h for h in diagnosis.ranking if h.effects == effects), None)
-    if top is not None and effects != ("unknown",) and top.with_unknown >= _UNKNOWN_SHARE:
+def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
+    verdict = diagnosis.verdict
+    top = next((h for h in diagnosis.ranking if id_of(h.effects) == verdict), None)
+    if top is not None and verdict != "unknown" and top.with_unknown >= _UNKNOWN_SHARE:
         yield (
             f"Even so, {percent(top.with_unknown)} of that probability asks for something unknown "
             "beside it."
@@ -146,7 +147,7 @@ def _doubts(diagnosis: Diagnosis, effects: Effects) -> Iterator[str]:
     others = [
         f"{id_of(h.effects)} ({probability(h.probability)})"
         for h in diagnosis.ranking
-        if h.effects != effects and h.probability >= _WORTH_NAMING
+        if id_of(h.effects) != verdict and h.probability >= _WORTH_NAMING
     ]
     if others:
         yield f"Less probable, but not ruled out: {listed(others, most=4)}."
@@ -237,8 +238,7 @@ def _closed(gap: Gap, named: bool) -> Iterator[str]:
 
 
 def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
-    effects = _effects_of(diagnosis.verdict)
-    others = [id_of(e) for e in diagnosis.same_class if e != effects]
+    others = [name for name in map(id_of, diagnosis.same_class) if name != diagnosis.verdict]
     if not others:
         return
     named = listed(others, last="or")

@@ -1,0 +1,136 @@
+"""planner gap diagnose as its users meet it, the search for a diagnosis replaced."""
+
+import sys
+import types
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.cli import run
+from planner.gap.axis_columns import axis_columns
+from planner.gap.campaign_reader import read_campaign
+from planner.gap.diagnosis import Diagnosis
+
+Examples = dict[str, Diagnosis]
+
+
+@pytest.fixture
+def campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with one specimen, in an otherwise empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "campaign.toml").write_text(
+        'schema = 1\nname = "lab"\nprinter = "connex3"\npalette = "connex3-tango-vero"\n'
+    )
+    (folder / "specimens.csv").write_text(
+        "specimen,material,width_mm,thickness_mm,gauge_mm,rate_mm_s,operator\n"
+        "A,FLX9760,6,4,33,1,Mira\n"
+    )
+    rows = [f"A,{t},{t},{2 * t}" for t in range(10)]
+    (folder / "curves.csv").write_text(
+        "\n".join(["specimen,time_s,displacement_mm,force_N", *rows]) + "\n"
+    )
+    return folder
+
+
+def stub(monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis) -> list[dict[str, object]]:
+    """Put a diagnosis in place of the search for one; return what it is called with."""
+    calls: list[dict[str, object]] = []
+
+    def diagnose(campaign, *, seed=0, without=(), progress=None) -> Diagnosis:
+        progress(1, 2, "half")
+        calls.append({"campaign": campaign, "seed": seed, "without": without})
+        return diagnosis
+
+    module = types.ModuleType("planner.gap.diagnose")
+    module.diagnose = diagnose  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "planner.gap.diagnose", module)
+    return calls
+
+
+def test_columns_of_axes(campaign: Path) -> None:
+    columns = axis_columns(read_campaign(campaign))
+    assert columns["material"] == ("FLX9760",)
+    assert columns["rate_mm_s"] == (1.0,)
+    assert columns["temperature_C"] == (None,)
+    assert columns["operator"] == ("Mira",)
+
+
+@pytest.mark.parametrize(("name", "code"), [("none", 0), ("rate", 1), ("unknown", 1)])
+def test_the_command_says_the_verdict(
+    campaign, monkeypatch, capsys, name: str, code: int, examples: Examples
+) -> None:
+    calls = stub(monkeypatch, examples[name])
+    assert run(["gap", "diagnose", "lab", "--without", "skin", "--seed", "7"]) == code
+    printed = capsys.readouterr()
+    assert printed.out.startswith(f"Verdict: {name} ")
+    assert "\x1b" not in printed.out
+    assert (calls[0]["seed"], calls[0]["without"]) == (7, ("skin",))
+    assert run(["gap", "diagnose", "lab", "--quiet"]) == code
+    assert capsys.readouterr() == ("", "")
+    assert [p.name for p in campaign.parent.iterdir()] == ["lab"]
+
+
+def test_a_remainder_alone_is_a_finding(campaign, monkeypatch, examples: Examples) -> None:
+    stub(monkeypatch, replace(examples["none"], remainder=examples["rate"].where[:1]))
+    assert run(["gap", "diagnose", "lab", "--quiet"]) == 1
+
+
+def test_json_is_the_document_and_the_file(
+    campaign, monkeypatch, capsysbinary, examples: Examples
+) -> None:
+    stub(monkeypatch, examples["rate"])
+    assert run(["gap", "diagnose", "lab", "--json", "-o", "out"]) == 1
+    printed = capsysbinary.readouterr()
+    assert printed.out == Path("out/diagnosis.json").read_bytes()
+    assert printed.err == b""
+
+
+def test_a_folder_that_is_there_is_refused_before_the_work(
+    campaign, monkeypatch, capsys, examples: Examples
+) -> None:
+    calls = stub(monkeypatch, examples["rate"])
+    assert run(["gap", "diagnose", "lab", "-o", "out", "--quiet"]) == 1
+    assert run(["gap", "diagnose", "lab", "-o", "out"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert run(["gap", "diagnose", "lab", "-o", "lab", "--force"]) == 2
+    assert "holds no diagnosis.json" in capsys.readouterr().err
+    assert len(calls) == 1
+    assert run(["gap", "diagnose", "lab", "-o", "out", "--force", "--quiet"]) == 1
+
+
+def test_another_palette(campaign, monkeypatch, capsys, examples: Examples) -> None:
+    calls = stub(monkeypatch, examples["none"])
+    assert run(["gap", "diagnose", "lab", "--palette", "connex3-tango-vero", "--quiet"]) == 0
+    assert calls[0]["campaign"].palette.name == "connex3-tango-vero"  # type: ignore[attr-defined]
+    for palette, said in (("connex3-tango-verp", "did you mean"), ("no.toml", "cannot be read")):
+        assert run(["gap", "diagnose", "lab", "--palette", palette]) == 2
+        assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["diagnose", "nowhere"], "no such folder"),
+        (["diagnose"], "CAMPAIGN"),
+        (["diagnos", "lab"], "diagnose"),
+        (["diagnose", "lab", "--seed", "-1"], "--seed"),
+        (["diagnose", "lab", "--witout", "rate"], "--without"),
+    ],
+)
+def test_bad_usage_is_one_line(
+    campaign, monkeypatch, capsys, arguments, reason: str, examples: Examples
+) -> None:
+    stub(monkeypatch, examples["none"])
+    assert run(["gap", *arguments]) == 2
+    printed = capsys.readouterr()
+    assert reason.casefold() in printed.err.casefold()
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+
+
+def test_gap_alone_shows_its_commands(capsys) -> None:
+    assert run(["gap"]) == 0
+    assert "diagnose" in capsys.readouterr().out

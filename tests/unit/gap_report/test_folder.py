@@ -1,0 +1,74 @@
+"""The folder of a diagnosis is whole, the same each time, and replaces nothing foreign."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from planner.errors import OutputError
+from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis_json import read_diagnosis
+from planner.report.gap.folder import write_diagnosis
+
+Examples = dict[str, Diagnosis]
+
+
+class _Page(HTMLParser):
+    """Collects tags and what they point to; void tags aside, every one must be closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.links: list[str] = []
+        self.tags: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self.tags.add(tag)
+        self.links += [v or "" for k, v in attrs if k in ("src", "href")]
+        if tag != "meta":
+            self.open.append(tag)
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open.pop() == tag
+
+    def handle_startendtag(self, tag, attrs) -> None:
+        self.tags.add(tag)
+
+
+def test_the_folder_is_whole_and_the_same_each_time(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    first, second = (write_diagnosis(diagnosis, tmp_path / name) for name in ("a", "b"))
+    files = sorted(p.relative_to(first).as_posix() for p in first.rglob("*") if p.is_file())
+    figures = ["closure", "evidence"] + ["curves", "residuals"] * (diagnosis.traces is not None)
+    assert files == sorted(
+        [
+            "diagnosis.json",
+            "ranking.csv",
+            "report.html",
+            "where.csv",
+            *(f"figures/{name}.svg" for name in figures),
+        ]
+    )
+    for name in files:
+        assert (first / name).read_bytes() == (second / name).read_bytes()
+    page = _Page((first / "report.html").read_text(encoding="utf-8"))
+    assert page.open == []
+    assert page.links == []
+    assert not page.tags & {"script", "link", "img", "iframe"}
+    assert "spring &lt;1&gt;" in (first / "report.html").read_text(encoding="utf-8")
+    ranking = (first / "ranking.csv").read_text(encoding="utf-8").splitlines()
+    assert ranking[0] == "hypothesis,probability,with_unknown,same_class"
+    assert ranking[1].startswith(f"{diagnosis.verdict},")
+
+
+def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None:
+    target = write_diagnosis(examples["rate"], tmp_path / "out")
+    with pytest.raises(OutputError, match="--force"):
+        write_diagnosis(examples["none"], target)
+    write_diagnosis(examples["none"], target, force=True)
+    assert read_diagnosis(target).verdict == "none"
+    (target / "figures" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"figures/mine\.txt"):
+        write_diagnosis(examples["rate"], target, force=True)
+    assert read_diagnosis(target).verdict == "none"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]

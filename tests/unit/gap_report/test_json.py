@@ -1,0 +1,119 @@
+"""diagnosis.json holds what the contract asks for, and reads back."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import FileError
+from planner.gap.diagnosis import Diagnosis, Hypothesis
+from planner.gap.diagnosis_json import encode_diagnosis, of_document, read_diagnosis, to_document
+from planner.report.gap.verdict_text import verdict_text
+
+Examples = dict[str, Diagnosis]
+CONTRACT = {
+    "schema",
+    "verdict",
+    "ranking",
+    "class",
+    "not_testable",
+    "where",
+    "gap",
+    "effect",
+    "remainder",
+    "data_quality",
+    "next_experiments",
+}
+CONTRACT_GAP = {
+    "before",
+    "after",
+    "floor",
+    "closed",
+    "closed_interval",
+    "recalibration_only",
+    "held_out",
+}
+
+
+def test_the_document_has_the_keys_of_the_contract(diagnosis: Diagnosis) -> None:
+    document = json.loads(encode_diagnosis(diagnosis))
+    assert set(document) >= CONTRACT
+    assert set(document["gap"]) >= CONTRACT_GAP
+    assert document["schema"] == 1
+    assert all(isinstance(id, str) for id in document["not_testable"])
+    assert set(document["remainder"]) == {"significant", "where"}
+    assert document["remainder"]["significant"] == bool(diagnosis.remainder)
+    assert "+".join(document["ranking"][0]["effects"]) == diagnosis.verdict
+
+
+def test_reading_a_document_gives_the_diagnosis_back(diagnosis: Diagnosis) -> None:
+    """But for the traces, and for digits beyond the sixth."""
+    document = to_document(diagnosis)
+    back = of_document(json.loads(encode_diagnosis(diagnosis)))
+    assert to_document(back) == document
+    assert encode_diagnosis(back) == encode_diagnosis(diagnosis)
+    assert (back.traces, back.same_class, back.where) == (
+        None,
+        diagnosis.same_class,
+        diagnosis.where,
+    )
+
+
+def test_figures_are_rounded_and_open_ends_are_null(examples: Examples) -> None:
+    document = to_document(examples["rate"])
+    assert document["ranking"][0]["probability"] == 0.912346
+    assert document["effect"]["rate"]["interval"]["centre"] == [8.0, None]
+    assert of_document(document).effect[0].interval["centre"] == (8.0, np.inf)
+    assert document["next_experiments"][0]["change"] == {"rate_mm_s": 0.005, "replicates": 3}
+
+
+def test_a_figure_that_must_be_known_is_never_written_as_nan(examples: Examples) -> None:
+    with pytest.raises(ValueError, match=r"gap\.before"):
+        to_document(replace(examples["rate"], gap=replace(examples["rate"].gap, before=np.nan)))
+
+
+def test_none_reads_alike_as_an_empty_hypothesis_and_by_name(examples: Examples) -> None:
+    """Both forms stand for no effect; the document always has the name."""
+    named = replace(
+        examples["none"], ranking=(Hypothesis(("none",), 0.94),), same_class=(("none",),)
+    )
+    assert to_document(named) == to_document(examples["none"])
+    assert verdict_text(named) == verdict_text(examples["none"])
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"verdict": None}, r"`\$\.verdict`"),
+        ({"schema": 2}, r"`\$\.schema`"),
+        ({"gap": {}}, "before"),
+        ({"verdict": "rate+ageing"}, "alphabetical"),
+        ({"verdict": "temperature"}, "effect is given for rate"),
+        ({"ranking": [{"effects": ["rate"], "probability": 1.4}]}, r"ranking\[0\]\.probability"),
+        ({"ranking": [{"effects": ["rate"], "probability": 0.6}] * 2}, "sum of ranking"),
+        ({"where": [{"axis": "time", "share": 0.1, "p": -1.0}]}, r"where\[0\]\.p"),
+        ({"remainder": {"significant": True, "where": []}}, r"remainder\.significant"),
+        (
+            {"next_experiments": [{"change": {}, "splits": [["a"]], "expected_gain_nats": 1}]},
+            r"next_experiments\[0\]\.splits",
+        ),
+    ],
+)
+def test_a_document_that_is_no_diagnosis_is_refused_by_its_key(
+    change, named: str, examples: Examples
+) -> None:
+    with pytest.raises(FileError, match=named):
+        of_document({**to_document(examples["rate"]), **change})
+
+
+def test_reading_a_file_names_it(tmp_path: Path, examples: Examples) -> None:
+    (tmp_path / "diagnosis.json").write_bytes(encode_diagnosis(examples["rate"]))
+    assert read_diagnosis(tmp_path).verdict == read_diagnosis(tmp_path / "diagnosis.json").verdict
+    for content, said in ((b"{", "not a JSON"), (b"[]", "JSON list"), (b"\xff", "not a JSON")):
+        (tmp_path / "bad.json").write_bytes(content)
+        with pytest.raises(FileError, match=rf"bad\.json.*{said}"):
+            read_diagnosis(tmp_path / "bad.json")
+    with pytest.raises(FileError, match="cannot be read"):
+        read_diagnosis(tmp_path / "none.json")

@@ -1,0 +1,68 @@
+"""The verdict in words, for every kind of verdict."""
+
+import re
+
+import numpy as np
+
+from planner.gap.diagnosis import Diagnosis
+from planner.gap.effects import EFFECTS
+from planner.report.gap.verdict_text import verdict_text
+from planner.report.gap.wording import CLAUSES, figure, listed, percent, probability, sentence
+
+Examples = dict[str, Diagnosis]
+
+
+def test_every_effect_has_words() -> None:
+    assert set(CLAUSES) == set(EFFECTS)
+
+
+def test_the_verdict_says_itself_first_and_fits_the_terminal(diagnosis: Diagnosis) -> None:
+    text = verdict_text(diagnosis, width=60)
+    assert text.startswith(f"Verdict: {diagnosis.verdict} (probability ")
+    assert max(map(len, text.splitlines())) <= 60
+    assert not re.search(r"\b(nan|None|inf)\b|\{|\}|  \.|\.\.", text)
+
+
+def test_what_the_verdict_says_of_each_case(examples: Examples) -> None:
+    """On one line a paragraph, so that no phrase is cut by the wrapping."""
+    said = {name: verdict_text(d, width=10_000) for name, d in examples.items()}
+    assert "very likely" in said["rate"]
+    assert "closes 97 % of what can be closed (90 % interval 93 % to 99 %)" in said["rate"]
+    assert "25 % of that probability asks for something unknown" in said["rate"]
+    assert "softening and permanent-set: no specimen was unloaded." in said["rate"]
+    assert "12.3 s (90 % interval 8.00 s to open)" in said["rate"]
+    assert "B: load 4.45 times its replicates': pounds-force?" in said["rate"]
+    assert "crosshead speed 0.005 mm/s and column replicates 3" in said["rate"]
+    assert "operator" not in said["rate"]  # p = 0.4
+    assert "agrees with the palette" in said["none"]
+    assert "rate from rise of stress per decade of strain rate +2.0 %" in said["none"]
+    assert "Not seen at any size that it may have: skin" in said["none"]
+    assert "none of the effects weighed here" in said["unknown"]
+    assert "gap above scatter remains: along crosshead speed" in said["unknown"]
+    assert "makes predictions worse, so do not use it" in said["pair"]
+    assert "looks the same here as ageing+rate" in said["pair"]
+    assert "could not be checked" in said["one"]
+    assert "no replicates" in said["one"]
+
+
+def test_figures_in_words() -> None:
+    assert [figure(v) for v in (0.0, 1234567.0, 0.1234, 12.0, 9.996, 1e-5)] == [
+        "0",
+        "1.23e6",
+        "0.123",
+        "12.0",
+        "10.0",
+        "1.00e-5",
+    ]
+    assert [percent(v) for v in (0.0345, 0.995, 1.5, np.inf)] == ["3.5 %", "100 %", "150 %", "open"]
+    assert [probability(v) for v in (0.999, 0.5, 1e-4)] == ["above 0.99", "0.50", "below 0.01"]
+    assert [listed(list("abcd")[:n], most=3) for n in (1, 2, 4)] == [
+        "a",
+        "a and b",
+        "a, b, c and 1 more",
+    ]
+    assert [sentence(s) for s in ("a b", "rate_mm_s is off", "why?")] == [
+        "A b.",
+        "rate_mm_s is off.",
+        "Why?",
+    ]
