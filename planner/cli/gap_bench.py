@@ -139,7 +139,7 @@ def _campaigns(folder: Path) -> list[str]:
 
 def _print(results: "Results", output: Path | None) -> None:
     from planner.cli.output import finding, print_table, say
-    from planner.gap.bench.table import COLUMNS, overall_lines, table_rows
+    from planner.gap.bench.table import COLUMNS, DROPPABLE, overall_lines, table_rows
 
     rows = table_rows(results.summary)
     kept = [i for i in range(len(COLUMNS)) if any(row[i] for row in rows)]
@@ -150,6 +150,7 @@ def _print(results: "Results", output: Path | None) -> None:
         title=f"{truth.file}: {len(results.scores)} of {len(truth.campaigns)} campaigns"
         + (f", diagnosed without {', '.join(results.without)}" if results.without else ""),
         right=[COLUMNS[i] for i in kept[2:]],
+        droppable=[name for name in DROPPABLE if COLUMNS.index(name) in kept],
     )
     for line in overall_lines(results.summary):
         say(line)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from planner.gap.bench.intervals import Rate
 from planner.gap.bench.summary import Row, Summary
 
-__all__ = ["COLUMNS", "markdown", "overall_lines", "table_rows"]
+__all__ = ["COLUMNS", "DROPPABLE", "markdown", "overall_lines", "table_rows"]
 
 _RATES = {
     "top-1 %": "top_1",
@@ -23,6 +23,12 @@ _RATES = {
 
 COLUMNS = ("tier", "stratum", "n", "P(truth)", *_RATES, "closure error", "s")
 """Headings; those that name a share are in per cent with Wilson's interval at 95 %."""
+
+DROPPABLE = (
+    *("missed %", "companion %", "one right %", "covered %", "in class %", "honest class %"),
+    *("unknown or class %", "s", "closure error", "where %"),
+)
+"""What a narrow terminal can do without, the first one first."""
 
 
 def table_rows(summary: Summary, *, by: Sequence[str] = ("all", "snr")) -> list[list[str]]:
