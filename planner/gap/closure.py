@@ -178,9 +178,7 @@ def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> Fl
     best = sd * np.linalg.solve(inner, scaled.T @ (whitened.columns[:, 0] * rows))
     table = problem.table
     raw_columns = [a.columns for a in problem.unknown]
-    raw = np.concatenate(
-        [*raw_columns, problem.calibration_figures.T, problem.noise.batch], axis=1
-    )
+    raw = np.concatenate([*raw_columns, problem.calibration_figures.T, problem.noise.batch], axis=1)
     predicted = table.transformed(problem.unpredicted) + raw @ best
     force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
     scale = peak[table.specimen, 0]
@@ -239,8 +237,8 @@ def _interval(
     groups = [g for g in groups if len(g)]
     values = []
     for _ in range(RESAMPLES):
-        drawn = rng.integers(len(groups), size=len(groups)) if len(groups) > 2 else range(
-            len(groups)
+        drawn = (
+            rng.integers(len(groups), size=len(groups)) if len(groups) > 2 else range(len(groups))
         )
         rows = np.concatenate(
             [groups[g][rng.integers(len(groups[g]), size=len(groups[g]))] for g in drawn]

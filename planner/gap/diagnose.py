@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from planner.errors import UnknownNameError
 from planner.gap.campaign import Campaign
@@ -58,7 +59,18 @@ def diagnose(
     UnknownNameError
         An effect in `without` that there is not.
     """
-    priors = Priors() if priors is None else priors
+    # Small matrices: more threads only get into each other's way, and change the last digits.
+    with threadpool_limits(1, user_api="blas"):
+        return _diagnose(campaign, seed, without, progress, priors or Priors())
+
+
+def _diagnose(
+    campaign: Campaign,
+    seed: int,
+    without: Sequence[str],
+    progress: Progress | None,
+    priors: Priors,
+) -> Diagnosis:
     effects, reasons = _library(campaign, without)
     campaign, mounted = _mounted(campaign)
     problem = set_up(campaign, mounted, effects, progress)
@@ -88,9 +100,7 @@ def diagnose(
         gap=closure(problem, priors, verdict, rng, progress),
         effect=found_effects(problem, nominal, chosen),
         remainder=remainder,
-        data_quality=tuple(
-            Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)
-        ),
+        data_quality=tuple(Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)),
         next_experiments=next_experiments(problem, weighed, ranking, rng),
         detectable=detectable_sizes(problem, nominal, priors),
         limitations=(*campaign.limitations, *mounted.limitations, *_cautions(problem)),

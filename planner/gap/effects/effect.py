@@ -52,6 +52,8 @@ class Form:
         nothing; what it changes is smooth in every parameter.
     equation, source
         As the documentation shows them.
+    weight
+        How usual the form is beside the effect's others.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Form:
     apply: Apply
     equation: str
     source: str
+    weight: float = 1.0
 
     @property
     def size(self) -> Parameter:

@@ -7,6 +7,9 @@ from planner.gap.forward.setup import Setup
 
 __all__ = ["EFFECT"]
 
+RARE = 0.1
+"""How usual a wrong unit is, beside a gain that is a little off."""
+
 _UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
 
 
@@ -20,7 +23,7 @@ def _unit(name: str, factor: float, meaning: str) -> Form:
     log = math.log(factor)
     size = Parameter("log_gain", log - 0.03, log + 0.03, meaning, signed=True)
     apply: Apply = _gained
-    return Form(name, (size,), apply, f"ln gain = +-ln {factor:.4g}", _UNITS)
+    return Form(name, (size,), apply, f"ln gain = +-ln {factor:.4g}", _UNITS, RARE)
 
 
 EFFECT = Effect(
@@ -51,6 +54,7 @@ EFFECT = Effect(
             _gained,
             "shown = F exp(a), |a| up to ln 1100",
             _UNITS,
+            RARE,
         ),
     ),
     where=("specimen", "batch"),

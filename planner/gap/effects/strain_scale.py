@@ -63,6 +63,7 @@ EFFECT = Effect(
             _factor,
             "ln factor = +-ln 25.4",
             "Thompson & Taylor, NIST SP 811, 2008 (units)",
+            weight=0.1,
         ),
     ),
     where=("strain", "gauge_mm"),

@@ -30,9 +30,7 @@ def found_effects(
     """
     if candidate.members is not None:
         return (_some(problem, elimination, candidate),)
-    return tuple(
-        _found(problem, elimination, candidate, k) for k in range(len(candidate.branches))
-    )
+    return tuple(_found(problem, elimination, candidate, k) for k in range(len(candidate.branches)))
 
 
 def _some(problem: Problem, elimination: Elimination, candidate: Candidate) -> FoundEffect:

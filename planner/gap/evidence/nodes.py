@@ -49,7 +49,7 @@ class Branch:
     @property
     def nodes(self) -> int:
         """Number of nodes."""
-        return len(SIZE_NODES) * len(SHAPE_NODES) ** self.shapes
+        return len(SIZE_NODES) * int(len(SHAPE_NODES) ** self.shapes)
 
     def values(self, place: Sequence[float]) -> dict[str, float]:
         """Return the parameters at a place: s, then shapes in -1 to 1."""
@@ -86,7 +86,7 @@ def branches_of(effects: Sequence[Effect]) -> tuple[Branch, ...]:
         for form in effect.forms:
             signs = (1.0, -1.0) if form.size.signed else (1.0,)
             for sign in signs:
-                weight = 1.0 / len(effect.forms) / len(signs)
+                weight = form.weight / sum(f.weight for f in effect.forms) / len(signs)
                 branch = Branch(len(found), effect, form, sign, first, weight)
                 found.append(branch)
                 first += branch.nodes

@@ -90,8 +90,10 @@ def _reference(campaign: Campaign, setup: Setup) -> Specimen:
 
     def departures(s: Specimen) -> int:
         rate = None if s.rate_mm_s is None else s.rate_mm_s / s.gauge_mm
-        near = rate is None or r.strain_rate_per_s is None or (
-            abs(np.log(rate / r.strain_rate_per_s)) < 0.3
+        near = (
+            rate is None
+            or r.strain_rate_per_s is None
+            or (abs(np.log(rate / r.strain_rate_per_s)) < 0.3)
         )
         same = sum(
             getattr(s, name) not in (None, getattr(r, name))

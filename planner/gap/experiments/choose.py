@@ -55,12 +55,11 @@ def next_experiments(
     for trial, mean, covariance in zip(trials, means, covariances, strict=True):
         gain, distance = _information(mean, covariance, share, noise)
         splits = sorted(
-            combinations(range(len(known)), 2), key=lambda p: -float(distance[p] * share[list(p)].min())
+            combinations(range(len(known)), 2),
+            key=lambda p: -float(distance[p] * share[list(p)].min()),
         )
         named = tuple(
-            (_name(known[a]), _name(known[b]))
-            for a, b in splits[:3]
-            if distance[a, b] > TOLD_APART
+            (_name(known[a]), _name(known[b])) for a, b in splits[:3] if distance[a, b] > TOLD_APART
         )
         found.append(Experiment(dict(trial.change), named, gain, trial.hours, _detail(trial)))
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)

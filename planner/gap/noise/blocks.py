@@ -68,7 +68,9 @@ def specimen_noise(
     for column, number in enumerate(batches[: columns.shape[1]]):
         of_batch = (batch_of[table.specimen] == number) & (table.branch != _FIELD)
         columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
-    factors = tuple(np.linalg.cholesky(block) for block in blocks)
+    factors: tuple[FloatArray, ...] = tuple(
+        np.asarray(np.linalg.cholesky(block)) for block in blocks
+    )
     return SpecimenNoise(rows, blocks, factors, columns)
 
 
