@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from planner.gap.axis_columns import axis_columns
 from planner.gap.diagnosis import Traces
 from planner.gap.evidence.applied import applied, specimen_forces_N
 from planner.gap.evidence.candidate import Candidate
@@ -37,6 +38,8 @@ def traces_of(problem: Problem, chosen: Candidate) -> Traces:
         measured_N=measured,
         residual_before=np.mean(measured - before, axis=1) / peak,
         residual_after=np.mean(measured - after, axis=1) / peak,
+        specimens=tuple(s.id for s in specimens),
+        columns=axis_columns(problem.campaign),
     )
 
 
