@@ -1,6 +1,7 @@
 """How far the gap closes: errors before and after, beside the floor and the baselines."""
 
 import math
+import textwrap
 from collections.abc import Iterator
 
 from planner.gap.diagnosis import Diagnosis, Gap
@@ -11,6 +12,7 @@ from planner.report.svg import GREY, INK, picture, rectangle, segment, text, tic
 __all__ = ["closure_figure"]
 
 _LEFT, _WIDTH, _RIGHT, _TOP, _STEP, _BAR = 290.0, 380.0, 90.0, 66.0, 30.0, 18.0
+_LINE, _LEADING = 104, 15.0
 
 
 def closure_figure(diagnosis: Diagnosis) -> bytes:
@@ -21,22 +23,24 @@ def closure_figure(diagnosis: Diagnosis) -> bytes:
     interval = _after_interval(gap)
     most = max([value for _, value, _ in rows] + [gap.floor or 0.0, *(interval or ())]) or 1.0
     scale = _WIDTH / (1.12 * most)
-    bottom = _TOP + _STEP * len(rows)
+    held_out = textwrap.wrap(f"held out: {gap.held_out}", _LINE) if gap.held_out else []
+    first = _TOP + _LEADING * max(len(held_out) - 1, 0)
+    bottom = first + _STEP * len(rows)
     parts = [text(20.0, 28.0, title, size=15.0)]
-    if gap.held_out:
-        parts.append(text(20.0, 46.0, f"on data held out: {gap.held_out}", colour=QUIET))
+    for number, words in enumerate(held_out):
+        parts.append(text(20.0, 46.0 + _LEADING * number, words, colour=QUIET))
     for tick in ticks(0.0, 112.0 * most, 6):
         x = _LEFT + scale * tick / 100.0
-        parts.append(segment((x, _TOP - 6.0), (x, bottom), colour="#e4e4e4"))
+        parts.append(segment((x, first - 6.0), (x, bottom), colour="#e4e4e4"))
         parts.append(text(x, bottom + 16.0, f"{tick:g} %", anchor="middle", colour=QUIET))
     for number, (words, value, colour) in enumerate(rows):
-        top = _TOP + _STEP * number
+        top = first + _STEP * number
         whisker = interval if colour == AFTER else None
         parts += _bar(words, value, colour, top, scale, whisker)
-    parts.append(segment((_LEFT, _TOP - 6.0), (_LEFT, bottom), colour=GREY))
+    parts.append(segment((_LEFT, first - 6.0), (_LEFT, bottom), colour=GREY))
     if gap.floor is not None:
         x = _LEFT + scale * gap.floor
-        parts.append(segment((x, _TOP - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
+        parts.append(segment((x, first - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
         note = f"dashed: replicates differ by {percent(gap.floor)}, no model does better"
         parts.append(text(_LEFT, bottom + 38.0, note, colour=QUIET))
     return picture(_LEFT + _WIDTH + _RIGHT, bottom + 52.0, parts, title=title)

@@ -47,7 +47,7 @@ def curves_figure(diagnosis: Diagnosis) -> bytes | None:
 def _panel(traces: Traces, test: int, left: float, top: float) -> Iterator[str]:
     measured = traces.measured_N[list(rows_of_test(traces, test))]
     travel, time = traces.travel_mm[test], traces.time_s[test]
-    held = _is_held(travel)
+    held = _is_held(travel, time)
     x = time if held else travel
     known = [c[np.isfinite(c)] for c in (traces.before_N[test], traces.after_N[test], measured)]
     force = np.concatenate([c.ravel() for c in known])
@@ -90,13 +90,14 @@ def _key(traces: Traces) -> Iterator[str]:
         yield text(278.0, y + 4.0, "with the verdict's effects", colour=QUIET)
 
 
-def _is_held(travel: FloatArray) -> bool:
-    """Tell whether the crosshead stood still for most of the test."""
-    known = travel[np.isfinite(travel)]
-    if len(known) < 2:
+def _is_held(travel: FloatArray, time: FloatArray) -> bool:
+    """Tell whether the crosshead stood still for most of the time."""
+    known = np.isfinite(travel) & np.isfinite(time)
+    if known.sum() < 2:
         return False
-    still = np.abs(np.diff(known)) <= 1e-6 * float(np.ptp(known))
-    return float(np.mean(still)) > _HELD
+    moves, steps = np.abs(np.diff(travel[known])), np.diff(time[known])
+    still = moves <= 1e-6 * float(np.ptp(travel[known]))
+    return float(steps[still].sum()) > _HELD * float(steps.sum())
 
 
 def _places(x: FloatArray, y: FloatArray) -> list[int]:

@@ -9,14 +9,16 @@ from planner.report.svg import GREY, picture, rectangle, segment, text
 
 __all__ = ["evidence_figure"]
 
-_MOST = 8
+_MOST, _LEAST = 8, 0.005
 _LEFT, _WIDTH, _RIGHT, _TOP, _STEP, _BAR = 290.0, 380.0, 90.0, 82.0, 28.0, 17.0
 
 
 def evidence_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: most probable first, the part that needs an unknown pale."""
     shown = [
-        h for h in diagnosis.ranking[:_MOST] if id_of(h.effects) == "none" or h.probability >= 5e-4
+        h
+        for h in diagnosis.ranking[:_MOST]
+        if h.probability >= _LEAST or id_of(h.effects) in ("none", diagnosis.verdict)
     ]
     title = "How probable each explanation is"
     bottom = _TOP + _STEP * max(len(shown), 1)

@@ -31,8 +31,11 @@ _MOST, _ACROSS = 4, 2
 _WIDTH, _HEIGHT = 350.0, 190.0
 _CELL_WIDTH, _CELL_HEIGHT, _LEFT, _TOP = 440.0, 280.0, 66.0, 84.0
 _SHIFT = 5.0
-_CHARACTER = 6.3
+_CHARACTER = 7.0
+_NAMES = 14
 _SIGNIFICANT = 0.05
+_OVERALL = Place("material", 0.0, (0.0, 0.0), 1.0, "")
+"""Shows every specimen where there is room, whether or not the gap varies along it."""
 
 
 def residual_figure(diagnosis: Diagnosis) -> bytes | None:
@@ -40,11 +43,10 @@ def residual_figure(diagnosis: Diagnosis) -> bytes | None:
     traces = diagnosis.traces
     if traces is None:
         return None
-    clear = [p for p in diagnosis.where if p.p < _SIGNIFICANT] or list(diagnosis.where[:1])
-    found = [(place, points_along(traces, place.axis)) for place in clear]
-    if not clear:
-        overall = Place("material", 0.0, (0.0, 0.0), 1.0, "")
-        found = [(overall, points_along(traces, "material"))]
+    places = [p for p in diagnosis.where if p.p < _SIGNIFICANT] or list(diagnosis.where[:1])
+    if len(places) < _ACROSS and all(p.axis != "material" for p in places):
+        places.append(_OVERALL)
+    found = [(place, points_along(traces, place.axis)) for place in places]
     panels = [(place, points) for place, points in found if points is not None][:_MOST]
     panels = [(place, points) for place, points in panels if np.isfinite(points.before).any()]
     if not panels:
@@ -74,9 +76,10 @@ def _panel(place: Place, points: Points, chart: Chart) -> Iterator[str]:
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
     ends = chart.y_range
-    yield from frame(
-        chart, x_label=label, y_label="", x_ticks=_x_ticks(points, chart), most_ticks=7
-    )
+    marks = _x_ticks(points, chart)
+    blank = [(value, "") for value, _ in marks]
+    yield from frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
+    yield from _x_words(chart, marks, label)
     zero = chart.y(0.0)
     yield segment((chart.left, zero), (chart.left + chart.width, zero), colour=GREY, width=1.2)
     yield upright(
@@ -107,7 +110,7 @@ def _panel(place: Place, points: Points, chart: Chart) -> Iterator[str]:
 def _heading(place: Place) -> str:
     words = axis_words(place.axis)
     heading = words[:1].upper() + words[1:]
-    if place.p >= 1.0:
+    if place is _OVERALL:
         return heading
     return f"{heading}: {percent(place.share)} of the gap, {p_value(place.p)}"
 
@@ -146,9 +149,23 @@ def _x_range(points: Points) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]] | None:
+def _x_words(chart: Chart, marks: Sequence[tuple[float, str]], label: str) -> Iterator[str]:
+    """Name the axis and its ticks, on two lines in turn where they have no room on one."""
+    bottom = chart.top + chart.height
+    room = chart.width / max(len(marks), 1)
+    lines = 2 if max((len(words) for _, words in marks), default=0) * _CHARACTER > room else 1
+    most = max(3, int(lines * room / _CHARACTER) - 1)
+    for number, (value, words) in enumerate(marks):
+        cut = words if len(words) <= most else words[: most - 1] + "…"
+        yield text(chart.x(value), bottom + 16.0 + 14.0 * (number % lines), cut, anchor="middle")
+    y = bottom + 22.0 + 14.0 * lines
+    yield text(chart.left + 0.5 * chart.width, y, label, anchor="middle")
+
+
+def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]]:
     if points.names:
-        return _named_ticks(points.names)
+        every = math.ceil(len(points.names) / _NAMES)
+        return [(float(i), n) for i, n in enumerate(points.names) if i % every == 0]
     if not points.log:
         return [(value, f"{value:g}") for value in ticks(*chart.x_range, 6)]
     low, high = chart.x_range
@@ -158,17 +175,6 @@ def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]] | None
         for power in range(math.floor(low), math.ceil(high) + 1)
         for step in steps
         if low <= math.log10(step) + power <= high
-    ]
-
-
-def _named_ticks(names: Sequence[str]) -> Sequence[tuple[float, str]]:
-    """Return names cut to the room they have, or every so many of them."""
-    every = max(1, math.ceil(len(names) * 5.0 * _CHARACTER / _WIDTH))
-    room = max(5, int(_WIDTH / (math.ceil(len(names) / every) * _CHARACTER)) - 1)
-    return [
-        (float(i), name if len(name) <= room else name[: room - 1] + "…")
-        for i, name in enumerate(names)
-        if i % every == 0
     ]
 
 

@@ -196,6 +196,8 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
         )
     if gap.after is not None:
         yield from _closed(gap, named)
+    if gap.after is not None and gap.held_out:
+        yield sentence(f"Held out: {gap.held_out}")
     baselines = [
         f"{percent(value)} {words}"
         for value, words in (
@@ -206,6 +208,8 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
     ]
     if baselines:
         yield f"For comparison: {listed(baselines)}."
+    if named and gap.after is not None and not gap.negative_transfer:
+        yield from _no_better(gap.after, gap.recalibration_only)
 
 
 def _floor(gap: Gap) -> str:
@@ -215,11 +219,10 @@ def _floor(gap: Gap) -> str:
 
 def _closed(gap: Gap, named: bool) -> Iterator[str]:
     assert gap.after is not None
-    held_out = f" ({gap.held_out})" if gap.held_out else ""
     model = "With the effect added" if named else "With the best explanation of each fold"
     if gap.negative_transfer:
         yield (
-            f"{model} it misses tests that took no part in the fit{held_out} by "
+            f"{model} it misses tests that took no part in the fit by "
             f"{percent(gap.after)}: the effect makes predictions worse, so do not use it."
         )
         return
@@ -231,10 +234,15 @@ def _closed(gap: Gap, named: bool) -> Iterator[str]:
         if gap.closed_interval is not None:
             low, high = gap.closed_interval
             closed += f" (90 % interval {percent(low)} to {percent(high)})"
-    yield (
-        f"{model} it misses tests that took no part in the fit{held_out} by "
-        f"{percent(gap.after)}{closed}."
-    )
+    yield (f"{model} it misses tests that took no part in the fit by {percent(gap.after)}{closed}.")
+
+
+def _no_better(after: float, recalibrated: float | None) -> Iterator[str]:
+    if recalibrated is not None and recalibrated <= after:
+        yield (
+            "Refitting the laws does as well as the effect: what is off may be the palette, "
+            "or what the effect does to all its materials alike."
+        )
 
 
 def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
@@ -280,7 +288,7 @@ def _next(experiments: tuple[Experiment, ...]) -> Iterator[str]:
     for x in experiments[:_EXPERIMENTS]:
         change = listed([setting(key, value) for key, value in x.change.items()])
         what = x.detail.rstrip(".") or f"test with {change}"
-        hours = f", about {figure(x.hours, 2)} h" if x.hours > 0.0 else ""
+        hours = f", about {figure(x.hours, 2)} h" if x.hours > 0.0 and not x.detail else ""
         splits = listed([f"{a} from {b}" for a, b in x.splits], most=2)
         telling = f"tells {splits}; " if splits else ""
         gain = f"expected gain {figure(x.expected_gain_nats, 2)} nats"

@@ -1,6 +1,7 @@
 """diagnosis.json holds what the contract asks for, and reads back."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,3 +118,18 @@ def test_reading_a_file_names_it(tmp_path: Path, examples: Examples) -> None:
             read_diagnosis(tmp_path / "bad.json")
     with pytest.raises(FileError, match="cannot be read"):
         read_diagnosis(tmp_path / "none.json")
+
+
+def test_the_reference_page_has_every_key(
+    request: pytest.FixtureRequest, examples: Examples
+) -> None:
+    """Of the document and of each record in it; ids, names and units are data, not keys."""
+    page = request.config.rootpath / "docs" / "reference" / "diagnosis.md"
+    explained = page.read_text(encoding="utf-8")
+    document = to_document(replace(examples["rate"], remainder=examples["rate"].where))
+    records = [document, document["palette"], document["gap"], document["remainder"]]
+    for key in ("ranking", "where", "data_quality", "next_experiments", "detectable"):
+        records += document[key]
+    records += [*document["effect"].values(), *document["recalibration"].values()]
+    keys = {key for record in records for key in record}
+    assert {key for key in keys if not re.search(rf"\b{key}\b", explained)} == set()
