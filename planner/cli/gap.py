@@ -4,6 +4,7 @@ import typer
 
 from planner.cli.gap_bench import bench
 from planner.cli.gap_diagnose import diagnose
+from planner.cli.gap_simulate import simulate
 
 __all__ = ["app"]
 
@@ -24,3 +25,4 @@ def gap(context: typer.Context) -> None:
 
 app.command()(diagnose)
 app.command()(bench)
+app.command()(simulate)

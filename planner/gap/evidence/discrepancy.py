@@ -21,7 +21,10 @@ from planner.gap.noise import SpecimenNoise
 __all__ = ["discrepancy_factors", "discrepancy_patterns"]
 
 SD = 0.15
-"""Of an effect's size from branch to branch, level to level and material to material."""
+"""Of an effect's size from branch to branch and from level to level."""
+
+MATERIAL_SD = 0.25
+"""Of its size from material to material: how effects go with the mixture is hardly known."""
 
 COURSE_SD = 0.20
 """Of its change from the beginning of a path to its end."""
@@ -32,25 +35,26 @@ _LEVELS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "thickness_mm", "
 def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> FloatArray:
     """Return what multiplies an effect's change of the figures, (N, k), of prior deviation 1."""
     specimens = campaign.specimens
-    columns = [SD * (table.branch == k) for k in range(len(BRANCHES))]
+    columns: list[FloatArray] = [SD * (table.branch == k) for k in range(len(BRANCHES))]
     peak = np.zeros(len(specimens))
     np.maximum.at(peak, table.specimen, table.strain)
     travel = 2.0 * table.strain / np.maximum(peak[table.specimen], 1e-12) - 1.0
-    columns += [COURSE_SD * travel, COURSE_SD * (2.0 * travel**2 - 1.0)]
+    columns += [COURSE_SD * travel * (table.branch == k) for k in range(len(BRANCHES))]
+    columns.append(COURSE_SD * (2.0 * travel**2 - 1.0))
     hold = table.branch == BRANCHES.index("hold")
     if hold.any():
         columns.append(COURSE_SD * hold * np.log10(np.maximum(table.time_s, 0.1) / 10.0))
-    cells: list[Sequence[object]] = [
-        levels([getattr(s, name) for s in specimens], *TOLERANCES[name]) for name in _LEVELS
+    cells: list[tuple[float, Sequence[object]]] = [
+        (SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
     ]
-    cells.append([s.material if s.profile is None else s.profile.name for s in specimens])
-    cells.append([s.orientation for s in specimens])
-    for cell in cells:
+    pieces = [s.material if s.profile is None else s.profile.name for s in specimens]
+    cells += [(MATERIAL_SD, pieces), (SD, [s.orientation for s in specimens])]
+    for sd, cell in cells:
         distinct = list(dict.fromkeys(cell))
         if 1 < len(distinct) <= 8:
             for value in distinct:
                 of_it = np.array([c == value for c in cell])
-                columns.append(SD * of_it[table.specimen])
+                columns.append(sd * of_it[table.specimen])
     return np.stack(columns, axis=1)
 
 

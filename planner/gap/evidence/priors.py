@@ -19,8 +19,8 @@ class Priors:
         Of any hypothesis with effects, the share that has an unknown beside it.
     """
 
-    none: float = 0.45
-    single: float = 0.30
-    pair: float = 0.10
-    unknown: float = 0.15
+    none: float = 0.65
+    single: float = 0.20
+    pair: float = 0.07
+    unknown: float = 0.08
     beside: float = 0.10

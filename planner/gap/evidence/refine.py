@@ -10,6 +10,8 @@ from planner.gap.evidence.discrepancy import discrepancy_patterns
 from planner.gap.evidence.gram import Elimination, Gram
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.search_kernels import weigh_single
+from planner.gap.evidence.subset import weigh_subset_beside
+from planner.gap.evidence.weights import node_weights
 
 __all__ = ["Refiner", "Weight"]
 
@@ -43,9 +45,10 @@ class Refiner:
         nodes = [start + b.first + np.arange(b.nodes) for b in candidate.branches]
         self.head = 1 + sum(len(n) for n in nodes)
         total = len(gram.products)
-        first = problem.first_unknown if unknown else total - gram.nuisances
+        first = problem.gains.start if unknown else total - gram.nuisances
+        self._gains = problem.gains.stop - problem.gains.start
         columns: IntArray = np.concatenate([[0], *nodes, np.arange(first, total)]).astype(np.int64)
-        self._shift = self.head - problem.first_unknown
+        self._shift = self.head - problem.gains.start
         own, form = discrepancy_patterns(
             candidate, problem.node_figures, problem.factors, problem.noise, problem.table
         )
@@ -78,6 +81,18 @@ class Refiner:
         )  # fmt: skip
         shift = elimination.none - none
         return Weight(float(gain) + shift, float(evidence) + shift, tuple(place.tolist()))
+
+    def subset(self, scale: float, none: float) -> Candidate:
+        """Return the candidate with some specimens' force off by a factor beside it.
+
+        Needs the unknown's columns, with which the gains' are.
+        """
+        elimination = self.eliminate(scale)[-1]
+        weight = self._weigh(elimination, none)
+        candidate = self.candidate.at(weight.place, weight.gain, weight.evidence)
+        nodes = [node_weights(b, p) for b, p in zip(candidate.branches, candidate.places, strict=True)]
+        gains = slice(self.head, self.head + self._gains)
+        return weigh_subset_beside(elimination, gains, candidate, np.concatenate(nodes))
 
     def beside(
         self, eliminations: list[Elimination], axis: slice, amplitude: float

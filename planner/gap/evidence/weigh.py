@@ -5,7 +5,7 @@ their effect; over the scale of the scatter by quadrature; over calibration and 
 form. Odds are relative to no effect at the nominal scatter.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -26,6 +26,9 @@ Effects = tuple[str, ...]
 
 FORMS = 3
 """Forms of a single effect that are weighed in full."""
+
+QUICK = 6
+"""Hypotheses of one effect, and of two, that a quick weighing looks at in full."""
 
 WORTH_NATS = 15.0
 """Hypotheses this far below the best are not weighed at other scales of scatter."""
@@ -82,6 +85,8 @@ def weigh(
     singles = search.singles(nominal)
     pairs = search.pairs(nominal, search.scan(nominal, singles.place))
     candidates = _candidates(search, singles, pairs, logs)
+    if quick:
+        candidates = _first(candidates, logs)
     refiners = [Refiner(problem, gram, c, weight) for c in candidates]
     result.offer(Candidate(()))
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
@@ -117,6 +122,8 @@ def weigh(
             chosen = _best(problem, gram, weight, result, ours, logs)
         _add_unknown(problem, plain, offset, logs, result)
         for refiner, others in chosen:
+            if logs.some and len(refiner.candidate.effects) == 1:
+                _add_subset(refiner, scale, plain.none, offset, logs, result)
             _add_beside(problem, refiner, scale, plain.none, offset + others, logs, result)
     return result
 
@@ -163,6 +170,21 @@ def _candidates(
     return found
 
 
+def _first(candidates: list[Candidate], logs: _LogPriors) -> list[Candidate]:
+    """Return the best candidate of each of the best hypotheses of one effect and of two."""
+    odds = [c.log_evidence + logs.of(c.effects) for c in candidates]
+    kept: list[Candidate] = []
+    for size in (1, 2):
+        seen: set[Effects] = set()
+        for at in np.argsort(odds, kind="stable")[::-1].tolist():
+            candidate = candidates[at]
+            if len(candidate.effects) == size and candidate.effects not in seen:
+                seen.add(candidate.effects)
+                if len(seen) <= QUICK:
+                    kept.append(candidate)
+    return kept
+
+
 def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[Refiner]:
     """Return those of hypotheses that another scatter could still make the best."""
     odds = {e: c.log_evidence + logs.of(e) for e, c in result.best.items()}
@@ -199,6 +221,24 @@ def _add_unknown(
         for amplitude in AMPLITUDES:
             left = part.with_random(slice(1, 1 + at.stop - at.start), amplitude, 1)
             result.add((), axis.axis, offset + logs.unknown + left.none - plain.none)
+
+
+def _add_subset(
+    refiner: Refiner,
+    scale: float,
+    none: float,
+    offset: float,
+    logs: _LogPriors,
+    result: Weighed,
+) -> None:
+    """Add a single effect beside a gain of some specimens only."""
+    if refiner.candidate.effects == ("force-scale",):
+        return
+    both = refiner.subset(scale, none)
+    both = replace(both, log_evidence=both.log_evidence + logs.forms(refiner.candidate))
+    if scale == 1.0:
+        result.offer(both)
+    result.add(both.effects, "", offset + logs.of(both.effects) + both.log_evidence - np.log(2.0))
 
 
 def _add_beside(
