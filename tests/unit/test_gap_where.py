@@ -1,0 +1,397 @@
+"""Where a gap lies: made along one axis of a synthetic campaign, found there, and nowhere else."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from planner.arrays import FloatArray
+from planner.errors import ArgumentError
+from planner.gap.campaign import Campaign
+from planner.gap.diagnosis import Place
+from planner.gap.features.table import FeatureTable
+from planner.gap.profile_design import ProfileDesign
+from planner.gap.specimen import Specimen
+from planner.gap.where import Noise, localise
+from planner.gap.where.axis import share_p
+from planner.gap.where.columns import campaign_columns
+from planner.gap.where.family import tail_p
+from planner.gap.where.relabelling import SpecimenScores
+from planner.gap.where.shapes import strain_shapes
+from planner.gap.where.whitening import Whitening, orthonormal
+from planner.printers import printer
+
+PALETTE = printer("connex3").palette()
+GRADES = ("FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785")
+LEVEL, SLOPE, WANDER, OWN, FIELD = 0.03, 0.012, 0.006, 0.003, 0.03
+CALIBRATION, BATCH = 0.05, 0.012
+STRAINS = np.array([0.03, 0.06, 0.1, 0.16, 0.23, 0.32, 0.41, 0.5])
+RAMP = np.linspace(0.0, 10.0, 9)[1:]
+STEP_BAR = ProfileDesign(
+    "B2", np.array([0.0, 12.5, 12.5, 25.0]), np.array([1.0, 1.0, 4.0, 4.0]) / 6.0
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A campaign, its figures, and the noise that they have."""
+
+    campaign: Campaign
+    table: FeatureTable
+    noise: Noise
+
+    def value(self, column: str) -> FloatArray:
+        """A column's numbers, one a figure; NaN where unknown."""
+        of = [getattr(s, column, s.covariates.get(column)) for s in self.campaign.specimens]
+        return np.array([np.nan if v is None else v for v in of], dtype=float)[self.table.specimen]
+
+    def text(self, column: str) -> Any:
+        of = [getattr(s, column, s.covariates.get(column)) for s in self.campaign.specimens]
+        return np.array([str(v) for v in of])[self.table.specimen]
+
+    @property
+    def force(self) -> FloatArray:
+        """One for a force, zero for a local strain."""
+        return (~self.table.is_field).astype(float)
+
+    def scatter(self, rng: np.random.Generator, *, scale: float = 1.0, df: float = 0) -> FloatArray:
+        """Noise as declared; with `df`, each specimen's own of Student's t and unit variance."""
+        pieces = []
+        for block in self.noise.block_covariance:
+            own = np.linalg.cholesky(block) @ rng.standard_normal(len(block))
+            if df:
+                own *= np.sqrt((df - 2.0) / rng.chisquare(df))
+            pieces.append(scale * own)
+        shared = self.noise.shared @ rng.standard_normal(self.noise.shared.shape[1])
+        return np.concatenate(pieces) + shared
+
+    def where(self, residual: FloatArray, *, seed: int = 1, draws: int = 999) -> tuple[Place, ...]:
+        return localise(
+            self.campaign, self.table, residual, self.noise, np.random.default_rng(seed),
+            permutations=draws,
+        )  # fmt: skip
+
+
+def specimen(number: int, material: str | None = "FLX9760", **changes: Any) -> Specimen:
+    conditions: dict[str, Any] = {
+        "rate_mm_s": 1.0, "temperature_C": 23.0, "soak_h": 0.0, "age_days": 9.0,
+        "orientation": "x", "protocol": "monotonic", "batch": "AB"[number % 2],
+        "width_mm": 6.0, "thickness_mm": 2.0,
+    } | changes  # fmt: skip
+    return Specimen(f"S{number}", RAMP, RAMP, RAMP, 25.0, material=material, **conditions)
+
+
+def star(replicates: int = 3, **covariates: Callable[[int], Any]) -> list[Specimen]:
+    """Five grades at the reference and three away from it in one condition each, by threes."""
+    tests: list[dict[str, Any]] = [{"material": grade} for grade in GRADES]
+    tests += [{"temperature_C": t} for t in (15.0, 33.0)]
+    tests += [{"rate_mm_s": 20.0}, {"protocol": "cyclic"}, {"protocol": "relaxation"}]
+    found: list[Specimen] = []
+    for test in tests:
+        for _ in range(replicates):
+            k = len(found)
+            further = {name: of(k) for name, of in covariates.items()}
+            found.append(specimen(k, **test, covariates=further))
+    return found
+
+
+def alike(specimens: Sequence[Specimen]) -> list[int]:
+    keys = [
+        (s.material, s.profile and s.profile.name, s.rate_mm_s, s.temperature_C, s.soak_h,
+         s.age_days, s.orientation, s.protocol, s.width_mm)
+        for s in specimens
+    ]  # fmt: skip
+    return [keys.index(k) for k in keys]
+
+
+def case_of(specimens: Sequence[Specimen], *, log_sd: float = 0.15) -> Case:
+    """Eight forces in loading; four more on the way back, or in the hold; strains along bars."""
+    rows: dict[str, list[float]] = {k: [] for k in ("specimen", "branch", "strain", "time", "x")}
+    for i, s in enumerate(specimens):
+        figures = [(0, e, e * 25.0, np.nan) for e in STRAINS]
+        if s.protocol == "cyclic":
+            figures += [(1, e, 25.0, np.nan) for e in STRAINS[6:1:-1]]
+        if s.protocol == "relaxation":
+            figures += [(3, 0.5, t, np.nan) for t in (1.0, 3.0, 10.0, 30.0, 100.0)]
+        if s.profile is not None:
+            figures += [(4, e, e * 25.0, x) for e in (0.25, 0.5) for x in np.arange(1.0, 25.0, 2.0)]
+        for name, column in zip(
+            ("branch", "strain", "time", "x"), zip(*figures, strict=True), strict=True
+        ):
+            rows[name] += column
+        rows["specimen"] += [i] * len(figures)
+    of = np.array(rows["specimen"])
+    n = len(of)
+    big = np.full(n, 100.0)
+    table = FeatureTable(
+        of, np.array(alike(specimens))[of], np.zeros(n, int), np.array(rows["branch"]),
+        np.array(rows["strain"]), np.array(rows["time"]), np.array(rows["x"]), np.ones(n),
+        np.arcsinh(big / 2.0), big,
+    )  # fmt: skip
+    return Case(
+        Campaign("synthetic", "connex3", PALETTE, tuple(specimens)), table,
+        Noise(blocks_of(table), shared_of(specimens, table), log_sd),
+    )  # fmt: skip
+
+
+def blocks_of(table: FeatureTable) -> list[FloatArray]:
+    blocks = []
+    for i in np.unique(table.specimen):
+        rows = table.specimen == i
+        h = (~table.is_field[rows]).astype(float)
+        place = np.linspace(0.0, 1.0, len(h))
+        tilt = h * (table.strain[rows] / 0.5 - 0.5)
+        away = np.abs(np.subtract.outer(place, place)) / 0.15
+        block = LEVEL**2 * np.outer(h, h) + SLOPE**2 * np.outer(tilt, tilt)
+        block += WANDER**2 * np.outer(h, h) * np.exp(-away)
+        blocks.append(block + np.diag(np.where(h > 0.0, OWN, FIELD) ** 2))
+    return blocks
+
+
+def shared_of(specimens: Sequence[Specimen], table: FeatureTable) -> FloatArray:
+    force = ~table.is_field
+    kinds = [s.material or s.profile.name for s in specimens]  # type: ignore[union-attr]
+    batches = [s.batch for s in specimens]
+    columns = [
+        sd * (np.array(names)[table.specimen] == name) * force
+        for names, sd in ((kinds, CALIBRATION), (batches, BATCH))
+        for name in dict.fromkeys(names)
+    ]
+    return np.stack(columns, axis=1)
+
+
+def tray_x_mm(k: int) -> float:
+    return float(k * 37 % 30) * 10.0
+
+
+def operator(k: int) -> str:
+    return "PQR"[k * 7 % 3]
+
+
+STAR = case_of(star(operator=operator, tray_x_mm=tray_x_mm))
+BARS = case_of(
+    [*star(), *(specimen(30 + k, None, profile=STEP_BAR, width_mm=6.0) for k in range(3))]
+)
+
+
+def named(places: Sequence[Place], axis: str) -> Place:
+    return next(p for p in places if p.axis == axis)
+
+
+def bleed(case: Case) -> FloatArray:
+    """Strain moved from the soft side of the step to the stiff one, over some 2 mm."""
+    away = np.where(case.table.is_field, case.table.x_mm - 12.5, 0.0) / 2.0
+    gap: FloatArray = -0.25 * away * np.exp(-0.5 * away**2)
+    return gap
+
+
+PLANTED: dict[str, tuple[str, Case, Callable[[Case], FloatArray], str]] = {
+    "temperature": (
+        "temperature_C", STAR, lambda c: -0.02 * (c.value("temperature_C") - 23.0) * c.force,
+        "at 33 degC (3 specimens)",
+    ),
+    "rate": (
+        "rate_mm_s", STAR, lambda c: 0.25 * (c.value("rate_mm_s") > 5.0) * c.force, "at 20 mm/s",
+    ),
+    "unclaimed text": (
+        "operator", STAR, lambda c: -0.15 * (c.text("operator") == "Q") * c.force,
+        "below prediction where operator is Q (10 specimens)",
+    ),
+    "unclaimed number": (
+        "tray_x_mm", STAR, lambda c: 0.0006 * c.value("tray_x_mm") * c.force,
+        "where tray_x_mm is 200 to 290 (10 specimens)",
+    ),
+    "material": (
+        "material", STAR, lambda c: 0.5 * (c.text("material") == "FLX9770") * c.force,
+        "above prediction in FLX9770 (3 specimens)",
+    ),
+    "slack": ("strain", STAR, lambda c: -0.003 / c.table.strain, "below strain 0.1"),
+    "gain": ("strain", STAR, lambda c: 0.25 * c.force, "alike at all strains"),
+    "softening": ("branch", STAR, lambda c: -0.2 * (c.table.branch == 1), "in unloading"),
+    "relaxation": (
+        "time", STAR, lambda c: -0.06 * (c.table.branch == 3) * np.log(c.table.time_s),
+        "after 30 s of it",
+    ),
+    "unit": (
+        "specimen", STAR, lambda c: np.log(4.448) * np.isin(c.table.specimen, (4, 11)),
+        "times its replicates",
+    ),
+    "bleed": ("position", BARS, bleed, "along bar B2, at the step from FLX9740 to FLX9770"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+def test_what_is_planted_along_an_axis_is_found_there(kind: str) -> None:
+    axis, case, gap, words = PLANTED[kind]
+    places = case.where(gap(case) + case.scatter(np.random.default_rng(7)))
+    first = places[0]
+    assert first.axis == axis
+    assert first.p < 0.01
+    # Sizes are chosen three scatters and more above noise: at least half of the excess is theirs,
+    # less what the material's calibration may pass for.
+    assert first.share > 0.5
+    low, high = first.share_interval
+    assert 0.0 <= low <= first.share <= high <= 1.0
+    assert words in first.detail
+
+
+def test_a_sentence_has_the_gaps_size() -> None:
+    gap = 0.2 * (STAR.value("temperature_C") == 15.0) * STAR.force
+    gap = gap - 0.1 * (STAR.value("temperature_C") == 33.0) * STAR.force
+    # exp(0.2) = 1.221, exp(-0.1) = 0.905; no noise.
+    assert named(STAR.where(gap), "temperature_C").detail == (
+        "force 22 % above prediction at 15 degC (3 specimens), 9.5 % below at 33 degC (3 specimens)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "df"), [(1.0, 0), (1.0, 4), (1.6, 0)], ids=["normal", "t4", "scatter understated"]
+)
+def test_false_alarms_are_one_in_twenty_at_most(scale: float, df: float) -> None:
+    case, rng = case_of(star()[:18]), np.random.default_rng(11)
+    runs = 60
+    alarms = sum(
+        min(p.p for p in case.where(case.scatter(rng, scale=scale, df=df), seed=k, draws=99))
+        <= 0.05
+        for k in range(runs)
+    )
+    # Family-wise 5 %: a correct rate exceeds this bound once in a thousand.
+    assert alarms <= scipy.stats.binom.ppf(0.999, runs, 0.05)
+
+
+def test_a_usual_error_of_calibration_is_no_material() -> None:
+    off = CALIBRATION * (STAR.text("material") == "FLX9770") * STAR.force
+    assert named(STAR.where(off), "material").p > 0.5
+
+
+def test_of_columns_that_go_together_the_true_one_is_among_the_first_two() -> None:
+    """Age goes with temperature in two specimens of three, as batches printed on a day do."""
+    specimens = [
+        specimen(
+            k, GRADES[k % 5], temperature_C=(23.0, 33.0, 15.0)[k // 5 % 3],
+            age_days=9.0 if k // 5 % 3 < 2 or k % 7 == 0 else 30.0,
+        )
+        for k in range(30)
+    ]  # fmt: skip
+    case, rng, found = case_of(specimens), np.random.default_rng(3), 0
+    gap = -0.008 * (case.value("temperature_C") - 23.0) * case.force
+    for k in range(10):
+        places = case.where(gap + case.scatter(rng), seed=k, draws=199)
+        found += "temperature_C" in [p.axis for p in places[:2]]
+        assert "age_days" not in places[0].axis
+    assert found == 10
+
+
+def test_two_replicates_a_level_are_enough() -> None:
+    specimens = [
+        specimen(k, GRADES[k % 3], temperature_C=(23.0, 33.0)[k // 3 % 2], batch="A")
+        for k in range(12)
+    ]
+    case = case_of(specimens)
+    gap = -0.2 * (case.value("temperature_C") > 30.0) * case.force
+    first = case.where(gap + case.scatter(np.random.default_rng(2)))[0]
+    assert first.axis == "temperature_C"
+    assert first.p < 0.01
+    assert "batch" not in [p.axis for p in case.where(gap)]  # one level only
+
+
+def test_unknown_cells_are_left_out_of_their_axis() -> None:
+    specimens = star(operator=operator)
+    specimens = [replace(s, temperature_C=None) if i % 4 == 0 else s
+                 for i, s in enumerate(specimens)]  # fmt: skip
+    specimens[1] = replace(specimens[1], covariates={"operator": None})
+    specimens[2] = replace(specimens[2], covariates={})
+    case = case_of(specimens)
+    unknown = np.isnan(case.value("temperature_C"))
+    gap = np.where(unknown, 0.0, -0.02 * (case.value("temperature_C") - 23.0)) * case.force
+    first = case.where(gap + case.scatter(np.random.default_rng(5)))[0]
+    assert first.axis == "temperature_C"
+    columns = {c.name: c for c in campaign_columns(case.campaign, np.arange(len(specimens)))}
+    np.testing.assert_array_equal(columns["temperature_C"].known, np.arange(30) % 4 > 0)
+    assert not columns["operator"].known[[1, 2]].any()
+    for column in columns.values():
+        assert np.all(column.coordinates[~column.known] == 0.0)
+        # Orthonormal and of mean zero: rounding alone.
+        np.testing.assert_allclose(column.coordinates.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_no_comparison_no_places() -> None:
+    single = case_of([specimen(0)])
+    assert single.where(np.full(len(single.table), 0.3)) == ()
+    pair = case_of([specimen(0, batch="A"), specimen(1, batch="A")])
+    assert {p.axis for p in pair.where(np.zeros(len(pair.table)))} == {"strain", "specimen"}
+
+
+def test_labels_of_single_specimens_are_no_axis() -> None:
+    specimens = [replace(s, covariates={"note": f"n{i}"}) for i, s in enumerate(star())]
+    case = case_of(specimens)
+    assert "note" not in [p.axis for p in case.where(np.zeros(len(case.table)))]
+
+
+def test_same_seed_same_places() -> None:
+    residual = STAR.scatter(np.random.default_rng(1))
+    assert STAR.where(residual, draws=99) == STAR.where(residual, draws=99)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    residual = np.zeros(len(STAR.table))
+    for wrong in (residual[1:], np.where(np.arange(len(residual)) == 3, np.nan, residual)):
+        with pytest.raises(ArgumentError, match="residual"):
+            STAR.where(wrong)
+    blocks, shared = STAR.noise.block_covariance, STAR.noise.shared
+    for noise in (
+        Noise(blocks[1:], shared), Noise(blocks, shared[1:]),
+        Noise([np.zeros_like(b) for b in blocks], shared),
+    ):  # fmt: skip
+        with pytest.raises(ArgumentError, match="noise"):
+            replace(STAR, noise=noise).where(residual)
+
+
+def test_whitened_noise_is_white() -> None:
+    """White by the covariance itself: W C W' = I."""
+    whitening = Whitening.of(STAR.table, STAR.noise)
+    n = len(STAR.table)
+    covariance = STAR.noise.shared @ STAR.noise.shared.T
+    for a, b, block in zip(
+        whitening.starts[:-1], whitening.starts[1:], STAR.noise.block_covariance, strict=True
+    ):
+        covariance[a:b, a:b] += block
+    matrix = whitening(np.eye(n))
+    # Rounding times the covariance's condition, some 1e5.
+    np.testing.assert_allclose(matrix @ covariance @ matrix.T, np.eye(n), atol=1e-9)
+
+
+def test_scores_of_specimens_explain_what_figures_do() -> None:
+    """A quadratic form of n times three scores against a projection of all N figures."""
+    whitening = Whitening.of(STAR.table, STAR.noise)
+    shapes = strain_shapes(STAR.table)
+    common = orthonormal(whitening(shapes))
+    y = whitening(STAR.scatter(np.random.default_rng(4)))
+    y = y - common @ (common.T @ y)
+    scores = SpecimenScores.of(whitening, shapes, common, y)
+    rng = np.random.default_rng(6)
+    for column in campaign_columns(STAR.campaign, whitening.specimen):
+        order = rng.permutation(len(column.level))
+        dealt = replace(column, coordinates=column.coordinates[order])
+        explained, _ = scores.explained(np.stack([column.coordinates, dealt.coordinates]))
+        for value, axis in zip(explained, (column, dealt), strict=True):
+            basis = scores.basis(whitening, shapes, common, axis)
+            # The scores' ridge is 1e-7 of what is known without the ties, which leave 1e-2 of it
+            # at the least.
+            assert value == pytest.approx(np.sum((basis.T @ y) ** 2), rel=1e-3, abs=1e-4)
+            total, _ = scores.total(np.arange(len(order)))
+            assert value <= total
+
+
+def test_p_values() -> None:
+    explained, left = np.array([3.0, 40.0]), np.array([20.0, 2.0])
+    expected = scipy.stats.f.sf(explained / 2.0 / (left / 11.0), 2, 11)
+    np.testing.assert_allclose(share_p(explained, left, 2, 11), expected, rtol=1e-9)
+    drawn = -np.log(np.random.default_rng(8).random(999))
+    # Counted: a binomial deviation of 0.7 %. Beyond: the tail's mean is known to a tenth, which
+    # is a factor of exp(0.1 * 9.2) = 2.5 four decades beyond the threshold; two deviations.
+    assert tail_p(-np.log(0.05), drawn, 1.0) == pytest.approx(0.05, abs=0.02)
+    assert 1e-5 / 6.5 < tail_p(-np.log(1e-5), drawn, 1.0) < 1e-5 * 6.5
