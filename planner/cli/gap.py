@@ -3,6 +3,7 @@
 import typer
 
 from planner.cli.gap_bench import bench
+from planner.cli.gap_correct import correct
 from planner.cli.gap_diagnose import diagnose
 from planner.cli.gap_simulate import simulate
 
@@ -25,4 +26,5 @@ def gap(context: typer.Context) -> None:
 
 app.command()(diagnose)
 app.command()(bench)
+app.command()(correct)
 app.command()(simulate)

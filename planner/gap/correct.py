@@ -1,0 +1,369 @@
+"""A palette for the conditions of use, from a diagnosis: how the loop from print to plan closes."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from planner.arrays import FloatArray
+from planner.errors import ArgumentError, FileError, PaletteError
+from planner.formats.palette_toml import encode_palette
+from planner.gap.beyond_palette import instead
+from planner.gap.campaign import Campaign
+from planner.gap.diagnosis import Diagnosis, FoundEffect
+from planner.gap.effects import Effect, Form, Values, effects_for
+from planner.gap.effects.conditions_of_tests import STANDARD
+from planner.gap.forward import LawTables, Setup, law_tables, predict
+from planner.gap.forward.law_tables import STRAIN_END
+from planner.gap.law_refit import refitted
+from planner.gap.lone_test import lone_test
+from planner.gap.planned_specimen import planned_specimen
+from planner.materials.coefficients import CoefficientModel
+from planner.palette import Material, Palette, Reference, parse_palette
+
+__all__ = ["CONDITION_EFFECTS", "PRINT_EFFECTS", "Correction", "corrected_palette"]
+
+CONDITION_EFFECTS: Mapping[str, str] = {
+    "rate": "strain_rate_per_s",
+    "temperature": "temperature_C",
+    "moisture": "soak_h",
+    "ageing": "age_days",
+    "orientation": "orientation",
+}
+"""Effects of a condition, with the name of the condition: none at the palette's own."""
+
+PRINT_EFFECTS = ("composition-offset", "material-law")
+"""Effects on what is printed, whatever the conditions."""
+
+GAUGE_mm = 25.0
+_BREAK_SHARE = 0.95
+_STEPS = 120
+_NOTABLE_MISFIT = 0.01
+_NOTABLE = 1e-6
+_INTERVAL_SD = 2.0 * 1.645
+"""Width of a 90 % interval in standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """A corrected palette.
+
+    Attributes
+    ----------
+    palette
+        The palette as it was where nothing could be corrected.
+    corrected
+        The effects that went into it, and "recalibration".
+    notes
+        What was done, what a palette cannot hold and what to do about that, a sentence each.
+    misfit
+        By material: RMS relative error of its new law against the corrected curve.
+    factor
+        By material: what its stress is multiplied by, at a strain of 0.1 or half its break.
+    left
+        The effects of the verdict that no palette can hold.
+    """
+
+    palette: Palette
+    corrected: tuple[str, ...]
+    notes: tuple[str, ...]
+    misfit: Mapping[str, float] = field(default_factory=dict)
+    factor: Mapping[str, float] = field(default_factory=dict)
+    left: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Applied:
+    effect: Effect
+    form: Form
+    values: Values
+
+
+def corrected_palette(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    conditions: Reference | None = None,
+    *,
+    recalibrate: bool = False,
+    width_mm: float = 6.0,
+    thickness_mm: float = 3.0,
+) -> Correction:
+    """Return a palette whose laws hold for the conditions of use, by a diagnosis' verdict.
+
+    An effect of a condition is taken relative to the palette's own conditions, at which its laws
+    were measured. A law that relaxes becomes what an even pull at the stated rate shows.
+
+    Parameters
+    ----------
+    conditions
+        Of use; those that are None are the palette's own.
+    recalibrate
+        Multiply every law by the level that the campaign asks for beside the effects, too.
+    width_mm, thickness_mm
+        Of the part's section: water takes the longer, the thicker it is.
+
+    Raises
+    ------
+    ArgumentError
+        A condition or size outside what it may be.
+    FileError
+        The diagnosis names an effect or a form that this palette has not.
+    PaletteError
+        The corrected laws would cross, or a law cannot follow.
+    """
+    use = _conditions(palette.reference, conditions or Reference())
+    for name, value in (("--width-mm", width_mm), ("--thickness-mm", thickness_mm)):
+        if not 0.0 < value < math.inf:
+            raise ArgumentError(f"{name} {value:g}: it must be above 0")
+    known = [e for e in diagnosis.effect if e.id in CONDITION_EFFECTS or e.id in PRINT_EFFECTS]
+    others = [e for e in diagnosis.effect if e not in known]
+    left = tuple(e.id for e in others)
+    notes = [instead(e, width_mm, thickness_mm) for e in others]
+    notes += _doubts(diagnosis)
+    applied = [_applied(e, palette) for e in known]
+    section = (width_mm, thickness_mm)
+    factors = _Factors(palette, use, section)
+    logs = {m.id: factors.log_factor(m, applied) for m in palette.materials}
+    notes += _idle(known, palette.reference, use)
+    corrected = [e.id for e, one in zip(known, applied, strict=True) if factors.matters([one])]
+    asked = diagnosis.recalibration if recalibrate else {}
+    if recalibrate and any(material in asked for material in logs):
+        corrected.append("recalibration")
+    if not corrected:
+        return Correction(palette, (), tuple(notes), left=left)
+    materials, misfit, factor = [], {}, {}
+    for material in palette.materials:
+        level = asked.get(material.id, (0.0, 0.0))[0]
+        strain, log = logs[material.id]
+        fit = refitted(material, strain, log + level)
+        spread = factors.spread(material, known, applied)
+        misfit[material.id] = fit.misfit
+        at = min(0.1, 0.5 * material.elongation_at_break)
+        factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
+        sd = math.hypot(material.modulus_log_sd, spread)
+        materials.append(replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd))
+    notes += _about(palette, diagnosis, misfit, corrected)
+    made = replace(
+        palette,
+        name=palette.name.removesuffix("-corrected") + "-corrected",
+        materials=tuple(materials),
+        reference=use,
+        source=_source(palette, diagnosis, known, corrected, use, thickness_mm),
+    )
+    return Correction(_checked(made), tuple(corrected), tuple(notes), misfit, factor, left)
+
+
+def _conditions(reference: Reference, asked: Reference) -> Reference:
+    """Return the conditions of use, each stated, the palette's own or the usual one."""
+    values = {}
+    for name, low, high in (
+        ("strain_rate_per_s", 1e-9, 1e6),
+        ("temperature_C", -100.0, 200.0),
+        ("soak_h", 0.0, 1e6),
+        ("age_days", 0.0, 1e5),
+    ):
+        value = getattr(asked, name)
+        if value is None:
+            value = getattr(reference, name)
+        if value is None:
+            value = STANDARD["rate_per_s" if name == "strain_rate_per_s" else name]
+        if not low <= value <= high:
+            option = {"strain_rate_per_s": "rate-per-s"}.get(name, name.replace("_", "-"))
+            raise ArgumentError(f"--{option} {value:g}: it must be from {low:g} to {high:g}")
+        values[name] = float(value)
+    return Reference(**values, orientation=asked.orientation or reference.orientation or "x")
+
+
+def _applied(found: FoundEffect, palette: Palette) -> _Applied:
+    effect = effects_for(palette)[found.id]
+    form = next((f for f in effect.forms if f.name == found.form), None)
+    if form is None:
+        raise FileError(
+            f"diagnosis: effect {found.id} has the form {found.form!r}, which palette "
+            f"{palette.name} has not; it has {', '.join(f.name for f in effect.forms)}: give the "
+            "palette that was diagnosed with --palette"
+        )
+    missing = [p.name for p in form.parameters if p.name not in found.parameters]
+    if missing:
+        raise FileError(
+            f"diagnosis: effect {found.id}: parameter {missing[0]!r} of form {form.name} is missing"
+        )
+    return _Applied(effect, form, found.parameters)
+
+
+class _Factors:
+    """What effects multiply the stress of a palette's materials by, pulled at conditions of use."""
+
+    def __init__(self, palette: Palette, use: Reference, section_mm: tuple[float, float]) -> None:
+        self.palette, self.use, self.section_mm = palette, use, section_mm
+        self.own = _conditions(palette.reference, Reference())
+        self.laws: LawTables = law_tables(palette)
+
+    def log_factor(
+        self, material: Material, effects: Sequence[_Applied]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return strains above 0 up to near the break, and ln factor there."""
+        ours = [e for e in effects if e.effect.id in CONDITION_EFFECTS]
+        end = min(_BREAK_SHARE * material.elongation_at_break, STRAIN_END)
+        strain = end * np.linspace(0.0, 1.0, _STEPS + 1)
+        after = self._force_N(material, self.use, effects, strain)
+        before = self._force_N(material, self.own, ours, strain)
+        with np.errstate(all="ignore"):
+            log: FloatArray = np.log(after[1:] / before[1:])
+        if not np.isfinite(log).all():
+            raise PaletteError(
+                f"material {material.id}: its stress at these conditions is not above 0; state "
+                "conditions nearer to those of the campaign"
+            )
+        return strain[1:], log
+
+    def matters(self, effects: Sequence[_Applied]) -> bool:
+        """Return whether effects change any law at the conditions of use."""
+        logs = [self.log_factor(m, effects)[1] for m in self.palette.materials]
+        return max(float(np.abs(log).max()) for log in logs) > _NOTABLE
+
+    def spread(
+        self, material: Material, found: Sequence[FoundEffect], effects: Sequence[_Applied]
+    ) -> float:
+        """Return the deviation of the mean ln factor, from the parameters' intervals."""
+        total = 0.0
+        for number, (one, effect) in enumerate(zip(found, effects, strict=True)):
+            for name, ends in one.interval.items():
+                if name not in one.parameters or not all(map(math.isfinite, ends)):
+                    continue
+                means = []
+                for end in ends:
+                    moved = replace(effect, values={**effect.values, name: end})
+                    changed = [*effects[:number], moved, *effects[number + 1 :]]
+                    means.append(float(self.log_factor(material, changed)[1].mean()))
+                total += ((means[1] - means[0]) / _INTERVAL_SD) ** 2
+        return math.sqrt(total)
+
+    def _force_N(
+        self,
+        material: Material,
+        at: Reference,
+        effects: Sequence[_Applied],
+        strain: FloatArray,
+    ) -> FloatArray:
+        assert at.strain_rate_per_s is not None
+        specimen = planned_specimen(
+            self.palette,
+            id=material.id,
+            gauge_mm=GAUGE_mm,
+            strain=float(strain[-1]),
+            material=material.id,
+            width_mm=self.section_mm[0],
+            thickness_mm=self.section_mm[1],
+            rate_mm_s=at.strain_rate_per_s * GAUGE_mm,
+            temperature_C=at.temperature_C,
+            soak_h=at.soak_h,
+            age_days=at.age_days,
+            orientation=at.orientation,
+            protocol="monotonic",
+        )
+        campaign = Campaign("use", "", self.palette, (specimen,))
+        setup = lone_test(campaign, 0, strain / at.strain_rate_per_s, strain * GAUGE_mm)
+        assert setup is not None
+        force: FloatArray = predict(_with(setup, effects), self.laws).force_N[0]
+        return force
+
+
+def _with(setup: Setup, effects: Sequence[_Applied]) -> Setup:
+    for one in sorted(effects, key=lambda e: e.effect.stage):  # composition before law
+        setup = one.form.apply(setup, one.values)
+    return setup
+
+
+def _idle(known: Sequence[FoundEffect], own: Reference, use: Reference) -> list[str]:
+    """Say of each effect of a condition that the condition of use is the palette's own."""
+    before = _conditions(own, Reference())
+    return [
+        f"{e.id}: nothing changes at {_condition_text(name, use)}, the palette's own; state the "
+        "condition of use to have it corrected"
+        for e in known
+        if (name := CONDITION_EFFECTS.get(e.id)) and getattr(before, name) == getattr(use, name)
+    ]
+
+
+def _doubts(diagnosis: Diagnosis) -> list[str]:
+    notes = []
+    if diagnosis.verdict == "unknown":
+        notes.append(
+            "the verdict is unknown: no effect of the library explains the gap, so there is "
+            "nothing to correct by; see where the gap lies, and test what the diagnosis proposes"
+        )
+    if diagnosis.verdict == "none":
+        notes.append("the verdict is none: the palette is right as far as the campaign can tell")
+    others = ["+".join(e) for e in diagnosis.same_class if "+".join(e) != diagnosis.verdict]
+    if others and diagnosis.effect:
+        notes.append(
+            f"the data cannot tell {diagnosis.verdict} from {', '.join(others)}; the correction "
+            f"is that of {diagnosis.verdict}"
+        )
+    return notes
+
+
+def _about(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    misfit: Mapping[str, float],
+    corrected: Sequence[str],
+) -> list[str]:
+    notes = []
+    bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
+    if bad:
+        told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())
+        notes.append(f"laws that follow the correction by more than 1 % off: {told}")
+    known = diagnosis.recalibration
+    unseen = [m.id for m in palette.materials if known and m.id not in known]
+    if unseen and set(corrected) - {"recalibration"}:
+        notes.append(
+            f"{', '.join(unseen)}: not in the campaign; their correction is the effect's own trend"
+        )
+    return notes
+
+
+def _condition_text(name: str, at: Reference) -> str:
+    value = getattr(at, name)
+    value = value if isinstance(value, str) else f"{value:g}"
+    return {
+        "strain_rate_per_s": f"a strain rate of {value} per s",
+        "temperature_C": f"{value} degC",
+        "soak_h": f"{value} h of soaking",
+        "age_days": f"an age of {value} days",
+        "orientation": f"orientation {value}",
+    }[name]
+
+
+def _source(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    known: Sequence[FoundEffect],
+    corrected: Sequence[str],
+    use: Reference,
+    thickness_mm: float,
+) -> str:
+    forms = {e.id: f"{e.id} ({e.form})" for e in known}
+    what = " and ".join(forms.get(id, id) for id in corrected)
+    at = ", ".join(_condition_text(name, use) for name in CONDITION_EFFECTS.values())
+    thick = f", parts {thickness_mm:g} mm thick" if "moisture" in corrected else ""
+    return (
+        f"palette {palette.name} (sha256 {palette.sha256[:12]}) corrected for {what} by planner "
+        f"gap correct, from the diagnosis of campaign {diagnosis.campaign}, for {at}{thick}; "
+        f"before: {palette.source}"
+    )
+
+
+def _checked(palette: Palette) -> Palette:
+    """Return the palette as its file will be read, its ladder checked as for grading."""
+    made = parse_palette(encode_palette(palette), name=palette.name)
+    try:
+        CoefficientModel(made)
+    except PaletteError as error:
+        raise PaletteError(
+            f"the correction makes the palette unfit to plan with: {error}; if it is one "
+            "material's, measure that one again, or leave it out of the palette"
+        ) from error
+    return made

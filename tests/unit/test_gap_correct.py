@@ -1,0 +1,237 @@
+"""Correcting a palette by a diagnosis: what changes, by how much, and what must not."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.cli import run
+from planner.errors import FileError, PaletteError
+from planner.formats.palette_toml import encode_palette
+from planner.gap.correct import corrected_palette
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
+from planner.gap.diagnosis_json import encode_diagnosis
+from planner.gap.effects import EFFECTS, effects_for
+from planner.gap.stated_effect import usual_value
+from planner.materials.coefficients import CoefficientModel
+from planner.materials.laws import make_law
+from planner.palette import Palette, Reference, load_palette, parse_palette
+
+PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
+WARM = Reference(temperature_C=33.0)
+AWAY = Reference(0.34, 33.0, 24.0, 100.0, "z")
+TEST_EFFECTS = [
+    "force-offset", "force-scale", "grip-slack", "grip-slip", "machine-compliance", "strain-scale",
+]  # fmt: skip
+DESIGN_EFFECTS = ["cross-section", "interface-bleed", "skin"]
+
+
+@pytest.fixture(scope="module")
+def palette() -> Palette:
+    return load_palette(PALETTE)
+
+
+def diagnosed(palette: Palette, *effects: FoundEffect, verdict: str | None = None) -> Diagnosis:
+    return Diagnosis(
+        campaign="lab", palette=palette.name, palette_sha256=palette.sha256, specimens=30,
+        tests=15, verdict=verdict or "+".join(e.id for e in effects), ranking=(), same_class=(),
+        not_testable=(), where=(), gap=Gap(0.2, 0.03, 0.02, 0.95, None, None, None, ""),
+        effect=effects, remainder=(), data_quality=(), next_experiments=(), detectable=(),
+        limitations=(), recalibration={"FLX9760": (0.08, 0.02)},
+    )  # fmt: skip
+
+
+def found(id: str, form: str | None = None, **values: float) -> FoundEffect:
+    effect = EFFECTS[id]
+    chosen = effect.forms[0] if form is None else next(f for f in effect.forms if f.name == form)
+    all_ = {p.name: usual_value(p) for p in chosen.parameters} | values
+    ends = {name: (0.9 * value, 1.1 * value) for name, value in all_.items()}
+    return FoundEffect(id, chosen.name, all_, ends, {p.name: p.unit for p in chosen.parameters})
+
+
+def stresses(palette: Palette, strain: float) -> np.ndarray:
+    return np.array(
+        [float(make_law(m.law).nominal_stress_MPa(1.0 + strain)) for m in palette.materials]
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "conditions", "factor"),
+    [
+        (found("temperature", slope=0.03), WARM, np.exp(-0.3)),
+        (found("rate", "power-law", rise=0.2), Reference(strain_rate_per_s=0.34), np.exp(0.2)),
+        (found("orientation", "build-direction", change=-0.1), AWAY, np.exp(-0.1)),
+        (
+            found("moisture", "root-time", softening=0.2, saturation=24.0),
+            Reference(soak_h=24.0),
+            1.0 - 0.2 * np.tanh(1.0),
+        ),
+    ],
+)
+def test_an_even_factor_multiplies_every_law(palette, effect, conditions, factor) -> None:
+    """The equations of the forms, by hand; 9 digits of a file, terms of either sign take some."""
+    made = corrected_palette(palette, diagnosed(palette, effect), conditions)
+    assert made.corrected == (effect.id,)
+    for strain in (0.01, 0.1, 0.4):
+        ratio = stresses(made.palette, strain) / stresses(palette, strain)
+        assert ratio == pytest.approx(np.full(len(ratio), factor), rel=1e-6)
+    assert max(made.misfit.values()) < 1e-9
+
+
+def test_ids_and_all_but_the_law_stay(palette) -> None:
+    made = corrected_palette(palette, diagnosed(palette, found("temperature")), WARM).palette
+    for old, new in zip(palette.materials, made.materials, strict=True):
+        kept = ("id", "aliases", "coordinate", "density_g_cm3", "colour", "elongation_at_break")
+        assert all(getattr(old, name) == getattr(new, name) for name in kept)
+        assert new.law.model == old.law.model
+        assert new.modulus_log_sd >= old.modulus_log_sd
+    own = palette.reference
+    assert made.reference == replace(own, temperature_C=33.0)
+    assert "gap correct" in made.source
+    assert "campaign lab" in made.source
+
+
+def test_the_interval_of_the_effect_widens_that_of_the_print(palette) -> None:
+    """A slope of 0.03 +- 10 % at 10 K: ln factor +- 0.03 at 90 %, a deviation of 0.03 / 1.645."""
+    effect = found("temperature", slope=0.03)
+    made = corrected_palette(palette, diagnosed(palette, effect), WARM).palette
+    for old, new in zip(palette.materials, made.materials, strict=True):
+        assert new.modulus_log_sd == pytest.approx(
+            np.hypot(old.modulus_log_sd, 0.03 / 1.645), rel=1e-6
+        )
+
+
+def test_a_mixture_off_by_a_share_takes_the_law_of_that_mixture(palette) -> None:
+    """A shift of 5 % of the range: the law between two grades, which no Ogden law is to 1 %."""
+    effect = found("composition-offset", "constant", shift=0.05)
+    made = corrected_palette(palette, diagnosed(palette, effect))
+    at = palette.materials[3].coordinate + 0.05 * 1.5
+    wanted = CoefficientModel(palette).modulus_MPa(at, 0.1)
+    got = CoefficientModel(made.palette).modulus_MPa(palette.materials[3].coordinate, 0.1)
+    assert float(got) == pytest.approx(float(wanted), rel=0.01)
+    assert max(made.misfit.values()) < 0.01
+
+
+@pytest.mark.parametrize("form", ["prony", "graded-prony", "fractional"])
+def test_a_relaxing_law_is_stiffer_pulled_faster_and_its_own_at_its_own_rate(palette, form) -> None:
+    effect = found("rate", form)
+    faster = corrected_palette(
+        palette, diagnosed(palette, effect), Reference(strain_rate_per_s=0.34)
+    )
+    assert all(1.0 < factor < 1.3 for factor in faster.factor.values())
+    assert max(faster.misfit.values()) < 0.03  # in shape a relaxing pull is no Ogden law
+    assert corrected_palette(palette, diagnosed(palette, effect)).corrected == ()
+
+
+@pytest.mark.parametrize("id", TEST_EFFECTS)
+def test_what_is_the_tests_fault_leaves_the_palette(palette, id) -> None:
+    made = corrected_palette(palette, diagnosed(palette, found(id)), AWAY)
+    assert made.palette is palette
+    assert made.corrected == ()
+    assert any("the print was right, the measurement was off" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("id", [*DESIGN_EFFECTS, "softening", "permanent-set"])
+def test_what_no_palette_can_hold_is_said(palette, id) -> None:
+    for form in EFFECTS[id].forms:
+        made = corrected_palette(palette, diagnosed(palette, found(id, form.name)), AWAY)
+        assert made.palette is palette
+        assert any(note.startswith(id) for note in made.notes)
+
+
+def test_an_oversize_is_answered_with_the_figure_to_draw(palette) -> None:
+    effect = found("cross-section", "all-sides", oversize=0.1)
+    notes = corrected_palette(palette, diagnosed(palette, effect)).notes
+    assert any("draw width and thickness each 0.10 mm smaller" in note for note in notes)
+
+
+def test_of_a_pair_the_palettes_part_is_corrected(palette) -> None:
+    both = diagnosed(palette, found("force-scale"), found("temperature", slope=0.03))
+    made = corrected_palette(palette, both, WARM)
+    assert made.corrected == ("temperature",)
+    assert made.left == ("force-scale",)
+    assert made.factor["FLX9760"] == pytest.approx(np.exp(-0.3), rel=1e-9)
+
+
+def test_recalibration_moves_one_materials_level(palette) -> None:
+    made = corrected_palette(palette, diagnosed(palette, verdict="none"), recalibrate=True)
+    assert made.corrected == ("recalibration",)
+    ratio = stresses(made.palette, 0.1) / stresses(palette, 0.1)
+    place = [m.id for m in palette.materials].index("FLX9760")
+    expected = np.ones(len(ratio))
+    expected[place] = np.exp(0.08)
+    assert ratio == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_ladder_that_would_cross_is_refused(palette) -> None:
+    """FLX9770 is 1.7 times FLX9760: a factor of e on the softer one crosses."""
+    form = next(f for f in effects_for(palette)["material-law"].forms if "FLX9760 f" in f.name)
+    effect = FoundEffect("material-law", form.name, {"log_factor": 1.0}, {}, {})
+    with pytest.raises(PaletteError, match="unfit to plan with"):
+        corrected_palette(palette, diagnosed(palette, effect))
+
+
+def test_a_form_of_another_palette_is_refused(palette) -> None:
+    effect = FoundEffect("material-law", "Agilus factor", {"log_factor": 0.1}, {}, {})
+    with pytest.raises(FileError, match="Agilus factor"):
+        corrected_palette(palette, diagnosed(palette, effect))
+
+
+@pytest.fixture
+def written(tmp_path: Path, palette: Palette) -> Callable[..., Path]:
+    def write(*effects: FoundEffect) -> Path:
+        path = tmp_path / "diagnosis.json"
+        path.write_bytes(encode_diagnosis(diagnosed(palette, *effects)))
+        return tmp_path
+
+    return write
+
+
+def test_the_command_writes_a_palette_that_reads_back(written, palette, tmp_path, capsys) -> None:
+    folder = written(found("temperature", slope=0.03))
+    out = tmp_path / "warm.toml"
+    assert run(["gap", "correct", str(folder), "--temperature-C", "33", "-o", str(out)]) == 0
+    assert "temperature" in capsys.readouterr().out
+    data = out.read_bytes()
+    made = parse_palette(data, name="warm")
+    assert encode_palette(made) == data
+    assert made.reference.temperature_C == 33.0
+    again = ["gap", "correct", str(folder), "--temperature-C", "33", "-o", str(out), "--force"]
+    assert run(again) == 0
+    assert out.read_bytes() == data
+
+
+def test_the_command_writes_nothing_where_nothing_is_to_correct(written, tmp_path, capsys) -> None:
+    out = tmp_path / "same.toml"
+    for effect in (found("force-scale"), found("temperature")):
+        assert run(["gap", "correct", str(written(effect)), "-o", str(out)]) == 1
+        assert not out.exists()
+    assert "nothing was written" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--orientation", "w"],
+        ["--temperature-C", "1e9"],
+        ["--rate-per-s", "0"],
+        ["--thickness-mm", "-1"],
+        ["--palette", "missing.toml"],
+    ],
+)
+def test_bad_input_is_one_line_and_no_file(written, tmp_path, capsys, arguments) -> None:
+    folder = written(found("temperature"))
+    out = tmp_path / "none.toml"
+    assert run(["gap", "correct", str(folder), *arguments, "-o", str(out)]) == 2
+    assert not out.exists()
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_another_palette_of_that_name_is_not_taken_unasked(palette, tmp_path, capsys) -> None:
+    other = replace(diagnosed(palette, found("temperature")), palette_sha256="0" * 64)
+    path = tmp_path / "diagnosis.json"
+    path.write_bytes(encode_diagnosis(other))
+    assert run(["gap", "correct", str(path), "--temperature-C", "33"]) == 2
+    assert "--palette" in capsys.readouterr().err
