@@ -23,7 +23,9 @@ from planner.gap.features.table import BRANCHES
 __all__ = ["closure"]
 
 RESAMPLES = 400
-GENERIC_AMPLITUDE = 0.1
+GENERIC_AMPLITUDES = (0.003, 0.01, 0.03, 0.1)
+"""Of its patterns, as deviations of the logarithm of force; the rest of the data chooses."""
+
 RECALIBRATION_SD = 5.0
 """Base laws are refitted nearly freely: their stated deviation times this."""
 
@@ -171,11 +173,17 @@ def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> Fl
     whitened = problem.whitened
     columns = whitened.columns[:, problem.first_unknown :]
     rows = np.repeat(weight, np.diff(whitened.first_row))
-    sd = np.full(columns.shape[1], GENERIC_AMPLITUDE)
-    sd[columns.shape[1] - whitened.nuisances :] = 1.0
-    scaled = columns * sd
-    inner = scaled.T @ (scaled * rows[:, None]) + np.eye(scaled.shape[1])
-    best = sd * np.linalg.solve(inner, scaled.T @ (whitened.columns[:, 0] * rows))
+    inner = columns.T @ (columns * rows[:, None])
+    cross = columns.T @ (whitened.columns[:, 0] * rows)
+    best, most = np.zeros(len(cross)), -np.inf
+    for amplitude in GENERIC_AMPLITUDES:
+        sd = np.full(len(cross), amplitude)
+        sd[len(cross) - whitened.nuisances :] = 1.0
+        scaled = inner * np.outer(sd, sd) + np.eye(len(sd))
+        solution = np.linalg.solve(scaled, sd * cross)
+        evidence = 0.5 * float((sd * cross) @ solution - np.linalg.slogdet(scaled)[1])
+        if evidence > most:
+            best, most = sd * solution, evidence
     table = problem.table
     raw_columns = [a.columns for a in problem.unknown]
     raw = np.concatenate([*raw_columns, problem.calibration_figures.T, problem.noise.batch], axis=1)

@@ -4,10 +4,13 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.gap.effects.effect import Effect, Form, Parameter, Values
-from planner.gap.effects.mixture_trend import place_on_palette
+from planner.gap.effects.mixture_trend import PEAK, place_on_palette
 from planner.gap.forward.setup import Setup
 
 __all__ = ["EFFECT"]
+
+_WIDTH = 0.3
+"""Of the range over which mixtures are off that much."""
 
 
 def _shift_of(low: float, high: float, meaning: str) -> Parameter:
@@ -41,6 +44,12 @@ def _hard_jets(setup: Setup, values: Values) -> Setup:
     return _shifted(setup, values["shift"] * place_on_palette(setup))
 
 
+def _graded(setup: Setup, values: Values) -> Setup:
+    """Most for the mixtures about one place on the palette."""
+    away = (place_on_palette(setup) - values["peak"]) / _WIDTH
+    return _shifted(setup, values["shift"] * np.exp(-(away**2)))
+
+
 EFFECT = Effect(
     "composition-offset",
     "mixture off the one asked for",
@@ -65,6 +74,13 @@ EFFECT = Effect(
             (_shift_of(0.005, 0.2, "of the palette's range, at its hard end"),),
             _hard_jets,
             "u += a u, within the palette",
+            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
+        ),
+        Form(
+            "graded",
+            (_shift_of(0.004, 0.16, "of the palette's range, where it is most"), PEAK),
+            _graded,
+            "u += a exp(-((u - peak) / 0.3)^2), within the palette",
             "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
         ),
     ),

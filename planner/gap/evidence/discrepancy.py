@@ -26,8 +26,11 @@ SD = 0.15
 MATERIAL_SD = 0.25
 """Of its size from material to material: how effects go with the mixture is hardly known."""
 
-COURSE_SD = 0.20
+COURSE_SD = 0.30
 """Of its change from the beginning of a path to its end."""
+
+TEST_SD = 0.06
+"""Of its size from test to test and branch to branch, whatever they are."""
 
 _LEVELS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "thickness_mm", "width_mm")
 
@@ -55,6 +58,12 @@ def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> FloatArray:
             for value in distinct:
                 of_it = np.array([c == value for c in cell])
                 columns.append(sd * of_it[table.specimen])
+    for test in np.unique(table.test).tolist():
+        of_test = table.test == test
+        columns += [
+            TEST_SD * (of_test & (table.branch == k))
+            for k in np.unique(table.branch[of_test]).tolist()
+        ]
     return np.stack(columns, axis=1)
 
 

@@ -10,6 +10,7 @@ from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.gram import Elimination
 from planner.gap.evidence.nodes import Branch
 from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.weights import node_weights
 
 __all__ = ["found_effects"]
@@ -22,15 +23,20 @@ LEVEL = 0.90
 
 
 def found_effects(
-    problem: Problem, elimination: Elimination, candidate: Candidate
+    problem: Problem, nominal: Elimination, candidate: Candidate
 ) -> tuple[FoundEffect, ...]:
     """Return each effect's form and parameters with 90 % intervals, the other's held at its best.
 
     Intervals are the posterior's under the form's own prior, on a grid around the best place.
     """
+    found = []
+    if candidate.branches:
+        refiner = Refiner(problem, problem.whitened.gram(), candidate, None)
+        products = refiner.likelier(nominal.none).products
+        found = [_found(products, candidate, k) for k in range(len(candidate.branches))]
     if candidate.members is not None:
-        return (_some(problem, elimination, candidate),)
-    return tuple(_found(problem, elimination, candidate, k) for k in range(len(candidate.branches)))
+        found.append(_some(problem, nominal, candidate))
+    return tuple(sorted(found, key=lambda effect: effect.id))
 
 
 def _some(problem: Problem, elimination: Elimination, candidate: Candidate) -> FoundEffect:
@@ -50,11 +56,9 @@ def _some(problem: Problem, elimination: Elimination, candidate: Candidate) -> F
     )  # fmt: skip
 
 
-def _found(
-    problem: Problem, elimination: Elimination, candidate: Candidate, number: int
-) -> FoundEffect:
+def _found(products: FloatArray, candidate: Candidate, number: int) -> FoundEffect:
     branch, place = candidate.branches[number], candidate.places[number]
-    b, g = _inner(problem, elimination, candidate, number)
+    b, g = _inner(products, candidate, number)
     ends = [_reach(branch, place, d, b, g) for d in range(len(place))]
     axes = [np.linspace(low, high, POINTS) for low, high in ends]
     grid = list(product(*axes))
@@ -82,19 +86,16 @@ def _found(
 
 
 def _inner(
-    problem: Problem, elimination: Elimination, candidate: Candidate, number: int
+    products: FloatArray, candidate: Candidate, number: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return inner products of the branch's nodes with what the other effect leaves, and own."""
-    start = problem.nodes.start
-    a = elimination.products
-    branch = candidate.branches[number]
-    own = slice(start + branch.first, start + branch.first + branch.nodes)
-    b = a[own, 0].copy()
+    ends = np.cumsum([1, *[b.nodes for b in candidate.branches]])
+    own = slice(int(ends[number]), int(ends[number + 1]))
+    left = products[own, 0].copy()
     for k, (other, place) in enumerate(zip(candidate.branches, candidate.places, strict=True)):
         if k != number:
-            columns = slice(start + other.first, start + other.first + other.nodes)
-            b -= a[own, columns] @ node_weights(other, place)
-    return b, a[own, own]
+            left -= products[own, ends[k] : ends[k + 1]] @ node_weights(other, place)
+    return left, products[own, own]
 
 
 def _reach(

@@ -21,6 +21,6 @@ class Priors:
 
     none: float = 0.65
     single: float = 0.20
-    pair: float = 0.07
-    unknown: float = 0.08
+    pair: float = 0.03
+    unknown: float = 0.12
     beside: float = 0.10

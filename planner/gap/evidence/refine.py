@@ -71,6 +71,10 @@ class Refiner:
         best = max(found, key=lambda w: w.evidence)
         return Weight(best.gain, evidence, best.place)
 
+    def likelier(self, none: float) -> Elimination:
+        """Return the inner products, at the nominal scatter, under which it weighs more."""
+        return max(self.eliminate(1.0), key=lambda e: self._weigh(e, none).evidence)
+
     def _weigh(self, elimination: Elimination, none: float) -> Weight:
         a = elimination.products
         place = self.candidate.flat
@@ -87,10 +91,15 @@ class Refiner:
 
         Needs the unknown's columns, with which the gains' are.
         """
-        elimination = self.eliminate(scale)[-1]
+        # Without each specimen's own size of the effect, which would take up its gain.
+        elimination = self._gram.eliminate(scale)
         weight = self._weigh(elimination, none)
-        candidate = self.candidate.at(weight.place, weight.gain, weight.evidence)
-        nodes = [node_weights(b, p) for b, p in zip(candidate.branches, candidate.places, strict=True)]
+        best = self.weigh(self.eliminate(scale), none)
+        evidence = max(weight.evidence, best.evidence)
+        candidate = self.candidate.at(weight.place, weight.gain, evidence)
+        nodes = [
+            node_weights(b, p) for b, p in zip(candidate.branches, candidate.places, strict=True)
+        ]
         gains = slice(self.head, self.head + self._gains)
         return weigh_subset_beside(elimination, gains, candidate, np.concatenate(nodes))
 

@@ -138,9 +138,8 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
-        axes = max(len(problem.unknown) * len(AMPLITUDES), 1)
-        self.unknown = float(np.log(priors.unknown / axes))
-        self.beside = float(np.log(priors.beside / (1.0 - priors.beside) / axes))
+        self.unknown = _of_axes(problem, priors.unknown)
+        self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside))
         self.branch = np.log([b.weight for b in problem.branches])
 
     def of(self, effects: Effects) -> float:
@@ -150,6 +149,15 @@ class _LogPriors:
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
         return float(sum(self.branch[b.number] for b in candidate.branches))
+
+
+def _of_axes(problem: Problem, share: float) -> FloatArray:
+    """Return log priors of an unknown along each axis, half of it along axes no effect claims."""
+    claimed = np.array([axis.claimed for axis in problem.unknown], dtype=bool)
+    counts = np.where(claimed, claimed.sum(), (~claimed).sum())
+    kinds = 2.0 if claimed.any() and not claimed.all() else 1.0
+    shares: FloatArray = np.log(share / kinds / np.maximum(counts, 1) / len(AMPLITUDES))
+    return shares
 
 
 def _candidates(
@@ -220,7 +228,7 @@ def _add_unknown(
         part = plain.part(np.concatenate([[0], np.arange(at.start, at.stop)]))
         for amplitude in AMPLITUDES:
             left = part.with_random(slice(1, 1 + at.stop - at.start), amplitude, 1)
-            result.add((), axis.axis, offset + logs.unknown + left.none - plain.none)
+            result.add((), axis.axis, offset + logs.unknown[number] + left.none - plain.none)
 
 
 def _add_subset(
@@ -253,9 +261,9 @@ def _add_beside(
     """Add a candidate with the unknown beside it, along each axis."""
     context = refiner.eliminate(scale)
     effects = refiner.candidate.effects
-    prior = logs.of(effects) + logs.beside + logs.forms(refiner.candidate)
+    prior = logs.of(effects) + logs.forms(refiner.candidate)
     for number, axis in enumerate(problem.unknown):
         for amplitude in AMPLITUDES:
             left = refiner.beside(context, problem.unknown_columns(number), amplitude)
             value = refiner.weigh(left, none).evidence
-            result.add(effects, axis.axis, offset + prior + value)
+            result.add(effects, axis.axis, offset + prior + float(logs.beside[number]) + value)

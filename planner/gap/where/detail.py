@@ -172,11 +172,12 @@ def _groups(column: Column) -> list[tuple[str, BoolArray]]:
         ]
     low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
     thirds = (value <= low, (value > low) & (value <= high), value > high)
-    return [
-        (f"{np.min(value[t]):.3g} to {np.max(value[t]):.3g}", np.asarray(t))
-        for t in thirds
-        if t.any()
-    ]
+    return [(_range(value[t]), np.asarray(t)) for t in thirds if t.any()]
+
+
+def _range(values: FloatArray) -> str:
+    low, high = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _extremes(found: Sequence[tuple[float, str, int]], *, ordered: bool = False) -> str:

@@ -17,7 +17,13 @@ from planner.gap.where.columns import campaign_columns
 from planner.gap.where.dealing import dealt, seen_by_chance, varies_within
 from planner.gap.where.family import family_wise, rank_p, tail_p
 from planner.gap.where.noise import Noise
-from planner.gap.where.position import cluster, cluster_draws, factor_of_bars, position_basis
+from planner.gap.where.position import (
+    bar_scale,
+    cluster,
+    cluster_draws,
+    factor_of_bars,
+    position_basis,
+)
 from planner.gap.where.ranking import SIGNIFICANT, ranked
 from planner.gap.where.relabelling import SpecimenScores
 from planner.gap.where.shapes import field_level, strain_shapes
@@ -192,11 +198,7 @@ def _position_axes(case: _Case) -> list[Axis]:
     if not basis.shape[1]:
         return []
     y = excess.y - besides @ (besides.T @ excess.y)
-    # Bars are few: how they differ says little of their noise, what no course along them explains
-    # says more.
-    left = (y - basis @ (basis.T @ y))[table.is_field]
-    freedom_left = max(len(left) - basis.shape[1], 1)
-    y = y / max(1.0, float(np.sqrt(left @ left / freedom_left)))
+    y = y / bar_scale(table, y, basis)
     found = cluster(case.campaign, table, y)
     p, drawn = _flipped(case, basis, y)
     bars = np.unique(case.of_row[table.is_field])

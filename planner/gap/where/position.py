@@ -14,6 +14,7 @@ from planner.gap.where.whitening import Whitening, orthonormal
 __all__ = [
     "Cluster",
     "Step",
+    "bar_scale",
     "bars_alike",
     "cluster",
     "cluster_draws",
@@ -105,6 +106,28 @@ def factor_of_bars(table: FeatureTable, whitening: Whitening, common: FloatArray
     bars[np.arange(len(table)), of_row] = level
     bars = bars[:, np.abs(bars).max(axis=0) > 0.0]
     return orthonormal(np.concatenate([common, whitening(bars)], axis=1))
+
+
+def bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
+    """Return how much larger the noise of local strains is than declared, at least 1.
+
+    Bars are too few for how they lie together to tell; place by place, replicates tell. Without
+    replicates it is what no course along the bars explains.
+    """
+    bars: dict[tuple[int, bytes], list[FloatArray]] = {}
+    for number in np.unique(table.specimen[table.is_field]).tolist():
+        rows = np.flatnonzero(table.is_field & (table.specimen == number))
+        key = int(table.test[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
+        bars.setdefault(key, []).append(y[rows])
+    squares, freedom = 0.0, 0
+    for alike in bars.values():
+        values = np.stack(alike)
+        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
+        freedom += (len(values) - 1) * values.shape[1]
+    if not freedom:
+        left = (y - basis @ (basis.T @ y))[table.is_field]
+        squares, freedom = float(left @ left), max(len(left) - basis.shape[1], 1)
+    return max(1.0, float(np.sqrt(squares / freedom)))
 
 
 @dataclass(frozen=True, slots=True)

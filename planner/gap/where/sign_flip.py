@@ -15,10 +15,10 @@ from planner.gap.where.whitening import Whitening
 
 __all__ = ["within_p"]
 
-FEWEST_TO_FLIP = 12
-"""2**11 arrangements of signs."""
+FEWEST_TO_FLIP = 11.0
+"""2**10 arrangements of signs."""
 
-_SMALLEST_WEIGHT = 1e-4
+_SMALLEST_WEIGHT = 1e-2
 
 
 def within_p(
@@ -50,8 +50,9 @@ def within_p(
     root = np.sqrt(np.where(carries, weight, 1.0))
     k = basis.shape[1]
     total_freedom = float(carries.sum())
-    units = int(carries.any(axis=1).sum())
-    if units >= FEWEST_TO_FLIP and total_freedom > k:
+    # As many specimens as if all that tell weighed alike.
+    units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
+    if float(np.median(units)) >= FEWEST_TO_FLIP and total_freedom > k:
         total = float(np.sum((score / root) ** 2))
         explained = np.sum(np.concatenate([score.sum(axis=0)[None], signs @ score]) ** 2, axis=1)
         left = np.maximum(total - explained, total_freedom - k)
