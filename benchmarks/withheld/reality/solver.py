@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.withheld.reality.base_law import STRAINS
 from benchmarks.withheld.reality.bench import Bench, FloatArray
+from benchmarks.withheld.reality.bisection import equilibrium
 
 __all__ = ["Response", "solve"]
 
@@ -108,11 +109,32 @@ class _History:
         self._peak_strain = np.maximum(self._peak_strain, strain)
 
 
+@dataclass(frozen=True, eq=False)
+class _Row:
+    """One row of a solution: force on strains, and travel lost on force."""
+
+    bench: Bench
+    history: _History
+    scale: FloatArray
+    kept: FloatArray
+    past: FloatArray
+    largest_force: FloatArray
+
+    def bears_N(self, strain: FloatArray) -> FloatArray:
+        stress, _ = self.history.stress_MPa(strain)
+        return self.scale * (self.kept * stress + self.past)
+
+    def lost_mm(self, force: FloatArray) -> FloatArray:
+        lost, _ = _lost_mm(self.bench, force, self.largest_force)
+        return lost + np.zeros_like(force)
+
+
 def solve(bench: Bench) -> Response:
     """Return forces and strains of every row.
 
     Equal force in every element, and element lengths, slip and machine that add up to the
-    crosshead's travel: Newton's method on strains and force together, implicit in time. The memory
+    crosshead's travel: Newton's method on strains and force together, implicit in time, and
+    bisection for the specimens of which it does not find the equilibrium of a row. The memory
     is the hereditary integral of the stress increments, each placed at the middle of its row.
     """
     travel = bench.motion.displacement_mm - bench.lost_mm
@@ -153,7 +175,11 @@ def solve(bench: Bench) -> Response:
             if np.abs(bench.element_mm * step).max() < _TOLERANCE_MM:
                 break
         else:
-            raise ArithmeticError(f"the bench's bars do not converge in row {row}")
+            open_ = ~(np.abs(bench.element_mm * step).max(axis=1) < _TOLERANCE_MM)
+            place = _Row(bench, history, scale, kept, past, largest_force)
+            halved = equilibrium(place.bears_N, place.lost_mm, travel[:, row], bench.element_mm)
+            force = np.where(open_, halved[0], force)
+            strain = np.where(open_[:, None], halved[1], strain)
         stress, _ = history.stress_MPa(strain)
         increments[:, row] = stress - before
         before = stress
