@@ -4,6 +4,7 @@ import typer
 
 from planner.cli.gap_bench import bench
 from planner.cli.gap_correct import correct
+from planner.cli.gap_design import design
 from planner.cli.gap_diagnose import diagnose
 from planner.cli.gap_simulate import simulate
 
@@ -27,4 +28,5 @@ def gap(context: typer.Context) -> None:
 app.command()(diagnose)
 app.command()(bench)
 app.command()(correct)
+app.command()(design)
 app.command()(simulate)

@@ -13,7 +13,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.profile_design import ProfileDesign
 from planner.gap.specimen import Specimen
 
-__all__ = ["SIGNIFICANT_DIGITS", "write_campaign"]
+__all__ = ["SIGNIFICANT_DIGITS", "specimens_csv", "write_campaign"]
 
 SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
@@ -26,25 +26,37 @@ _NUMBERS = (
 _TEXTS = ("orientation", "protocol", "batch")
 
 
-def write_campaign(campaign: Campaign, folder: str | Path) -> Path:
+def specimens_csv(campaign: Campaign) -> bytes:
+    """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
+    profiles, _ = _profile_files(campaign.specimens)
+    return _table(_specimen_rows(campaign, profiles)).encode()
+
+
+def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = True) -> Path:
     """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
     `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
     reading finds them again.
 
+    Parameters
+    ----------
+    measured
+        False leaves out what is yet to be measured: curves.csv has its heading alone.
+
     Raises
     ------
     OutputError
         The folder exists and is not empty, or cannot be written.
     """
-    profiles, designs = _profile_files(campaign.specimens)
+    _, designs = _profile_files(campaign.specimens)
     with new_folder(folder) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
         _write(scratch / "campaign.toml", _campaign_toml(campaign))
-        _write(scratch / "specimens.csv", _table(_specimen_rows(campaign, profiles)))
-        _write(scratch / "curves.csv", _table(_curve_rows(campaign.specimens)))
-        if any(s.strain_field is not None for s in campaign.specimens):
+        (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))
+        curves = campaign.specimens if measured else ()
+        _write(scratch / "curves.csv", _table(_curve_rows(curves)))
+        if measured and any(s.strain_field is not None for s in campaign.specimens):
             _write(scratch / "fields.csv", _table(_field_rows(campaign.specimens)))
         if designs:
             (scratch / "profiles").mkdir()

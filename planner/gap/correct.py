@@ -132,18 +132,25 @@ def corrected_palette(
         corrected.append("recalibration")
     if not corrected:
         return Correction(palette, (), tuple(notes), left=left)
-    materials, misfit, factor = [], {}, {}
+    materials, misfit, factor, tension_alone = [], {}, {}, []
     for material in palette.materials:
         level = asked.get(material.id, (0.0, 0.0))[0]
         strain, log = logs[material.id]
         fit = refitted(material, strain, log + level)
         spread = factors.spread(material, known, applied)
         misfit[material.id] = fit.misfit
+        if fit.tension_alone:
+            tension_alone.append(material.id)
         at = min(0.1, 0.5 * material.elongation_at_break)
         factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
         sd = math.hypot(material.modulus_log_sd, spread)
         materials.append(replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd))
     notes += _about(palette, diagnosis, misfit, corrected)
+    if tension_alone:
+        notes.append(
+            f"{', '.join(tension_alone)}: the new law holds from rest to the break and not beyond "
+            "either: do not use it in compression"
+        )
     made = replace(
         palette,
         name=palette.name.removesuffix("-corrected") + "-corrected",

@@ -35,10 +35,19 @@ _STRESSES: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refit:
-    """A law, and how far it is off what it was to follow: RMS relative error of stress."""
+    """A law, and how well it follows what it was to follow.
+
+    Attributes
+    ----------
+    misfit
+        RMS relative error of stress.
+    tension_alone
+        Whether it is unfit for even slight compression, where its stress would turn.
+    """
 
     law: LawParameters
     misfit: float
+    tension_alone: bool = False
 
 
 def refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> Refit:
@@ -68,14 +77,17 @@ def refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> 
     model = _model(material.law)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
     fit = fit_law(model, sample, starts=_STARTS, also=_exponents(material.law))
-    if not stability(fit, material.elongation_at_break).stable:
+    if not stability(fit, material.elongation_at_break, margin=0.0).stable:
         raise PaletteError(
             f"material {material.id}: its {material.law.model} law cannot follow the correction: "
             "the stress would fall before the break; measure it at these conditions and fit a "
             "law with planner fit"
         )
     found = law_stress_MPa(model, fit.a, fit.c, 1.0 + strain)
-    return Refit(fit.parameters, float(np.sqrt(np.mean((found / stress - 1.0) ** 2))))
+    misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
+    # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
+    alone = not stability(fit, material.elongation_at_break).stable
+    return Refit(fit.parameters, misfit, alone)
 
 
 def _multiplied(law: LawParameters, factor: float) -> LawParameters | None:

@@ -10,7 +10,7 @@ from planner.gap.specimen import Specimen, StrainField
 from planner.palette import Palette
 from planner.simulation.protocol import loading_path
 
-__all__ = ["HOLD_S", "FACET_mm", "planned_specimen", "planned_strain"]
+__all__ = ["BAR_SHARE", "HOLD_S", "FACET_mm", "planned_specimen", "planned_strain"]
 
 HOLD_S = 240.0
 """How long relaxation holds."""
@@ -22,7 +22,7 @@ _ROWS = 160
 _FRAMES = 8
 _STRAIN = 0.3
 _BREAK_SHARE = 0.6
-_BAR_SHARE = 0.5
+BAR_SHARE = 0.5
 """A bar is pulled less far than coupons: its soft end strains more than the bar does."""
 
 
@@ -67,7 +67,7 @@ def planned_specimen(
     rate = fields.get("rate_mm_s") or (palette.reference.strain_rate_per_s or 0.03) * gauge_mm
     design: ProfileDesign | None = fields.get("profile")
     protocol = fields.get("protocol") or "monotonic"
-    end_mm = strain * gauge_mm * (1.0 if design is None else _BAR_SHARE)
+    end_mm = strain * gauge_mm * (1.0 if design is None else BAR_SHARE)
     path = loading_path(
         protocol,
         to_displacement_mm=end_mm,
