@@ -3,21 +3,30 @@
 python -m benchmarks.withheld.run --set development --seed 1 --count 18 --jobs 2 -o DIR
 
 DIR holds `campaigns/`, `truth.json` (its sha256 is printed before anything is diagnosed),
-`outcomes.jsonl` (each diagnosis as it comes, so that `--resume` goes on from there),
-`results.json` and `results.md`. Exit code 1 when a target is missed or a diagnosis failed.
+`outcomes.jsonl` and `naive.jsonl` (each answer as it comes, so that `--resume` goes on from there),
+`results.json` and `results.md`. `--log` keeps a row of every run; the final set needs one, and is
+scored once for each version of the method. Exit code 1 when a target is missed or a diagnosis
+failed, 2 when nothing was scored.
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
+from benchmarks.withheld.comparison import compare
+from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.leave_one_out import Case, by_effect
+from benchmarks.withheld.method import method_sha256
+from benchmarks.withheld.naive_bic import naive_answer
+from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.__main__ import main as reality
 from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.run_log import MIXED, append_run, check_not_scored
 from benchmarks.withheld.targets import LEFT_OUT, targets
 from benchmarks.withheld.written import results_markdown
 from planner import __version__
@@ -34,103 +43,113 @@ from planner.gap.bench.truth import Truth, read_truth
 __all__ = ["main"]
 
 CI: Mapping[str, int] = {
-    "library": 18, "other": 18, "none": 18, "none-t4": 9, "none-scatter": 9,
-    "pair": 18, "cancelling": 9, "confounded": 8, "unclaimed": 9,
+    "library": 18, "other": 18, "none": 12, "none-t4": 6, "none-scatter": 6, "pair": 8,
+    "cancelling": 4, "confounded": 4, "unclaimed": 6,
 }  # fmt: skip
-"""Campaigns of each tier that take five minutes on two cores at 4 s each, the 18 of the library
-tier diagnosed once more without their effects."""
-
-_Key = tuple[str, tuple[str, ...]]
+"""Campaigns of each tier that take less than four minutes on two cores at 3.5 s each, the 18 of the
+library tier diagnosed once more without their effects."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
     options = _parser().parse_args(arguments)
+    try:
+        return _run(options)
+    except FileError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
+def _run(options: argparse.Namespace) -> int:
     folder: Path = options.output
     campaigns, truth_file = folder / "campaigns", folder / "truth.json"
-    made = campaigns.exists() and truth_file.exists()
     if folder.exists() and not options.resume:
-        print(f"{folder} is already there; go on with --resume or name another", file=sys.stderr)
-        return 2
-    if not made:
-        code = reality(
-            [
-                *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
-                *("--seed", str(options.seed), "--specimens", str(options.specimens)),
-                *("--truth", str(truth_file), "-o", str(campaigns)),
-            ]
-        )
+        raise FileError(f"{folder} is already there; go on with --resume or name another")
+    if options.log is not None:
+        # Also keeps a page that is no log from being found out after an hour
+        check_not_scored(options.log, method_sha256())
+    elif options.set == "final":
+        raise FileError("the final set is scored once for each method: name the log with --log")
+    if not (campaigns.exists() and truth_file.exists()):
+        code = _made(options, campaigns, truth_file)
         if code:
             return code
     truth = read_truth(truth_file)
     wanted = {name: getattr(options, name) for name in ("set", "count", "seed", "specimens")}
-    if any(truth.made_by.get(name) != value for name, value in wanted.items()):
-        print(f"{folder} was made with other options: {dict(truth.made_by)}", file=sys.stderr)
-        return 2
+    wanted_most = dict(CI) if options.subset == "ci" else None
+    if (
+        any(truth.made_by.get(name) != value for name, value in wanted.items())
+        or truth.made_by.get("at_most") != wanted_most
+    ):
+        raise FileError(f"{folder} was made with other options: {dict(truth.made_by)}")
     print(f"{truth.sha256}  {truth_file.name}", flush=True)
-    chosen = _chosen(truth_file, CI if options.subset == "ci" else None)
-    tasks = [Task(campaigns / name) for name in chosen]
-    tasks += [
-        Task(campaigns / name, truth.campaigns[name].effects)
-        for name in chosen
-        if truth.campaigns[name].tier == "library"
+    begun = _method(folder)
+    if options.set == "final" and begun == MIXED:
+        raise FileError(
+            f"{folder} was begun with another method; the final set is scored with one: undo the "
+            "change of planner/gap, or begin anew with another seed"
+        )
+    whole = [Task(campaigns / name) for name in _in_turn(truth_file)]
+    tasks = whole + [
+        replace(task, without=truth.campaigns[task.folder.name].effects)
+        for task in whole
+        if truth.campaigns[task.folder.name].tier == "library"
     ]
-    outcomes = _diagnosed(tasks, folder / "outcomes.jsonl", options.jobs)
-    results = _results(truth, outcomes, {**wanted, "subset": options.subset or "all"})
+    with progress(enabled=True) as stage:
+        ours = partial(diagnose_all, jobs=options.jobs, stage=stage)
+        outcomes = kept_outcomes(tasks, folder / "outcomes.jsonl", ours)
+        naive: Mapping[Key, Outcome] = {}
+        if options.subset is None and not options.no_naive:
+            theirs = partial(answer_all, naive_answer, jobs=options.jobs, stage=stage)
+            naive = kept_outcomes(whole, folder / "naive.jsonl", theirs)
+    method = _method(folder)  # MIXED if it changed meanwhile
+    made_by = {**wanted, "subset": options.subset or "all"}
+    results = _results(truth, outcomes, naive, made_by) | {"method_sha256": method}
     (folder / "results.json").write_bytes(encode_document(results))
     text = results_markdown(results)
     (folder / "results.md").write_text(text, encoding="utf-8", newline="\n")
     print(text)
+    if options.log is not None:
+        append_run(options.log, results, method)
     missed = any(target["met"] is False for target in results["targets"])
     return 1 if missed or results["problems"] else 0
 
 
-def _chosen(truth_file: Path, counts: Mapping[str, int] | None) -> list[str]:
-    """Return campaigns in the order of tiers and their turns, the first of each tier."""
+def _made(options: argparse.Namespace, campaigns: Path, truth_file: Path) -> int:
+    """Make the campaigns that are asked for; return the exit code."""
+    at_most = CI if options.subset == "ci" else {}
+    return reality(
+        [
+            *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
+            *("--seed", str(options.seed), "--specimens", str(options.specimens)),
+            *(part for tier, n in at_most.items() for part in ("--at-most", f"{tier}={n}")),
+            *("--truth", str(truth_file), "-o", str(campaigns)),
+        ]
+    )
+
+
+def _in_turn(truth_file: Path) -> list[str]:
+    """Return campaigns in the order of tiers and their turns."""
     entries = json.loads(truth_file.read_text(encoding="utf-8"))["campaigns"]
-    names = sorted(entries, key=lambda name: int(entries[name]["index"]))
-    if counts is None:
-        return names
-    taken: dict[str, int] = {}
-    chosen = []
-    for name in names:
-        tier = entries[name]["tier"]
-        taken[tier] = taken.get(tier, 0) + 1
-        if taken[tier] <= counts.get(tier, 0):
-            chosen.append(name)
-    return chosen
+    return sorted(entries, key=lambda name: int(entries[name]["index"]))
 
 
-def _diagnosed(tasks: Sequence[Task], journal: Path, jobs: int) -> Mapping[_Key, Outcome]:
-    """Diagnose what the journal does not have yet, and write each into it as it comes."""
-    outcomes: dict[_Key, Outcome] = {}
-    lines = journal.read_text(encoding="utf-8").splitlines() if journal.exists() else []
-    for line in lines:
-        try:
-            entry: dict[str, Any] = json.loads(line)
-        except ValueError:  # cut off where the last run was
-            continue
-        key = entry["campaign"], tuple(entry["without"])
-        outcomes[key] = Outcome(entry["document"], entry["seconds"], entry["problem"])
-    left = [t for t in tasks if (t.folder.name, t.without) not in outcomes]
-    with progress(enabled=True) as stage, journal.open("a", encoding="utf-8") as file:
-        if lines:
-            file.write("\n")
-        for task, outcome in diagnose_all(left, jobs=jobs, stage=stage):
-            key = task.folder.name, task.without
-            outcomes[key] = outcome
-            entry = {"campaign": key[0], "without": key[1], "seconds": outcome.seconds}
-            entry |= {"problem": outcome.problem, "document": outcome.document}
-            file.write(json.dumps(entry) + "\n")
-            file.flush()
-    return {key: outcomes[key] for t in tasks if (key := (t.folder.name, t.without))}
+def _method(folder: Path) -> str:
+    """Return the hash of the method, `MIXED` if it is not that which a run was begun with."""
+    now, kept = method_sha256(), folder / "method.sha256"
+    if not kept.exists():
+        kept.write_text(now + "\n", encoding="utf-8", newline="\n")
+    return now if kept.read_text(encoding="utf-8").strip() == now else MIXED
 
 
 def _results(
-    truth: Truth, outcomes: Mapping[_Key, Outcome], made_by: Mapping[str, Any]
+    truth: Truth,
+    outcomes: Mapping[Key, Outcome],
+    naive: Mapping[Key, Outcome],
+    made_by: Mapping[str, Any],
 ) -> dict[str, Any]:
-    answers: dict[_Key, Answer | None] = {}
-    scores: dict[_Key, Score] = {}
+    answers: dict[Key, Answer | None] = {}
+    scores: dict[Key, Score] = {}
     problems: dict[str, str] = {}
     for key, outcome in outcomes.items():
         name, without = key
@@ -167,6 +186,7 @@ def _results(
         "targets": [vars(t) for t in targets(list(scores.values()), made_by["specimens"])],
         "summary": summary.document(),
         "left_out": [row.document() for row in by_effect(cases)],
+        "naive": _beside_naive(truth, scores, naive) if naive else None,
         "problems": problems,
         "documents": {
             name: outcome.document
@@ -174,6 +194,16 @@ def _results(
             if not without and outcome.document is not None
         },
     }
+
+
+def _beside_naive(
+    truth: Truth, scores: Mapping[Key, Score], naive: Mapping[Key, Outcome]
+) -> dict[str, Any]:
+    theirs = [
+        score(key[0], _answer(outcome, key[0])[0] or NO_ANSWER, truth.campaigns[key[0]])
+        for key, outcome in naive.items()
+    ]
+    return compare([scores[key] for key in naive], theirs)
 
 
 def _answer(outcome: Outcome, name: str) -> tuple[Answer | None, str | None]:
@@ -195,7 +225,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=18, help="of each tier (default 18)")
     parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
-    parser.add_argument("--subset", choices=["ci"], help="ci: about 5 minutes on 2 cores")
+    parser.add_argument("--subset", choices=["ci"], help="ci: at most 4 minutes on 2 cores")
+    parser.add_argument("--no-naive", action="store_true", help="leave the naive BIC out")
+    parser.add_argument("--log", type=Path, help="append a row to this log of runs (Markdown)")
     parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     return parser

@@ -1,8 +1,10 @@
-"""The results of a run as a page of Markdown."""
+"""The results of a run as a section of Markdown."""
 
 from collections.abc import Mapping
 from typing import Any
 
+from benchmarks.withheld.comparison import COLUMNS as NAIVE_COLUMNS
+from benchmarks.withheld.comparison import comparison_rows
 from benchmarks.withheld.leave_one_out import COLUMNS as LEFT_OUT_COLUMNS
 from benchmarks.withheld.leave_one_out import LeftOut, left_out_rows
 from planner.gap.bench.intervals import Rate
@@ -15,15 +17,17 @@ _MET = {True: "yes", False: "no", None: ""}
 
 
 def results_markdown(results: Mapping[str, Any]) -> str:
-    """Return the page; shares are in per cent with Wilson's intervals at 95 %."""
+    """Return a section for a page of the docs."""
     made_by = results["made_by"]
     summary = _summary(results["summary"])
     targets = [[t["name"], t["wanted"], t["got"], _MET[t["met"]]] for t in results["targets"]]
     left_out = [LeftOut(**row) for row in results["left_out"]]
     parts = [
-        f"Set {made_by['set']}, seed {made_by['seed']}, {made_by['count']} campaigns a tier of "
-        f"{made_by['specimens']} specimens, subset {made_by['subset']}; planner "
-        f"{results['planner']}; sha256 of the truth `{results['truth_sha256']}`.",
+        f"## The {made_by['set']} set, seed {made_by['seed']}",
+        f"{_campaigns(made_by)} of {made_by['specimens']} specimens; planner "
+        f"{results['planner']}; sha256 of the truth `{results['truth_sha256']}`, of the method "
+        f"`{results['method_sha256']}`. Shares are in per cent, with Wilson's intervals at 95 % "
+        "and, among the targets, counts.",
         "### Targets",
         markdown(["", "target", "reached", "met"], targets),
         "### By tier and signal-to-noise ratio",
@@ -36,10 +40,23 @@ def results_markdown(results: Mapping[str, Any]) -> str:
         "is the bench's own, with the effect as it was made.",
         markdown(LEFT_OUT_COLUMNS, left_out_rows(left_out)),
     ]
+    if results["naive"] is not None:
+        parts += [
+            "### Beside a naive choice by BIC and a guess",
+            "The naive analyst fits every single effect of the library to all points and lets the "
+            "BIC choose; log scores are of the right hypothesis, in nats.",
+            markdown(NAIVE_COLUMNS, comparison_rows(results["naive"])),
+        ]
     if results["problems"]:
         lines = (f"- {name}: {problem}\n" for name, problem in results["problems"].items())
         parts += ["### Diagnoses that failed, counted as wrong", "".join(lines)]
     return "\n".join(part if part.endswith("\n") else part + "\n" for part in parts)
+
+
+def _campaigns(made_by: Mapping[str, Any]) -> str:
+    if made_by["subset"] == "all":
+        return f"{made_by['count']} campaigns a tier"
+    return f"Subset {made_by['subset']} of {made_by['count']} campaigns a tier"
 
 
 def _summary(document: Mapping[str, Any]) -> Summary:

@@ -8,11 +8,17 @@ from typing import Any
 
 import pytest
 
+from benchmarks.withheld.comparison import compare
 from benchmarks.withheld.leave_one_out import Case, by_effect
+from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.run import main
+from benchmarks.withheld.run_log import append_run, check_not_scored
 from benchmarks.withheld.targets import LEFT_OUT, targets
+from benchmarks.withheld.written import results_markdown
+from planner.errors import FileError
 from planner.gap.bench.answer import NO_ANSWER, read_answer
 from planner.gap.bench.score import Score, score
+from planner.gap.bench.summary import summarise
 from planner.gap.bench.truth import CampaignTruth
 
 
@@ -120,3 +126,63 @@ def test_a_run_from_making_to_markdown(
     assert len(asked) == 10
     assert (folder / "results.json").read_bytes() == before
     assert main([*command, "--resume", "--seed", "6"]) == 2
+
+
+def results(method: str = "a" * 64, **made_by: Any) -> dict[str, Any]:
+    """Make results of one campaign, as far as they are logged and written."""
+    given = {"set": "final", "seed": 4, "count": 18, "specimens": 30, "subset": "all"} | made_by
+    right, wrong = scored("rate", truth("rate")), scored("skin", truth("rate"))
+    return {
+        "planner": "1.2.3",
+        "method_sha256": method,
+        "truth_sha256": "b" * 64,
+        "made_by": given,
+        "targets": [vars(t) for t in targets([right], 30)],
+        "summary": summarise([right]).document(),
+        "left_out": [],
+        "naive": compare([right], [wrong]),
+        "problems": {},
+    }
+
+
+def test_a_method_is_scored_on_the_final_set_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "docs" / "runs.md"
+    method = method_sha256()
+    command = ["--set", "final", "--seed", "5", "--count", "1", "-o", str(tmp_path / "run")]
+    assert main(command) == 2
+    assert "--log" in capsys.readouterr().err
+    append_run(log, results("c" * 64), "c" * 64)
+    append_run(log, results(set="development"), method)
+    check_not_scored(log, method)  # another method, and another set
+    append_run(log, results(), method)
+    assert main([*command, "--log", str(log)]) == 2
+    assert "scored on the final set already, with seed 4" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    lines = log.read_text(encoding="utf-8").splitlines()
+    assert [line.split(" | ")[1] for line in lines[-3:]] == ["c" * 16, method[:16], method[:16]]
+    other = tmp_path / "page.md"
+    other.write_text("# A page\n", encoding="utf-8")
+    with pytest.raises(FileError, match="not a log"):
+        check_not_scored(other, method)
+
+
+def test_the_method_is_its_source(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.py").write_text("x = 1\n", encoding="utf-8")
+    first = method_sha256(tmp_path)
+    (tmp_path / "notes.txt").write_text("not a source", encoding="utf-8")
+    assert method_sha256(tmp_path) == first
+    (tmp_path / "sub" / "b.py").write_text("", encoding="utf-8")
+    second = method_sha256(tmp_path)
+    (tmp_path / "sub" / "b.py").rename(tmp_path / "b.py")
+    assert len({first, second, method_sha256(tmp_path)}) == 3
+
+
+def test_the_page_has_both_sides_of_the_comparison() -> None:
+    text = results_markdown(results())
+    assert text.startswith("## The final set, seed 4\n")
+    # one campaign: ours certain of the truth, the naive one of another effect; 173 hypotheses
+    assert "| all | 1 | 100 [21, 100] | 0 [0, 79] | 0 [0, 79] | 100 [21, 100] |" in text
+    assert "0.00 | -13.82 | -5.15 |" in text

@@ -35,11 +35,13 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
         tiers = list(TIERS) if options.tier == "all" else [options.tier]
+        most = _at_most(options.at_most)
         campaigns = [
             # Tiers of one set share no design and no noise
             make_campaign(palette, options.set, tier, options.specimens, options.seed, index)
             for number, tier in enumerate(tiers)
             for index in range(number * options.count, (number + 1) * options.count)
+            if index < number * options.count + most.get(tier, options.count)
         ]
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
@@ -47,6 +49,8 @@ def main(arguments: list[str] | None = None) -> int:
     made_by = {
         name: getattr(options, name) for name in ("set", "tier", "count", "seed", "specimens")
     }
+    if options.at_most:
+        made_by["at_most"] = most
     sealed = seal(campaigns, made_by)
     print(f"{sha256(sealed)}  {truth_file.name}", flush=True)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -65,6 +69,16 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
+def _at_most(texts: list[str]) -> dict[str, int]:
+    most = {}
+    for text in texts:
+        tier, _, count = text.partition("=")
+        if tier not in TIERS or not count.isdecimal():
+            raise ValueError(f"--at-most {text}: give a tier and a count, as in none=9")
+        most[tier] = int(count)
+    return most
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.withheld.reality",
@@ -79,6 +93,9 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument("--count", type=int, required=True, help="campaigns (of each tier, for all)")
     make.add_argument("--seed", type=int, required=True, help="0 or above")
     make.add_argument("--specimens", type=int, default=30, help="of each campaign (default 30)")
+    make.add_argument(
+        "--at-most", action="append", default=[], metavar="TIER=N", help="the first N of a tier"
+    )
     make.add_argument("--palette", type=Path, default=_PALETTE, help="a palette file")
     make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")
     make.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")

@@ -1,0 +1,99 @@
+"""What a naive analyst would do: fit every effect to all points, and let the BIC choose.
+
+Each single effect of the library, in each of its forms, by ordinary least squares beside the
+palette as it is; every figure of every curve counts as an independent point of one variance. There
+is no scatter from specimen to specimen, no batch, no calibration, no pair and no unknown. Between
+the nodes at which a form is predicted its figures are interpolated, as the diagnosis does.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from planner.arrays import FloatArray
+from planner.gap.bench.hypothesis import Effects
+from planner.gap.campaign import Campaign
+from planner.gap.campaign_reader import read_campaign
+from planner.gap.effects import effects_for, untestable
+from planner.gap.evidence.nodes import SHAPE_NODES, SIZE_NODES, Branch, branches_of
+from planner.gap.forward import predict_all
+from planner.gap.forward.mount import mount
+
+__all__ = ["least_sum_of_squares", "naive_answer", "naive_bic", "schwarz_probabilities"]
+
+_SIZES, _SHAPES = 81, 9
+"""Places of a grid along a size and along a parameter of shape."""
+
+
+def naive_answer(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Read a campaign and return the naive analyst's answer, as a diagnosis' document has it."""
+    with threadpool_limits(1, user_api="blas"):
+        return naive_bic(read_campaign(folder), without)
+
+
+def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the scored part of a document: verdict, ranking, class; nothing of where or gap."""
+    effects = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
+    reasons = {id for id, e in effects.items() if untestable(e, campaign) is not None}
+    branches = branches_of([e for id, e in effects.items() if id not in reasons])
+    mounted = mount(campaign)
+    setups = [mounted.setup]
+    for branch in branches:
+        setups += [branch.form.apply(mounted.setup, v) for v in branch.node_values()]
+    raw = np.stack([mounted.predicted(p) for p in predict_all(setups, mounted.laws)])
+    figures = mounted.table.transformed(raw)
+    residual = mounted.table.measured - figures[0]
+    changes = figures[1:] - figures[0]
+    scores: dict[Effects, float] = {(): schwarz(float(residual @ residual), len(residual), 0)}
+    for branch in branches:
+        nodes = changes[branch.first : branch.first + branch.nodes]
+        rss = least_sum_of_squares(branch, nodes, residual)
+        score = schwarz(rss, len(residual), 1 + branch.shapes)
+        key: Effects = (branch.effect.id,)
+        scores[key] = min(scores.get(key, np.inf), score)
+    ranking = schwarz_probabilities(scores)
+    verdict = next(iter(ranking))
+    return {
+        "verdict": "+".join(verdict) or "none",
+        "ranking": [{"effects": list(e), "probability": p} for e, p in ranking.items()],
+        "class": [list(verdict)],
+        "not_testable": sorted(reasons),
+        "where": [],
+        "gap": {},
+    }
+
+
+def least_sum_of_squares(branch: Branch, nodes: FloatArray, residual: FloatArray) -> float:
+    """Return the least sum of squares over a grid of a branch's sizes and shapes."""
+    sizes = _lagrange((0.0, *SIZE_NODES), np.linspace(branch.least, 1.0, _SIZES))[:, 1:]
+    shapes = _lagrange(SHAPE_NODES, np.linspace(-1.0, 1.0, _SHAPES))
+    weights: FloatArray = sizes
+    for _ in range(branch.shapes):
+        weights = np.asarray(np.kron(weights, shapes))
+    explained = 2.0 * weights @ (nodes @ residual)
+    explained -= np.sum((weights @ (nodes @ nodes.T)) * weights, axis=1)
+    return float(residual @ residual - explained.max())
+
+
+def _lagrange(at: Sequence[float], x: FloatArray) -> FloatArray:
+    """Return the weights of nodes at places, (places, nodes)."""
+    columns = [np.prod([(x - b) / (a - b) for b in at if b != a], axis=0) for a in at]
+    return np.stack(columns, axis=1)
+
+
+def schwarz(rss: float, points: int, parameters: int) -> float:
+    """Return Schwarz's criterion (Ann. Stat. 6, 1978) of a fit with a free variance."""
+    return points * float(np.log(rss / points)) + parameters * float(np.log(points))
+
+
+def schwarz_probabilities(
+    scores: Mapping[Effects, float],
+) -> dict[Effects, float]:
+    """Return exp(-BIC / 2), normalised, most probable first."""
+    least = min(scores.values())
+    weight = {key: float(np.exp(-0.5 * (value - least))) for key, value in scores.items()}
+    total = sum(weight.values())
+    return {k: weight[k] / total for k in sorted(weight, key=lambda k: (-weight[k], k))}
