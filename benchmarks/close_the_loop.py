@@ -24,10 +24,10 @@ from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_reader import read_campaign
 from planner.gap.conditions import TOLERANCES, levels
-from planner.gap.correct import CONDITION_EFFECTS, corrected_palette
+from planner.gap.correction import CONDITION_EFFECTS, corrected_palette
 from planner.gap.design import design_campaign
 from planner.gap.diagnose import diagnose
-from planner.gap.planned_specimen import planned_specimen
+from planner.gap.planned.planned_specimen import planned_specimen
 from planner.gap.specimen import Specimen
 from planner.grading.planning import grade
 from planner.grading.profile import Profile

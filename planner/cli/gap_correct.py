@@ -8,7 +8,7 @@ import typer
 from planner.cli.options import AsJson, PaletteName, PrinterName, Quiet
 
 if TYPE_CHECKING:
-    from planner.gap.correct import Correction
+    from planner.gap.correction import Correction
     from planner.gap.diagnosis import Diagnosis
     from planner.palette import Palette, Reference
 
@@ -66,7 +66,7 @@ def correct(
     from planner.errors import ArgumentError
     from planner.formats.palette_toml import write_palette
     from planner.formats.whole_file import check_absent
-    from planner.gap.correct import corrected_palette
+    from planner.gap.correction import corrected_palette
     from planner.gap.diagnosis_json import read_diagnosis
     from planner.palette import Reference
 
@@ -105,9 +105,10 @@ def _palette(found: "Diagnosis", printer: str, name: str | None) -> "tuple[Palet
         except PlannerError:
             chosen = None
         if chosen is None or found.palette_sha256 not in ("", chosen.sha256):
+            has = "does not bring" if chosen is None else "brings with other bytes"
             raise UnknownNameError(
-                f"the diagnosis is of a palette {found.palette} that printer {printer} does not "
-                "bring; give its file, the campaign's palette.toml, with --palette"
+                f"the diagnosis is of a palette {found.palette} that printer {printer} {has}; give "
+                "its file, the campaign's palette.toml, with --palette"
             )
         return chosen, ""
     chosen = choose(printer, name)[1]

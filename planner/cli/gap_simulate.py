@@ -50,9 +50,9 @@ def simulate(
     from planner.cli.output import print_document, say, warn
     from planner.formats.folder import check_target
     from planner.gap.campaign_writer import write_campaign
-    from planner.gap.imitate import imitate
-    from planner.gap.planned_campaign import read_plan_of_campaign
-    from planner.gap.stated_effect import stated_effect
+    from planner.gap.imitation import imitate
+    from planner.gap.imitation.stated_effect import stated_effect
+    from planner.gap.planned.planned_campaign import read_plan_of_campaign
 
     check_target(output)
     machine, chosen = choose(printer, palette)

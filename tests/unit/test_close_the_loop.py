@@ -17,7 +17,7 @@ from benchmarks.close_the_loop import (
     true_moduli_MPa,
 )
 from planner.gap.campaign import Campaign
-from planner.gap.planned_specimen import planned_specimen
+from planner.gap.planned.planned_specimen import planned_specimen
 from planner.gap.specimen import Specimen
 from planner.grading.planning import grade
 from planner.palette import Palette, Reference

@@ -10,11 +10,11 @@ import pytest
 from planner.cli import run
 from planner.errors import FileError, PaletteError
 from planner.formats.palette_toml import encode_palette
-from planner.gap.correct import corrected_palette
+from planner.gap.correction import corrected_palette
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.diagnosis_json import encode_diagnosis
 from planner.gap.effects import EFFECTS, effects_for
-from planner.gap.stated_effect import usual_value
+from planner.gap.imitation.stated_effect import usual_value
 from planner.materials.coefficients import CoefficientModel
 from planner.materials.laws import make_law
 from planner.palette import Palette, Reference, load_palette, parse_palette

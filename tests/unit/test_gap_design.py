@@ -14,7 +14,7 @@ from planner.gap.design import BATCHES, CampaignDesign, Size, design_campaign
 from planner.gap.design.candidates import candidates_of
 from planner.gap.design.choice import filled, information
 from planner.gap.effects import EFFECTS, untestable
-from planner.gap.planned_campaign import read_plan_of_campaign
+from planner.gap.planned.planned_campaign import read_plan_of_campaign
 from planner.palette import Palette, load_palette
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"

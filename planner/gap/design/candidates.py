@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import PaletteError
 from planner.gap.effects.conditions_of_tests import STANDARD
-from planner.gap.planned_specimen import planned_specimen, planned_strain
+from planner.gap.planned.planned_specimen import planned_specimen, planned_strain
 from planner.gap.profile_design import ProfileDesign
 from planner.gap.specimen import Specimen
 from planner.palette import Material, Palette

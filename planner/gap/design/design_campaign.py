@@ -15,10 +15,10 @@ from planner.gap.design.power import Expected, elimination_of, expected_of
 from planner.gap.effects import Effect, effects_for, untestable
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.forward.mount import mount
-from planner.gap.imitate import imitate
-from planner.gap.planned_specimen import BAR_SHARE, HOLD_S
+from planner.gap.imitation import imitate
+from planner.gap.imitation.stated_effect import effect_named
+from planner.gap.planned.planned_specimen import BAR_SHARE, HOLD_S
 from planner.gap.specimen import Specimen
-from planner.gap.stated_effect import effect_named
 from planner.palette import Palette
 
 __all__ = ["BATCHES", "CampaignDesign", "design_campaign"]

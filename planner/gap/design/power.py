@@ -15,7 +15,7 @@ from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weights import node_weights
 from planner.gap.features.table import BRANCHES
-from planner.gap.stated_effect import usual_value
+from planner.gap.imitation.stated_effect import usual_value
 
 __all__ = ["ALIKE", "Expected", "batch_level", "elimination_of", "expected_of", "usual_patterns"]
 

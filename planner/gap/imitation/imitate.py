@@ -13,9 +13,9 @@ from planner.arrays import FloatArray
 from planner.errors import ArgumentError, FileError
 from planner.gap.campaign import Campaign
 from planner.gap.forward import Prediction, Setup, law_tables, predict
-from planner.gap.lone_test import lone_test
+from planner.gap.imitation.stated_effect import StatedEffect
+from planner.gap.planned.lone_test import lone_test
 from planner.gap.specimen import Specimen, StrainField
-from planner.gap.stated_effect import StatedEffect
 
 __all__ = ["SCATTER", "imitate"]
 

@@ -9,16 +9,16 @@ import numpy as np
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError, FileError, PaletteError
 from planner.formats.palette_toml import encode_palette
-from planner.gap.beyond_palette import instead
 from planner.gap.campaign import Campaign
+from planner.gap.correction.beyond_palette import instead
+from planner.gap.correction.law_refit import refitted
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import Effect, Form, Values, effects_for
 from planner.gap.effects.conditions_of_tests import STANDARD
 from planner.gap.forward import LawTables, Setup, law_tables, predict
 from planner.gap.forward.law_tables import STRAIN_END
-from planner.gap.law_refit import refitted
-from planner.gap.lone_test import lone_test
-from planner.gap.planned_specimen import planned_specimen
+from planner.gap.planned.lone_test import lone_test
+from planner.gap.planned.planned_specimen import planned_specimen
 from planner.materials.coefficients import CoefficientModel
 from planner.palette import Material, Palette, Reference, parse_palette
 

@@ -10,8 +10,8 @@ from planner.formats.tensile import read_specimens
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_file import palette_of, read_campaign_file
 from planner.gap.campaign_reader import CURVES, SPECIMENS, read_campaign
-from planner.gap.lone_test import nominal_record
-from planner.gap.planned_specimen import HOLD_S, planned_specimen, planned_strain
+from planner.gap.planned.lone_test import nominal_record
+from planner.gap.planned.planned_specimen import HOLD_S, planned_specimen, planned_strain
 from planner.gap.profile_design import ProfileDesign, read_profile
 from planner.gap.specimen import Orientation, Protocol, Specimen
 from planner.gap.specimen_columns import check_headings, covariates_of
