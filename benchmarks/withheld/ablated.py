@@ -1,0 +1,159 @@
+"""The diagnosis with one of its parts taken out, to see what the part is worth.
+
+Only what weighs hypotheses is run: a verdict, a ranking and a class, without where and how far.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from planner.arrays import FloatArray
+from planner.gap.campaign import Campaign
+from planner.gap.campaign_reader import read_campaign
+from planner.gap.effects import effects_for, untestable
+from planner.gap.evidence.bootstrap import resampled_odds
+from planner.gap.evidence.gram import whiten
+from planner.gap.evidence.posterior import class_of, posterior, verdict_of
+from planner.gap.evidence.priors import Priors
+from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.weigh import weigh
+from planner.gap.forward.mount import mount
+from planner.gap.noise import specimen_noise
+from planner.gap.noise.blocks import place_on_path
+from planner.gap.noise.courses import course_columns
+
+__all__ = ["FULL", "VARIANTS", "ablated_answers", "problem_of", "weighed_answer"]
+
+FULL = "full"
+"""The name of the diagnosis as it is."""
+
+_NONE = 1e-12
+"""A prior, or a deviation of the logarithm of force, that is nought for all purposes."""
+
+_Part = tuple[Problem, Priors]
+
+
+def _as_it_is(problem: Problem, priors: Priors) -> _Part:
+    return problem, priors
+
+
+def _without_specimens(problem: Problem, priors: Priors) -> _Part:
+    """Every figure differs by the sensor alone: no specimen, batch, slope or wandering."""
+    scatter = replace(problem.scatter, specimen=_NONE, batch=_NONE, slope=_NONE, wander=_NONE)
+    table, mounted = problem.table, problem.mounted
+    noise = specimen_noise(
+        table,
+        problem.sensitivity,
+        scatter,
+        mounted.sensor_sd_N,
+        np.full(len(problem.campaign.specimens), -1),
+        place_on_path(table, mounted.setup.time_s.shape[1] - 1),
+    )
+    batches = problem.noise.batch.shape[1]
+    columns = _unwhitened(problem)
+    columns = columns[:, : columns.shape[1] - batches]
+    whitened = whiten(columns, noise, problem.whitened.nuisances - batches)
+    return replace(problem, scatter=scatter, noise=noise, whitened=whitened), priors
+
+
+def _without_calibration(problem: Problem, priors: Priors) -> _Part:
+    """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
+    courses = course_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
+    gone = len(problem.ways) + courses
+    old = problem.whitened
+    first = old.columns.shape[1] - old.nuisances
+    columns = np.delete(old.columns, slice(first, first + gone), axis=1)
+    whitened = replace(old, columns=columns, nuisances=old.nuisances - gone)
+    figures = problem.calibration_figures[gone:]
+    return replace(problem, ways=(), calibration_figures=figures, whitened=whitened), priors
+
+
+def _without_unknown(problem: Problem, priors: Priors) -> _Part:
+    """Nothing but the library's effects, their pairs and none."""
+    return problem, replace(priors, unknown=_NONE, beside=_NONE)
+
+
+def _flat(problem: Problem, priors: Priors) -> _Part:
+    """None, unknown, every effect and every pair alike, half of them with an unknown beside."""
+    n = len({branch.effect.id for branch in problem.branches})
+    pairs = n * (n - 1) / 2
+    total = 2.0 + n + pairs
+    shares = {"none": 1.0, "unknown": 1.0, "single": float(n), "pair": max(pairs, _NONE)}
+    flat = {name: share / total for name, share in shares.items()}
+    return problem, replace(priors, beside=0.5, **flat)
+
+
+VARIANTS: Mapping[str, Callable[[Problem, Priors], _Part]] = MappingProxyType(
+    {
+        FULL: _as_it_is,
+        "without specimen effects": _without_specimens,
+        "without unknown": _without_unknown,
+        "fixed base parameters": _without_calibration,
+        "flat priors": _flat,
+    }
+)
+
+
+def ablated_answers(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return, by variant, the scored part of a diagnosis' document of a campaign."""
+    with threadpool_limits(1, user_api="blas"):
+        problem, reasons = problem_of(read_campaign(folder), without)
+        return {
+            name: weighed_answer(*variant(problem, Priors()), reasons)
+            for name, variant in VARIANTS.items()
+        }
+
+
+def problem_of(
+    campaign: Campaign, without: tuple[str, ...] = ()
+) -> tuple[Problem, tuple[str, ...]]:
+    """Return a campaign ready for weighing, and the effects that it cannot test."""
+    mounted = mount(campaign)
+    used = sorted(place for test in mounted.tests for place in test)
+    reasons = tuple(
+        id for id, e in effects_for(campaign.palette).items() if untestable(e, campaign) is not None
+    )
+    effects = [
+        e for id, e in effects_for(campaign.palette).items() if id not in (*without, *reasons)
+    ]
+    if len(used) < len(campaign.specimens):
+        campaign = replace(campaign, specimens=tuple(campaign.specimens[p] for p in used))
+        mounted = mount(campaign)
+    return set_up(campaign, mounted, effects), reasons
+
+
+def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
+    """Weigh all hypotheses and return the scored part of a document."""
+    weighed = weigh(problem, priors)
+    again = resampled_odds(problem, priors, weighed, np.random.default_rng(0))
+    ranking = posterior([weighed.log_odds, *again])
+    verdict = verdict_of(ranking)
+    alike = class_of(problem, weighed, ranking, verdict)
+    return {
+        "verdict": "+".join(verdict) or "none",
+        "ranking": [
+            {
+                "effects": list(h.effects),
+                "probability": min(h.probability, 1.0),
+                "with_unknown": min(h.with_unknown, 1.0),
+            }
+            for h in ranking
+        ],
+        "class": [list(effects) for effects in alike],
+        "not_testable": list(reasons),
+        "where": [],
+        "gap": {},
+    }
+
+
+def _unwhitened(problem: Problem) -> FloatArray:
+    """Return the columns as they were before whitening, (N, X)."""
+    columns = np.empty_like(problem.whitened.columns)
+    for rows, factor in zip(problem.noise.rows, problem.noise.factors, strict=True):
+        columns[rows] = factor @ problem.whitened.columns[rows]
+    return columns
