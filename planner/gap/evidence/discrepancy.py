@@ -23,10 +23,10 @@ __all__ = ["discrepancy_factors", "discrepancy_patterns"]
 SD = 0.15
 """Of an effect's size from branch to branch and from level to level."""
 
-MATERIAL_SD = 0.25
+MATERIAL_SD = 0.40
 """Of its size from material to material: how effects go with the mixture is hardly known."""
 
-COURSE_SD = 0.30
+COURSE_SD = 0.45
 """Of its change from the beginning of a path to its end."""
 
 TEST_SD = 0.06
@@ -46,7 +46,8 @@ def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> FloatArray:
     columns.append(COURSE_SD * (2.0 * travel**2 - 1.0))
     hold = table.branch == BRANCHES.index("hold")
     if hold.any():
-        columns.append(COURSE_SD * hold * np.log10(np.maximum(table.time_s, 0.1) / 10.0))
+        decades = np.log10(np.maximum(table.time_s, 0.1) / 10.0)
+        columns += [COURSE_SD * hold * decades, COURSE_SD * hold * (decades**2 - 0.5)]
     cells: list[tuple[float, Sequence[object]]] = [
         (SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
     ]

@@ -17,10 +17,18 @@ class Priors:
         A pattern that no effect explains, alone.
     beside
         Of any hypothesis with effects, the share that has an unknown beside it.
+    claimed
+        Of an unknown, the share along axes that some effect of the library claims.
+    coarseness_nats
+        Gain at which evidence counts half: no form is exact, and the more strongly an effect
+        shows, the smaller are the misfits of its form that would pass for further effects.
+        A coarsened posterior, Miller & Dunson, J. Am. Stat. Assoc. 114, 2019, 1113.
     """
 
-    none: float = 0.65
-    single: float = 0.20
-    pair: float = 0.03
-    unknown: float = 0.12
-    beside: float = 0.10
+    none: float = 0.675
+    single: float = 0.10
+    pair: float = 0.025
+    unknown: float = 0.20
+    beside: float = 0.05
+    claimed: float = 0.2
+    coarseness_nats: float = 400.0

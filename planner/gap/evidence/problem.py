@@ -11,7 +11,7 @@ from planner.gap.effects.effect import Effect
 from planner.gap.evidence.discrepancy import discrepancy_factors
 from planner.gap.evidence.gram import Whitened, whiten
 from planner.gap.evidence.nodes import Branch, branches_of
-from planner.gap.evidence.unknown import UnknownAxis, unknown_axes
+from planner.gap.evidence.unknown import UnknownAxis, claimed_axes, unknown_axes
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.forward import Setup, predict_all
 from planner.gap.forward.law_tables import LawTables
@@ -24,8 +24,8 @@ from planner.gap.noise import (
     specimen_noise,
 )
 from planner.gap.noise.blocks import place_on_path
-from planner.gap.noise.courses import course_columns, field_columns
 from planner.gap.noise.calibration import Calibration, calibrations, step
+from planner.gap.noise.courses import course_columns, field_columns
 
 __all__ = ["Problem", "Progress", "set_up"]
 
@@ -145,7 +145,7 @@ def set_up(
          field_columns(table, unpredicted, sensitivity)], axis=1,
     )  # fmt: skip
     calibration = np.concatenate([calibration, courses], axis=1)
-    unknown = unknown_axes(campaign, table, sensitivity)
+    unknown = unknown_axes(campaign, table, sensitivity, claimed_axes(effects))
     gains = np.where(table.branch != _FIELD, sensitivity, 0.0)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )

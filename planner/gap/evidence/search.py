@@ -55,7 +55,7 @@ class Search:
 
     @classmethod
     def of(cls, problem: Problem) -> "Search":
-        """Number the effects of a problem's branches."""
+        """Give each of a problem's effects a number."""
         ids = {id: k for k, id in enumerate(dict.fromkeys(b.effect.id for b in problem.branches))}
         return cls(
             problem,

@@ -4,23 +4,30 @@ One axis at a time, each with its amplitude integrated over, beside the uncertai
 pattern that those already cover gains nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
+from planner.gap.effects.effect import Effect
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.specimen import Specimen
 
-__all__ = ["AMPLITUDES", "UnknownAxis", "unknown_axes"]
+__all__ = ["AMPLITUDES", "UnknownAxis", "claimed_axes", "unknown_axes"]
 
 AMPLITUDES = (0.03, 0.1, 0.3)
 """Standard deviations of an unknown pattern, of the logarithm of force."""
 
 NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",
            "gauge_mm")  # fmt: skip
+CURVED = 0.4
+"""Size of a course that bends or steps along a column, relative to a straight one's."""
+
+CHANGING = 0.4
+"""Size of what changes along a path, relative to what multiplies the whole of it."""
+
 _FIELD = BRANCHES.index("field")
 _LOADING = BRANCHES.index("loading")
 
@@ -35,11 +42,14 @@ class UnknownAxis:
 
 
 def unknown_axes(
-    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
+    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray, claimed: Collection[str]
 ) -> tuple[UnknownAxis, ...]:
     """Return the axes that vary in a campaign, with their patterns.
 
-    An axis is claimed where some effect of the library varies along it.
+    Parameters
+    ----------
+    claimed
+        Axes along which some effect of the library varies.
     """
     specimens = campaign.specimens
     force = table.branch != _FIELD
@@ -53,11 +63,12 @@ def unknown_axes(
         if patterns is None:
             continue
         rows = patterns[table.specimen]
-        columns = np.concatenate([rows * h[:, None], rows * (h * travel)[:, None]], axis=1)
-        found.append(_axis(name, columns, name not in campaign.covariates and name != "batch"))
+        changing = CHANGING * 2.0 * h * travel
+        columns = np.concatenate([rows * h[:, None], rows * changing[:, None]], axis=1)
+        found.append(_axis(name, columns, claimed))
     strain = np.minimum(table.strain, 1.0)
     bumps = [np.exp(-strain / 0.03), np.exp(-strain / 0.12), strain / 0.3]
-    found.append(_axis("strain", np.stack([h * b for b in bumps], axis=1), True))
+    found.append(_axis("strain", np.stack([h * b for b in bumps], axis=1), claimed))
     branches = [
         h * (table.branch == k) * shape
         for k in range(len(BRANCHES))
@@ -65,25 +76,31 @@ def unknown_axes(
         for shape in (np.ones(len(table)), travel)
     ]
     if branches:
-        found.append(_axis("branch", np.stack(branches, axis=1), True))
+        found.append(_axis("branch", np.stack(branches, axis=1), claimed))
     names = [s.material for s in specimens]
     courses = []
     for material in dict.fromkeys(n for n in names if n is not None):
         of_it = np.array([n == material for n in names])[table.specimen]
         courses += [h * of_it, h * of_it * travel]
     if len(courses) > 2:
-        found.append(_axis("material", np.stack(courses, axis=1), True))
+        found.append(_axis("material", np.stack(courses, axis=1), claimed))
     places = _position_patterns(campaign, table, sensitivity)
     if places is not None:
-        found.append(_axis("position", places, True))
+        found.append(_axis("position", places, claimed))
     return tuple(axis for axis in found if axis.columns.shape[1])
 
 
-def _axis(name: str, columns: FloatArray, claimed: bool) -> UnknownAxis:
+def claimed_axes(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the axes along which effects vary."""
+    columns = {name for e in effects for entry in e.covariates for name in entry.split("|")}
+    return frozenset(columns.union(*[e.where for e in effects]))
+
+
+def _axis(name: str, columns: FloatArray, claimed: Collection[str]) -> UnknownAxis:
     columns = columns[:, np.any(columns != 0.0, axis=0)]
     touched = np.any(columns != 0.0, axis=1)
     scale = np.sqrt(np.sum(columns**2) / max(int(touched.sum()), 1))
-    return UnknownAxis(name, columns / max(float(scale), 1e-12), claimed)
+    return UnknownAxis(name, columns / max(float(scale), 1e-12), name in claimed)
 
 
 def _cell(specimen: Specimen, name: str) -> str | float | None:
@@ -105,7 +122,8 @@ def _specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None
         at = np.array([0.0 if c is None else float(c) for c in cells])
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
-        patterns = np.stack([t, 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > 0.05)], axis=1)
+        bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > 0.05)
+        patterns = np.stack([t, CURVED * bend, CURVED * leap], axis=1)
     else:
         if len(distinct) > max(2, len(values) // 2):
             return None

@@ -8,7 +8,6 @@ form. Odds are relative to no effect at the nominal scatter.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from planner.arrays import FloatArray
 from planner.gap.evidence.candidate import Candidate
@@ -23,6 +22,7 @@ from planner.gap.evidence.unknown import AMPLITUDES
 __all__ = ["Effects", "Weighed", "weigh"]
 
 Effects = tuple[str, ...]
+Hypothesis = tuple[Effects, str]
 
 FORMS = 3
 """Forms of a single effect that are weighed in full."""
@@ -36,6 +36,9 @@ WORTH_NATS = 15.0
 WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them."""
 
+FREE = 0.15
+"""Prior share, of an effect with a covariate of its own, of courses along it that no form has."""
+
 
 @dataclass(slots=True, eq=False)
 class Weighed:
@@ -43,8 +46,8 @@ class Weighed:
 
     Attributes
     ----------
-    log_odds
-        By effects and the axis of an unknown beside them ("" without), priors included.
+    log_prior, log_evidence
+        By effects and the axis of an unknown beside them ("" without).
     best
         The best form and parameters of each set of effects, at the nominal scatter.
     nominal
@@ -52,13 +55,28 @@ class Weighed:
     """
 
     nominal: Elimination
-    log_odds: dict[tuple[Effects, str], float] = field(default_factory=dict)
+    coarseness_nats: float
+    log_prior: dict[Hypothesis, float] = field(default_factory=dict)
+    log_evidence: dict[Hypothesis, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
 
-    def add(self, effects: Effects, axis: str, log_odds: float) -> None:
-        """Add to a hypothesis' odds."""
+    def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
+        """Add to a hypothesis' evidence."""
         key = (effects, axis)
-        self.log_odds[key] = float(np.logaddexp(self.log_odds.get(key, -np.inf), log_odds))
+        known = self.log_evidence.get(key, -np.inf)
+        self.log_evidence[key] = float(np.logaddexp(known, log_evidence))
+        self.log_prior[key] = log_prior
+
+    @property
+    def log_odds(self) -> dict[Hypothesis, float]:
+        """By hypothesis, priors included, evidence coarsened."""
+        none = self.log_evidence[(), ""]
+        most = max(max(self.log_evidence.values()) - none, 0.0)
+        share = 1.0 / (1.0 + most / self.coarseness_nats)
+        return {
+            key: self.log_prior[key] + share * (value - none)
+            for key, value in self.log_evidence.items()
+        }
 
     def offer(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its effects."""
@@ -80,7 +98,7 @@ def weigh(
     gram = problem.whitened.gram(weight)
     search = Search.of(problem)
     nominal = gram.eliminate()
-    result = Weighed(nominal)
+    result = Weighed(nominal, priors.coarseness_nats)
     logs = _LogPriors(problem, priors)
     singles = search.singles(nominal)
     pairs = search.pairs(nominal, search.scan(nominal, singles.place))
@@ -95,7 +113,7 @@ def weigh(
     for scale, share in scales[: 1 if quick else 3]:
         plain = nominal if scale == 1.0 else gram.eliminate(scale)
         offset = plain.none - nominal.none + float(np.log(share))
-        result.add((), "", offset + logs.none)
+        result.add((), "", logs.none, offset)
         ours: dict[Effects, float] = {}
         for refiner in refiners:
             candidate = refiner.candidate
@@ -113,7 +131,7 @@ def weigh(
                 np.logaddexp(ours.get(subset.effects, -np.inf), subset.log_evidence) - np.log(2.0)
             )
         for effects, value in ours.items():
-            result.add(effects, "", offset + logs.of(effects) + value)
+            result.add(effects, "", logs.of(effects), offset + value)
         if scale == 1.0:
             refiners = _worth(refiners, result, logs)
         if quick or not problem.unknown:
@@ -138,25 +156,44 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
-        self.unknown = _of_axes(problem, priors.unknown)
-        self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside))
+        self.unknown = _of_axes(problem, priors.unknown, priors.claimed)
+        self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
         self.branch = np.log([b.weight for b in problem.branches])
+        self.owner = {
+            axis: effect.id
+            for effect in effects.values()
+            for entry in effect.covariates
+            for axis in entry.split("|")
+        }
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
         return (self.none, self.single, self.pair)[len(effects)]
+
+    def owned(self, effects: Effects, axis: str, result: Weighed) -> Effects | None:
+        """Return the effects that a free course along an axis beside others amounts to.
+
+        None where the axis is no effect's own, or they would be more than two.
+        """
+        if axis not in self.owner:
+            return None
+        together = tuple(sorted({*effects, self.owner[axis]}))
+        return together if together in result.best else None
 
     def forms(self, candidate: Candidate) -> float:
         """Return the log prior of a candidate's forms among those of its effects."""
         return float(sum(self.branch[b.number] for b in candidate.branches))
 
 
-def _of_axes(problem: Problem, share: float) -> FloatArray:
-    """Return log priors of an unknown along each axis, half of it along axes no effect claims."""
+def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
+    """Return log priors of an unknown along each axis."""
     claimed = np.array([axis.claimed for axis in problem.unknown], dtype=bool)
     counts = np.where(claimed, claimed.sum(), (~claimed).sum())
-    kinds = 2.0 if claimed.any() and not claimed.all() else 1.0
-    shares: FloatArray = np.log(share / kinds / np.maximum(counts, 1) / len(AMPLITUDES))
+    kinds = np.where(claimed, of_claimed, 1.0 - of_claimed)
+    if claimed.all() or not claimed.any():
+        kinds = np.ones(len(claimed))
+    with np.errstate(divide="ignore"):
+        shares: FloatArray = np.log(share * kinds / np.maximum(counts, 1))
     return shares
 
 
@@ -228,7 +265,12 @@ def _add_unknown(
         part = plain.part(np.concatenate([[0], np.arange(at.start, at.stop)]))
         for amplitude in AMPLITUDES:
             left = part.with_random(slice(1, 1 + at.stop - at.start), amplitude, 1)
-            result.add((), axis.axis, offset + logs.unknown[number] + left.none - plain.none)
+            evidence = offset + left.none - plain.none - np.log(len(AMPLITUDES))
+            owned = logs.owned((), axis.axis, result)
+            if owned is None:
+                result.add((), axis.axis, float(logs.unknown[number]), evidence)
+            else:
+                result.add(owned, "", logs.of(owned), evidence + np.log(FREE))
 
 
 def _add_subset(
@@ -246,7 +288,8 @@ def _add_subset(
     both = replace(both, log_evidence=both.log_evidence + logs.forms(refiner.candidate))
     if scale == 1.0:
         result.offer(both)
-    result.add(both.effects, "", offset + logs.of(both.effects) + both.log_evidence - np.log(2.0))
+    evidence = offset + both.log_evidence - np.log(2.0)
+    result.add(both.effects, "", logs.of(both.effects), evidence)
 
 
 def _add_beside(
@@ -261,9 +304,14 @@ def _add_beside(
     """Add a candidate with the unknown beside it, along each axis."""
     context = refiner.eliminate(scale)
     effects = refiner.candidate.effects
-    prior = logs.of(effects) + logs.forms(refiner.candidate)
+    forms = logs.forms(refiner.candidate) - np.log(len(AMPLITUDES))
     for number, axis in enumerate(problem.unknown):
+        owned = logs.owned(effects, axis.axis, result)
         for amplitude in AMPLITUDES:
             left = refiner.beside(context, problem.unknown_columns(number), amplitude)
-            value = refiner.weigh(left, none).evidence
-            result.add(effects, axis.axis, offset + prior + float(logs.beside[number]) + value)
+            evidence = offset + forms + refiner.weigh(left, none).evidence
+            if owned is None:
+                prior = logs.of(effects) + float(logs.beside[number])
+                result.add(effects, axis.axis, prior, evidence)
+            else:
+                result.add(owned, "", logs.of(owned), evidence + np.log(FREE))
