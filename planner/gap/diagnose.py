@@ -9,15 +9,14 @@ from threadpoolctl import threadpool_limits
 from planner.errors import UnknownNameError
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure
-from planner.gap.diagnosis import Diagnosis, Quality, Traces, Untestable
+from planner.gap.diagnosis import Diagnosis, Quality, Untestable
 from planner.gap.effects import EFFECTS, Effect, effects_for
 from planner.gap.effects.testable import untestable
-from planner.gap.evidence.applied import specimen_forces_N
 from planner.gap.evidence.bootstrap import resampled_odds
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.detectable import detectable_sizes
 from planner.gap.evidence.intervals import found_effects
-from planner.gap.evidence.posterior import UNKNOWN, class_of, posterior, verdict_of
+from planner.gap.evidence.posterior import class_of, posterior, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Effects, weigh

@@ -1,5 +1,6 @@
 """Covariance of each specimen's own figures, and what specimens of a batch share."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,7 +84,7 @@ def place_on_path(table: FeatureTable, last_step: int) -> FloatArray:
 def _rows(table: FeatureTable) -> tuple[slice, ...]:
     edges = np.flatnonzero(np.diff(table.specimen)) + 1
     bounds = [0, *edges.tolist(), len(table)]
-    return tuple(slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True))
+    return tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
 
 
 def _block(

@@ -4,6 +4,8 @@ Every grade's level and course are uncertain, and so is what lies between grades
 the forward model's own derivatives, so that a graded bar feels its grades as it should.
 """
 
+import itertools
+
 import numpy as np
 
 from planner.arrays import FloatArray
@@ -60,7 +62,7 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
             sd = material.modulus_log_sd or UNKNOWN_LOG_SD
             found.append(Calibration(material.id, "level", sd, hat))
             found.append(Calibration(material.id, "tilt", TILT_SD, hat))
-    for low, high in zip(at[:-1], at[1:], strict=True):
+    for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
