@@ -12,6 +12,7 @@ the condition are kept from the diagnosis, and stand for the part in use.
 """
 
 import argparse
+import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -260,11 +261,13 @@ def withheld(count: int, seed: int) -> list[Closed]:
             campaign = read_campaign(path)
             verdict = diagnose(campaign).verdict
             name = CONDITION_EFFECTS.get(verdict)
+            print(f"{path.name}: {verdict}", file=sys.stderr, flush=True)
             if name is None or name == "orientation":
                 continue
             column = "rate_per_s" if name == "strain_rate_per_s" else name
             parts = kept_apart(campaign, column)
             if parts is None:
+                print(f"{path.name}: no coupons in use", file=sys.stderr, flush=True)
                 continue
             rest, use = parts
             value = float(np.mean([_condition(s, column) for s in use]))
