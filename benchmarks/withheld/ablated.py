@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_reader import read_campaign
+from planner.gap.diagnose import LEAST_PROBABILITY, RANKED
 from planner.gap.effects import effects_for, untestable
 from planner.gap.evidence.bootstrap import resampled_odds
 from planner.gap.evidence.gram import whiten
@@ -128,7 +129,7 @@ def problem_of(
 
 
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
-    """Weigh all hypotheses and return the scored part of a document."""
+    """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
     again = resampled_odds(problem, priors, weighed, np.random.default_rng(0))
     ranking = posterior([weighed.log_odds, *again])
@@ -142,7 +143,8 @@ def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -
                 "probability": min(h.probability, 1.0),
                 "with_unknown": min(h.with_unknown, 1.0),
             }
-            for h in ranking
+            for h in ranking[:RANKED]
+            if h.probability >= LEAST_PROBABILITY
         ],
         "class": [list(effects) for effects in alike],
         "not_testable": list(reasons),

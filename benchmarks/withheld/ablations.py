@@ -7,7 +7,6 @@ DIR holds `campaigns/` and `truth.json`, made anew or those of an earlier run of
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -19,8 +18,8 @@ from benchmarks.withheld.ablated import FULL, VARIANTS, ablated_answers
 from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.pool import answer_all
-from benchmarks.withheld.reality.__main__ import main as reality
 from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.sealed import campaigns_in_turn, sealed_campaigns
 from planner import __version__
 from planner.cli.gap_pool import Task
 from planner.cli.output import progress
@@ -33,7 +32,7 @@ from planner.gap.bench.intervals import Rate
 from planner.gap.bench.results import Outcome
 from planner.gap.bench.score import Score, score
 from planner.gap.bench.table import markdown
-from planner.gap.bench.truth import Truth, read_truth
+from planner.gap.bench.truth import Truth
 
 __all__ = ["COLUMNS", "ablation_rows", "main"]
 
@@ -64,23 +63,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     folder: Path = options.output
-    campaigns, truth_file = folder / "campaigns", folder / "truth.json"
-    if folder.exists() and not options.resume:
-        raise FileError(f"{folder} is already there; go on with --resume or name another")
-    if not (campaigns.exists() and truth_file.exists()):
-        code = reality(
-            [
-                *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
-                *("--seed", str(options.seed), "--specimens", str(options.specimens)),
-                *("--truth", str(truth_file), "-o", str(campaigns)),
-            ]
-        )
-        if code:
-            return code
-    truth = read_truth(truth_file)
-    if any(truth.made_by.get(name) != getattr(options, name) for name in ("set", "seed")):
-        raise FileError(f"{folder} was made with other options: {dict(truth.made_by)}")
-    tasks = [Task(campaigns / name) for name in _in_turn(truth_file, options.count)]
+    truth = sealed_campaigns(options)
+    names = campaigns_in_turn(folder / "truth.json", options.count)
+    tasks = [Task(folder / "campaigns" / name) for name in names]
     with progress(enabled=True) as stage:
         answers = partial(answer_all, ablated_answers, jobs=options.jobs, stage=stage)
         outcomes = kept_outcomes(tasks, folder / "ablations.jsonl", answers)
@@ -148,19 +133,6 @@ def _scores(truth: Truth, outcomes: Mapping[Key, Outcome], variant: str) -> list
         )
         for (name, _), o in outcomes.items()
     ]
-
-
-def _in_turn(truth_file: Path, count: int) -> list[str]:
-    """Return the first campaigns of each tier, in the order of their turns."""
-    entries = json.loads(truth_file.read_text(encoding="utf-8"))["campaigns"]
-    taken: dict[str, int] = {}
-    chosen = []
-    for name in sorted(entries, key=lambda name: int(entries[name]["index"])):
-        tier = entries[name]["tier"]
-        taken[tier] = taken.get(tier, 0) + 1
-        if taken[tier] <= count:
-            chosen.append(name)
-    return chosen
 
 
 def _text(results: Mapping[str, Any]) -> str:

@@ -1,9 +1,14 @@
 """Make sealed campaigns.
 
 python -m benchmarks.withheld.reality make --set development --tier other --count 20 --seed 1 -o DIR
+python -m benchmarks.withheld.reality more DIR/CAMPAIGN --truth FILE --tests TESTS.json -o NEW
+
+The second measures further specimens of a sealed campaign: TESTS.json is a list of tests, see
+`more.FurtherTest`; NEW is the campaign with them.
 """
 
 import argparse
+import json
 import shutil
 import sys
 import tempfile
@@ -12,6 +17,7 @@ from typing import get_args
 
 from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.reality.more import further_of, read_test
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.sealing import seal, sha256
 from benchmarks.withheld.reality.tiers import TIERS
@@ -23,6 +29,28 @@ _PALETTE = Path(__file__).parents[3] / "printers/connex3/palettes/connex3-tango-
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
     options = _parser().parse_args(arguments)
+    code: int = options.run(options)
+    return code
+
+
+def _more(options: argparse.Namespace) -> int:
+    if options.output.exists():
+        print(f"{options.output} is already there; remove it or choose another", file=sys.stderr)
+        return 2
+    try:
+        palette = read_palette(options.palette.read_text(encoding="utf-8"))
+        tests = [read_test(t) for t in json.loads(options.tests.read_text(encoding="utf-8"))]
+        truth = json.loads(options.truth.read_text(encoding="utf-8"))
+        campaign = further_of(palette, truth, options.campaign.name, tests, turn=options.turn)
+    except (OSError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    write_campaign(campaign, options.output)
+    print(f"{len(tests)} further specimens in {options.output}")
+    return 0
+
+
+def _make(options: argparse.Namespace) -> int:
     folder: Path = options.output
     truth_file: Path = options.truth or folder.with_name(f"{folder.name}.truth.json")
     if folder.resolve() in truth_file.resolve().parents:
@@ -84,9 +112,19 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m benchmarks.withheld.reality",
         description="Make measurement campaigns whose cause is known and sealed.",
     )
-    make = parser.add_subparsers(required=True, metavar="make").add_parser(
+    commands = parser.add_subparsers(required=True, metavar="make|more")
+    more = commands.add_parser("more", help="measure further specimens of a sealed campaign")
+    more.add_argument("campaign", type=Path, help="folder of the campaign")
+    more.add_argument("--truth", type=Path, required=True, help="what was sealed with it")
+    more.add_argument("--tests", type=Path, required=True, help="the tests, a JSON list")
+    more.add_argument("--turn", type=int, default=1, help="another one scatters otherwise")
+    more.add_argument("--palette", type=Path, default=_PALETTE, help="that it was made with")
+    more.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    more.set_defaults(run=_more)
+    make = commands.add_parser(
         "make", help="make campaigns and their sealed truth; prints the truth's sha256 first"
     )
+    make.set_defaults(run=_make)
     make.add_argument("--set", choices=get_args(Set), required=True)
     meanings = "; ".join(f"{name}: {tier.meaning}" for name, tier in TIERS.items())
     make.add_argument("--tier", choices=[*TIERS, "all"], required=True, help=meanings)

@@ -8,10 +8,11 @@ import numpy as np
 
 from benchmarks.withheld.reality.base_law import BaseLaw, fit_base_law
 from benchmarks.withheld.reality.bench import Bench, FloatArray, mount
+from benchmarks.withheld.reality.confounded import Scenario
 from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.reality.fields import field_detectability, measured_strain
-from benchmarks.withheld.reality.noise import measured_force
+from benchmarks.withheld.reality.noise import Scatter, measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.sizing import Hidden, force_N, hide, hide_cancelling, mounted_with
@@ -19,7 +20,16 @@ from benchmarks.withheld.reality.solver import solve
 from benchmarks.withheld.reality.strength import Yardstick, level_excess, relative_excess
 from benchmarks.withheld.reality.tiers import TIERS, draw_causes, scenario_of
 
-__all__ = ["Campaign", "make_campaign"]
+__all__ = [
+    "Campaign",
+    "Lab",
+    "by_number",
+    "make_campaign",
+    "measured_in",
+    "mounted_groups",
+    "open_lab",
+    "seen_fields",
+]
 
 _STREAMS = ("design", "scatter", "noise", "field", "truth", "names")
 _ANY = 99  # stands for "whatever the tier" and "whatever the index" in the seeds
@@ -52,15 +62,39 @@ class Campaign:
     truth: dict[str, Any]
 
 
-def make_campaign(
-    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
-) -> Campaign:
-    """Make the campaign number `index` of a seed.
+@dataclass(frozen=True)
+class Lab:
+    """A campaign before anything is measured: what is tested, and what is true of it.
 
-    Design and noise come from streams that do not depend on the tier: campaigns of one seed and
-    index differ in what is hidden and in nothing else (but the confounded tier's design, and the
-    heavy noise of the tiers that are about it).
+    Attributes
+    ----------
+    benches
+        Coupons, bars, without what is hidden.
+    plain_N
+        What ideal sensors would show without what is hidden, by specimen number.
+    rng
+        The campaign's streams, each where it stands.
     """
+
+    palette: PaletteFile
+    set_name: Set
+    tier: str
+    index: int
+    design: Design
+    scenario: Scenario | None
+    scatter: Scatter
+    law: BaseLaw
+    benches: tuple[Bench, ...]
+    plain_N: FloatArray
+    by: Yardstick
+    hidden: tuple[Hidden, ...]
+    rng: dict[str, np.random.Generator]
+
+
+def open_lab(
+    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
+) -> Lab:
+    """Draw the campaign number `index` of a seed: design, scatter, law and cause."""
     rng = _streams(set_name, tier, seed, index)
     rules, kind = SETS[set_name], TIERS[tier]
     design = draw_design(palette, rules.levels, count, rng["design"])
@@ -75,7 +109,7 @@ def make_campaign(
         scatter.calibration * rng["scatter"].normal(size=grades),
         scatter.tilt * rng["scatter"].normal(size=grades),
     )
-    benches = _mounted(palette, design, law)
+    benches = mounted_groups(palette, design, law)
     plain = force_N(benches)
     by = Yardstick.of(benches, scatter, plain)
     causes = draw_causes(tier, set_name, design, scenario, turn, rng["truth"])
@@ -83,28 +117,61 @@ def make_campaign(
         hidden: Sequence[Hidden] = hide_cancelling(benches, (causes[0], causes[1]), plain, by)
     else:
         hidden = [hide(benches, cause, plain, by) for cause in causes]
-    ideal = force_N(benches, hidden)
-    travel, time_s = _by_number(benches)
+    return Lab(
+        palette=palette,
+        set_name=set_name,
+        tier=tier,
+        index=index,
+        design=design,
+        scenario=scenario,
+        scatter=scatter,
+        law=law,
+        benches=benches,
+        plain_N=plain,
+        by=by,
+        hidden=tuple(hidden),
+        rng=rng,
+    )
+
+
+def make_campaign(
+    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
+) -> Campaign:
+    """Make the campaign number `index` of a seed.
+
+    Design and noise come from streams that do not depend on the tier: campaigns of one seed and
+    index differ in what is hidden and in nothing else (but the confounded tier's design, and the
+    heavy noise of the tiers that are about it).
+    """
+    return measured_in(open_lab(palette, set_name, tier, count, seed, index))
+
+
+def measured_in(lab: Lab) -> Campaign:
+    """Measure a lab's specimens; once, as that takes its streams further."""
+    palette, set_name, tier, index = lab.palette, lab.set_name, lab.tier, lab.index
+    rules, design, scatter, hidden = SETS[set_name], lab.design, lab.scatter, lab.hidden
+    ideal = force_N(lab.benches, hidden)
+    travel, time_s = by_number(lab.benches)
     share = travel / travel.max(axis=1, keepdims=True)
-    measured = measured_force(ideal, share, design, scatter, rng["noise"])
-    published = _mounted(palette, design, fit_base_law(palette, rules.network, 0.0))
+    measured = measured_force(ideal, share, design, scatter, lab.rng["noise"])
+    published = mounted_groups(palette, design, fit_base_law(palette, rules.network, 0.0))
     before = force_N(published)
     return Campaign(
-        name=f"{int(rng['names'].integers(16**10)):010x}",
+        name=f"{int(lab.rng['names'].integers(16**10)):010x}",
         design=design,
-        specimen_ids=_specimen_ids(len(design), rng["names"]),
+        specimen_ids=_specimen_ids(len(design), lab.rng["names"]),
         time_s=time_s,
         displacement_mm=travel,
         force_N=measured,
-        fields=_fields(benches, hidden, rng["field"]),
+        fields=seen_fields(lab.benches, hidden, lab.rng["field"]),
         palette_toml=palette.calibrated(scatter.calibration),
         truth={
             "set": set_name,
             "tier": tier,
             "index": index,
-            "design": scenario.name if scenario else "full",
-            **_account(benches, hidden, plain, ideal, by),
-            "class": [[i] for i in scenario.confounded] if scenario else _own_class(hidden),
+            "design": lab.scenario.name if lab.scenario else "full",
+            **_account(lab.benches, hidden, lab.plain_N, ideal, lab.by),
+            "class": [[i] for i in lab.scenario.confounded] if lab.scenario else _own_class(hidden),
             "gap": _gap(measured, before, force_N(published, hidden) if hidden else before, ideal),
             "scatter": asdict(scatter),
         },
@@ -126,12 +193,14 @@ def _generator(seed: int, *key: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def _mounted(palette: PaletteFile, design: Design, law: BaseLaw) -> tuple[Bench, ...]:
+def mounted_groups(palette: PaletteFile, design: Design, law: BaseLaw) -> tuple[Bench, ...]:
+    """Mount coupons and bars, each kind that there is."""
     groups = (design.profile < 0, design.profile >= 0)
     return tuple(mount(palette, design.take(group), law) for group in groups if group.any())
 
 
-def _by_number(benches: Sequence[Bench]) -> tuple[FloatArray, FloatArray]:
+def by_number(benches: Sequence[Bench]) -> tuple[FloatArray, FloatArray]:
+    """Return travel and time of the benches' specimens in the order of their numbers."""
     order = np.concatenate([b.design.number for b in benches]).argsort()
     travel = np.concatenate([b.motion.displacement_mm for b in benches])[order]
     return travel, np.concatenate([b.motion.time_s for b in benches])[order]
@@ -142,9 +211,10 @@ def _specimen_ids(count: int, rng: np.random.Generator) -> tuple[str, ...]:
     return tuple(f"S{n}" for n in numbers)
 
 
-def _fields(
+def seen_fields(
     benches: Sequence[Bench], hidden: Sequence[Hidden], rng: np.random.Generator
 ) -> tuple[tuple[int, FloatArray, FloatArray, FloatArray], ...]:
+    """Return what the camera sees of the bars, as `Campaign.fields` has it."""
     fields = []
     for bench in benches:
         if not (bench.design.profile >= 0).any():

@@ -1,0 +1,57 @@
+"""Campaigns of all tiers and their sealed truth in a run's folder: made, or found there."""
+
+import argparse
+import json
+from pathlib import Path
+
+from benchmarks.withheld.reality.__main__ import main as reality
+from planner.errors import FileError
+from planner.gap.bench.truth import Truth, read_truth
+
+__all__ = ["campaigns_in_turn", "sealed_campaigns"]
+
+
+def sealed_campaigns(options: argparse.Namespace) -> Truth:
+    """Return the truth of the campaigns in a run's folder, made if they are not there.
+
+    Parameters
+    ----------
+    options
+        With `output`, `resume`, `set`, `seed`, `count` and `specimens`.
+
+    Raises
+    ------
+    FileError
+        The folder is there and is not to be gone on with, or was made otherwise.
+    """
+    folder: Path = options.output
+    campaigns, truth_file = folder / "campaigns", folder / "truth.json"
+    if folder.exists() and not options.resume:
+        raise FileError(f"{folder} is already there; go on with --resume or name another")
+    if not (campaigns.exists() and truth_file.exists()):
+        code = reality(
+            [
+                *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
+                *("--seed", str(options.seed), "--specimens", str(options.specimens)),
+                *("--truth", str(truth_file), "-o", str(campaigns)),
+            ]
+        )
+        if code:
+            raise FileError(f"{folder}: the campaigns could not be made")
+    truth = read_truth(truth_file)
+    if any(truth.made_by.get(n) != getattr(options, n) for n in ("set", "seed", "specimens")):
+        raise FileError(f"{folder} was made with other options: {dict(truth.made_by)}")
+    return truth
+
+
+def campaigns_in_turn(truth_file: Path, count: int) -> list[str]:
+    """Return the first campaigns of each tier, in the order of their turns."""
+    entries = json.loads(truth_file.read_text(encoding="utf-8"))["campaigns"]
+    taken: dict[str, int] = {}
+    chosen = []
+    for name in sorted(entries, key=lambda name: int(entries[name]["index"])):
+        tier = entries[name]["tier"]
+        taken[tier] = taken.get(tier, 0) + 1
+        if taken[tier] <= count:
+            chosen.append(name)
+    return chosen
