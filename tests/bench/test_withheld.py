@@ -7,7 +7,6 @@ few campaigns; raise them when the method gets better, never lower them to let a
 """
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
