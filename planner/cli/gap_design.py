@@ -81,6 +81,8 @@ def _check_target(output: Path, asked: "Sequence[str]", *, listed: bool) -> None
         check_target(output)
     elif output.exists():
         raise OutputError(f"{output}: exists already; name another file with --output")
+    elif not output.parent.is_dir():
+        raise OutputError(f"{output}: there is no folder {output.parent}; create that first")
     elif may_take_bars(asked):
         raise ArgumentError(
             f"{output}: these effects may take graded bars, whose designs are files of their own; "
@@ -146,7 +148,10 @@ def _report(made: "CampaignDesign", output: Path, *, listed: bool) -> None:
         if e.alike:
             finding(f"{e.id} and {', '.join(e.alike)} stay alike: they will be named as one class")
         elif e.probability < 0.5:
-            finding(f"{e.id} will more likely be missed than named; raise the budget")
+            finding(
+                f"{e.id} will more likely be missed than named; raise the budget, or check it "
+                "by other means"
+            )
         if e.others:
             warn(
                 f"{e.id} stays like {', '.join(e.others)}; add to --effects what you cannot rule "
