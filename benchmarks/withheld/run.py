@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any, get_args
 
 from benchmarks.withheld.comparison import compare
@@ -185,6 +186,8 @@ def _results(
         "truth_sha256": truth.sha256,
         "targets": [vars(t) for t in targets(list(scores.values()), made_by["specimens"])],
         "summary": summary.document(),
+        # Of the whole library's diagnoses, as the naive analyst's are; the summary has all.
+        "log_score": fmean(s.log_score for (_, without), s in scores.items() if not without),
         "left_out": [row.document() for row in by_effect(cases)],
         "naive": _beside_naive(truth, scores, naive) if naive else None,
         "problems": problems,

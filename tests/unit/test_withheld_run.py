@@ -139,6 +139,7 @@ def results(method: str = "a" * 64, **made_by: Any) -> dict[str, Any]:
         "made_by": given,
         "targets": [vars(t) for t in targets([right], 30)],
         "summary": summarise([right]).document(),
+        "log_score": -0.25,
         "left_out": [],
         "naive": compare([right], [wrong]),
         "problems": {},
@@ -162,6 +163,7 @@ def test_a_method_is_scored_on_the_final_set_once(
     assert not (tmp_path / "run").exists()
     lines = log.read_text(encoding="utf-8").splitlines()
     assert [line.split(" | ")[1] for line in lines[-3:]] == ["c" * 16, method[:16], method[:16]]
+    assert lines[-1].split(" | ")[-3:-1] == ["-0.25", "-13.82"]
     other = tmp_path / "page.md"
     other.write_text("# A page\n", encoding="utf-8")
     with pytest.raises(FileError, match="not a log"):
