@@ -1,6 +1,6 @@
 """Weigh one candidate on its own columns, with what its form may depart by."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Refiner:
         unknown: bool = False,
     ) -> None:
         self.candidate = candidate
+        self._scatter = problem.scatter
         start = problem.nodes.start
         nodes = [start + b.first + np.arange(b.nodes) for b in candidate.branches]
         self.head = 1 + sum(len(n) for n in nodes)
@@ -91,17 +92,18 @@ class Refiner:
 
         Needs the unknown's columns, with which the gains' are.
         """
-        # Without each specimen's own size of the effect, which would take up its gain.
-        elimination = self._gram.eliminate(scale)
-        weight = self._weigh(elimination, none)
-        best = self.weigh(self.eliminate(scale), none)
-        evidence = max(weight.evidence, best.evidence)
-        candidate = self.candidate.at(weight.place, weight.gain, evidence)
-        nodes = [
-            node_weights(b, p) for b, p in zip(candidate.branches, candidate.places, strict=True)
-        ]
         gains = slice(self.head, self.head + self._gains)
-        return weigh_subset_beside(elimination, gains, candidate, np.concatenate(nodes))
+        found = []
+        # Each specimen's own size of the effect would take up its gain: with and without these.
+        for elimination in [self._gram.eliminate(scale), *self.eliminate(scale)]:
+            weight = self._weigh(elimination, none)
+            candidate = self.candidate.at(weight.place, weight.gain, weight.evidence)
+            parts = zip(candidate.branches, candidate.places, strict=True)
+            nodes = np.concatenate([node_weights(b, p) for b, p in parts])
+            found.append(weigh_subset_beside(elimination, gains, candidate, nodes, self._scatter))
+        evidence = float(np.logaddexp.reduce([c.log_evidence for c in found]) - np.log(len(found)))
+        best = max(found, key=lambda c: c.log_evidence)
+        return replace(best, log_evidence=evidence)
 
     def beside(
         self, eliminations: list[Elimination], axis: slice, amplitude: float

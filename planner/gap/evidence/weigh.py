@@ -36,6 +36,9 @@ WORTH_NATS = 15.0
 WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them."""
 
+OF_SOME = 0.25
+"""Prior share, of an effect that may hold for some specimens only, that it does."""
+
 FREE = 0.15
 """Prior share, of an effect with a covariate of its own, of courses along it that no form has."""
 
@@ -128,7 +131,9 @@ def weigh(
             if scale == 1.0:
                 result.offer(subset)
             ours[subset.effects] = float(
-                np.logaddexp(ours.get(subset.effects, -np.inf), subset.log_evidence) - np.log(2.0)
+                np.logaddexp(
+                    ours.get(subset.effects, -np.inf), subset.log_evidence + np.log(OF_SOME)
+                )
             )
         for effects, value in ours.items():
             result.add(effects, "", logs.of(effects), offset + value)
@@ -288,7 +293,7 @@ def _add_subset(
     both = replace(both, log_evidence=both.log_evidence + logs.forms(refiner.candidate))
     if scale == 1.0:
         result.offer(both)
-    evidence = offset + both.log_evidence - np.log(2.0)
+    evidence = offset + both.log_evidence + np.log(OF_SOME)
     result.add(both.effects, "", logs.of(both.effects), evidence)
 
 
