@@ -42,7 +42,7 @@ def planned(palette: Palette) -> Planned:
         names = list(columns)
         rows: list[dict[str, Any]] = [
             {**USUAL, **dict(zip(names, cell, strict=True)), "batch": f"b{k % batches}"}
-            for cell in itertools.product(*columns.values())
+            for cell in (itertools.product(*columns.values()) if columns else ())
             for k in range(replicates)
         ]
         rows += [{**USUAL, "batch": "b0", **one} for one in more]
