@@ -12,6 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.errors import PlannerError
+    from planner.gap.campaign import Campaign
+    from planner.gap.campaign_reader import read_campaign
+    from planner.gap.diagnose import diagnose
+    from planner.gap.diagnosis import Diagnosis
     from planner.grading.certificate import Certificate, certify
     from planner.grading.difference import Difference, differences
     from planner.grading.mixture import Mixture, mixture_for
@@ -28,7 +32,9 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Bar",
+    "Campaign",
     "Certificate",
+    "Diagnosis",
     "Difference",
     "Material",
     "Mixture",
@@ -40,18 +46,24 @@ __all__ = [
     "Region",
     "Simulation",
     "certify",
+    "diagnose",
     "differences",
     "grade",
     "installed_printers",
     "load_palette",
     "mixture_for",
     "printer",
+    "read_campaign",
     "read_plan",
     "simulate",
 ]
 
 _HOME = {
     "PlannerError": "planner.errors",
+    "Campaign": "planner.gap.campaign",
+    "Diagnosis": "planner.gap.diagnosis",
+    "diagnose": "planner.gap.diagnose",
+    "read_campaign": "planner.gap.campaign_reader",
     "Certificate": "planner.grading.certificate",
     "Difference": "planner.grading.difference",
     "Mixture": "planner.grading.mixture",

@@ -1,12 +1,13 @@
 """Which tests to leave out together, so that what is predicted is another condition."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
 from planner.arrays import BoolArray
 from planner.gap.campaign import Campaign
 from planner.gap.conditions import TOLERANCES, levels
+from planner.gap.specimen import Specimen
 
 __all__ = ["Fold", "folds_of"]
 
@@ -14,14 +15,21 @@ Fold = tuple[str, BoolArray]
 """What is left out, in words, and the specimens, (n,)."""
 
 _CATEGORIES = ("orientation", "protocol", "batch", "material")
+_REPEATED = ("batch",)
+"""Columns whose levels repeat one another, so that two of them are enough."""
+
+LEAST_LEVELS = 3
 MOST_FOLDS = 16
+REPLICATE_FOLDS = 4
 LARGEST_SHARE = 0.5
 
 
 def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
     """Return the folds: each level of each column that leaves most specimens in, once.
 
-    Where nothing varies, replicates are left out one at a time; with one specimen there is no fold.
+    A column with two levels is left as it is: without one of them nothing could be learned of the
+    other. Where no fold holds out a specimen, replicates are left out one at a time; with one
+    specimen there is no fold.
     """
     specimens = campaign.specimens
     n = len(specimens)
@@ -34,17 +42,28 @@ def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
     for name in _CATEGORIES:
         columns[name] = tuple(getattr(s, name) for s in specimens)
     for name, cells in columns.items():
-        for level in dict.fromkeys(cells):
+        known = [c for c in dict.fromkeys(cells) if c is not None]
+        if len(known) < LEAST_LEVELS and name not in _REPEATED:
+            continue
+        for level in known:
             out = np.array([c == level for c in cells])
-            if level is None or not 0 < out.sum() <= LARGEST_SHARE * n:
+            if not 0 < out.sum() <= LARGEST_SHARE * n or out.tobytes() in seen:
                 continue
-            if out.tobytes() not in seen:
-                seen.add(out.tobytes())
-                found.append((name, out))
-    if not found and n > 1:
-        found = [("specimen", np.arange(n) == k) for k in range(min(n, MOST_FOLDS))]
+            seen.add(out.tobytes())
+            found.append((name, out))
+    held = np.any([out for _, out in found], axis=0) if found else np.zeros(n, dtype=bool)
+    if n > 1 and not held.all():
+        found += _replicates(specimens, held)
     # Evenly chosen where there are many, so that every column keeps some.
     if len(found) > MOST_FOLDS:
         chosen = np.linspace(0, len(found) - 1, MOST_FOLDS).round().astype(int)
         found = [found[k] for k in chosen.tolist()]
     return tuple(found)
+
+
+def _replicates(specimens: Sequence[Specimen], held: BoolArray) -> list[Fold]:
+    """Return folds over specimens that no other fold holds out, a few at a time."""
+    rest = np.flatnonzero(~held)
+    count = min(len(rest), REPLICATE_FOLDS if held.any() else MOST_FOLDS)
+    order = np.arange(len(specimens))
+    return [("specimen", np.isin(order, rest[k::count])) for k in range(count)]

@@ -3,9 +3,14 @@
 Whatever a form changes, it may change some more on one branch of the path, at one level of a
 covariate, in one material. Without this, the least misfit of a strong effect's form would be taken
 for a second effect.
+
+What belongs to the test (geometry, boundary, sensor) departs along the path alone: grips do not
+know how warm it is. A form that could depart at every level of every covariate would explain
+anything, if only it is large enough.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
@@ -13,12 +18,13 @@ import scipy.linalg
 from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
 from planner.gap.conditions import TOLERANCES, levels
+from planner.gap.effects.effect import Stage
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.weights import node_weights
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.noise import SpecimenNoise
 
-__all__ = ["discrepancy_factors", "discrepancy_patterns"]
+__all__ = ["Factors", "discrepancy_factors", "discrepancy_patterns"]
 
 SD = 0.15
 """Of an effect's size from branch to branch and from level to level."""
@@ -35,43 +41,67 @@ TEST_SD = 0.06
 _LEVELS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "thickness_mm", "width_mm")
 
 
-def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> FloatArray:
-    """Return what multiplies an effect's change of the figures, (N, k), of prior deviation 1."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Factors:
+    """What multiplies an effect's change of the figures, of prior deviation 1.
+
+    Attributes
+    ----------
+    path : (N, k)
+        Along each test's path.
+    conditions : (N, m)
+        From condition to condition, material to material.
+    """
+
+    path: FloatArray
+    conditions: FloatArray
+
+    def of(self, stage: Stage) -> FloatArray:
+        """Return those of an effect of a stage."""
+        if stage in ("composition", "law"):
+            return np.concatenate([self.path, self.conditions], axis=1)
+        return self.path
+
+
+def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
+    """Return what any effect's form may depart by in a campaign."""
     specimens = campaign.specimens
-    columns: list[FloatArray] = [SD * (table.branch == k) for k in range(len(BRANCHES))]
+    path: list[FloatArray] = [SD * (table.branch == k) for k in range(len(BRANCHES))]
     peak = np.zeros(len(specimens))
     np.maximum.at(peak, table.specimen, table.strain)
     travel = 2.0 * table.strain / np.maximum(peak[table.specimen], 1e-12) - 1.0
-    columns += [COURSE_SD * travel * (table.branch == k) for k in range(len(BRANCHES))]
-    columns.append(COURSE_SD * (2.0 * travel**2 - 1.0))
+    path += [COURSE_SD * travel * (table.branch == k) for k in range(len(BRANCHES))]
+    path.append(COURSE_SD * (2.0 * travel**2 - 1.0))
     hold = table.branch == BRANCHES.index("hold")
     if hold.any():
         decades = np.log10(np.maximum(table.time_s, 0.1) / 10.0)
-        columns += [COURSE_SD * hold * decades, COURSE_SD * hold * (decades**2 - 0.5)]
+        path += [COURSE_SD * hold * decades, COURSE_SD * hold * (decades**2 - 0.5)]
+    for test in np.unique(table.test).tolist():
+        of_test = table.test == test
+        path += [
+            TEST_SD * (of_test & (table.branch == k))
+            for k in np.unique(table.branch[of_test]).tolist()
+        ]
     cells: list[tuple[float, Sequence[object]]] = [
         (SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
     ]
     pieces = [s.material if s.profile is None else s.profile.name for s in specimens]
     cells += [(MATERIAL_SD, pieces), (SD, [s.orientation for s in specimens])]
+    conditions: list[FloatArray] = []
     for sd, cell in cells:
         distinct = list(dict.fromkeys(cell))
         if 1 < len(distinct) <= 8:
             for value in distinct:
                 of_it = np.array([c == value for c in cell])
-                columns.append(sd * of_it[table.specimen])
-    for test in np.unique(table.test).tolist():
-        of_test = table.test == test
-        columns += [
-            TEST_SD * (of_test & (table.branch == k))
-            for k in np.unique(table.branch[of_test]).tolist()
-        ]
-    return np.stack(columns, axis=1)
+                conditions.append(sd * of_it[table.specimen])
+    none = np.zeros((len(table), 0))
+    return Factors(np.stack(path, axis=1), np.stack(conditions, axis=1) if conditions else none)
 
 
 def discrepancy_patterns(
     candidate: Candidate,
     node_figures: FloatArray,
-    factors: FloatArray,
+    factors: Factors,
     noise: SpecimenNoise,
     table: FeatureTable,
 ) -> tuple[FloatArray, FloatArray]:
@@ -84,7 +114,7 @@ def discrepancy_patterns(
     for branch, place in zip(candidate.branches, candidate.places, strict=True):
         nodes = slice(branch.first, branch.first + branch.nodes)
         change = (node_weights(branch, place) @ node_figures[nodes])[:, None]
-        form.append(change * factors)
+        form.append(change * factors.of(branch.effect.stage))
         cv = branch.effect.individual
         if cv > 0.0:
             own.append(cv * change * (table.specimen[:, None] == np.unique(table.specimen)))

@@ -8,7 +8,7 @@ import numpy as np
 from planner.arrays import FloatArray, IntArray
 from planner.gap.campaign import Campaign
 from planner.gap.effects.effect import Effect
-from planner.gap.evidence.discrepancy import discrepancy_factors
+from planner.gap.evidence.discrepancy import Factors, discrepancy_factors
 from planner.gap.evidence.gram import Whitened, whiten
 from planner.gap.evidence.nodes import Branch, branches_of
 from planner.gap.evidence.unknown import UnknownAxis, claimed_axes, unknown_axes
@@ -47,8 +47,8 @@ class Problem:
         Change of the transformed figures at each node.
     calibration_figures : (q, N)
         Columns of the laws' calibration.
-    factors : (N, k)
-        What an effect's form may depart by, see `discrepancy_factors`.
+    factors
+        What an effect's form may depart by.
     """
 
     campaign: Campaign
@@ -63,7 +63,7 @@ class Problem:
     node_figures: FloatArray
     calibration_figures: FloatArray
     whitened: Whitened
-    factors: FloatArray
+    factors: Factors
     unknown: tuple[UnknownAxis, ...]
     first_unknown: int
 
@@ -145,8 +145,9 @@ def set_up(
          field_columns(table, unpredicted, sensitivity)], axis=1,
     )  # fmt: skip
     calibration = np.concatenate([calibration, courses], axis=1)
-    unknown = unknown_axes(campaign, table, sensitivity, claimed_axes(effects))
-    gains = np.where(table.branch != _FIELD, sensitivity, 0.0)[:, None] * (
+    chord = table.chord(unpredicted)
+    unknown = unknown_axes(campaign, table, chord, claimed_axes(effects))
+    gains = np.where(table.branch != _FIELD, chord, 0.0)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )
     columns = np.concatenate(

@@ -17,7 +17,7 @@ from planner.gap.specimen import Specimen
 
 __all__ = ["AMPLITUDES", "UnknownAxis", "claimed_axes", "unknown_axes"]
 
-AMPLITUDES = (0.03, 0.1, 0.3)
+AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 """Standard deviations of an unknown pattern, of the logarithm of force."""
 
 NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",

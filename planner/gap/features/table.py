@@ -14,6 +14,12 @@ end of a loading; "field" is strain along a bar, from image correlation, during 
 """
 
 
+CLEAR = 5.0
+"""Of the floor: above it a figure is not noise."""
+
+_SAME = 1e-3
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureTable:
     """N figures of all specimens, ordered by specimen.
@@ -73,3 +79,19 @@ class FeatureTable:
         """Return the derivative of `transformed` by the logarithm of its argument."""
         half = raw / (2.0 * self.floor)
         return half / np.sqrt(1.0 + half**2)
+
+    def chord(self, raw: FloatArray) -> FloatArray:
+        """Return the mean of `sensitivity` from `raw` to what was measured.
+
+        With it a factor on forces is a constant times the chord, however large the factor. Where
+        either is in the noise, or their signs differ, it is the larger one's sensitivity.
+        """
+        measured = self.measured_raw
+        larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
+        found = self.sensitivity(larger)
+        clear = np.minimum(np.abs(measured), np.abs(raw)) > CLEAR * self.floor
+        clear &= np.sign(measured) == np.sign(raw)
+        ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
+        clear &= np.abs(ratio) > _SAME
+        rise = self.measured - self.transformed(raw)
+        return np.asarray(np.divide(rise, ratio, out=found, where=clear))
