@@ -1,0 +1,94 @@
+"""The scatter between specimens made alike is estimated right, and whitening takes it out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.forward.mount import mount
+from planner.gap.noise.estimate import USUAL
+
+
+def ready(campaign) -> Problem:
+    return set_up(campaign, mount(campaign), ())
+
+
+@pytest.fixture(scope="module")
+def cells(planned):
+    """Two materials at two rates, four of each in two batches."""
+    return planned(4, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.85, 8.5])
+
+
+@pytest.mark.parametrize("scatter", [0.012, 0.03, 0.08])
+def test_a_known_scatter_is_estimated(cells, imitated, scatter: float) -> None:
+    """Twelve degrees of freedom: each estimate within three of its own errors of 20 %.
+
+    Over three seeds their mean is within three of its own, of 12 %.
+    """
+    found = [ready(imitated(cells, seed=s, scatter=scatter)).scatter for s in range(3)]
+    logs = np.log([f.specimen / scatter for f in found])
+    assert np.abs(logs).max() < 0.6
+    assert abs(logs.mean()) < 0.36
+    assert all(f.degrees_of_freedom == 12 for f in found)
+    assert all(f.log_sd < 0.2 for f in found)
+
+
+def test_a_hidden_effect_is_no_scatter(cells, imitated) -> None:
+    """Replicates share it: to 5 %, for forces that rise above their floor."""
+    plain = imitated(cells, seed=2)
+    hidden = tuple(
+        replace(s, force_N=1.7 * s.force_N) if s.rate_mm_s == 8.5 else s for s in plain.specimens
+    )
+    one, two = (ready(c).scatter for c in (plain, replace(plain, specimens=hidden)))
+    assert two.specimen == pytest.approx(one.specimen, rel=0.05)
+
+
+def test_without_replicates_the_scatter_is_the_usual_and_uncertain(planned, imitated) -> None:
+    singles = planned(material=["TangoPlus", "FLX9760"], rate_mm_s=[0.85, 8.5])
+    scatter = ready(imitated(singles, scatter=0.09)).scatter
+    assert scatter == replace(USUAL, degrees_of_freedom=0)
+
+
+def test_two_replicates_say_what_they_can(planned, imitated) -> None:
+    """One difference: between what it shows and the usual, and hardly less uncertain."""
+    pair = planned(2, batches=1, material=["FLX9760"])
+    for scatter in (0.01, 0.08):
+        found = ready(imitated(pair, scatter=scatter, seed=5)).scatter
+        assert found.degrees_of_freedom == 1
+        assert 0.3 < found.log_sd < USUAL.log_sd
+        assert 0.008 < found.specimen < 0.09
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int) -> None:
+    """Differences of residuals of one batch's pairs: chi-square, in an interval of 1 in 10 000.
+
+    The scatter was estimated from them and the prior expects the usual: 15 % are added.
+    """
+    problem = ready(imitated(cells, seed=seed))
+    white = problem.whitened.columns[:, 0]
+    squares, count = 0.0, 0
+    for members in problem.mounted.tests:
+        first = [problem.whitened.first_row[m] for m in members]
+        size = int(problem.whitened.first_row[members[0] + 1] - first[0])
+        # Four a test, in two batches in turn.
+        for a, b in ((0, 2), (1, 3)):
+            d = white[first[a] : first[a] + size] - white[first[b] : first[b] + size]
+            squares, count = squares + 0.5 * float(d @ d), count + size
+    low, high = chi2.ppf([5e-5, 1.0 - 5e-5], count)
+    assert 0.85 * low < squares < 1.15 * high
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed: int) -> None:
+    """With calibration and batches integrated over: no larger than noise; laws are exact here.
+
+    So nuisances only take away, at most one square each.
+    """
+    problem = ready(imitated(cells, seed=seed))
+    left = float(problem.whitened.gram().eliminate().products[0, 0])
+    count = len(problem.table)
+    assert 0.85 * chi2.ppf(5e-5, count - problem.whitened.nuisances) < left
+    assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)

@@ -1,0 +1,84 @@
+"""From evidence to probabilities and a verdict."""
+
+import numpy as np
+import pytest
+
+from planner.gap.evidence.gram import Elimination
+from planner.gap.evidence.posterior import UNKNOWN, posterior, verdict_of
+from planner.gap.evidence.weigh import Weighed
+
+RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
+PRIOR = {
+    ((), ""): np.log(0.6), (RATE, ""): np.log(0.1), (SLIP, ""): np.log(0.1),
+    (BOTH, ""): np.log(0.02), ((), "operator"): np.log(0.1), (RATE, "operator"): np.log(0.01),
+}  # fmt: skip
+
+
+def weighed(evidence: dict[tuple[tuple[str, ...], str], float], coarse: float = 400.0) -> Weighed:
+    result = Weighed(Elimination(np.zeros((1, 1)), 0.0), coarse)
+    for (effects, axis), value in evidence.items():
+        result.add(effects, axis, PRIOR[effects, axis], value)
+    return result
+
+
+def evidence_of(seed: int, size: float) -> dict[tuple[tuple[str, ...], str], float]:
+    rng = np.random.default_rng(seed)
+    return {key: float(size * rng.standard_normal()) for key in PRIOR} | {((), ""): 0.0}
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("size", [0.0, 3.0, 50.0, 5000.0])
+def test_probabilities_sum_to_one_and_the_best_is_the_verdict(seed: int, size: float) -> None:
+    runs = [weighed(evidence_of(s, size)).log_odds for s in (seed, seed + 10)]
+    ranking = posterior(runs)
+    assert sum(h.probability for h in ranking) == pytest.approx(1.0, abs=1e-12)
+    assert all(0.0 <= h.with_unknown <= 1.0 + 1e-12 for h in ranking)
+    values = [h.probability for h in ranking]
+    assert values == sorted(values, reverse=True)
+    assert verdict_of(ranking) == ranking[0].effects
+    # An unknown beside effects goes with these, one alone is a hypothesis of its own.
+    assert {h.effects for h in ranking} == {(), RATE, SLIP, BOTH, UNKNOWN}
+
+
+def test_without_evidence_the_prior_stands() -> None:
+    ranking = {h.effects: h for h in posterior([weighed(dict.fromkeys(PRIOR, 0.0)).log_odds])}
+    total = sum(np.exp(v) for v in PRIOR.values())
+    assert ranking[()].probability == pytest.approx(0.6 / total)
+    assert ranking[RATE].probability == pytest.approx(0.11 / total)
+    assert ranking[RATE].with_unknown == pytest.approx(1.0 / 11.0)
+    assert ranking[UNKNOWN].probability == pytest.approx(0.1 / total)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("coarse", [10.0, 400.0, 1e9])
+def test_coarsening_keeps_the_order_and_never_sharpens(seed: int, coarse: float) -> None:
+    values = evidence_of(seed, 300.0)
+    odds = weighed(values, coarse).log_odds
+    gains = {key: odds[key] - PRIOR[key] for key in PRIOR}
+    assert sorted(gains, key=lambda k: gains[k]) == sorted(values, key=lambda k: values[k])
+    assert all(abs(gains[key]) <= abs(values[key]) + 1e-9 for key in PRIOR)
+    assert gains[(), ""] == 0.0
+
+
+def test_little_evidence_is_hardly_coarsened() -> None:
+    """Ten nats of 400 lose a fortieth."""
+    odds = weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 10.0}).log_odds
+    assert odds[RATE, ""] - PRIOR[RATE, ""] == pytest.approx(10.0 / 1.025)
+
+
+def test_more_evidence_is_more_probability() -> None:
+    shares = []
+    for gain in (0.0, 2.0, 10.0, 100.0, 1e3, 1e5):
+        ranking = posterior([weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): gain}).log_odds])
+        shares.append(next(h.probability for h in ranking if h.effects == RATE))
+    assert np.all(np.diff(shares) >= 0.0)
+    assert shares[2] > 0.99
+
+
+def test_adding_evidence_adds_probabilities_not_logarithms() -> None:
+    """Two forms of one effect, each of prior one half, are worth their mean."""
+    result = weighed({((), ""): 0.0})
+    for value in (3.0, 5.0):
+        result.add(RATE, "", PRIOR[RATE, ""], value + float(np.log(0.5)))
+    expected = np.log(0.5 * (np.exp(3.0) + np.exp(5.0)))
+    assert result.log_evidence[RATE, ""] == pytest.approx(expected)
