@@ -26,6 +26,8 @@ def detectable_sizes(
     up for the prior odds against it and the width of its prior; shapes are at their middle.
     """
     ids = tuple(dict.fromkeys(b.effect.id for b in problem.branches))
+    if not ids:
+        return ()
     needed = float(np.log(priors.none * len(ids) / priors.single)) + WIDTH_NATS
     found = []
     for id in ids:

@@ -1,0 +1,150 @@
+"""The whole diagnosis of campaigns that planner itself makes: what it says, and that it repeats it.
+
+Probabilities are held against one half and four fifths only: how sure it is, is for the withheld
+check to say.
+"""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.errors import UnknownNameError
+from planner.gap.campaign_writer import write_campaign
+from planner.gap.diagnose import diagnose
+from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis_json import encode_diagnosis
+from planner.gap.effects import EFFECTS
+
+SURE = 0.8
+
+
+def test_nothing_is_none(of_nothing: Diagnosis) -> None:
+    assert of_nothing.verdict == "none"
+    assert of_nothing.ranking[0].probability > 0.5
+    assert of_nothing.effect == ()
+    assert of_nothing.remainder == ()
+    assert of_nothing.ok
+
+
+@pytest.mark.parametrize("seed", range(2, 5))
+def test_other_draws_of_nothing_name_nothing(rates, imitated, seed: int) -> None:
+    assert diagnose(imitated(rates, seed=seed)).verdict == "none"
+
+
+def test_rate_is_rate(of_rate: Diagnosis) -> None:
+    """Its size to three errors of 18 specimens' 3 % over two decades, twice for departing forms."""
+    assert of_rate.verdict == "rate"
+    assert of_rate.ranking[0].probability > 0.5
+    assert of_rate.same_class[0] == ("rate",)
+    assert of_rate.where[0].axis == "rate_mm_s"
+    (effect,) = of_rate.effect
+    assert effect.id == "rate"
+    if effect.form == "power-law":
+        assert effect.parameters["rise"] == pytest.approx(0.12, abs=0.03)
+    for name, (low, high) in effect.interval.items():
+        assert low <= effect.parameters[name] <= high
+    assert not of_rate.ok
+
+
+def test_temperature_is_not_rate(planned, imitated) -> None:
+    plan = planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.85, 8.5],
+                   temperature_C=[23.0, 38.0])  # fmt: skip
+    found = diagnose(imitated(plan, "temperature:slope=0.04"))
+    assert found.verdict == "temperature"
+    assert found.where[0].axis == "temperature_C"
+
+
+def test_what_goes_together_is_told_as_one_class(planned, imitated) -> None:
+    """All hot specimens were pulled fast: temperature slower by as much would look the same."""
+    plan = planned(
+        more=[
+            {"material": m, "rate_mm_s": r, "temperature_C": t}
+            for m in ("TangoPlus", "FLX9760")
+            for r, t in ((0.085, 38.0), (0.85, 23.0))
+            for _ in range(4)
+        ]
+    )
+    found = diagnose(imitated(plan, "rate:rise=0.3,form=power-law"))
+    named = {id for effects in found.same_class for id in effects}
+    assert {"rate", "temperature"} <= named
+    assert max(h.probability for h in found.ranking) < SURE
+
+
+def test_probabilities_are_of_everything_weighed(of_rate: Diagnosis, of_nothing: Diagnosis) -> None:
+    for found in (of_rate, of_nothing):
+        total = sum(h.probability for h in found.ranking)
+        assert 0.95 < total <= 1.0 + 1e-9  # twelve are told
+        assert found.ranking[0].effects == found.same_class[0]
+        assert found.verdict == "+".join(found.ranking[0].effects)
+
+
+def test_an_effect_without_its_covariate_is_not_testable(of_rate: Diagnosis) -> None:
+    reasons = {u.id: u.reason for u in of_rate.not_testable}
+    for id, says in (
+        ("temperature", "temperature_C was 23 in all specimens"),
+        ("moisture", "soak_h"),
+        ("softening", "no specimen was unloaded"),
+        ("interface-bleed", "no graded bar"),
+    ):
+        assert says in reasons[id]
+    assert "rate" not in reasons
+    named = {id for h in of_rate.ranking for id in h.effects}
+    assert not named & set(reasons)
+
+
+def test_an_effect_taken_out_is_missed_and_not_replaced(rate_campaign) -> None:
+    found = diagnose(rate_campaign, without=["rate"])
+    assert all("rate" not in h.effects for h in found.ranking)
+    if found.verdict not in ("unknown", "none"):
+        assert found.ranking[0].probability < SURE
+    assert found.where[0].axis == "rate_mm_s"
+    assert not found.ok
+
+
+def test_without_takes_effects_that_there_are(rate_campaign) -> None:
+    with pytest.raises(UnknownNameError, match=r"--without rat: no such effect; did you mean rate"):
+        diagnose(rate_campaign, without=["rat"])
+
+
+def test_without_everything_there_is_still_a_diagnosis(rate_campaign, rates, imitated) -> None:
+    assert diagnose(imitated(rates), without=list(EFFECTS)).verdict == "none"
+    assert diagnose(rate_campaign, without=list(EFFECTS)).verdict == "unknown"
+
+
+def test_progress_is_told(rate_campaign, of_rate: Diagnosis) -> None:
+    calls: list[tuple[int, int, str]] = []
+    found = diagnose(rate_campaign, progress=lambda *call: calls.append(call))
+    assert {what for _, _, what in calls} == {"forward model", "held-out conditions"}
+    assert all(0 <= done <= total for done, total, _ in calls)
+    assert encode_diagnosis(found) == encode_diagnosis(of_rate)
+
+
+def test_the_order_of_specimens_does_not_matter(rate_campaign, of_rate: Diagnosis) -> None:
+    """To 1 %: sums are taken in another order, and searches stop at 2e-4 of a range."""
+    turned = replace(rate_campaign, specimens=rate_campaign.specimens[::-1])
+    found = diagnose(turned)
+    assert found.verdict == of_rate.verdict
+    assert found.ranking[0].probability == pytest.approx(of_rate.ranking[0].probability, rel=0.01)
+    assert found.gap.before == pytest.approx(of_rate.gap.before, rel=0.01)
+
+
+def test_another_process_and_other_threads_give_the_same_bytes(
+    rate_campaign, tmp_path: Path
+) -> None:
+    write_campaign(rate_campaign, tmp_path / "lab")
+    command = [sys.executable, "-m", "planner", "gap", "diagnose", "lab", "--json"]
+    found = []
+    for threads in ("1", "2"):
+        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
+        environment = {**os.environ, **dict.fromkeys(names, threads)}
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (1, b"")
+        found.append(done.stdout)
+    assert found[0] == found[1]
+    assert b'"verdict": "rate"' in found[0]
