@@ -33,6 +33,7 @@ _QUANTITIES = {
     "age": "age_days",
 }
 _UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
+_PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
 
 def check_headings(rows: Sequence[Row], where: str) -> Iterator[str]:
@@ -80,6 +81,9 @@ def _quantity(heading: str) -> str | None:
     name = bracketed[1] if bracketed else heading
     words = re.sub(r"[\s_]+", " ", name).strip().casefold()
     stem, _, unit = words.rpartition(" ")
+    speed = _PER_TIME.fullmatch(words)
+    if speed is not None and speed[1] in _QUANTITIES:
+        return _QUANTITIES[speed[1]]
     return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
 
 
