@@ -14,12 +14,13 @@ from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.posterior import UNKNOWN
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Weighed
+from planner.gap.evidence.weights import figures_of
 from planner.gap.experiments.candidates import Trial, trial_campaign, trials_of
 from planner.gap.forward import predict
 from planner.gap.forward.mount import mount
 from planner.gap.noise import calibration_columns, specimen_noise
 from planner.gap.noise.blocks import place_on_path
-from planner.gap.noise.calibration import calibrations, step
+from planner.gap.noise.calibration import Calibration, calibrations, step
 
 __all__ = ["next_experiments"]
 
@@ -51,7 +52,8 @@ def next_experiments(
     trials = trials_of(problem.campaign, problem.mounted.setup)
     means, covariances = _predicted(problem, candidates, trials)
     found = []
-    noise = rng.standard_normal((len(known) * DRAWS, 64))
+    widest = max(mean.shape[1] for mean in means)
+    noise = rng.standard_normal((len(known) * DRAWS, widest))
     for trial, mean, covariance in zip(trials, means, covariances, strict=True):
         gain, distance = _information(mean, covariance, share, noise)
         splits = sorted(
@@ -82,6 +84,8 @@ def _predicted(
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
+    known, sizes = _known_laws(problem, candidates, ways)
+    learned = figures[1 + len(ways) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.mounted.sensor_sd_N)))
     path = place_on_path(table, mounted.setup.time_s.shape[1] - 1)
     noise = specimen_noise(
@@ -91,9 +95,38 @@ def _predicted(
     means, covariances = [], []
     for place in range(len(trials)):
         rows = noise.rows[by_specimen[place]]
-        means.append(figures[1 + len(ways) :, rows])
-        covariances.append(noise.blocks[by_specimen[place]] + shared[rows] @ shared[rows].T)
+        means.append(learned[:, rows])
+        own = noise.blocks[by_specimen[place]]
+        covariances.append(own + shared[rows] @ known @ shared[rows].T)
     return means, covariances
+
+
+def _known_laws(
+    problem: Problem, candidates: Sequence[Candidate], ways: Sequence[Calibration]
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the campaign has taught about the trials' ways of being off.
+
+    Materials that it tested are known much better than the palette says, and each hypothesis has
+    its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
+    """
+    white = problem.whitened
+    kept = white.columns.shape[1] - white.nuisances
+    j = white.columns[:, kept:]
+    inverse = np.linalg.inv(j.T @ j + np.eye(j.shape[1]))
+    by_name = {(way.material, way.kind): k for k, way in enumerate(problem.ways) if way.material}
+    pairs = [(k, by_name.get((way.material, way.kind))) for k, way in enumerate(ways)]
+    at = [k for k, of in pairs if of is not None]
+    taken = [of for _, of in pairs if of is not None]
+    known = np.eye(len(ways))
+    known[np.ix_(at, at)] = inverse[np.ix_(taken, taken)]
+    sizes = np.zeros((len(candidates), len(ways)))
+    nodes = white.columns[:, problem.nodes]
+    for row, candidate in zip(sizes, candidates, strict=True):
+        left = white.columns[:, 0] - figures_of(candidate, nodes.T)
+        if candidate.members is not None:
+            left -= white.columns[:, problem.gains] @ (candidate.log_gain * candidate.members)
+        row[at] = (inverse @ (j.T @ left))[taken]
+    return known, sizes
 
 
 def _information(
@@ -104,11 +137,12 @@ def _information(
     white = scipy.linalg.solve_triangular(factor, mean.T, lower=True).T
     distance = np.sqrt(np.sum((white[:, None] - white[None]) ** 2, axis=2))
     count, d = white.shape
-    drawn = np.repeat(white, DRAWS, axis=0) + np.tile(noise, (1, d // noise.shape[1] + 1))[:, :d]
+    drawn = np.repeat(white, DRAWS, axis=0) + noise[:, :d]
     log = -0.5 * np.sum((drawn[:, None] - white[None]) ** 2, axis=2) + np.log(share)
     own = log[np.arange(count * DRAWS), np.repeat(np.arange(count), DRAWS)]
     gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), DRAWS)
-    return float(np.repeat(share, DRAWS) @ gain / DRAWS), distance
+    # Of a sample it may come out below nought, which information is not.
+    return max(float(np.repeat(share, DRAWS) @ gain / DRAWS), 0.0), distance
 
 
 def _name(hypothesis: Hypothesis) -> str:

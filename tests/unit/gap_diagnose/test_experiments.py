@@ -1,0 +1,90 @@
+"""Which test to do next: what it is expected to tell."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
+from planner.gap.effects import EFFECTS
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.experiments import next_experiments
+from planner.gap.forward.mount import mount
+
+
+@pytest.fixture(scope="module")
+def problem(planned, imitated) -> Problem:
+    campaign = imitated(planned(2, material=["TangoPlus", "FLX9760"]))
+    effects = [EFFECTS[id] for id in ("rate", "temperature")]
+    return set_up(campaign, mount(campaign), effects)
+
+
+def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:
+    branch = next(b for b in problem.branches if (b.effect.id, b.form.name) == (effect, form))
+    return Candidate((effect,), (branch,), ((s, *[0.0] * branch.shapes),))
+
+
+def asked(problem: Problem, *candidates: Candidate, seed: int = 0) -> tuple[Experiment, ...]:
+    share = 1.0 / len(candidates)
+    ranking = [Hypothesis(c.effects, share) for c in candidates]
+    weighed = SimpleNamespace(best={c.effects: c for c in candidates})
+    return next_experiments(problem, weighed, ranking, np.random.default_rng(seed))  # type: ignore[arg-type]
+
+
+def test_what_predicts_alike_is_not_told_apart(problem: Problem) -> None:
+    """By no test: the information is nought, to rounding."""
+    one = candidate(problem, "rate", "power-law", 0.5)
+    other = replace(one, effects=("temperature",))
+    for experiment in asked(problem, one, other):
+        assert experiment.expected_gain_nats == pytest.approx(0.0, abs=1e-9)
+        assert experiment.splits == ()
+
+
+def test_a_clear_split_is_worth_the_odds_and_no_more(problem: Problem) -> None:
+    """Half and half: ln 2, to 1 % where hypotheses lie many deviations apart."""
+    none, rate = Candidate(()), candidate(problem, "rate", "power-law", 0.9)
+    best = asked(problem, none, rate)[0]
+    assert "rate_mm_s" in best.change
+    assert best.expected_gain_nats == pytest.approx(np.log(2.0), rel=0.01)
+    assert best.splits == (("none", "rate"),)
+
+
+def test_two_effects_are_split_along_their_own_columns(problem: Problem) -> None:
+    rate = candidate(problem, "rate", "power-law", 0.9)
+    temperature = candidate(problem, "temperature", "exponential", 0.9)
+    found = asked(problem, rate, temperature)
+    assert {"rate_mm_s", "temperature_C"} & set(found[0].change)
+    assert found[0].splits == (("rate", "temperature"),)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_information_is_within_its_bounds_and_the_best_comes_first(
+    problem: Problem, seed: int
+) -> None:
+    """From 0 to ln of the number of hypotheses, sorted by what an hour yields."""
+    candidates = [
+        Candidate(()),
+        candidate(problem, "rate", "power-law", 0.3),
+        candidate(problem, "temperature", "exponential", 0.3),
+    ]
+    found = asked(problem, *candidates, seed=seed)
+    assert len(found) == 3
+    assert all(0.0 <= x.expected_gain_nats <= np.log(3.0) + 1e-9 for x in found)
+    hourly = [x.expected_gain_nats / x.hours for x in found]
+    assert hourly == sorted(hourly, reverse=True)
+    assert all(x.hours >= 0.5 for x in found)
+
+
+def test_a_lone_hypothesis_asks_for_nothing(problem: Problem) -> None:
+    assert asked(problem, Candidate(())) == ()
+
+
+def test_diagnoses_ask_for_three(of_rate: Diagnosis, of_nothing: Diagnosis) -> None:
+    for diagnosis in (of_rate, of_nothing):
+        assert len(diagnosis.next_experiments) == 3
+        for x in diagnosis.next_experiments:
+            assert 0.0 <= x.expected_gain_nats <= np.log(6.0)
+            assert x.change
+            assert x.detail
