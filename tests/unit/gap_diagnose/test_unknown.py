@@ -1,0 +1,73 @@
+"""Gaps that no effect of the library explains, and effects whose form is not exact."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.gap.campaign import Campaign
+from planner.gap.diagnose import diagnose
+
+LEVELS = {"Ann": 0.0, "Ben": 0.25, "Cy": -0.2, "Di": 0.1}
+
+
+@pytest.fixture(scope="module")
+def plan(planned) -> Campaign:
+    """Two materials at two rates, four of each."""
+    return planned(4, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.85, 8.5])
+
+
+def off(
+    campaign: Campaign, column: str, cells: Sequence[str | float], log_factors: Sequence[float]
+) -> Campaign:
+    """Return a campaign with a further column, and force off by it."""
+    specimens = tuple(
+        replace(s, covariates={column: cell}, force_N=s.force_N * float(np.exp(log)))
+        for s, cell, log in zip(campaign.specimens, cells, log_factors, strict=True)
+    )
+    return replace(campaign, specimens=specimens, covariates=(column,))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_gap_along_a_column_that_no_effect_claims(plan, imitated, seed: int) -> None:
+    """A tenth of the place on the tray per centimetre: found, not named as something else."""
+    place = np.random.default_rng(seed).permutation(np.linspace(0.0, 300.0, 16))
+    logs = 0.4 * (place / 150.0 - 1.0)
+    found = diagnose(off(imitated(plan, seed=seed), "tray_x_mm", place.tolist(), logs.tolist()))
+    assert found.verdict == "unknown"
+    assert found.where[0].axis == "tray_x_mm"
+    assert found.where[0].p < 0.01
+    assert found.effect == ()
+    assert found.gap.closed == 0.0
+    assert not found.ok
+    assert "tray_x_mm" in {p.axis for p in found.remainder}
+
+
+def test_a_gap_along_a_column_of_words(plan, imitated) -> None:
+    """Four operators with a level each."""
+    names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
+    found = diagnose(off(imitated(plan), "operator", names, [LEVELS[n] for n in names]))
+    assert found.verdict == "unknown"
+    assert found.where[0].axis == "operator"
+
+
+def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
+    names = np.random.default_rng(1).permutation(list(LEVELS) * 4).tolist()
+    found = diagnose(off(imitated(plan), "operator", names, [0.0] * 16))
+    assert found.verdict == "none"
+    assert all(p.p > 0.01 for p in found.where)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_form_that_departs_in_one_material_needs_no_second_effect(
+    plan, imitated, seed: int
+) -> None:
+    """Rate, 15 % more of it in one of two materials."""
+    one = imitated(plan, "rate:rise=0.20,form=power-law", seed=seed)
+    other = imitated(plan, "rate:rise=0.23,form=power-law", seed=seed)
+    mixed = tuple(
+        b if b.material == "FLX9760" else a
+        for a, b in zip(one.specimens, other.specimens, strict=True)
+    )
+    assert diagnose(replace(one, specimens=mixed)).verdict == "rate"
