@@ -5,16 +5,16 @@ was left out with the palette's own laws and that effect.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.arrays import FloatArray
+from planner.arrays import FloatArray, IntArray
 from planner.gap.closure_folds import Fold, folds_of
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.applied import specimen_forces_N
 from planner.gap.evidence.candidate import Candidate
-from planner.gap.evidence.posterior import UNKNOWN, posterior, verdict_of
+from planner.gap.evidence.posterior import UNKNOWN, posterior
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Effects, weigh
@@ -28,6 +28,12 @@ GENERIC_AMPLITUDES = (0.003, 0.01, 0.03, 0.1)
 
 RECALIBRATION_SD = 5.0
 """Base laws are refitted nearly freely: their stated deviation times this."""
+
+NONE, SINGLE, PAIR = 0.2, 0.7, 0.1
+"""Prior probabilities in the folds: that something is at work has been found already."""
+
+LEAST_PROBABILITY = 0.02
+"""Hypotheses below it do not take part in what is expected."""
 
 NEGATIVE = 1.05
 _FIELD = BRANCHES.index("field")
@@ -67,7 +73,8 @@ def closure(
     if not folds:
         figure = float(np.sqrt(before.mean()))
         return Gap(figure, None, None, None, None, None, None, "one specimen: nothing left out")
-    errors = _held_out(problem, priors, folds, peak, before, nothing, progress)
+    among = replace(priors, none=NONE, single=SINGLE, pair=PAIR)
+    errors = _held_out(problem, among, folds, peak, (plain, before), nothing, progress)
     some = np.isfinite(errors.before)
     rms = {
         name: float(np.sqrt(np.nanmean(getattr(errors, name)[some])))
@@ -77,10 +84,10 @@ def closure(
     closed = interval = None
     if floor_rms is not None and not nothing:
         closed = _closed(rms["before"], rms["after"], floor_rms)
-        interval = _interval(errors, floor, some, _batches(problem), rng)
+        interval = _interval(errors, floor, some, problem.mounted.test_of, rng)
     elif nothing:
         closed = 0.0
-    names = list(dict.fromkeys(name for name, _ in folds))
+    names = list(dict.fromkeys(fold.name for fold in folds))
     return Gap(
         before=rms["before"],
         after=rms["after"],
@@ -99,25 +106,21 @@ def _held_out(
     priors: Priors,
     folds: tuple[Fold, ...],
     peak: FloatArray,
-    before: FloatArray,
+    palette_alone: tuple[FloatArray, FloatArray],
     nothing: bool,
     progress: Callable[[int, int, str], None] | None,
 ) -> _Errors:
     measured = problem.mounted.measured_N
+    plain, before = palette_alone
     n = len(measured)
     totals = {name: np.zeros(n) for name in ("after", "recalibrated", "generic")}
     times = np.zeros(n)
-    for k, (_, out) in enumerate(folds):
+    for k, fold in enumerate(folds):
+        out = fold.judged
         if progress is not None:
             progress(k, len(folds), "held-out conditions")
-        weight = np.where(out, 0.0, 1.0)
-        chosen = Candidate(())
-        if not nothing:
-            weighed = weigh(problem, priors, weight, quick=True)
-            chosen = weighed.best[verdict_of(posterior([weighed.log_odds]))]
-        forces = specimen_forces_N(problem, _not_subset(chosen), problem.mounted.setup)
-        if chosen.members is not None:
-            forces = plain_with_subset(problem, chosen, forces)
+        weight = np.where(fold.out, 0.0, 1.0)
+        forces = plain if nothing else _expected(problem, priors, weight)
         totals["after"][out] += np.mean(((measured - forces) / peak) ** 2, axis=1)[out]
         setup = problem.mounted.setup
         for way, size in zip(problem.ways, _recalibration(problem, weight), strict=True):
@@ -134,6 +137,21 @@ def _held_out(
         totals["recalibrated"] / held,
         totals["generic"] / held,
     )
+
+
+def _expected(problem: Problem, priors: Priors, weight: FloatArray) -> FloatArray:
+    """Return forces expected from the weighted specimens: averaged over what may be the cause."""
+    weighed = weigh(problem, priors, weight, quick=True)
+    likely = [h for h in posterior([weighed.log_odds]) if h.probability > LEAST_PROBABILITY]
+    total = sum(h.probability for h in likely)
+    expected = np.zeros_like(problem.mounted.measured_N)
+    for h in likely:
+        chosen = weighed.best[h.effects]
+        forces = specimen_forces_N(problem, _not_subset(chosen), problem.mounted.setup)
+        if chosen.members is not None:
+            forces = plain_with_subset(problem, chosen, forces)
+        expected += h.probability / total * forces
+    return expected
 
 
 def _not_subset(candidate: Candidate) -> Candidate:
@@ -227,30 +245,23 @@ def _closed(before: float, after: float, floor: float) -> float | None:
     return 1.0 - (after - floor) / (before - floor)
 
 
-def _batches(problem: Problem) -> list[str | None]:
-    return [s.batch for s in problem.campaign.specimens]
-
-
 def _interval(
     errors: _Errors,
     floor: FloatArray | None,
     some: np.ndarray,
-    batches: list[str | None],
+    test_of: IntArray,
     rng: np.random.Generator,
 ) -> tuple[float, float] | None:
-    """Return the 90 % interval of the closure over resampled batches and specimens."""
+    """Return the 90 % interval of the closure over resampled tests.
+
+    Replicates of one test share most of what a model leaves: they are drawn together.
+    """
     assert floor is not None
-    names = list(dict.fromkeys(batches))
-    groups = [np.flatnonzero(some & np.array([b == name for b in batches])) for name in names]
-    groups = [g for g in groups if len(g)]
+    groups = [np.flatnonzero(some & (test_of == test)) for test in np.unique(test_of[some])]
     values = []
     for _ in range(RESAMPLES):
-        drawn = (
-            rng.integers(len(groups), size=len(groups)) if len(groups) > 2 else range(len(groups))
-        )
-        rows = np.concatenate(
-            [groups[g][rng.integers(len(groups[g]), size=len(groups[g]))] for g in drawn]
-        )
+        drawn = rng.integers(len(groups), size=len(groups))
+        rows = np.concatenate([groups[g] for g in drawn])
         if np.isnan(floor[rows]).all():
             continue
         value = _closed(

@@ -1,6 +1,7 @@
 """Which tests to leave out together, so that what is predicted is another condition."""
 
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,10 +12,28 @@ from planner.gap.specimen import Specimen
 
 __all__ = ["Fold", "folds_of"]
 
-Fold = tuple[str, BoolArray]
-"""What is left out, in words, and the specimens, (n,)."""
 
-_CATEGORIES = ("orientation", "protocol", "batch", "material")
+@dataclass(frozen=True, slots=True, eq=False)
+class Fold:
+    """What is left out.
+
+    Attributes
+    ----------
+    name
+        The column.
+    out : (n,)
+        Specimens that take no part.
+    judged : (n,)
+        Those of them whose direction and material some other specimen has: what is said of one
+        that was not tested is a guess.
+    """
+
+    name: str
+    out: BoolArray
+    judged: BoolArray
+
+
+_CATEGORIES = ("protocol", "batch")
 _REPEATED = ("batch",)
 """Columns whose levels repeat one another, so that two of them are enough."""
 
@@ -50,8 +69,10 @@ def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
             if not 0 < out.sum() <= LARGEST_SHARE * n or out.tobytes() in seen:
                 continue
             seen.add(out.tobytes())
-            found.append((name, out))
-    held = np.any([out for _, out in found], axis=0) if found else np.zeros(n, dtype=bool)
+            judged = _judged(specimens, out)
+            if judged.any():
+                found.append(Fold(name, out, judged))
+    held = np.any([f.judged for f in found], axis=0) if found else np.zeros(n, dtype=bool)
     if n > 1 and not held.all():
         found += _replicates(specimens, held)
     # Evenly chosen where there are many, so that every column keeps some.
@@ -66,4 +87,14 @@ def _replicates(specimens: Sequence[Specimen], held: BoolArray) -> list[Fold]:
     rest = np.flatnonzero(~held)
     count = min(len(rest), REPLICATE_FOLDS if held.any() else MOST_FOLDS)
     order = np.arange(len(specimens))
-    return [("specimen", np.isin(order, rest[k::count])) for k in range(count)]
+    outs = [np.isin(order, rest[k::count]) for k in range(count)]
+    return [Fold("specimen", out, out) for out in outs]
+
+
+def _judged(specimens: Sequence[Specimen], out: BoolArray) -> BoolArray:
+    judged = out.copy()
+    for name in ("orientation", "material"):
+        cells = [getattr(s, name) for s in specimens]
+        known = {cell for cell, left_out in zip(cells, out, strict=True) if not left_out}
+        judged &= np.array([cell in known for cell in cells])
+    return judged

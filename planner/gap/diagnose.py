@@ -16,7 +16,8 @@ from planner.gap.evidence.bootstrap import resampled_odds
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.detectable import detectable_sizes
 from planner.gap.evidence.intervals import found_effects
-from planner.gap.evidence.posterior import class_of, posterior, verdict_of
+from planner.gap.evidence.misfit import without_misfits
+from planner.gap.evidence.posterior import class_of, evened_out, posterior, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Effects, weigh
@@ -76,7 +77,8 @@ def _diagnose(
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     runs = [weighed.log_odds, *resampled_odds(problem, priors, weighed, rng)]
-    ranking = posterior(runs)
+    ranking = without_misfits(problem, weighed, posterior(runs))
+    ranking = evened_out(problem, weighed, ranking)
     verdict = verdict_of(ranking)
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal

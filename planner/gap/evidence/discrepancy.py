@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from planner.arrays import FloatArray
+from planner.arrays import FloatArray, IntArray
 from planner.gap.campaign import Campaign
 from planner.gap.conditions import TOLERANCES, levels
 from planner.gap.effects.effect import Stage
@@ -24,7 +24,7 @@ from planner.gap.evidence.weights import node_weights
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.noise import SpecimenNoise
 
-__all__ = ["Factors", "discrepancy_factors", "discrepancy_patterns"]
+__all__ = ["Departures", "Factors", "departures", "discrepancy_factors"]
 
 SD = 0.15
 """Of an effect's size from branch to branch and from level to level."""
@@ -98,26 +98,44 @@ def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
     return Factors(np.stack(path, axis=1), np.stack(conditions, axis=1) if conditions else none)
 
 
-def discrepancy_patterns(
+@dataclass(frozen=True, slots=True, eq=False)
+class Departures:
+    """Whitened patterns of prior deviation 1, at a candidate's place.
+
+    Attributes
+    ----------
+    columns : (N, k)
+        Those of specimens' own sizes first, then what forms may depart by.
+    own
+        How many are of specimens' own sizes.
+    branch : (k,)
+        Which of the candidate's branches each belongs to: it grows as that one's size.
+    """
+
+    columns: FloatArray
+    own: int
+    branch: IntArray
+
+
+def departures(
     candidate: Candidate,
     node_figures: FloatArray,
     factors: Factors,
     noise: SpecimenNoise,
     table: FeatureTable,
-) -> tuple[FloatArray, FloatArray]:
-    """Return whitened patterns of prior deviation 1, (N, k): of specimens' own sizes, of the form.
-
-    The first are those of effects whose size is each specimen's own, the second what a form may
-    depart by.
-    """
+) -> Departures:
+    """Return what a candidate may depart by."""
     own, form = [], []
-    for branch, place in zip(candidate.branches, candidate.places, strict=True):
+    of_own, of_form = [], []
+    for k, (branch, place) in enumerate(zip(candidate.branches, candidate.places, strict=True)):
         nodes = slice(branch.first, branch.first + branch.nodes)
         change = (node_weights(branch, place) @ node_figures[nodes])[:, None]
         form.append(change * factors.of(branch.effect.stage))
+        of_form.append(np.full(form[-1].shape[1], k))
         cv = branch.effect.individual
         if cv > 0.0:
             own.append(cv * change * (table.specimen[:, None] == np.unique(table.specimen)))
+            of_own.append(np.full(own[-1].shape[1], k))
     columns = np.concatenate([*own, *form], axis=1)
     white = np.empty_like(columns)
     for rows, factor in zip(noise.rows, noise.factors, strict=True):
@@ -125,4 +143,4 @@ def discrepancy_patterns(
             factor, columns[rows], lower=True, check_finite=False
         )
     count = sum(part.shape[1] for part in own)
-    return white[:, :count], white[:, count:]
+    return Departures(white, count, np.concatenate([*of_own, *of_form]).astype(np.int64))

@@ -1,6 +1,7 @@
 """From odds to probabilities, a verdict, and what the data cannot tell from it."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -12,12 +13,13 @@ from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Effects, Weighed
 from planner.gap.evidence.weights import node_weights
 
-__all__ = ["UNKNOWN", "class_of", "posterior", "signature_cosine", "verdict_of"]
+__all__ = ["UNKNOWN", "class_of", "evened_out", "posterior", "signature_cosine", "verdict_of"]
 
 UNKNOWN: Effects = ("unknown",)
 
 ALIKE_COSINE = 0.95
 ALIKE_NATS = 3.0
+SAME_COSINE = 0.99
 
 LogOdds = Mapping[tuple[Effects, str], float]
 
@@ -83,6 +85,34 @@ def class_of(
         if near:
             alike.append(h.effects)
     return tuple(alike)
+
+
+def evened_out(
+    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
+) -> tuple[Hypothesis, ...]:
+    """Return the ranking, the leading effect's probability shared with those that look the same.
+
+    Where patterns and fits are the same, what is left of evidence is how wide priors are, and the
+    data have no say in that: shares are by fit alone.
+    """
+    leading = ranking[0]
+    mine = weighed.best.get(leading.effects)
+    if len(leading.effects) != 1 or mine is None or mine.members is not None:
+        return tuple(ranking)
+    alike = [
+        h
+        for h in ranking
+        if len(h.effects) == 1
+        and (other := weighed.best.get(h.effects)) is not None
+        and other.members is None
+        and abs(other.gain - mine.gain) < ALIKE_NATS
+        and signature_cosine(problem, weighed, mine, other) > SAME_COSINE
+    ]
+    fits = np.array([weighed.best[h.effects].gain for h in alike])
+    shares = np.exp(fits - logsumexp(fits)) * sum(h.probability for h in alike)
+    changed = dict(zip([h.effects for h in alike], shares.tolist(), strict=True))
+    found = [replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking]
+    return tuple(sorted(found, key=lambda h: (-h.probability, h.effects)))
 
 
 def _combination(problem: Problem, candidate: Candidate) -> FloatArray:

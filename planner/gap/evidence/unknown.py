@@ -22,6 +22,9 @@ AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 
 NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",
            "gauge_mm")  # fmt: skip
+ANY = "any"
+"""All axes at once that effects claim: what is left when the right effect is not in the library."""
+
 CURVED = 0.4
 """Size of a course that bends or steps along a column, relative to a straight one's."""
 
@@ -87,7 +90,11 @@ def unknown_axes(
     places = _position_patterns(campaign, table, sensitivity)
     if places is not None:
         found.append(_axis("position", places, claimed))
-    return tuple(axis for axis in found if axis.columns.shape[1])
+    found = [axis for axis in found if axis.columns.shape[1]]
+    known = [axis.columns for axis in found if axis.claimed]
+    if len(known) > 1:
+        found.append(UnknownAxis(ANY, np.concatenate(known, axis=1), True))
+    return tuple(found)
 
 
 def claimed_axes(effects: Sequence[Effect]) -> frozenset[str]:

@@ -1,0 +1,69 @@
+"""Whether a named hypothesis fits at all: the best of several wrong ones is still wrong.
+
+The residual that is left, whitened by replicates' noise, the laws' uncertainty and what forms may
+depart by, has a mean square of 1 under the right hypothesis. One that leaves clearly more is no
+explanation, and its probability goes to the unknown.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.gap.diagnosis import Hypothesis
+from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.posterior import UNKNOWN
+from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.refine import Refiner
+from planner.gap.evidence.weigh import Weighed
+
+__all__ = ["misfit", "most", "without_misfits"]
+
+ALLOWED = 1.1
+"""Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
+do not exceed by more than chance."""
+
+DEVIATIONS = 2.5
+
+LEAST_PROBABILITY = 0.01
+"""Hypotheses below it are left as they are."""
+
+
+def misfit(problem: Problem, candidate: Candidate) -> float:
+    """Return the mean square of what a candidate leaves, 1 if it is right."""
+    gram = problem.whitened.gram()
+    if candidate.branches:
+        refiner = Refiner(problem, gram, candidate, None, unknown=True)
+        return min(refiner.left(e, candidate) for e in refiner.eliminate(1.0)) / gram.rows
+    products = gram.eliminate().products
+    vector = np.zeros(problem.gains.stop)
+    vector[0] = 1.0
+    if candidate.members is not None:
+        vector[problem.gains] = -candidate.log_gain * candidate.members
+    kept = products[: len(vector), : len(vector)]
+    return float(vector @ kept @ vector) / gram.rows
+
+
+def most(rows: float) -> float:
+    """Return the mean square that a right hypothesis hardly exceeds."""
+    return ALLOWED + DEVIATIONS * float(np.sqrt(2.0 / rows))
+
+
+def without_misfits(
+    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
+) -> tuple[Hypothesis, ...]:
+    """Return the ranking, the probability of named hypotheses that do not fit given to unknown."""
+    limit = most(problem.whitened.gram().rows)
+    kept, lost = [], 0.0
+    for h in ranking:
+        named = h.effects not in ((), UNKNOWN) and h.effects in weighed.best
+        doubtful = named and h.probability >= LEAST_PROBABILITY
+        if doubtful and misfit(problem, weighed.best[h.effects]) > limit:
+            lost += h.probability
+        else:
+            kept.append(h)
+    if not lost:
+        return tuple(ranking)
+    unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
+    kept = [h for h in kept if h.effects != UNKNOWN]
+    kept.append(Hypothesis(UNKNOWN, unknown, 0.0))
+    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
