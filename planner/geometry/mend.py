@@ -17,7 +17,7 @@ THIN_MM = LATTICE_MM / 4
 than the spacing of its values, so what is lower than this is worth a flip."""
 
 
-def flip_thin(vertices: Float32Array, faces: NDArray[np.int32]) -> None:
+def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = True) -> None:
     """Exchange, in place, the longest side of thin triangles where the neighbour gains by it.
 
     Parameters
@@ -25,7 +25,9 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32]) -> None:
     vertices : (n, 3) float32
         Positions in mm.
     faces : (m, 3) int32
-        A triangulation of flat regions.
+        A triangulation of flat regions, or of any surface.
+    flat : bool
+        Whether regions are flat: what a flip made may then be flipped again, thin or not.
     """
     a, b, c = vertices[faces].transpose(1, 0, 2).astype(np.float64)
     u, v = b - a, c - a
@@ -34,11 +36,11 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32]) -> None:
     doubled = (np.cross(u, v) ** 2).sum(axis=1)
     thin = np.flatnonzero(doubled < THIN_MM**2 * np.where(square > 0.0, square, 1.0))
     if len(thin):
-        _flip(vertices, faces, thin)
+        _flip(vertices, faces, thin, np.inf if flat else THIN_MM**2)
 
 
 @kernel
-def _flip(vertices: Any, faces: Any, thin: Any) -> Any:
+def _flip(vertices: Any, faces: Any, thin: Any, most: Any) -> Any:
     for _ in range(8):
         table, half = _half_edges(faces)
         moved = np.zeros(faces.shape[0], dtype=np.bool_)
@@ -55,6 +57,8 @@ def _flip(vertices: Any, faces: Any, thin: Any) -> Any:
                 if length > longest:
                     corner, longest = j, length
             a, b, c = faces[i, corner], faces[i, (corner + 1) % 3], faces[i, (corner + 2) % 3]
+            if squared_height(vertices, a, b, c) >= most:
+                continue
             other = half[_find(table, b, a)]
             if other < 0 or moved[other // 3]:
                 continue

@@ -11,6 +11,8 @@ from planner.errors import ArgumentError
 from planner.geometry.caps import caps
 from planner.geometry.cut import LATTICE_MM, divide, snap_distance_mm
 from planner.geometry.fields import Field, PlanarField
+from planner.geometry.level_sets.grid import default_pitch_mm
+from planner.geometry.level_sets.split_curved import split_curved
 from planner.geometry.mesh import Mesh, measure
 
 __all__ = ["Pieces", "piece_bounds_mm", "piece_volumes_mm3", "shell_faces", "split"]
@@ -44,8 +46,14 @@ class Pieces:
     count: int
 
 
-def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pieces:
-    """Divide a part at levels of a field.
+def split(
+    mesh: Mesh,
+    field: Field,
+    levels: Sequence[float] | FloatArray,
+    *,
+    pitch_mm: float | None = None,
+) -> Pieces:
+    """Divide a part at levels of a field: in planes where its level sets are, else on a grid.
 
     Parameters
     ----------
@@ -55,6 +63,9 @@ def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pie
         In the coordinates of `mesh`.
     levels : (L,) sequence of float
         Field values of the interfaces, strictly increasing in (0, 1).
+    pitch_mm : float
+        Of the grid on which curved level sets are drawn; see
+        `planner.geometry.level_sets.grid.default_pitch_mm`. Planes need none.
 
     Returns
     -------
@@ -65,7 +76,7 @@ def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pie
     ------
     ArgumentError
         Levels out of order, out of range or too close to be told apart in float32; positions
-        that float32 cannot hold; a field whose level sets are not planes.
+        that float32 cannot hold; a pitch that is none or too fine; a field that is not finite.
     MeshError
         The part is open where a level meets it.
     """
@@ -74,15 +85,23 @@ def split(mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray) -> Pie
         np.isfinite(values).all() and (values > 0).all() and (values < 1).all()
     ):
         raise ArgumentError(f"levels {list(levels)}: every level must be a number between 0 and 1")
-    if not isinstance(field, PlanarField):
-        raise ArgumentError(
-            f"field {field.name!r}: its level sets are not planes, and only planes can be cut so "
-            "far; use an axis field"
-        )
     if not (mesh.vertices.astype(np.float32) == mesh.vertices).all():
         raise ArgumentError(
             "the mesh has coordinates that float32 cannot hold; pass it through "
             "planner.geometry.placement.place first"
+        )
+    if not isinstance(field, PlanarField):
+        if not (np.diff(values) > 0).all():
+            raise ArgumentError(f"levels {list(levels)}: they must increase")
+        pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
+        curved = split_curved(mesh, field, values, pitch_mm)
+        return Pieces(
+            curved.vertices,
+            curved.faces,
+            curved.piece,
+            curved.cap_faces,
+            curved.cap_level,
+            len(values) + 1,
         )
     normal, offsets_mm = _planes(field, values)
     least_mm = 2.5 * snap_distance_mm(mesh.bounds_mm)

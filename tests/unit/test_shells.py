@@ -213,20 +213,6 @@ def test_positions_that_float32_cannot_hold():
         split(mesh, axis_field("x", mesh), [0.5])
 
 
-def test_field_without_planes():
-    class Distance:
-        name = "distance"
-
-        def values(self, points_mm):
-            return np.linalg.norm(points_mm, axis=1)
-
-        def description(self):
-            return {"name": self.name}
-
-    with pytest.raises(ArgumentError, match="distance"):
-        split(BOX, Distance(), [0.5])
-
-
 def test_open_part_says_where():
     with pytest.raises(MeshError, match=r"open near \("):
         split(Mesh(BOX.vertices, BOX.faces[1:]), axis_field("x", BOX), [0.5])
