@@ -33,29 +33,43 @@ def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
 def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
     """Nothing that is predicted shares the left-out level with what was fitted."""
     folds = folds_of(rates)
-    assert "rate_mm_s" in {name for name, _ in folds}
-    for name, out in folds:
-        assert 0 < out.sum() <= len(out) / 2
-        cells = [getattr(s, name) for s in rates.specimens] if name != "specimen" else range(18)
-        left_out = {c for c, o in zip(cells, out, strict=True) if o}
-        kept = {c for c, o in zip(cells, out, strict=True) if not o}
+    assert "rate_mm_s" in {fold.name for fold in folds}
+    for fold in folds:
+        assert 0 < fold.out.sum() <= len(fold.out) / 2
+        whole = fold.name != "specimen"
+        cells = [getattr(s, fold.name) for s in rates.specimens] if whole else range(18)
+        left_out = {c for c, o in zip(cells, fold.out, strict=True) if o}
+        kept = {c for c, o in zip(cells, fold.out, strict=True) if not o}
         assert not left_out & kept
-    rows = [out.tobytes() for _, out in folds]
+        assert not np.any(fold.judged & ~fold.out)
+    rows = [fold.out.tobytes() for fold in folds]
     assert len(set(rows)) == len(rows)
 
 
 def test_levels_that_are_nearly_alike_are_one(planned) -> None:
     """23 and 23.6 degC are not two temperatures."""
     plan = planned(2, material=["FLX9760"], temperature_C=[23.0, 23.6, 30.0, 38.0])
-    out = {o.tobytes() for name, o in folds_of(plan) if name == "temperature_C"}
+    out = {f.out.tobytes() for f in folds_of(plan) if f.name == "temperature_C"}
     assert np.array([True] * 4 + [False] * 4).tobytes() in out
     assert np.array([True] * 2 + [False] * 6).tobytes() not in out
 
 
+def test_a_material_that_was_tested_nowhere_else_is_not_judged(planned) -> None:
+    """Without the fast ones nothing is known of FLX9785."""
+    rest = [
+        {"material": m, "rate_mm_s": r} for m in ("TangoPlus", "FLX9760") for r in (0.085, 0.85)
+    ]
+    plan = planned(more=[*rest, *rest, *[{"material": "FLX9785", "rate_mm_s": 8.5}] * 2,
+                         {"material": "FLX9760", "rate_mm_s": 8.5}])  # fmt: skip
+    (fast,) = (f for f in folds_of(plan) if f.name == "rate_mm_s" and f.out[-1])
+    assert fast.out.tolist() == [False] * 8 + [True] * 3
+    assert fast.judged.tolist() == [False] * 10 + [True]
+
+
 def test_with_one_condition_replicates_are_left_out_and_with_one_specimen_nothing(planned) -> None:
     folds = folds_of(planned(4, batches=1, material=["FLX9760"]))
-    assert [out.sum() for _, out in folds] == [1] * 4
-    assert np.all(np.sum([out for _, out in folds], axis=0) == 1)
+    assert [fold.out.sum() for fold in folds] == [1] * 4
+    assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
     assert folds_of(planned(1, material=["FLX9760"])) == ()
 
 
