@@ -72,7 +72,7 @@ def simulate(
             }
         )
     elif not quiet:
-        for note in plan.limitations:
+        for note in plan.remarks:
             warn(note)
         say(made.notes)
         say(f"wrote {output} (next: planner gap diagnose {output})")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from planner.errors import FileError
 from planner.gap.conditions import replicate_groups
+from planner.gap.limitations import limitations_of
 from planner.gap.specimen import Specimen
 from planner.palette import Palette
 
@@ -22,9 +23,8 @@ class Campaign:
         Names of the columns beyond those that planner knows, in the file's order.
     notes
         The lab's own, from campaign.toml.
-    limitations
-        What was corrected, assumed or left out in reading, and what the campaign cannot tell;
-        one sentence each.
+    remarks
+        What was corrected, assumed or left out in making it; one sentence each.
 
     Raises
     ------
@@ -38,7 +38,7 @@ class Campaign:
     specimens: tuple[Specimen, ...]
     covariates: tuple[str, ...] = ()
     notes: str = ""
-    limitations: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.specimens:
@@ -47,6 +47,11 @@ class Campaign:
         double = next((i for i in ids if ids.count(i) > 1), None)
         if double is not None:
             raise FileError(f"campaign {self.name}: two specimens {double!r}; ids must differ")
+
+    @property
+    def limitations(self) -> tuple[str, ...]:
+        """The remarks, and what the specimens cannot tell whatever is made of them."""
+        return (*self.remarks, *limitations_of(self.specimens, self.palette))
 
     def specimen(self, id: str) -> Specimen:
         """Return a specimen by its id.

@@ -11,12 +11,12 @@ from planner.formats.tensile import Specimen as Row
 from planner.formats.tensile import TensileTable, read_specimens, read_tensile
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_file import palette_of, read_campaign_file
-from planner.gap.limitations import limitations_of, named
+from planner.gap.limitations import named
 from planner.gap.profile_design import read_profile
 from planner.gap.record import Sizes, record_of
-from planner.gap.specimen import Orientation, Protocol, Specimen, StrainField
+from planner.gap.specimen import Orientation, Protocol, Specimen
 from planner.gap.specimen_columns import check_headings, covariates_of
-from planner.gap.strain_fields import read_strain_fields
+from planner.gap.strain_fields import MeasuredField, read_strain_fields
 from planner.palette import Palette, nearest_names
 
 __all__ = ["read_campaign"]
@@ -48,10 +48,9 @@ def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaig
     for note in check_headings(rows, SPECIMENS):
         noted.add(note)
     tables = _tables(folder, rows, noted)
-    fields: dict[str, StrainField] = {}
-    field_notes: dict[str, str] = {}
+    fields: dict[str, MeasuredField] = {}
     if (folder / FIELDS).is_file():
-        fields, field_notes = read_strain_fields(folder / FIELDS)
+        fields = read_strain_fields(folder / FIELDS)
         for note, stray in _strays(fields, rows, FIELDS):
             noted.add(note, stray)
     covariates = covariates_of(rows)
@@ -61,8 +60,6 @@ def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaig
         if row.specimen not in tables:
             noted.add("no curve; left out", row.specimen)
             continue
-        if row.specimen in field_notes:
-            noted.add(field_notes[row.specimen], row.specimen)
         measured = fields.get(row.specimen), covariates[row.specimen]
         specimens.append(_specimen(row, tables[row.specimen], *measured, place))
     if not specimens:
@@ -77,7 +74,7 @@ def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaig
         specimens=tuple(specimens),
         covariates=tuple(rows[0].covariates),
         notes=file.notes,
-        limitations=(*noted.sentences(), *limitations_of(specimens, palette)),
+        remarks=tuple(noted.sentences()),
     )
 
 
@@ -154,7 +151,7 @@ def _strays(
 def _specimen(
     row: Row,
     table: TensileTable,
-    strain_field: StrainField | None,
+    measured_field: MeasuredField | None,
     covariates: Mapping[str, str | float | None],
     place: _Place,
 ) -> Specimen:
@@ -192,6 +189,8 @@ def _specimen(
     record = record_of(table, Sizes(gauge, area, rate), where=where)
     for note in record.notes:
         place.noted.add(note, row.specimen)
+    if measured_field is not None and measured_field.note:
+        place.noted.add(measured_field.note, row.specimen)
     return Specimen(
         id=row.specimen,
         time_s=record.time_s,
@@ -213,7 +212,7 @@ def _specimen(
         protocol=cast("Protocol | None", row.protocol or None),
         batch=row.batch or None,
         covariates=covariates,
-        strain_field=strain_field,
+        strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
     )
 
 

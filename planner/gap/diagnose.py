@@ -140,8 +140,8 @@ def _mounted(campaign: Campaign) -> tuple[Campaign, Mounted]:
     if len(used) == len(campaign.specimens):
         return campaign, mounted
     kept = tuple(campaign.specimens[place] for place in used)
-    limitations = (*campaign.limitations, *mounted.limitations)
-    campaign = replace(campaign, specimens=kept, limitations=limitations)
+    remarks = (*campaign.remarks, *mounted.limitations)
+    campaign = replace(campaign, specimens=kept, remarks=remarks)
     return campaign, mount(campaign)
 
 

@@ -1,12 +1,14 @@
 """A campaign's folder: what is read of it, and every folder that is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.errors import FileError, OutputError, PlannerError, UnknownNameError
+from planner.gap.campaign import Campaign
 from planner.gap.campaign_reader import read_campaign
 from planner.gap.campaign_writer import write_campaign
 from planner.palette import load_palette
@@ -125,6 +127,46 @@ def test_strain_fields_keep_the_places_seen_throughout(folder: Path) -> None:
     assert field.x_mm.tolist() == [10, 20]
     assert field.strain.tolist() == [[0, 0], [0.1, 0.2], [0.2, 0.4]]
     assert any("G1: places along the axis" in text for text in campaign.limitations)
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        ((-3, 10, 20, 30), r"fields\.csv, line 2: x_mm is -3; the gauge goes from 0 to 40 mm"),
+        ((10, 20, 30, 43), r"fields\.csv, line 5: x_mm is 43"),
+        # Facets of 0.5 mm: 2 % of the gauge is more.
+        ((39, 39.5, 40, 40.5, 41), r"line 6: x_mm is 41"),
+    ],
+)
+def test_places_beyond_the_gauge_are_refused(
+    folder: Path, places: tuple[float, ...], message: str
+) -> None:
+    rows = [f"G1,{t},{x},0.01" for t in (0, 1) for x in places]
+    path = folder / "fields.csv"
+    path.write_text("specimen,time_s,x_mm,strain\n" + "\n".join(rows) + "\n")
+    with pytest.raises(FileError, match=message):
+        read_campaign(folder)
+
+
+def test_places_beyond_the_gauge_by_less_than_a_facet_stay(folder: Path) -> None:
+    places = (-0.8, 10, 20, 30, 41.9)
+    rows = [f"G1,{t},{x},0.01" for t in (0, 1) for x in places]
+    path = folder / "fields.csv"
+    path.write_text("specimen,time_s,x_mm,strain\n" + "\n".join(rows) + "\n")
+    field = read_campaign(folder).specimen("G1").strain_field
+    assert field is not None
+    assert field.x_mm.tolist() == list(places)
+
+
+def test_a_campaign_built_in_memory_has_its_limitations(folder: Path) -> None:
+    read = read_campaign(folder)
+    built = Campaign("built", "connex3", read.palette, read.specimens[:1])
+    assert built.remarks == ()
+    assert [text for text in built.limitations if "one specimen only" in text]
+    # Of what is left, not of what was there before.
+    fewer = replace(read, specimens=read.specimens[:2])
+    assert "temperature_C is unknown" in " ".join(read.limitations)
+    assert "temperature_C is unknown" not in " ".join(fewer.limitations)
 
 
 def test_a_plan_is_a_profile(folder: Path, samples: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from planner.gap.campaign import Campaign
 from planner.gap.quality import Kind, Problem, examine
 from planner.gap.quality.clipping import clipping_problems
+from planner.gap.quality.dead_cells import dead_cell_problems
 from planner.gap.quality.loading import log_load, predicted_stress_MPa
 from planner.gap.quality.motion import first_turn, speed_mm_s
 from planner.gap.quality.timing import dropouts, spikes
@@ -81,6 +82,26 @@ def test_a_declared_rate_is_held_against_time() -> None:
     assert whole.specimen is None
     counted = [replace(s, rate_mm_s=2.0, time_recorded=False) for s in base()]
     assert found(counted, "rate") == ()
+
+
+@pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
+@pytest.mark.parametrize(("level_N", "noise_N"), [(0.37, 0.0), (0.37, 0.01), (0.0, 0.01)])
+def test_a_dead_load_cell_is_named_and_its_replicate_is_not(
+    protocol: Protocol, level_N: float, noise_N: float
+) -> None:
+    live, dead = specimen(0, protocol=protocol), specimen(1, protocol=protocol)
+    noise = noise_N * np.random.default_rng(5).normal(size=len(dead.force_N))
+    (problem,) = found([live, replace(dead, force_N=level_N + noise)], "dead")
+    assert problem.specimen == "S1"
+    assert problem.value == pytest.approx(level_N, abs=0.01)  # one deviation of the noise
+    assert f"stays at {problem.value:.3g} N" in problem.problem
+
+
+def test_a_noisy_cell_is_not_dead() -> None:
+    """Noise of a fifth of the peak: the load still rises by 5 of its deviations."""
+    s = specimen(0)
+    noise = 0.2 * s.force_N.max() * np.random.default_rng(1).normal(size=len(s.force_N))
+    assert tuple(dead_cell_problems([replace(s, force_N=s.force_N + noise)])) == ()
 
 
 def test_a_protocol_is_held_against_the_crosshead() -> None:

@@ -9,6 +9,7 @@ from planner.formats.tensile import read_specimens
 from planner.measurement.study import read_study
 
 HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"
+CONDITIONS = "specimen,material,temperature_C,soak_h,age_days\n"
 
 
 def listing(tmp_path: Path, text: str) -> Path:
@@ -48,6 +49,10 @@ def test_measured_sizes_go_first(tmp_path: Path) -> None:
         (HEAD + "S1,A,3,0,15,\n", "line 2: thickness_mm is '0'; it must be a number above 0"),
         (HEAD + "S1,A,3,two,15,\n", "line 2: thickness_mm is 'two'"),
         (HEAD + "S1,A,3,2,15,\nS1,A,3,2,15,\n", "line 3: specimen 'S1' stands on line 2"),
+        (CONDITIONS + "S1,A,-101,,\n", "line 2: temperature_C is '-101'; it must be from -100 to"),
+        (CONDITIONS + "S1,A,23,,\nS2,A,310.15,,\n", "line 3: .*from -100 to 300.*kelvin"),
+        (CONDITIONS + "S1,A,,-1,\n", "line 2: soak_h is '-1'; it must be 0 or more"),
+        (CONDITIONS + "S1,A,,0,-0.5\n", "line 2: age_days is '-0.5'; it must be 0 or more"),
         (HEAD + "S1,,3,2,15,\n", "exactly one of 'material' and 'profile'"),
         (HEAD + ",A,3,2,15,\n", "column 'specimen' is empty"),
         (HEAD + "S1,A,3,2,15,a,b\n", "line 2: 7 cells for 6 columns"),

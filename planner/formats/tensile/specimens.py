@@ -16,7 +16,14 @@ _POSITIVE = (
     "width_mm", "thickness_mm", "gauge_mm", "measured_width_mm", "measured_thickness_mm",
     "rate_mm_s",
 )  # fmt: skip
-_NUMBERS = (*_POSITIVE, "temperature_C", "soak_h", "age_days")
+_FROM_TO = {
+    "temperature_C": (-100.0, 300.0),
+    "soak_h": (0.0, math.inf),
+    "age_days": (0.0, math.inf),
+}
+"""Beyond these temperatures every elastomer and jetted resin is glass, or decomposes."""
+
+_NUMBERS = (*_POSITIVE, *_FROM_TO)
 _CHOICES = {
     "orientation": ("x", "y", "z"),
     "protocol": ("monotonic", "cyclic", "relaxation"),
@@ -78,8 +85,9 @@ def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
     Raises
     ------
     FileError
-        A missing column, a size that is no positive number, an unknown choice, neither or both
-        of material and profile, or two rows of one specimen; the message names line and column.
+        A missing column, a size that is no positive number, a condition that no test has, an
+        unknown choice, neither or both of material and profile, or two rows of one specimen; the
+        message names line and column.
     """
     path = Path(path)
     text = read_text(path)
@@ -152,4 +160,11 @@ def _size(cell: str, name: str, separator: str, where: str) -> float | None:
     if value is None or not math.isfinite(value) or (name in _POSITIVE and value <= 0):
         must = "a number above 0" if name in _POSITIVE else "a number"
         raise FileError(f"{where}: {name} is {cell!r}; it must be {must}, or empty if unknown")
+    low, high = _FROM_TO.get(name, (-math.inf, math.inf))
+    if not low <= value <= high:
+        must = f"from {low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
+        hint = "; kelvin or degrees Fahrenheit?" if name == "temperature_C" else ""
+        raise FileError(
+            f"{where}: {name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
+        )
     return value

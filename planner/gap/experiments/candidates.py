@@ -80,7 +80,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
 def trial_campaign(campaign: Campaign, trials: tuple[Trial, ...]) -> Campaign:
     """Return the trials as a campaign, measured as the palette predicts."""
     specimens = tuple(t.specimen for t in trials)
-    return replace(campaign, specimens=specimens, covariates=(), limitations=())
+    return replace(campaign, specimens=specimens, covariates=(), remarks=())
 
 
 def _reference(campaign: Campaign, setup: Setup) -> Specimen:

@@ -91,7 +91,7 @@ def imitate(
         specimens=tuple(specimens),
         covariates=(*plan.covariates, "simulated"),
         notes=f"{how}. Nothing was measured.",
-        limitations=(),
+        remarks=(),
     )
 
 

@@ -131,7 +131,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         palette=palette,
         specimens=tuple(specimens),
         covariates=tuple(rows[0].covariates),
-        limitations=notes,
+        remarks=notes,
     )
 
 

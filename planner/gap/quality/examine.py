@@ -2,6 +2,7 @@
 
 from planner.gap.campaign import Campaign
 from planner.gap.quality.clipping import clipping_problems
+from planner.gap.quality.dead_cells import dead_cell_problems
 from planner.gap.quality.duplicates import duplicate_problems
 from planner.gap.quality.outliers import outlier_problems
 from planner.gap.quality.problem import Problem
@@ -22,17 +23,21 @@ def examine(campaign: Campaign) -> tuple[Problem, ...]:
     any other factor is a gap to diagnose, not a fault of the data.
     """
     specimens = campaign.specimens
-    units = unit_problems(specimens, campaign.palette)
+    dead = tuple(dead_cell_problems(specimens))
+    silent = {p.specimen for p in dead}
+    live = [s for s in specimens if s.id not in silent]
+    units = unit_problems(live, campaign.palette)
     copies = tuple(duplicate_problems(specimens))
-    named = frozenset(p.specimen for p in (*units, *copies) if p.specimen is not None)
+    named = frozenset(p.specimen for p in (*dead, *units, *copies) if p.specimen is not None)
     problems: tuple[Problem, ...] = (
+        *dead,
         *units,
         *size_problems(specimens),
         *rate_problems(specimens),
-        *protocol_problems(specimens),
+        *protocol_problems(live),
         *amplitude_problems(specimens),
         *outlier_problems(specimens, leave_out=named),
-        *clipping_problems(specimens),
+        *clipping_problems(live),
         *copies,
         *timing_problems(specimens),
     )

@@ -7,7 +7,7 @@ from typing import Literal
 __all__ = ["Kind", "Problem", "gathered"]
 
 Kind = Literal[
-    "amplitude", "clipped", "dropout", "duplicate", "outlier", "protocol", "rate", "size",
+    "amplitude", "clipped", "dead", "dropout", "duplicate", "outlier", "protocol", "rate", "size",
     "spike", "units",
 ]  # fmt: skip
 

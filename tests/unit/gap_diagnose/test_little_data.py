@@ -11,7 +11,6 @@ import pytest
 from planner.gap.campaign import Campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis
-from planner.gap.limitations import limitations_of
 
 SURE = 0.8
 BOTH = ("TangoPlus", "FLX9760")
@@ -22,11 +21,6 @@ COLUMNS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "p
 FEW = pytest.mark.xfail(
     strict=False, reason="the posterior takes what one or two specimens show at its word"
 )
-
-
-def read(campaign: Campaign) -> Campaign:
-    """Return the campaign with the limitations that reading its folder would find."""
-    return replace(campaign, limitations=limitations_of(campaign.specimens, campaign.palette))
 
 
 def sure_of(found: Diagnosis) -> str | None:
@@ -51,7 +45,7 @@ ONE = [
 def of_one(planned, imitated, request) -> Diagnosis:
     protocol, effect = request.param
     plan = planned(more=[{"material": "FLX9760", "protocol": protocol}])
-    return diagnose(read(imitated(plan, effect)))
+    return diagnose(imitated(plan, effect))
 
 
 def test_one_specimen_has_its_limits_said(of_one: Diagnosis) -> None:
@@ -71,8 +65,8 @@ def test_one_specimen_names_nothing(of_one: Diagnosis) -> None:
 def of_two(planned, imitated, request) -> Diagnosis:
     if request.param.startswith("two"):
         plan = planned(material=["FLX9760"], rate_mm_s=[0.85, 8.5])
-        return diagnose(read(imitated(plan, EFFECTS[0])))
-    return diagnose(read(imitated(planned(2, batches=1, material=["FLX9760"]), "grip-slack")))
+        return diagnose(imitated(plan, EFFECTS[0]))
+    return diagnose(imitated(planned(2, batches=1, material=["FLX9760"]), "grip-slack"))
 
 
 def test_two_specimens_have_their_limits_said(of_two: Diagnosis) -> None:
@@ -96,7 +90,7 @@ def several(planned: Any) -> Campaign:
 @pytest.mark.parametrize("effect", [EFFECTS[0], EFFECTS[2]])
 def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: str) -> None:
     """Large effects may be seen without; how far they close cannot be known."""
-    found = diagnose(read(imitated(several(planned), effect)))
+    found = diagnose(imitated(several(planned), effect))
     assert "without replicates the scatter between specimens is assumed" in said(found)
     assert sure_of(found) in (None, effect.partition(":")[0])
     assert (found.gap.floor, found.gap.closed) == (None, None)
@@ -145,7 +139,7 @@ def test_with_every_column_missing_no_cause_by_column_is_named(
     )
     measured = imitated(replace(plan, specimens=specimens), effect)
     blank = tuple(replace(s, **dict.fromkeys(COLUMNS)) for s in measured.specimens)
-    found = diagnose(read(replace(measured, specimens=blank)))
+    found = diagnose(replace(measured, specimens=blank))
     for name in COLUMNS:
         assert f"{name} is unknown for all specimens" in said(found)
     assert effect.partition(":")[0] in {u.id for u in found.not_testable}
