@@ -16,13 +16,14 @@ from planner.gap.evidence.bootstrap import resampled_odds
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.detectable import detectable_sizes
 from planner.gap.evidence.intervals import found_effects
-from planner.gap.evidence.misfit import without_misfits
+from planner.gap.evidence.misfit import shy, without_misfits
 from planner.gap.evidence.posterior import class_of, evened_out, posterior, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.experiments import next_experiments
 from planner.gap.forward.mount import Mounted, mount
+from planner.gap.look_alikes import look_alikes
 from planner.gap.quality import examine
 from planner.gap.remainder import places_of, recalibration_of
 from planner.gap.traces import traces_of
@@ -78,7 +79,7 @@ def _diagnose(
     rng = np.random.default_rng(seed)
     runs = [weighed.log_odds, *resampled_odds(problem, priors, weighed, rng)]
     ranking = without_misfits(problem, weighed, posterior(runs))
-    ranking = evened_out(problem, weighed, ranking)
+    ranking = shy(evened_out(problem, weighed, ranking), len(campaign.specimens))
     verdict = verdict_of(ranking)
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
@@ -104,7 +105,12 @@ def _diagnose(
         data_quality=tuple(Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)),
         next_experiments=next_experiments(problem, weighed, ranking, rng),
         detectable=detectable_sizes(problem, nominal, priors),
-        limitations=(*campaign.limitations, *mounted.limitations, *_cautions(problem)),
+        limitations=(
+            *campaign.limitations,
+            *mounted.limitations,
+            *_cautions(problem),
+            *look_alikes(verdict, reasons),
+        ),  # fmt: skip
         recalibration=recalibration_of(problem, chosen),
         seed=seed,
         traces=traces_of(problem, chosen),

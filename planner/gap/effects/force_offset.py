@@ -7,7 +7,9 @@ from planner.gap.forward.setup import Setup
 
 __all__ = ["EFFECT"]
 
-_OFFSET = Parameter("offset", 0.01, 3.0, "shown without load", "N", log=True, signed=True)
+_OFFSET = Parameter("offset", 0.01, 0.4, "shown without load", "N", log=True, signed=True)
+_WEIGHT = Parameter("offset", 0.4, 5.0, "shown without load", "N", log=True, signed=True)
+RARE = 0.2
 _SOURCE = "ISO 376 (zero and drift of force-proving instruments)"
 
 
@@ -33,9 +35,10 @@ EFFECT = Effect(
     "sensor",
     (
         Form("constant", (_OFFSET,), _constant, "shown = F + a", _SOURCE),
+        Form("untared", (_WEIGHT,), _constant, "shown = F + a, a grip's weight", _SOURCE, RARE),
         Form(
             "drifting",
-            (Parameter("drift", 0.005, 3.0, "of the zero", "N/min", log=True, signed=True),),
+            (Parameter("drift", 0.01, 0.6, "of the zero", "N/min", log=True, signed=True),),
             _drifting,
             "shown = F + a t",
             _SOURCE,

@@ -104,7 +104,7 @@ EFFECT = Effect(
         ),
         Form(
             "prony",
-            (_SHARE, _CENTRE, Parameter("breadth", 0.3, 2.0, "of the times", "decade", log=True)),
+            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade", log=True)),
             _prony,
             "G(t) = 1 - g sum p_k (1 - exp(-t / tau_k)), p log-normal",
             "Fung, Biomechanics, 1981, ch. 7 (quasi-linear viscoelasticity)",

@@ -6,6 +6,7 @@ explanation, and its probability goes to the unknown.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,14 +16,21 @@ from planner.gap.evidence.posterior import UNKNOWN
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.weigh import Weighed
+from planner.gap.noise.estimate import USUAL
 
-__all__ = ["misfit", "most", "without_misfits"]
+__all__ = ["misfit", "most", "shy", "without_misfits"]
 
 ALLOWED = 1.1
 """Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
 do not exceed by more than chance."""
 
 DEVIATIONS = 2.5
+
+MEASURED_LOG_SD = 0.2
+"""Of the scatter's logarithm: below it replicates have measured it."""
+
+ENOUGH_SPECIMENS = 6
+LEAST_SHARE, SHARE_EACH = 0.4, 0.065
 
 LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
@@ -43,16 +51,22 @@ def misfit(problem: Problem, candidate: Candidate) -> float:
     return float(vector @ kept @ vector) / gram.rows
 
 
-def most(rows: float) -> float:
-    """Return the mean square that a right hypothesis hardly exceeds."""
-    return ALLOWED + DEVIATIONS * float(np.sqrt(2.0 / rows))
+def most(problem: Problem) -> float:
+    """Return the mean square that a right hypothesis hardly exceeds.
+
+    Without replicates scatter may be three times the usual, 9 %, and mean squares nine times.
+    """
+    rows = problem.whitened.gram().rows
+    doubt = max(problem.scatter.log_sd - MEASURED_LOG_SD, 0.0) / (USUAL.log_sd - MEASURED_LOG_SD)
+    found = (ALLOWED + DEVIATIONS * np.sqrt(2.0 / rows)) * np.exp(2.0 * doubt * np.log(3.0))
+    return float(found)
 
 
 def without_misfits(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
     """Return the ranking, the probability of named hypotheses that do not fit given to unknown."""
-    limit = most(problem.whitened.gram().rows)
+    limit = most(problem)
     kept, lost = [], 0.0
     for h in ranking:
         named = h.effects not in ((), UNKNOWN) and h.effects in weighed.best
@@ -61,9 +75,33 @@ def without_misfits(
             lost += h.probability
         else:
             kept.append(h)
-    if not lost:
+    if lost:
+        kept = _with_unknown(kept, lost)
+    return tuple(kept)
+
+
+def shy(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
+    """Return the ranking of a campaign of very few specimens: they show a gap, not its cause.
+
+    What is named has at most 0.4 + 0.065 n together; the rest is unknown.
+    """
+    named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
+    share = LEAST_SHARE + SHARE_EACH * specimens
+    none = sum(h.probability for h in ranking if h.effects == ())
+    most_named = share * (1.0 - none)
+    if specimens >= ENOUGH_SPECIMENS or named <= most_named:
         return tuple(ranking)
+    kept = [
+        replace(h, probability=h.probability * most_named / named)
+        if h.effects not in ((), UNKNOWN)
+        else h
+        for h in ranking
+    ]
+    return tuple(_with_unknown(kept, named - most_named))
+
+
+def _with_unknown(kept: list[Hypothesis], lost: float) -> list[Hypothesis]:
     unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
     kept = [h for h in kept if h.effects != UNKNOWN]
     kept.append(Hypothesis(UNKNOWN, unknown, 0.0))
-    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
+    return sorted(kept, key=lambda h: (-h.probability, h.effects))

@@ -11,7 +11,7 @@ from planner.gap.effects.effect import Effect
 from planner.gap.evidence.discrepancy import Factors, discrepancy_factors
 from planner.gap.evidence.gram import Whitened, whiten
 from planner.gap.evidence.nodes import Branch, branches_of
-from planner.gap.evidence.unknown import UnknownAxis, claimed_axes, unknown_axes
+from planner.gap.evidence.unknown import UnknownAxis, claimed_axes, own_axes, unknown_axes
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.forward import Setup, predict_all
 from planner.gap.forward.law_tables import LawTables
@@ -146,7 +146,8 @@ def set_up(
     )  # fmt: skip
     calibration = np.concatenate([calibration, courses], axis=1)
     chord = table.chord(unpredicted)
-    unknown = unknown_axes(campaign, table, chord, claimed_axes(effects))
+    claimed, own = claimed_axes(effects), own_axes(effects)
+    unknown = unknown_axes(campaign, table, chord, claimed, own)
     gains = np.where(table.branch != _FIELD, chord, 0.0)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )

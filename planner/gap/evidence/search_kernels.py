@@ -11,8 +11,11 @@ from planner.geometry.kernel import inner_kernel, kernel
 
 __all__ = ["best_pair", "best_single", "scan_pairs", "weigh_single"]
 
-_MOST = 36
+_MOST = 60
 _SIZES = 4
+_ROOM = 2 * _MOST
+_NODES = np.array([[-0.932, -0.576, 0.0, 0.576, 0.932], [-0.85, 0.0, 0.85, 0.0, 0.0]])
+_COUNTS = (5, 3)
 
 
 @inner_kernel
@@ -31,22 +34,34 @@ def _weights(place: FloatArray, shapes: int, out: FloatArray) -> int:
         for j in range(_SIZES):
             out[j] = size[j]
         return _SIZES
-    parts = np.empty((2, 3))
+    parts = np.empty((2, 5))
     for d in range(shapes):
-        t = place[1 + d] / 0.85
-        parts[d, 0] = 0.5 * t * (t - 1.0)
-        parts[d, 1] = 1.0 - t * t
-        parts[d, 2] = 0.5 * t * (t + 1.0)
+        count = _COUNTS[d]
+        for j in range(count):
+            value = 1.0
+            for k in range(count):
+                if k != j:
+                    value *= (place[1 + d] - _NODES[d, k]) / (_NODES[d, j] - _NODES[d, k])
+            parts[d, j] = value
     n = 0
     for j in range(_SIZES):
-        for a in range(3):
+        for a in range(_COUNTS[0]):
             if shapes == 1:
                 out[n] = size[j] * parts[0, a]
                 n += 1
             else:
-                for b in range(3):
+                for b in range(_COUNTS[1]):
                     out[n] = size[j] * parts[0, a] * parts[1, b]
                     n += 1
+    return n
+
+
+@inner_kernel
+def _number(shapes: int) -> int:
+    """Return the number of nodes of a form."""
+    n = _SIZES
+    for d in range(shapes):
+        n *= _COUNTS[d]
     return n
 
 
@@ -55,23 +70,35 @@ def _gain(
     b: FloatArray, g: FloatArray, firsts: IntArray, shapes: IntArray, place: FloatArray,
     c: FloatArray, at: IntArray,
 ) -> float:  # fmt: skip
-    """Return the log likelihood over that of no effect, at a place of one or two branches."""
+    """Return the log likelihood over that of no effect, at a place of one or two branches.
+
+    Sums run along rows, side by side: each figure's own order is fixed, and processors add many
+    at a time.
+    """
     n = 0
     d = 0
     for i in range(len(firsts)):
         m = _weights(place[d:], shapes[i], c[n:])
-        for j in range(m):
-            at[n + j] = firsts[i] + j
+        at[i] = n
         n += m
         d += 1 + shapes[i]
+    at[len(firsts)] = n
     total = 0.0
-    for i in range(n):
-        row = g[at[i]]
-        inner = 0.0
-        for j in range(n):
-            inner += row[at[j]] * c[j]
-        total += c[i] * (b[at[i]] - 0.5 * inner)
-    return total
+    for i in range(len(firsts)):
+        mi = at[i + 1] - at[i]
+        inner = c[_ROOM : _ROOM + mi]
+        for p in range(mi):
+            inner[p] = -2.0 * b[firsts[i] + p]
+        for j in range(len(firsts)):
+            mj = at[j + 1] - at[j]
+            for q in range(mj):
+                row = g[firsts[j] + q, firsts[i] : firsts[i] + mi]
+                factor = c[at[j] + q]
+                for p in range(mi):
+                    inner[p] += row[p] * factor
+        for p in range(mi):
+            total += c[at[i] + p] * inner[p]
+    return -0.5 * total
 
 
 @inner_kernel
@@ -150,8 +177,8 @@ def best_single(
     place: FloatArray, gain: FloatArray, evidence: FloatArray,
 ) -> None:  # fmt: skip
     """Fill the best place (branches, 3), gain and log evidence of every branch."""
-    c = np.empty(2 * _MOST)
-    at = np.empty(2 * _MOST, dtype=np.int64)
+    c = np.empty(3 * _MOST)
+    at = np.empty(3, dtype=np.int64)
     first, shape = np.empty(1, dtype=np.int64), np.empty(1, dtype=np.int64)
     for k in range(len(firsts)):
         first[0], shape[0] = firsts[k], shapes[k]
@@ -187,8 +214,8 @@ def weigh_single(
     place: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
     """Climb from a place of one or two branches, in it; return gain and log evidence."""
-    c = np.empty(2 * _MOST)
-    at = np.empty(2 * _MOST, dtype=np.int64)
+    c = np.empty(3 * _MOST)
+    at = np.empty(3, dtype=np.int64)
     low = np.full(len(place), -1.0)
     d = 0
     for i in range(len(firsts)):
@@ -229,12 +256,12 @@ def scan_pairs(
             own_g[k, i] = vg
     half = np.empty((count, _MOST))
     for k in range(n):
-        mk = _SIZES * 3 ** shapes[k]
+        mk = _number(shapes[k])
         for other in range(k):
             gain[k, other] = -np.inf
             if effect[k] == effect[other]:
                 continue
-            mo = _SIZES * 3 ** shapes[other]
+            mo = _number(shapes[other])
             for i in range(count):
                 for q in range(mo):
                     inner = 0.0
@@ -260,8 +287,8 @@ def best_pair(
     starts: FloatArray, gain: FloatArray, evidence: FloatArray,
 ) -> None:  # fmt: skip
     """Improve pairs (M, 2) from starts (M, 6), in them; fill gain and log evidence (M,)."""
-    c = np.empty(2 * _MOST)
-    at = np.empty(2 * _MOST, dtype=np.int64)
+    c = np.empty(3 * _MOST)
+    at = np.empty(3, dtype=np.int64)
     for k in range(len(firsts)):
         da, db = 1 + shapes[k, 0], 1 + shapes[k, 1]
         low = np.full(da + db, -1.0)

@@ -15,7 +15,7 @@ from planner.gap.effects.effect import Effect
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.specimen import Specimen
 
-__all__ = ["AMPLITUDES", "UnknownAxis", "claimed_axes", "unknown_axes"]
+__all__ = ["AMPLITUDES", "UnknownAxis", "claimed_axes", "own_axes", "unknown_axes"]
 
 AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 """Standard deviations of an unknown pattern, of the logarithm of force."""
@@ -45,7 +45,11 @@ class UnknownAxis:
 
 
 def unknown_axes(
-    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray, claimed: Collection[str]
+    campaign: Campaign,
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    claimed: Collection[str],
+    own: Collection[str],
 ) -> tuple[UnknownAxis, ...]:
     """Return the axes that vary in a campaign, with their patterns.
 
@@ -53,6 +57,8 @@ def unknown_axes(
     ----------
     claimed
         Axes along which some effect of the library varies.
+    own
+        Those that are an effect's own covariate, free courses along which count for it.
     """
     specimens = campaign.specimens
     force = table.branch != _FIELD
@@ -91,16 +97,20 @@ def unknown_axes(
     if places is not None:
         found.append(_axis("position", places, claimed))
     found = [axis for axis in found if axis.columns.shape[1]]
-    known = [axis.columns for axis in found if axis.claimed]
+    known = [axis.columns for axis in found if axis.claimed and axis.axis not in own]
     if len(known) > 1:
         found.append(UnknownAxis(ANY, np.concatenate(known, axis=1), True))
     return tuple(found)
 
 
+def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
+    """Return, of each axis that is an effect's own covariate, that effect's id."""
+    return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
+
+
 def claimed_axes(effects: Sequence[Effect]) -> frozenset[str]:
     """Return the axes along which effects vary."""
-    columns = {name for e in effects for entry in e.covariates for name in entry.split("|")}
-    return frozenset(columns.union(*[e.where for e in effects]))
+    return frozenset(own_axes(effects)).union(*[e.where for e in effects])
 
 
 def _axis(name: str, columns: FloatArray, claimed: Collection[str]) -> UnknownAxis:

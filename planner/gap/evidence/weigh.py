@@ -17,7 +17,7 @@ from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.search import Pairs, Search, Singles
 from planner.gap.evidence.subset import weigh_subset
-from planner.gap.evidence.unknown import AMPLITUDES
+from planner.gap.evidence.unknown import AMPLITUDES, own_axes
 
 __all__ = ["Effects", "Weighed", "weigh"]
 
@@ -113,6 +113,8 @@ def weigh(
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
     scales = ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
     chosen: list[tuple[Refiner, float]] = []
+    totals: dict[Effects, float] = {}
+    at_nominal: dict[Effects, float] = {}
     for scale, share in scales[: 1 if quick else 3]:
         plain = nominal if scale == 1.0 else gram.eliminate(scale)
         offset = plain.none - nominal.none + float(np.log(share))
@@ -137,17 +139,24 @@ def weigh(
             )
         for effects, value in ours.items():
             result.add(effects, "", logs.of(effects), offset + value)
+            known = totals.get(effects, -np.inf)
+            totals[effects] = float(np.logaddexp(known, offset + value))
         if scale == 1.0:
             refiners = _worth(refiners, result, logs)
         if quick or not problem.unknown:
             continue
         if scale == 1.0:
             chosen = _best(problem, gram, weight, result, ours, logs)
+            at_nominal = dict(totals)
         _add_unknown(problem, plain, offset, logs, result)
-        for refiner, others in chosen:
+        for refiner, _ in chosen:
             if logs.some and len(refiner.candidate.effects) == 1:
                 _add_subset(refiner, scale, plain.none, offset, logs, result)
-            _add_beside(problem, refiner, scale, plain.none, offset + others, logs, result)
+    for refiner, others in chosen:
+        # What an unknown adds is weighed at the nominal scatter alone: it hardly differs at others.
+        effects = refiner.candidate.effects
+        offset = float(np.log(scales[0][1])) + others + totals[effects] - at_nominal[effects]
+        _add_beside(problem, refiner, nominal.none, offset, logs, result)
     return result
 
 
@@ -164,12 +173,7 @@ class _LogPriors:
         self.unknown = _of_axes(problem, priors.unknown, priors.claimed)
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
         self.branch = np.log([b.weight for b in problem.branches])
-        self.owner = {
-            axis: effect.id
-            for effect in effects.values()
-            for entry in effect.covariates
-            for axis in entry.split("|")
-        }
+        self.owner = own_axes(list(effects.values()))
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
@@ -300,14 +304,13 @@ def _add_subset(
 def _add_beside(
     problem: Problem,
     refiner: Refiner,
-    scale: float,
     none: float,
     offset: float,
     logs: _LogPriors,
     result: Weighed,
 ) -> None:
-    """Add a candidate with the unknown beside it, along each axis."""
-    context = refiner.eliminate(scale)
+    """Add a candidate with the unknown beside it, along each axis, at the nominal scatter."""
+    context = refiner.eliminate(1.0)
     effects = refiner.candidate.effects
     forms = logs.forms(refiner.candidate) - np.log(len(AMPLITUDES))
     for number, axis in enumerate(problem.unknown):

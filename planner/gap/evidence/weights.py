@@ -15,7 +15,7 @@ __all__ = ["figures_of", "node_weights"]
 def node_weights(branch: Branch, place: Sequence[float]) -> FloatArray:
     """Return the weight of each node of a branch at a place."""
     size = _lagrange((0.0, *SIZE_NODES), place[0])[1:]
-    shapes = [_lagrange(SHAPE_NODES, at) for at in place[1:]]
+    shapes = [_lagrange(nodes, at) for nodes, at in zip(SHAPE_NODES, place[1:], strict=False)]
     return np.array([np.prod(parts) for parts in product(size, *shapes)])
 
 
