@@ -110,7 +110,7 @@ def _diagnose(
             *mounted.limitations,
             *_cautions(problem),
             *look_alikes(verdict, reasons),
-        ),  # fmt: skip
+        ),
         recalibration=recalibration_of(problem, chosen),
         seed=seed,
         traces=traces_of(problem, chosen),
