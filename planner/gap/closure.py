@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.arrays import FloatArray, IntArray
-from planner.gap.closure_folds import Fold, folds_of
+from planner.gap.closure_folds import Fold, folds_of, held_out_words
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.applied import specimen_forces_N
 from planner.gap.evidence.candidate import Candidate
@@ -87,7 +87,6 @@ def closure(
         interval = _interval(errors, floor, some, problem.mounted.test_of, rng)
     elif nothing:
         closed = 0.0
-    names = list(dict.fromkeys(fold.name for fold in folds))
     return Gap(
         before=rms["before"],
         after=rms["after"],
@@ -96,7 +95,7 @@ def closure(
         closed_interval=interval,
         recalibration_only=rms["recalibrated"],
         generic=rms["generic"],
-        held_out=f"one level of {', '.join(names)} at a time, {len(folds)} folds",
+        held_out=held_out_words(folds),
         negative_transfer=rms["after"] > NEGATIVE * rms["before"],
     )
 

@@ -10,7 +10,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.conditions import TOLERANCES, levels
 from planner.gap.specimen import Specimen
 
-__all__ = ["Fold", "folds_of"]
+__all__ = ["Fold", "folds_of", "held_out_words"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ _REPEATED = ("batch",)
 """Columns whose levels repeat one another, so that two of them are enough."""
 
 LEAST_LEVELS = 3
-MOST_FOLDS = 16
+MOST_FOLDS = 12
 REPLICATE_FOLDS = 4
 LARGEST_SHARE = 0.5
 
@@ -80,6 +80,22 @@ def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
         chosen = np.linspace(0, len(found) - 1, MOST_FOLDS).round().astype(int)
         found = [found[k] for k in chosen.tolist()]
     return tuple(found)
+
+
+def held_out_words(folds: Sequence[Fold]) -> str:
+    """Return what is left out at a time: "2 batches left out one at a time"."""
+    parts = []
+    for name in dict.fromkeys(fold.name for fold in folds):
+        mine = [fold for fold in folds if fold.name == name]
+        several = any(fold.out.sum() > 1 for fold in mine)
+        what = {
+            "specimen": "group{s} of specimens" if several else "specimen{s}",
+            "batch": "batch{es}",
+        }.get(name, f"level{{s}} of {name}")
+        many = len(mine) > 1
+        parts.append(f"{len(mine)} {what.format(s='s' * many, es='es' * many)}")
+    listed = " and ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
+    return f"{listed} left out{' one at a time' if len(folds) > 1 else ''}"
 
 
 def _replicates(specimens: Sequence[Specimen], held: BoolArray) -> list[Fold]:

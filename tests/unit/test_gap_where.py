@@ -208,7 +208,7 @@ PLANTED: dict[str, tuple[str, Case, Callable[[Case], FloatArray], str]] = {
         "material", STAR, lambda c: 0.5 * (c.text("material") == "FLX9770") * c.force,
         "above prediction in FLX9770 (3 specimens)",
     ),
-    "slack": ("strain", STAR, lambda c: -0.003 / c.table.strain, "below strain 0.1"),
+    "slack": ("strain", STAR, lambda c: -0.003 / c.table.strain, "% below at strains up to 0.1"),
     "gain": ("strain", STAR, lambda c: 0.25 * c.force, "alike at all strains"),
     "softening": ("branch", STAR, lambda c: -0.2 * (c.table.branch == 1), "in unloading"),
     "relaxation": (

@@ -89,8 +89,8 @@ def of_strain(table: FeatureTable, gaps: Gaps) -> str:
         rows = force & (strain >= low) & ((strain < high) if k < 3 else (strain <= high))
         mean = gaps.mean(rows) if rows.any() else None
         if mean is not None:
-            name = {0: f"below strain {high:.2g}", 3: f"above strain {low:.2g}"}
-            found.append((mean, name.get(k, f"at strain {low:.2g} to {high:.2g}"), 0))
+            name = {0: f"at strains up to {high:.2g}", 3: f"at strains of {low:.2g} and more"}
+            found.append((mean, name.get(k, f"at strains from {low:.2g} to {high:.2g}"), 0))
     if found and max(f[0] for f in found) - min(f[0] for f in found) < _ALIKE:
         return f"force {_off(float(np.mean([f[0] for f in found])))} alike at all strains"
     return _extremes(found)

@@ -71,7 +71,9 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         return f"Verdict: unknown (probability {chance}): a gap that no effect here explains"
     effects = tuple(diagnosis.verdict.split("+"))
-    return f"Verdict: {diagnosis.verdict} (probability {chance}): {effects_words(effects)}"
+    verdict = f"Verdict: {diagnosis.verdict} (probability {chance})"
+    words = effects_words(effects)
+    return verdict if words == diagnosis.verdict else f"{verdict}: {words}"
 
 
 def verdict_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
@@ -249,11 +251,23 @@ def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
     others = [name for name in map(id_of, diagnosis.same_class) if name != diagnosis.verdict]
     if not others:
         return
-    named = listed(others, last="or")
-    yield f"{diagnosis.verdict} looks the same here as {named}; take them as one answer."
+    if diagnosis.verdict == "none":
+        causes = [name for name in others if name != "unknown"]
+        along = f"by {listed(causes, last='or')}" if causes else ""
+        unknown = "along no known effect" if "unknown" in others else ""
+        small = " or ".join(filter(None, (along, unknown)))
+        yield f"These data do not exclude a small gap {small}."
+    else:
+        named = listed([_hypothesis(name) for name in others], last="or")
+        what = "An unknown cause" if diagnosis.verdict == "unknown" else diagnosis.verdict
+        yield f"{what} looks the same here as {named}; take them as one answer."
     splits = {tuple(sorted(pair)) for x in diagnosis.next_experiments for pair in x.splits}
     if any(tuple(sorted((diagnosis.verdict, other))) in splits for other in others):
         yield "The tests proposed below would split them."
+
+
+def _hypothesis(name: str) -> str:
+    return {"none": "no gap at all", "unknown": "an unknown cause"}.get(name, name)
 
 
 def _remainder(diagnosis: Diagnosis) -> Iterator[str]:

@@ -7,7 +7,7 @@ import pytest
 
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure
-from planner.gap.closure_folds import folds_of
+from planner.gap.closure_folds import Fold, folds_of, held_out_words
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.priors import Priors
@@ -134,3 +134,19 @@ def test_an_effect_that_makes_left_out_conditions_worse_is_flagged(planned, imit
     assert gap.negative_transfer
     assert gap.after > gap.before
     assert gap.closed < 0.0
+
+
+def test_what_was_held_out_in_words() -> None:
+    def fold(name: str, *places: int) -> Fold:
+        out = np.isin(np.arange(6), places)
+        return Fold(name, out, out)
+
+    single = [fold("specimen", place) for place in range(4)]
+    assert held_out_words(single) == "4 specimens left out one at a time"
+    assert held_out_words(single[:1]) == "1 specimen left out"
+    assert held_out_words([fold("rate_mm_s", 0, 1)]) == "1 level of rate_mm_s left out"
+    mixed = [fold("rate_mm_s", k, k + 1) for k in range(3)]
+    mixed += [fold("batch", 0, 1, 2), fold("batch", 3, 4, 5), fold("specimen", 0, 2)]
+    assert held_out_words(mixed) == (
+        "3 levels of rate_mm_s, 2 batches and 1 group of specimens left out one at a time"
+    )

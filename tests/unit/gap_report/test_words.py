@@ -1,12 +1,13 @@
 """The verdict in words, for every kind of verdict."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
-from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis import Diagnosis, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.report.gap.verdict_text import verdict_text
+from planner.report.gap.verdict_text import headline, verdict_text
 from planner.report.gap.wording import CLAUSES, figure, listed, percent, probability, sentence
 
 Examples = dict[str, Diagnosis]
@@ -43,6 +44,31 @@ def test_what_the_verdict_says_of_each_case(examples: Examples) -> None:
     assert "looks the same here as ageing+rate" in said["pair"]
     assert "could not be checked" in said["one"]
     assert "no replicates" in said["one"]
+
+
+def said_of(diagnosis: Diagnosis, *others: tuple[str, ...]) -> str:
+    verdict = tuple(diagnosis.verdict.split("+"))
+    return verdict_text(replace(diagnosis, same_class=(verdict, *others)), width=10_000)
+
+
+def test_classes_read_well_whatever_the_verdict(examples: Examples) -> None:
+    none, unknown, rate = (examples[name] for name in ("none", "unknown", "rate"))
+    assert "do not exclude a small gap along no known effect." in said_of(none, ("unknown",))
+    assert "exclude a small gap by rate or skin or along no known effect." in said_of(
+        none, ("rate",), ("skin",), ("unknown",)
+    )
+    assert "An unknown cause looks the same here as rate; take" in said_of(unknown, ("rate",))
+    assert "rate looks the same here as skin or an unknown cause; take them" in said_of(
+        rate, ("skin",), ("unknown",)
+    )
+    assert "rate looks the same here as no gap at all;" in said_of(rate, ("none",))
+
+
+def test_a_title_that_is_the_verdict_is_not_repeated(examples: Examples) -> None:
+    warm = replace(examples["rate"], verdict="temperature",
+                   ranking=(Hypothesis(("temperature",), 0.9),))  # fmt: skip
+    assert headline(warm) == "Verdict: temperature (probability 0.90)"
+    assert headline(examples["rate"]).endswith("(probability 0.91): strain rate and relaxation")
 
 
 def test_figures_in_words() -> None:
