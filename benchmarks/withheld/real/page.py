@@ -1,0 +1,242 @@
+"""The page on published measurements, from their diagnoses."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from benchmarks.withheld.real.expectations import Expectation, probability_with
+from benchmarks.withheld.real.left_out_rate import LeftOutRate
+from planner.gap.diagnosis import Diagnosis, FoundEffect
+from planner.gap.effects import effects_for
+from planner.palette import Palette
+from planner.report.gap.verdict_text import headline
+from planner.report.gap.wording import (
+    axis_words,
+    figure,
+    listed,
+    p_value,
+    percent,
+    probability,
+    sentence,
+)
+
+__all__ = ["Answered", "page"]
+
+_WIDTH = 100
+_SIGNIFICANT = 0.05
+_STAND_IN = ": another name for what rate would explain, if rate is the cause."
+_NEAR = 1e-3
+
+_HEAD = """# Gaps in measurements that others published
+
+Written by `python -m benchmarks.withheld.real.report`; do not edit it by hand.
+
+The bench knows what it hid, and its noise is drawn; here nobody made up the cause. Six campaigns
+are made of published tests: planner's own laws are fitted to a part of each, which makes the
+palette, and `planner gap diagnose` is asked about the rest. What should come out was written down
+before ([how they are made](../../benchmarks/withheld/real/README.md)). The data are not kept here.
+
+A diagnosis counts as expected if the verdict or its class says what the tests vary in. The gap is
+the root mean square error of force, of each test's largest: by the palette alone (before), and on
+tests that took no part in the fit (after); the floor is what replicates differ by.
+"""
+
+_TAIL = """## What these sets can and cannot show
+
+- Six sets are no statistics. How often a verdict is right is [counted on the
+  bench](diagnosis-checked.md); here one sees whether it makes sense of data that owe planner
+  nothing.
+- All but the adhesive's pulls have no replicates, or have some by a missing column only. The
+  scatter is then assumed, and no closure can be given against a floor.
+- The palettes are fitted to one specimen or a few of the same set. What one specimen has for itself
+  is in the palette, and shows as a gap of the others.
+- Most conditions were not published. What is not known is said to be untested, and stays open.
+- No set is of jetted material, and none has a graded bar.
+"""
+
+
+@dataclass(frozen=True)
+class Answered:
+    """One set with its answers.
+
+    Attributes
+    ----------
+    without_rate
+        The diagnosis with `rate` taken out of the library; None where that is not asked.
+    """
+
+    name: str
+    expectation: Expectation
+    palette: Palette
+    diagnosis: Diagnosis
+    without_rate: Diagnosis | None = None
+    left_out: Sequence[LeftOutRate] = ()
+
+
+def page(answers: Sequence[Answered]) -> str:
+    """Return the page as Markdown; figures lie in `real-data/` beside it."""
+    parts = [_HEAD, _overview(answers)]
+    for a in answers:
+        parts += _section(a)
+    return "\n".join([*parts, _TAIL])
+
+
+def _overview(answers: Sequence[Answered]) -> str:
+    rows = []
+    for a in answers:
+        met, _ = a.expectation.judge(a.diagnosis)
+        chance = next(
+            (
+                h.probability
+                for h in a.diagnosis.ranking
+                if "+".join(h.effects) == a.diagnosis.verdict
+            ),
+            0.0,
+        )
+        gap = a.diagnosis.gap
+        named = a.diagnosis.verdict not in ("none", "unknown")
+        closed = gap.closed if named and gap.floor is not None else None
+        rows.append(
+            [a.name, f"{a.diagnosis.verdict} ({probability(chance)})", met,
+             *(_percent(v) for v in (gap.before, gap.after, gap.floor, closed))]
+        )  # fmt: skip
+    heads = ["set", "verdict (probability)", "as expected", "before", "after", "floor", "closed"]
+    return _table(heads, rows)
+
+
+def _section(a: Answered) -> Iterator[str]:
+    e, d = a.expectation, a.diagnosis
+    met, why = e.judge(d)
+    yield f"## {e.title}\n"
+    yield _paragraph(f"**What it is.** {e.what} Source: {e.source}.")
+    yield _paragraph(f"**Expected.** {e.expected}")
+    yield _paragraph(f"**Answered.** {headline(d)}. {' '.join(_places(d))}")
+    verdict = {"yes": "As expected", "in part": "In part as expected", "no": "Not as expected"}
+    yield _paragraph(f"**{verdict[met]}:** {why}.")
+    yield _paragraph(" ".join(_gap(d)))
+    if e.rates:
+        yield from _rates(a)
+    yield from _doubts(a)
+    yield _paragraph(f"**Not inferred.** {e.beyond} {_untested(d)}")
+    for name, caption in e.figures.items():
+        yield f"![{caption}](real-data/{a.name}-{name}.svg)\n"
+        yield _paragraph(f"*{caption}*")
+
+
+def _places(d: Diagnosis) -> Iterator[str]:
+    clear = [p for p in d.where if p.p < _SIGNIFICANT]
+    for place in clear:
+        yield sentence(f"{axis_words(place.axis)} ({p_value(place.p)}): {place.detail}")
+    if not clear:
+        yield "No axis shows more than chance would."
+
+
+def _gap(d: Diagnosis) -> Iterator[str]:
+    gap = d.gap
+    yield f"**The gap.** {percent(gap.before)} by the palette alone"
+    yield "," if gap.floor is None else f"(replicates differ by {percent(gap.floor)}),"
+    if gap.after is None:
+        yield "not checked on held-out tests."
+    else:
+        negative = ", which is worse" if gap.negative_transfer else ""
+        yield f"{percent(gap.after)} on what was held out{negative} ({gap.held_out})."
+    beside = [
+        f"{percent(value)} {words}"
+        for value, words in (
+            (gap.recalibration_only, "by refitting the laws alone"),
+            (gap.generic, "by a regression without physics"),
+        )
+        if value is not None
+    ]
+    if beside:
+        yield f"For comparison: {listed(beside)}."
+    remains = [f"{axis_words(p.axis)} ({p_value(p.p)}; {p.detail})" for p in d.remainder]
+    if remains:
+        yield f"What remains lies along {listed(remains)}."
+
+
+def _rates(a: Answered) -> Iterator[str]:
+    d, without = a.diagnosis, a.without_rate
+    words = [
+        f"**Does it point at rate?** The probability of all hypotheses with rate together is "
+        f"{probability(probability_with(d, 'rate'))}."
+    ]
+    along = next((p for p in d.where if p.axis == "rate_mm_s"), None)
+    if along is not None:
+        seen = "more" if along.p < _SIGNIFICANT else "no more"
+        words.append(
+            f"Along the crosshead's speed the gap varies {seen} than by chance "
+            f"({p_value(along.p)})."
+        )
+    if without is not None:
+        others = [n for n in map("+".join, without.same_class) if n != without.verdict]
+        alike = f", in a class with {listed(others)}" if others else ""
+        words.append(
+            f"With rate taken out of the library the verdict is {without.verdict}{alike}"
+            + ("." if without.verdict in ("none", "unknown") else _STAND_IN)
+        )
+        if without.gap.after is not None:
+            words.append(f"Held-out tests are then missed by {percent(without.gap.after)}.")
+    yield _paragraph(" ".join(words))
+    if a.left_out:
+        yield _paragraph(
+            "Each rate predicted by a diagnosis of the others, with the effects that it names:"
+        )
+        heads = ["left out, mm/s", "specimens", "verdict of the others", "before", "after"]
+        yield _table(
+            heads,
+            [
+                [figure(r.rate_mm_s), str(r.specimens), r.verdict, _percent(r.before),
+                 _percent(r.after)]
+                for r in a.left_out
+            ],
+        )  # fmt: skip
+        worse = sum(r.after > r.before for r in a.left_out)
+        better = sum(r.after < r.before for r in a.left_out)
+        yield _paragraph(
+            f"Predicted better than by the palette: {better} of {len(a.left_out)} rates; worse: "
+            f"{worse}. With a verdict of unknown nothing is added."
+        )
+
+
+def _doubts(a: Answered) -> Iterator[str]:
+    words = [
+        f"{effect.id}: {name} {value:.3g} stands at a bound of what it may be"
+        for effect in a.diagnosis.effect
+        for name, value in effect.parameters.items()
+        if _at_bound(effect, name, value, a.palette)
+    ]
+    words += [f"{q.specimen or 'all specimens'}: {q.problem}" for q in a.diagnosis.data_quality]
+    if words:
+        yield _paragraph(f"**To doubt.** {' '.join(sentence(w) for w in words)}")
+
+
+def _at_bound(found: FoundEffect, name: str, value: float, palette: Palette) -> bool:
+    form = next((f for f in effects_for(palette)[found.id].forms if f.name == found.form), None)
+    bounds = next((p for p in form.parameters if p.name == name), None) if form else None
+    if bounds is None:
+        return False
+    near = _NEAR * (bounds.high - bounds.low)
+    size = abs(value) if bounds.signed else value
+    return not bounds.low + near < size < bounds.high - near
+
+
+def _untested(d: Diagnosis) -> str:
+    return f"Not testable here: {listed([u.id for u in d.not_testable])}." if d.not_testable else ""
+
+
+def _percent(value: float | None) -> str:
+    return "" if value is None else percent(value)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
+
+
+def _paragraph(words: str) -> str:
+    joined = " ".join(words.split()).replace(" ,", ",")
+    return (
+        textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False).rstrip()
+        + "\n"
+    )

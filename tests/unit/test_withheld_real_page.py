@@ -1,0 +1,115 @@
+"""The page on published measurements: what is judged as expected, and a rate predicted unseen."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from benchmarks.withheld.real.expectations import EXPECTATIONS, probability_with
+from benchmarks.withheld.real.left_out_rate import LeftOutRate, left_out_rates, specimen_errors
+from benchmarks.withheld.real.page import Answered, page
+from planner.gap.campaign import Campaign
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, Hypothesis, Place, Untestable
+from planner.printers import printer
+
+PALETTE = printer("connex3").palette()
+RISE = 0.2
+RATE = FoundEffect("rate", "power-law", {"rise": RISE}, {"rise": (0.1, 0.3)}, {"rise": "1"})
+
+
+def diagnosis(verdict: str, *others: str, where: str = "material", **more: Any) -> Diagnosis:
+    """A diagnosis with a class of the verdict and others."""
+    effects = tuple(tuple(name.split("+")) for name in (verdict, *others))
+    untested = (Untestable("rate", "no"), Untestable("temperature", "no"))
+    changed = {
+        "not_testable": untested,
+        "where": (Place(where, 0.8, (0.7, 0.9), 1e-4, "force 9 % above prediction"),),
+        "gap": Gap(0.2, 0.1, 0.05, 0.67, (0.5, 0.8), 0.15, 0.12, "4 specimens left out"),
+        "effect": (),
+        **more,
+    }
+    return Diagnosis(
+        campaign="c", palette="p", palette_sha256="", specimens=4, tests=4, verdict=verdict,
+        ranking=tuple(Hypothesis(e, 0.5 / (k + 1)) for k, e in enumerate(effects)),
+        same_class=effects, remainder=(), data_quality=(), next_experiments=(), detectable=(),
+        limitations=(), **changed,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "met"),
+    [
+        ("silicones", diagnosis("none"), "yes"),
+        ("silicones", diagnosis("none", not_testable=()), "in part"),
+        ("silicones", diagnosis("rate"), "no"),
+        ("calendered-rubber", diagnosis("unknown", "orientation"), "yes"),
+        ("calendered-rubber", diagnosis("unknown", "orientation+skin"), "in part"),
+        ("calendered-rubber", diagnosis("skin"), "no"),
+        ("adhesive-pulled", diagnosis("rate+softening"), "yes"),
+        ("adhesive-pulled", diagnosis("grip-slack+rate"), "in part"),
+        ("adhesive-pulled", diagnosis("softening", "rate"), "in part"),
+        ("adhesive-sheared", diagnosis("rate+softening"), "in part"),
+        ("adhesive-sheared", diagnosis("unknown"), "no"),
+        ("tape", diagnosis("none"), "no"),
+        ("tape", diagnosis("rate"), "no"),
+        ("tape", diagnosis("unknown", where="speed"), "yes"),
+        ("tape", diagnosis("unknown", where="strain"), "in part"),
+        ("thesis", diagnosis("material-law"), "yes"),
+        ("thesis", diagnosis("unknown", where="strain"), "in part"),
+        ("thesis", diagnosis("rate"), "no"),
+    ],
+)
+def test_answers_are_held_against_what_was_expected(name: str, found: Diagnosis, met: str) -> None:
+    assert EXPECTATIONS[name].judge(found)[0] == met
+
+
+def test_the_page_has_every_set_and_says_what_is_wrong() -> None:
+    slack = FoundEffect("grip-slack", "dead-travel", {"slack": 2.0}, {"slack": (0.0, 2.0)}, {})
+    answers = [
+        Answered(name, e, PALETTE, diagnosis("unknown", "orientation"))
+        for name, e in EXPECTATIONS.items()
+        if not e.rates
+    ]
+    pulled = diagnosis("grip-slack+rate", effect=(slack,))
+    left = (LeftOutRate(0.5, 4, "rate", 0.2, 0.1), LeftOutRate(1.5, 3, "rate", 0.1, 0.2))
+    answers.append(
+        Answered("adhesive-pulled", EXPECTATIONS["adhesive-pulled"], PALETTE, pulled,
+                 diagnosis("softening"), left)
+    )  # fmt: skip
+    text = page(answers)
+    for a in answers:
+        assert f"## {a.expectation.title}\n" in text
+    flat = " ".join(text.split())
+    assert "Not as expected:** a false alarm: unknown" in flat
+    assert "Predicted better than by the palette: 1 of 2 rates; worse: 1." in flat
+    assert "another name for what rate would explain" in flat
+    assert "(real-data/adhesive-pulled-curves.svg)" in text
+    assert "| silicones | unknown (0.50) | no | 20 % | 10 % | 5.0 % |  |" in text
+    assert (
+        "| adhesive-pulled | grip-slack+rate (0.50) | in part | 20 % | 10 % | 5.0 % | 67 % |"
+        in text
+    )
+    assert "Grip-slack: slack 2 stands at a bound of what it may be." in flat
+    assert "nan" not in text
+    assert probability_with(pulled, "rate") == 0.5
+
+
+def test_a_rate_is_predicted_by_what_the_others_tell(planned: Any, imitated: Any) -> None:
+    """Where the diagnosis of the others has the very effect, scatter alone is left."""
+    plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5])
+    campaign: Campaign = imitated(plan, f"rate:rise={RISE},form=power-law")
+    seen = []
+
+    def told(others: Campaign) -> Diagnosis:
+        seen.append({s.rate_mm_s for s in others.specimens})
+        return diagnosis("rate", effect=(RATE,))
+
+    found = list(left_out_rates(campaign, told))
+    assert [r.rate_mm_s for r in found] == [0.085, 0.85, 8.5]
+    assert seen == [{0.85, 8.5}, {0.085, 8.5}, {0.085, 0.85}]
+    # A decade from the palette's rate changes the stress by a fifth; specimens scatter by 3 %.
+    for k in (0, 2):
+        assert found[k].before > 0.1
+        assert found[k].after < 0.5 * found[k].before
+    some = replace(RATE, specimens=("x",))
+    assert (specimen_errors(campaign, (some,)) == specimen_errors(campaign, ())).all()
