@@ -1,5 +1,6 @@
 """planner grade."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +27,18 @@ def grade(
         typer.Option(
             help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
         ),
+    ] = None,
+    field: Annotated[
+        str | None,
+        typer.Option(
+            help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
+            "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
+            "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
+        ),
+    ] = None,
+    pitch: Annotated[
+        float | None,
+        typer.Option(help="Grid, in mm, on which curved fields are drawn; by default by size."),
     ] = None,
     profile: Annotated[
         str,
@@ -82,6 +95,8 @@ def grade(
             from_=from_,
             to=to,
             axis=axis,
+            field=field,
+            pitch_mm=pitch,
             profile=profile,
             bands=bands,
             blend=blend,
@@ -133,17 +148,27 @@ def _report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) ->
         say(f"wrote {folder} (next: planner check {folder}; open {folder / 'HOWTO.md'})")
 
 
+def _mm_along(field: Mapping[str, object]) -> tuple[float, float]:
+    """Return where a field that is a length begins, and how far it goes, in mm."""
+    begin, end, span = field.get("from_mm"), field.get("to_mm"), field.get("span_mm")
+    if isinstance(begin, float) and isinstance(end, float):
+        return begin, end - begin
+    return 0.0, span if isinstance(span, float) else 1.0
+
+
 def _table(plan: "Plan") -> None:
     from planner.cli.output import figure, print_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
-    span = plan.gradient.field.get("span_mm")
+    field = plan.gradient.field
+    span = field.get("span_mm")
+    begin, way = _mm_along(field)
     rows = []
     for region in plan.regions:
         low, high = region.target_modulus_MPa
         start, stop = region.field
         where = (
-            f"{start * span:.2f} .. {stop * span:.2f}"
+            f"{begin + start * way:.2f} .. {begin + stop * way:.2f}"
             if isinstance(span, float)
             else f"{start:.4f} .. {stop:.4f}"
         )
@@ -167,7 +192,7 @@ def _table(plan: "Plan") -> None:
         [
             "#",
             "material",
-            "along mm",
+            "along mm" if isinstance(span, float) else "field",
             "target MPa",
             "achieved",
             "95 % interval",

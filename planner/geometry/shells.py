@@ -173,7 +173,10 @@ def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
 
 def piece_bounds_mm(pieces: Pieces) -> FloatArray:
     """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
-    found = measure(pieces.vertices, pieces.faces, pieces.piece, pieces.count)
+    # An interface counts for both its pieces: one that lies inside the part has no other face.
+    faces = np.concatenate([pieces.faces, pieces.cap_faces, pieces.cap_faces])
+    piece = np.concatenate([pieces.piece, pieces.cap_level, pieces.cap_level + np.int32(1)])
+    found = measure(pieces.vertices, faces, piece, pieces.count)
     return np.where(np.isfinite(found.bounds_mm), found.bounds_mm, np.nan)
 
 

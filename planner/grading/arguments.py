@@ -6,7 +6,7 @@ from typing import SupportsFloat, SupportsIndex
 
 from planner.errors import ArgumentError
 
-__all__ = ["as_count", "as_number"]
+__all__ = ["as_count", "as_number", "positive"]
 
 
 def as_count(value: SupportsIndex, name: str) -> int:
@@ -37,4 +37,18 @@ def as_number(value: SupportsFloat, name: str) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise ArgumentError(f"{name} {value!r}: it must be a finite number")
+    return number
+
+
+def positive(value: SupportsFloat, name: str) -> float:
+    """Return a finite number above 0.
+
+    Raises
+    ------
+    ArgumentError
+        It is none.
+    """
+    number = as_number(value, name)
+    if not number > 0.0:
+        raise ArgumentError(f"{name} {number:g}: it must be above 0")
     return number

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.geometry.columns import MOST_VOXELS, grid_for, iterate_columns
-from planner.geometry.fields import Field
+from planner.geometry.fields import Field, PlanarField
 from planner.geometry.labels import label_columns, label_volumes_mm3
 from planner.geometry.mesh import Mesh
 from planner.geometry.printability import Finding as Place
@@ -16,7 +16,7 @@ from planner.palette import Palette
 from planner.plan import Check, Finding
 from planner.printers import Printer
 
-__all__ = ["print_checks"]
+__all__ = ["print_checks", "voxel_check", "voxel_mm"]
 
 
 def print_checks(
@@ -39,8 +39,9 @@ def print_checks(
         surface passes within half its diagonal, which is the limit. Voxels are coarser than the
         printer's where a part over the tray would need more than can be numbered.
 
-        Walls and voxels of a part that is far over the tray are not checked, and the findings
-        say so: its unit is wrong.
+        Walls and voxels of a curved field are not checked here, see
+        `planner.grading.curved_checks`, nor are those of a part that is far over the tray; the
+        findings then say so: its unit is wrong.
     findings : tuple of Finding
         In words, the tray first. Places are in the coordinates of the files.
     """
@@ -55,6 +56,8 @@ def print_checks(
     longest_mm = longest_checked_mm(machine.minimum_wall_mm)
     if excess_mm > max(machine.tray_mm) or (excess_mm > 0.0 and extent_mm.max() > longest_mm):
         findings.append(_unchecked(machine))
+        return checks, tuple(findings)
+    if not isinstance(field, PlanarField):
         return checks, tuple(findings)
     places = thin_walls(mesh, field, levels, materials, machine.minimum_wall_mm)
     count = sum(1 + place.more for place in places)
@@ -103,13 +106,25 @@ def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
 def _voxel_check(
     mesh: Mesh, field: Field, levels: Sequence[float], volumes_mm3: FloatArray, machine: Printer
 ) -> Check:
-    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
-    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
-    pitch_mm = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
+    pitch_mm = voxel_mm(mesh, machine)
     counted_mm3 = np.zeros(len(levels) + 1)
     for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
         labelled = label_columns(columns, field, levels)
         counted_mm3 += label_volumes_mm3(labelled, len(levels) + 1)
+    return voxel_check(counted_mm3, volumes_mm3, mesh, pitch_mm)
+
+
+def voxel_mm(mesh: Mesh, machine: Printer) -> FloatArray:
+    """Return the printer's voxel, or a larger one where the part has too many to number."""
+    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
+    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
+    return native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
+
+
+def voxel_check(
+    counted_mm3: FloatArray, volumes_mm3: FloatArray, mesh: Mesh, pitch_mm: FloatArray
+) -> Check:
+    """Hold volumes counted in voxels against those of the pieces."""
     error = float(np.abs(counted_mm3 - volumes_mm3).max()) / mesh.volume_mm3
     limit = mesh.area_mm2 * float(np.linalg.norm(pitch_mm)) / mesh.volume_mm3
     return Check(error, limit, error <= limit)

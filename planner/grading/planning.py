@@ -6,14 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from planner import __version__
+from planner.arrays import FloatArray
 from planner.errors import ArgumentError
 from planner.formats.stl import decode_stl
-from planner.geometry.fields import Field
+from planner.geometry.fields import Field, PlanarField
 from planner.geometry.fields.axis import axis_field
+from planner.geometry.level_sets.grid import default_pitch_mm
 from planner.geometry.placement import place
 from planner.geometry.shells import piece_volumes_mm3, split
-from planner.grading.arguments import as_count, as_number
+from planner.grading.arguments import as_count, as_number, positive
 from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
+from planner.grading.curved_checks import WALLS_UNCHECKED, interface_checks
+from planner.grading.field_kinds import Setting
+from planner.grading.field_spec import build_field
 from planner.grading.findings import print_checks
 from planner.grading.part_source import PartSource, open_part
 from planner.grading.profile import Profile, between, read_profile
@@ -46,7 +51,8 @@ def grade(
     axis: str | tuple[float, float, float] | None = None,
     profile: str | Path | Profile = "log",
     bands: int | None = None,
-    field: Field | None = None,
+    field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
+    pitch_mm: float | None = None,
     blend: str = "nearest",
     at_strain: float = 0.1,
     printer: str | Printer = "connex3",
@@ -74,7 +80,12 @@ def grade(
         Cut into so many equal steps of the field; by default the cuts lie where the nearest
         material changes.
     field
-        Any `Field` over the part, as placed for printing, instead of `axis`.
+        What the gradient follows instead of an axis: text as for ``--field``, such as
+        ``"radial: point=0 0 5, to=12"``; a function of points (n, 3) in the part's coordinates
+        that returns values from 0 to 1; or any `Field` over the part as placed for printing.
+    pitch_mm
+        Of the grid on which curved level sets are drawn; by default such that the part's box has
+        about two million grid points, 0.1 mm at least.
     blend
         How a target between two materials is met; ``nearest`` takes the nearer one.
     at_strain
@@ -101,8 +112,9 @@ def grade(
     machine = load_printer(printer) if isinstance(printer, str) else printer
     if not isinstance(machine, Printer):
         raise ArgumentError(f"printer is a {type(printer).__name__}; give a name or a Printer")
-    if field is not None and not isinstance(field, Field):
-        raise ArgumentError(f"field is a {type(field).__name__}; give a planner Field")
+    if field is not None and axis is not None:
+        raise ArgumentError("give --axis or --field, not both; --field 'axis: z' is an axis too")
+    pitch_mm = None if pitch_mm is None else positive(pitch_mm, "--pitch")
     bands = None if bands is None else as_count(bands, "--bands")
     at_strain = as_number(at_strain, "--at-strain")
     chosen = palette_of(machine, palette)
@@ -114,12 +126,18 @@ def grade(
     progress("reading the part")
     source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
     mesh, translation = place(source.part.mesh)
-    along = field if field is not None else axis_field(axis, mesh)
+    pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
+    if field is None:
+        along: Field = axis_field(axis, mesh)
+    else:
+        progress("building the field")
+        along = build_field(field, Setting(mesh, point(translation), pitch_mm))
 
     progress("cutting the shells")
     steps = _bands(target, scale, bands)
     _check_thickness(along, steps, machine, source.warnings)
-    pieces = split(mesh, along, np.array([band.start for band in steps[1:]]))
+    levels = np.array([band.start for band in steps[1:]])
+    pieces = split(mesh, along, levels, pitch_mm=pitch_mm)
     shells = shells_of(pieces, steps, scale, machine, source.name)
 
     progress("verifying the shells")
@@ -127,18 +145,24 @@ def grade(
     progress("looking for what will not print")
     volumes_mm3 = piece_volumes_mm3(pieces)
     printing, findings = print_checks(mesh, along, steps, volumes_mm3, chosen, machine)
+    described, warnings = dict(along.description()), source.warnings
+    if not isinstance(along, PlanarField):
+        described["pitch_mm"] = pitch_mm
+        drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
+        printing, findings = {**printing, **drawn}, (*findings, *more)
+        warnings = (*warnings, WALLS_UNCHECKED)
     return Plan(
         schema=1,
         version=__version__,
         printer=machine.name,
         palette=PaletteUsed(chosen.name, chosen.sha256),
         part=_part_graded(source, point(translation)),
-        gradient=Gradient(along.description(), target.description(), start, end, bands),
+        gradient=Gradient(described, target.description(), start, end, bands),
         stiffness=Stiffness("secant-nominal", at_strain),
         regions=regions_of(pieces, steps, scale, shells),
         checks={**checks, **printing},
         findings=findings,
-        warnings=source.warnings,
+        warnings=warnings,
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=machine.job_notes(),

@@ -19,6 +19,10 @@ JOBS = {
     "finger-log": ("finger.stl", {"from_": "Tango", "to": "Vero", "axis": "x"}),
     "dogbone-bands": ("dogbone.stl", {"from_": "Vero", "to": "Tango", "bands": 10}),
     "gripper-tilted": ("gripper.stl", {"from_": "FLX9740", "to": "RGD8425", "axis": "1,0,2"}),
+    "finger-radial": (
+        "finger.stl",
+        {"from_": "Vero", "to": "Tango", "field": "radial: line=0 8 8 1 0 0", "pitch_mm": 1.0},
+    ),
 }
 
 

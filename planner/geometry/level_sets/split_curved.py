@@ -1,12 +1,15 @@
 """Divide a part along curved level sets, and make sure that every shell is closed."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError
+from planner.geometry.cut import squared_height
 from planner.geometry.fields.field import Field
+from planner.geometry.kernel import kernel
 from planner.geometry.level_sets.divide_field import DividedField, divide_along
 from planner.geometry.level_sets.grid import MOST_VERTICES
 from planner.geometry.mend import flip_thin
@@ -83,15 +86,18 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
 
 def _thin(divided: DividedField, first_new: int) -> int:
     """Count new triangles so thin that readers drop them."""
-    new = divided.faces[(divided.faces >= first_new).any(axis=1)]
+    limit = _READ_MM**2
+    found = _count_thin(divided.vertices, divided.faces, np.int32(first_new), limit)
+    return int(found + _count_thin(divided.vertices, divided.cap_faces, np.int32(0), limit))
+
+
+@kernel
+def _count_thin(vertices: Any, faces: Any, first_new: Any, limit: Any) -> Any:
     count = 0
-    for faces in (new, divided.cap_faces):
-        a, b, c = divided.vertices[faces].transpose(1, 0, 2).astype(np.float64)
-        u, v = b - a, c - a
-        longest = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
-        longest = np.maximum(longest, ((v - u) ** 2).sum(axis=1))
-        doubled = (np.cross(u, v) ** 2).sum(axis=1)
-        count += int(np.count_nonzero(doubled < _READ_MM**2 * longest))
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if max(a, max(b, c)) >= first_new and squared_height(vertices, a, b, c) < limit:
+            count += 1
     return count
 
 

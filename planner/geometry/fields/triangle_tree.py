@@ -1,0 +1,205 @@
+"""A tree of boxes over triangles, to find the nearest one."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import FloatArray
+from planner.geometry.kernel import inner_kernel, kernel
+from planner.geometry.mesh import Mesh
+from planner.geometry.topology import order_edges
+
+__all__ = ["TriangleTree", "nearest", "triangle_tree"]
+
+_LEAF = 2
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleTree:
+    """Triangles in the order of a space-filling curve, under a complete binary tree of boxes.
+
+    Attributes
+    ----------
+    corners : (k, 3, 3) float64
+        Positions in mm; the last is repeated to fill the leaves.
+    outward : (k, 7, 3) float64
+        What tells outside at the face, its three vertices, and its three edges from corner j to
+        the next (angle-weighted pseudonormals, Baerentzen and Aanaes 2005).
+    box : (nodes, 2, 3) float64
+        Node i has the children 2 i + 1 and 2 i + 2.
+    """
+
+    corners: FloatArray
+    outward: FloatArray
+    box: FloatArray
+
+
+def triangle_tree(mesh: Mesh) -> TriangleTree:
+    """Build the tree of a mesh, or of some of its faces."""
+    corners = mesh.triangles
+    middle = corners.mean(axis=1)
+    low, extent = middle.min(axis=0), np.ptp(middle, axis=0)
+    cell = ((middle - low) / max(float(extent.max()), 1e-30) * 1023.0).astype(np.int64)
+    code = np.zeros(len(cell), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    order = np.argsort(code, kind="stable")
+    leaves = 1
+    while leaves * _LEAF < len(order):
+        leaves *= 2
+    order = np.append(order, np.full(leaves * _LEAF - len(order), order[-1]))
+    ranked = corners[order]
+    boxes = []
+    level = np.stack(
+        [
+            ranked.reshape(leaves, _LEAF * 3, 3).min(axis=1),
+            ranked.reshape(leaves, _LEAF * 3, 3).max(axis=1),
+        ],
+        axis=1,
+    )
+    boxes.append(level)
+    while len(level) > 1:
+        pairs = level.reshape(-1, 2, 2, 3)
+        level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)
+        boxes.append(level)
+    return TriangleTree(
+        np.ascontiguousarray(ranked),
+        np.ascontiguousarray(_outward(mesh)[order]),
+        np.concatenate(boxes[::-1]),
+    )
+
+
+def _outward(mesh: Mesh) -> FloatArray:
+    """Return what tells outside at each face, its vertices and its edges, (m, 7, 3)."""
+    corners, faces = mesh.triangles, mesh.faces
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    at_vertex = np.zeros((len(mesh.vertices), 3))
+    for j in range(3):
+        u = corners[:, (j + 1) % 3] - corners[:, j]
+        v = corners[:, (j + 2) % 3] - corners[:, j]
+        sine = np.linalg.norm(np.cross(u, v), axis=1)
+        angle = np.arctan2(sine, (u * v).sum(axis=1))
+        for axis in range(3):
+            at_vertex[:, axis] += np.bincount(
+                faces[:, j], weights=angle * normal[:, axis], minlength=len(at_vertex)
+            )
+    order, starts, count = order_edges(faces)
+    total = np.add.reduceat(normal[order // 3], starts, axis=0)
+    at_edge = np.empty((faces.size, 3))
+    at_edge[order] = np.repeat(total, count, axis=0)
+    return np.concatenate([normal[:, None], at_vertex[faces], at_edge.reshape(-1, 3, 3)], axis=1)
+
+
+def nearest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the distance from points (n, 3) to the nearest triangle, and whether it faces them.
+
+    Exact up to rounding. A point faces a closed surface where it lies outside.
+    """
+    points = np.require(points_mm, np.float64, ["C", "W"])
+    distance = np.empty(len(points))
+    faced = np.empty(len(points), dtype=np.bool_)
+    _nearest(
+        tree.corners, tree.outward, tree.box, points, distance, faced,
+        np.empty(128, dtype=np.int64), np.empty(128), np.empty(3), np.empty((2, 3)),
+    )  # fmt: skip
+    return distance, faced
+
+
+@kernel
+def _nearest(
+    corners: Any, outward: Any, box: Any, points: Any, distance: Any, faced: Any, stack: Any,
+    reach: Any, at: Any, closest: Any,
+) -> None:  # fmt: skip
+    # closest[0]: nearest point of the triangle last looked at; closest[1]: of all.
+    first_leaf = box.shape[0] // 2
+    last = 0
+    for p in range(points.shape[0]):
+        for d in range(3):
+            at[d] = points[p, d]
+        best, feature = _to_triangle(corners, last, at, closest)
+        for d in range(3):
+            closest[1, d] = closest[0, d]
+        stack[0], reach[0], size = 0, 0.0, 1
+        while size > 0:
+            size -= 1
+            node = stack[size]
+            if reach[size] >= best:
+                continue
+            # Down the nearer side, leaving the farther one for later.
+            while node < first_leaf:
+                near, far = 2 * node + 1, 2 * node + 2
+                off, other = _to_box(box, near, at), _to_box(box, far, at)
+                if other < off:
+                    near, far, off, other = far, near, other, off
+                if other < best:
+                    stack[size], reach[size] = far, other
+                    size += 1
+                if off >= best:
+                    break
+                node = near
+            else:
+                leaf = node - first_leaf
+                for t in range(leaf * _LEAF, leaf * _LEAF + _LEAF):
+                    square, kind = _to_triangle(corners, t, at, closest)
+                    if square < best:
+                        best, feature, last = square, kind, t
+                        for d in range(3):
+                            closest[1, d] = closest[0, d]
+        distance[p] = np.sqrt(best)
+        dot = 0.0
+        for d in range(3):
+            dot += (at[d] - closest[1, d]) * outward[last, feature, d]
+        faced[p] = dot >= 0.0
+
+
+@inner_kernel
+def _to_box(box: Any, node: Any, at: Any) -> Any:
+    square = 0.0
+    for d in range(3):
+        off = max(box[node, 0, d] - at[d], at[d] - box[node, 1, d])
+        if off > 0.0:
+            square += off * off
+    return square
+
+
+@inner_kernel
+def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
+    """Square of the distance to a triangle, and where: 0 face, 1 to 3 vertex, 4 to 6 edge."""
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for d in range(3):
+        ab, ac = corners[t, 1, d] - corners[t, 0, d], corners[t, 2, d] - corners[t, 0, d]
+        d1 += ab * (at[d] - corners[t, 0, d])
+        d2 += ac * (at[d] - corners[t, 0, d])
+        d3 += ab * (at[d] - corners[t, 1, d])
+        d4 += ac * (at[d] - corners[t, 1, d])
+        d5 += ab * (at[d] - corners[t, 2, d])
+        d6 += ac * (at[d] - corners[t, 2, d])
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    v = w = 0.0
+    kind = 0
+    if d1 <= 0.0 and d2 <= 0.0:
+        kind = 1
+    elif d3 >= 0.0 and d4 <= d3:
+        v, kind = 1.0, 2
+    elif d6 >= 0.0 and d5 <= d6:
+        w, kind = 1.0, 3
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v, kind = d1 / (d1 - d3), 4
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v, kind = 1.0 - w, 5
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        w, kind = d2 / (d2 - d6), 6
+    else:
+        total = va + vb + vc
+        v, w = vb / total, vc / total
+    square = 0.0
+    for d in range(3):
+        a = corners[t, 0, d]
+        closest[0, d] = a + v * (corners[t, 1, d] - a) + w * (corners[t, 2, d] - a)
+        square += (at[d] - closest[0, d]) ** 2
+    return square, kind

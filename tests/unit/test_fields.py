@@ -1,0 +1,231 @@
+"""Fields against what geometry and analysis say they are."""
+
+import numpy as np
+import pytest
+from manifold3d import CrossSection, Manifold
+
+from planner.errors import ArgumentError
+from planner.geometry.fields import Field, PlanarField
+from planner.geometry.fields.composed import BlendField, ClampField, MaximumField, MinimumField
+from planner.geometry.fields.distance import DistanceField
+from planner.geometry.fields.expression import ExpressionField, parse_expression
+from planner.geometry.fields.function import FunctionField
+from planner.geometry.fields.geodesic import geodesic_field
+from planner.geometry.fields.harmonic import harmonic_field
+from planner.geometry.fields.patch import faces_within, smooth_patch
+from planner.geometry.fields.radial import LineField, PointField
+from planner.geometry.fields.ramp import Ramp
+from planner.geometry.fields.region import Ball, Box, HalfSpace, inside_mesh
+from planner.geometry.fields.table import points_field
+from planner.geometry.fields.triangle_tree import nearest, triangle_tree
+from planner.geometry.mesh import Mesh
+
+RNG = np.random.default_rng(5)
+POINTS = RNG.uniform(-8, 8, (400, 3))
+UNIT = Ramp(0.0, 1.0)
+
+
+def mesh_of(solid):
+    raw = solid.to_mesh()
+    return Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
+
+
+def test_distances_from_a_point_and_a_line():
+    point = PointField((1.0, 2.0, 3.0), Ramp(2.0, 6.0))
+    expected = (np.linalg.norm(POINTS - [1, 2, 3], axis=1) - 2) / 4
+    np.testing.assert_allclose(point.values(POINTS), expected, rtol=1e-13, atol=1e-13)
+    line = LineField((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), Ramp(6.0, 0.0))
+    off = np.linalg.norm(np.cross(POINTS - [1, 2, 3], [0, 0.6, 0.8]), axis=1)
+    np.testing.assert_allclose(line.values(POINTS), 1 - off / 6, rtol=1e-13, atol=1e-13)
+    assert isinstance(point, Field)
+    assert not isinstance(point, PlanarField)
+    assert line.description()["span_mm"] == 6.0
+
+
+def brute_force(triangles, points):
+    """Distances by projection on each plane, edge and vertex, one after the other."""
+    best = np.full(len(points), np.inf)
+    for a, b, c in triangles:
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        height = (points - a) @ normal
+        foot = points - height[:, None] * normal
+        inside = np.all(
+            [np.cross(q - p, foot - p) @ normal >= 0 for p, q in ((a, b), (b, c), (c, a))], axis=0
+        )
+        best = np.where(inside, np.minimum(best, np.abs(height)), best)
+        for p, q in ((a, b), (b, c), (c, a)):
+            share = np.clip((points - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+            best = np.minimum(best, np.linalg.norm(points - p - share[:, None] * (q - p), axis=1))
+    return best
+
+
+def test_nearest_triangle_is_the_nearest_of_all():
+    mesh = mesh_of(Manifold.sphere(4, 20) - Manifold.cube([9, 2, 2], True))
+    distance, outside = nearest(triangle_tree(mesh), POINTS)
+    np.testing.assert_allclose(distance, brute_force(mesh.triangles, POINTS), atol=1e-12)
+    # Sharp edges and a hole: what is inside comes from the construction.
+    in_slot = (np.abs(POINTS[:, 1]) < 1) & (np.abs(POINTS[:, 2]) < 1)
+    radius = np.linalg.norm(POINTS, axis=1)
+    np.testing.assert_array_equal(outside[in_slot], True)
+    np.testing.assert_array_equal(outside[radius > 4], True)
+    # The inscribed ball of 20 segments around has cos(pi / 20)^2 of the radius.
+    assert not outside[(radius < 3.9) & ~in_slot].any()
+
+
+def test_depth_below_a_surface():
+    mesh = mesh_of(Manifold.sphere(5, 200))
+    depth = DistanceField({"of": "surface"}, Ramp(0.0, 5.0), triangle_tree(mesh), 1)
+    expected = 1 - np.linalg.norm(POINTS, axis=1) / 5
+    # Facets of 200 segments lie up to 5 (1 - cos(pi / 200)^2) = 1.2e-3 mm inside the ball.
+    np.testing.assert_allclose(depth.values(POINTS), expected, atol=4e-4)
+
+
+def test_the_wall_of_a_hole_and_faces_in_a_box():
+    mesh = mesh_of(Manifold.cube([10, 10, 4], True) - Manifold.cylinder(6, 2, 2, 60, True))
+    wall = smooth_patch(mesh, np.array([1.9, 0.0, 0.5]))
+    radii = np.linalg.norm(wall.triangles[..., :2], axis=-1)
+    np.testing.assert_allclose(radii, 2, atol=1e-6)  # float32 of manifold3d
+    assert wall.area_mm2 == pytest.approx(2 * np.pi * 2 * 4, rel=2e-3)
+    top = faces_within(mesh, np.array([-6, -6, 1.9]), np.array([6, 6, 2.1]))
+    assert top.area_mm2 == pytest.approx(100 - np.pi * 4, rel=2e-3)
+
+
+def test_harmonic_field_of_a_bar_is_linear_at_first_order():
+    mesh = mesh_of(Manifold.cube([12, 3, 3]))
+    worst = []
+    for pitch_mm in (0.5, 0.25):
+        field = harmonic_field(
+            mesh, HalfSpace((2, 0, 0), (-1, 0, 0)), Box((10, -1, -1), (13, 4, 4)), pitch_mm
+        )
+        points = RNG.uniform([2, 0.5, 0.5], [10, 2.5, 2.5], (300, 3))
+        worst.append(8 * np.abs(field.values(points) - (points[:, 0] - 2) / 8).max())
+        assert worst[-1] < pitch_mm
+    assert worst[1] < 0.7 * worst[0]
+
+
+def test_harmonic_field_of_a_ring_segment_follows_the_bend():
+    ring = CrossSection.circle(6, 90) - CrossSection.circle(4, 90)
+    half = ring ^ CrossSection.square((20, 10)).translate((-10, 0))
+    mesh = mesh_of(half.extrude(2))
+    start, end = HalfSpace((0, 0.3, 0), (0, -1, 0)), Ball((-5, 0, 1), 1.6)
+    start_only = Box((3, -1, -1), (7, 0.3, 3))
+    assert start.holds(np.array([[5.0, 0.0, 1.0]])).all()
+    field = harmonic_field(mesh, start_only, end, 0.2)
+    angle = np.linspace(0.3, 2.5, 12)
+    along = field.values(5 * np.stack([np.cos(angle), np.sin(angle), 0.2 + 0 * angle], axis=1))
+    assert (np.diff(along) > 0).all()
+    # Between the ends the flow is steady: the field rises evenly with the angle.
+    assert np.ptp(np.diff(along)[2:-2]) < 0.1 * np.diff(along).mean()
+
+
+def test_geodesic_distance_goes_round_the_corner():
+    mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
+    errors = []
+    for pitch_mm in (0.25, 0.125):
+        field = geodesic_field(mesh, Ball((1, 9, 1), 0.5), pitch_mm)
+        # Straight to the inner corner at (2, 2), then straight on.
+        length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
+        found = field.cells.at(np.array([[9.0, 1.0, 1.0]]))[0]
+        errors.append(found - length)
+    assert abs(errors[0]) < 0.25 * 2
+    assert abs(errors[1]) < 0.8 * abs(errors[0])
+
+
+def test_regions():
+    inside = inside_mesh(mesh_of(Manifold.cube([2, 2, 2], True)), "cube.stl", "0")
+    found = inside.holds(POINTS / 4)
+    np.testing.assert_array_equal(found, (np.abs(POINTS / 4) < 1).all(axis=1))
+    assert inside.description() == {"file": "cube.stl", "sha256": "0"}
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "reason"),
+    [
+        (HalfSpace((-9, 0, 0), (-1, 0, 0)), Ball((0, 0, 0), 9), "from= holds nothing"),
+        (Ball((0, 0, 0), 1), Ball((0, 0, 0), 1), "must lie apart"),
+        (Box((0, 0, 0), (1, 1, 1)), Box((2, 2, 2), (3, 3, 3)), "touches neither"),
+    ],
+)
+def test_regions_between_which_nothing_flows(start, end, reason):
+    mesh = mesh_of(Manifold.cube([3, 3, 3]) + Manifold.cube([3, 3, 3]).translate([9, 0, 0]))
+    with pytest.raises(ArgumentError, match=reason):
+        harmonic_field(mesh, start, end, 0.25)
+    with pytest.raises(ArgumentError, match=r"no way leads|holds nothing"):
+        geodesic_field(mesh, start, 0.25)
+
+
+def test_expressions_are_what_numpy_computes():
+    x, y, z = POINTS.T
+    cases = {
+        "0.5 + 0.5*sin(2*pi*x/20)": 0.5 + 0.5 * np.sin(2 * np.pi * x / 20),
+        "-x**2 + y^2 % 3": -(x**2) + y**2 % 3,
+        "clamp(r/10, 0, 1)": np.clip(np.hypot(x, y) / 10, 0, 1),
+        "min(x, max(y, -z))": np.minimum(x, np.maximum(y, -z)),
+        "atan2(y, x) / e": np.arctan2(y, x) / np.e,
+        "1": np.ones(len(x)),
+    }
+    for text, expected in cases.items():
+        found = ExpressionField(text, (0.0, 0.0, 0.0)).values(POINTS)
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13, err_msg=text)
+    moved = ExpressionField("x", (5.0, 0.0, 0.0), {})
+    np.testing.assert_allclose(moved.values(POINTS), x - 5)
+    supplied = ExpressionField("u + d", (0, 0, 0), {"u": lambda p: p[:, 0], "d": lambda p: p[:, 1]})
+    np.testing.assert_array_equal(supplied.values(POINTS), x + y)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os')", "x.real", "(lambda: 1)()", "[x for x in y]", "x if y else z", "x < y",
+        "x and y", "f'{x}'", "'a'", "x[0]", "(x := 1)", "sin(*x)", "sin(x, out=y)", "sin", "q",
+        "sine(x)", "sin()", "sin(x, y)", "1 +", "", "x y", "True", "1j", "x // 2", "~x", "x @ y",
+        "print(x)", "()", "x, y", "x; y", "\0", "9" * 2000, "9" * 900,
+        "-" * 90 + "x",
+    ],
+)  # fmt: skip
+def test_what_is_no_formula_is_refused(text):
+    with pytest.raises(ArgumentError, match="expression"):
+        ExpressionField(text, (0.0, 0.0, 0.0)).values(POINTS)
+    with pytest.raises(ArgumentError):
+        parse_expression(text + "+ evil")
+
+
+def test_a_name_that_is_a_slip():
+    with pytest.raises(ArgumentError, match="did you mean sqrt"):
+        parse_expression("sqr(x)")
+
+
+def test_scattered_values_are_kept_and_stay_in_range():
+    at = RNG.uniform(0, 1, (300, 3))
+    value = at @ [1.0, 2.0, 3.0]
+    field = points_field("p.csv", "0", np.concatenate([at, at]), np.tile(value, 2), 0.0, 1.0)
+    np.testing.assert_allclose(field.values(at), value, rtol=1e-6)
+    between = RNG.uniform(0.2, 0.8, (500, 3))
+    found = field.values(between)
+    # A point's neighbours lie about 0.15 away, and the value rises by 3.7 a unit at most.
+    assert np.abs(found - between @ [1, 2, 3]).max() < 0.5
+    assert found.min() >= value.min()
+    assert found.max() <= value.max()
+    with pytest.raises(ArgumentError, match="4 or more"):
+        points_field("p.csv", "0", at[:3], value[:3], None, None)
+
+
+def test_fields_made_of_fields():
+    first, second = (FunctionField(lambda p, i=i: p[:, i]) for i in range(2))
+    x, y, _ = POINTS.T
+    cases = [
+        (MinimumField((first, second)), np.minimum(x, y)),
+        (MaximumField((first, second)), np.maximum(x, y)),
+        (BlendField(first, second, 0.25), 0.75 * x + 0.25 * y),
+        (ClampField(first, -1.0, 2.0), np.clip(x, -1, 2)),
+    ]
+    for field, expected in cases:
+        np.testing.assert_allclose(field.values(POINTS), expected)
+        assert len(field.description()["fields"]) in (1, 2)
+
+
+@pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (np.nan, 1.0), (0.0, np.inf)])
+def test_ramps_that_are_none(start, stop):
+    with pytest.raises(ArgumentError, match="must be finite and differ"):
+        Ramp(start, stop)

@@ -1,0 +1,153 @@
+"""Grading along a field, as a user writes it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.cli import run
+from planner.errors import PlannerError
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+FINGER = SAMPLES / "finger.stl"
+ENDS = {"from_": "Tango", "to": "FLX9795", "pitch_mm": 0.8}
+
+
+def grade(field, **options):
+    return planner.grade(FINGER, **{**ENDS, **options}, field=field)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "radial: line=0 6 6 1 0 0",
+        "distance: surface",
+        "distance: hole=0 6 6, to=30",
+        "distance: plane=0 0 0 0 0 1, from=1, to=9",
+        "harmonic: from=x<4, to=ball 38 6 6 6",
+        "geodesic: start=box -1 -1 -1 3 20 20",
+        "expression: 0.5 + 0.5*sin(2*pi*x/40)",
+        "expression: d / 5",
+        "max(axis: x; radial: point=0 6 6, to=12)",
+        "blend(axis: x; axis: z; 0.5)",
+        "clamp(radial: point=0 0 0; 0.2; 0.8)",
+    ],
+)
+def test_plans_hold(field, tmp_path):
+    plan = grade(field, pitch_mm=1, bands=2)
+    failed = {name for name, check in plan.checks.items() if not check.ok}
+    assert not failed - {"places_too_thin"}
+    folder = plan.write(tmp_path / "out")
+    certificate = planner.certify(folder)
+    assert all(check.ok for check in certificate.checks.values())
+    assert not certificate.problems
+    described = json.loads((folder / "plan.json").read_text())["gradient"]["field"]
+    assert described["name"] in field or "plane" in field
+    assert planner.read_plan(folder).gradient.field == described
+
+
+def test_profile_and_bands_compose_as_with_an_axis():
+    plan = grade("radial: line=0 6 6 1 0 0", profile="linear", bands=4)
+    assert [r.field for r in plan.regions] == [(i / 4, (i + 1) / 4) for i in range(4)]
+    assert plan.gradient.field["pitch_mm"] == 0.8
+    assert any("curved" in warning for warning in plan.warnings)
+
+
+def test_a_curved_field_that_is_an_axis_gives_the_axis_volumes():
+    straight = planner.grade(FINGER, from_="Tango", to="FLX9795", axis="x")
+    low = straight.part.bounds_mm[0][0]
+    span = straight.part.bounds_mm[1][0] - low
+    curved = grade(lambda points: (points[:, 0] - low) / span)
+    found, expected = (np.array([r.volume_mm3 for r in p.regions]) for p in (curved, straight))
+    # Linear fields are drawn exactly; values are moved off levels by a thousandth of a pitch.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.002 * 0.8 * 16**2 * 2)
+    named = grade("axis: x")
+    assert [r.volume_mm3 for r in named.regions] == [r.volume_mm3 for r in straight.regions]
+
+
+def test_positions_are_those_of_the_file():
+    moved = planner.grade(FINGER, **ENDS, field="radial: point=0 0 0, from=0, to=40")
+    centre = np.array(moved.gradient.field["centre_mm"])
+    np.testing.assert_allclose(centre, moved.part.translation_mm)
+
+
+def test_same_input_same_bytes():
+    first, second = (grade("distance: surface", bands=3) for _ in range(2))
+    assert first.json() == second.json()
+    assert [s.stl for s in first.shells] == [s.stl for s in second.shells]
+
+
+def test_a_field_that_bends_within_a_pitch_is_a_finding():
+    plan = grade("expression: 0.5 + 0.5*sin(3*x)*sin(3*y)", bands=2, pitch_mm=1.5)
+    assert not plan.checks["interface_error_mm"].ok
+    assert any("finer --pitch" in finding.message for finding in plan.findings)
+
+
+def test_tables_and_points(tmp_path):
+    places = np.stack(np.meshgrid(*[np.linspace(-1, 90, 6)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    rows = "\n".join(f"{x},{y},{z},{x}" for x, y, z in places.tolist())
+    (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm,v\n" + rows)
+    for kind in ("table", "points"):
+        plan = grade(f"{kind}: {tmp_path / 'a.csv'}, from=0, to=80")
+        assert plan.checks["shells_unsound"].ok
+        assert plan.gradient.field["file"] == "a.csv"
+
+
+@pytest.mark.parametrize(
+    ("field", "reason"),
+    [
+        ("radal: to=3", "did you mean radial"),
+        ("mim(axis: x; axis: y)", "did you mean min"),
+        ("radial: centre=0 0 0", "it takes point, line, from, to"),
+        ("radial: form=0", "did you mean from="),
+        ("radial: from=0, from=1", "given twice"),
+        ("radial: point=0 0", "must be 3 numbers"),
+        ("radial: point=0 0 nan", "must be 3 numbers"),
+        ("radial: point=0 0 0, line=0 0 0 1 0 0", "not both"),
+        ("radial: line=0 0 0 0 0 0", "length zero"),
+        ("radial: 3", "one too many"),
+        ("radial: from=3, to=3", "must be finite and differ"),
+        ("distance: nothing.stl", "no such file"),
+        ("distance: box=100 100 100 101 101 101", "no face"),
+        ("harmonic: from=x<4", "give both end regions"),
+        ("harmonic: from=x<4, to=somewhere", "is no region"),
+        ("harmonic: from=x<-4, to=x>70", "from= holds nothing"),
+        ("harmonic: from=ball 0 0 0 -1, to=x>70", "radius"),
+        ("geodesic:", "start=x<3"),
+        ("expression: x +", "cannot be read"),
+        ("expression: log(x-20)", "must be finite over the part"),
+        ("table:", "give a file"),
+        ("points: a.csv", "cannot be read"),
+        ("min(axis: x)", "two or more"),
+        ("blend(axis: x; axis: y; 2)", "not 0 to 1"),
+        ("blend(axis: x; axis: y; half)", "must be a number"),
+        ("clamp(axis: x; 1; 0)", "not below"),
+        ("axis: w", "not a direction"),
+        ("", "there is no field"),
+        ("min(" * 30 + "axis", "there is no field|nested"),
+        (7, "give text, a planner Field, or a function"),
+        (lambda points: points, "one number for each"),
+    ],
+)  # fmt: skip
+def test_fields_that_cannot_be(field, reason):
+    with pytest.raises(PlannerError, match=reason):
+        grade(field)
+
+
+def test_the_command(tmp_path, capsys):
+    out = tmp_path / "out"
+    command = ["grade", str(FINGER), "--from", "Tango", "--to", "FLX9795", "-o", str(out)]
+    assert run([*command, "--field", "radial: line=0 6 6 1 0 0", "--pitch", "0.8"]) == 0
+    assert "along mm" in capsys.readouterr().out
+    assert run(["check", str(out)]) == 0
+    for more, reason in (
+        (["--field", "radal:"], "did you mean radial"),
+        (["--field", "axis: x", "--axis", "x"], "not both"),
+        (["--field", "radial:", "--pitch", "0"], "above 0"),
+        (["--field", "radial:", "--pitch", "0.0001"], "or more fits"),
+    ):
+        capsys.readouterr()
+        assert run([*command, "--force", *more]) == 2
+        assert reason in capsys.readouterr().err
