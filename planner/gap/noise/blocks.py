@@ -9,7 +9,7 @@ from planner.arrays import FloatArray, IntArray
 from planner.gap.features.table import BRANCHES, FeatureTable
 from planner.gap.noise.scatter import Scatter
 
-__all__ = ["SpecimenNoise", "place_on_path", "specimen_noise"]
+__all__ = ["SpecimenNoise", "place_on_path", "specimen_block", "specimen_noise"]
 
 MODEL_SD = 0.003
 """No prediction is truer than this: of discretisation and of reading a curve at a place."""
@@ -63,7 +63,7 @@ def specimen_noise(
         See `place_on_path`.
     """
     rows = _rows(table)
-    blocks = tuple(_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
+    blocks = tuple(specimen_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
     batches = sorted(set(batch_of.tolist()) - {-1})
     columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
     for column, number in enumerate(batches[: columns.shape[1]]):
@@ -87,7 +87,7 @@ def _rows(table: FeatureTable) -> tuple[slice, ...]:
     return tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
 
 
-def _block(
+def specimen_block(
     table: FeatureTable,
     sensitivity: FloatArray,
     scatter: Scatter,
@@ -95,6 +95,7 @@ def _block(
     path: FloatArray,
     rows: slice,
 ) -> FloatArray:
+    """Return the covariance of one specimen's rows, (d, d)."""
     force = table.branch[rows] != _FIELD
     h = np.where(force, sensitivity[rows], 0.0)
     place = path[rows]

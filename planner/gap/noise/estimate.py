@@ -13,7 +13,7 @@ import scipy.optimize
 
 from planner.arrays import FloatArray, IntArray
 from planner.gap.features.table import BRANCHES, FeatureTable
-from planner.gap.noise.blocks import specimen_noise
+from planner.gap.noise.blocks import specimen_block
 from planner.gap.noise.scatter import Scatter
 
 __all__ = ["USUAL", "estimate_scatter"]
@@ -50,10 +50,10 @@ def estimate_scatter(
 
     def cost(logs: FloatArray) -> float:
         scatter = _with(logs, field, relative, 0.0, freedom)
-        noise = specimen_noise(table, sensitivity, scatter, sensor_sd_N, batch_of, path)
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
         for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
-            own = noise.blocks[_specimen_number(table, rows[0])]
+            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            own = specimen_block(table, sensitivity, scatter, sensor_sd_N, path, first)
             forces = np.flatnonzero(table.branch[rows[0]] != _FIELD)
             own = own[np.ix_(forces, forces)]
             h = scatter.batch * sensitivity[rows[0]][forces]
@@ -92,10 +92,6 @@ def _half_deviance(values: FloatArray, covariance: FloatArray) -> float:
     factor = np.linalg.cholesky(covariance)
     whitened = scipy.linalg.solve_triangular(factor, values, lower=True, check_finite=False)
     return float(np.log(np.diagonal(factor)).sum() + 0.5 * whitened @ whitened)
-
-
-def _specimen_number(table: FeatureTable, rows: IntArray) -> int:
-    return int(np.searchsorted(np.unique(table.specimen), table.specimen[rows[0]]))
 
 
 def _groups(table: FeatureTable) -> list[list[IntArray]]:
