@@ -1,5 +1,7 @@
 """Interpolation between the nodes of the library's forms: exact at nodes, how good elsewhere."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -18,24 +20,19 @@ USUAL_ERROR = 0.08
 """Of the RMS of what a form changes: below what any form may depart by (6 to 45 %)."""
 
 COARSE = {
-    ("ageing", "saturating"): 2.0,
-    ("composition-offset", "graded"): 0.25,
-    ("force-offset", "constant"): 0.25,
-    ("force-offset", "drifting"): 0.35,
-    ("force-offset", "fading"): 0.40,
-    ("grip-slip", "threshold"): 0.30,
-    ("permanent-set", "graded"): 0.25,
-    ("permanent-set", "power"): 0.30,
+    ("ageing", "saturating"): 0.21,
+    ("force-offset", "drifting"): 0.28,
+    ("force-offset", "untared"): 0.15,
+    ("grip-slip", "threshold"): 0.24,
+    ("permanent-set", "graded"): 0.24,
+    ("permanent-set", "power"): 0.32,
     ("permanent-set", "proportional"): 0.15,
-    ("permanent-set", "threshold"): 0.20,
-    ("rate", "graded-prony"): 0.50,
-    ("rate", "prony"): 0.40,
-    ("softening", "damage"): 0.20,
-    ("softening", "graded-damage"): 0.15,
-    ("temperature", "transition"): 0.20,
+    ("permanent-set", "threshold"): 0.18,
+    ("rate", "graded-prony"): 0.20,
+    ("rate", "prony"): 0.13,
 }
 """Forms with a kink, a threshold, decades of time or forces near 0 within their range: what four
-sizes and three values of a shape do not carry; 1.4 times as measured, so that none gets worse."""
+sizes and five values of a shape do not carry; 1.4 times as measured, so that none gets worse."""
 
 
 def change(problem: Problem, branch: Branch, places: list[list[float]]) -> FloatArray:
@@ -55,12 +52,11 @@ def named(problem: Problem, effect: str, form: str) -> list[Branch]:
 @pytest.mark.parametrize("shapes", [0, 1, 2])
 def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
     branch = next(b for b in BRANCHES if b.shapes == shapes)
-    nodes = [(s, *t) for s in SIZE_NODES for t in np.ndindex(*[3] * shapes)]
-    for k, (s, *t) in enumerate(nodes):
-        place = [s, *(SHAPE_NODES[i] for i in t)]
+    nodes = list(product(SIZE_NODES, *SHAPE_NODES[:shapes]))
+    for k, place in enumerate(nodes):
         assert node_weights(branch, place) == pytest.approx(np.eye(len(nodes))[k], abs=1e-12)
     # Fourth order in s, being nought at 0; second order in each shape.
-    values = [s**4 * np.prod([1.0 + SHAPE_NODES[i] ** 2 for i in t]) for s, *t in nodes]
+    values = [s**4 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
     at = [0.4, 0.3, -0.6][: 1 + shapes]
     expected = 0.4**4 * np.prod([1.0 + x**2 for x in at[1:]])
     assert node_weights(branch, at) @ values == pytest.approx(expected, rel=1e-12)
@@ -91,7 +87,7 @@ def test_nodes_are_exact(everything: Problem) -> None:
     """A candidate at a node has the figures that the forward model gave there."""
     for effect, form in (("rate", "prony"), ("interface-bleed", "gaussian")):
         (branch,) = named(everything, effect, form)
-        place = (SIZE_NODES[2], *[SHAPE_NODES[0]] * branch.shapes)
+        place = (SIZE_NODES[2], *[nodes[0] for nodes in SHAPE_NODES[: branch.shapes]])
         candidate = Candidate((effect,), (branch,), (place,))
         by_nodes = figures_of(candidate, everything.node_figures)
         exact = change(everything, branch, [list(place)])[0]

@@ -26,7 +26,7 @@ def of_sizes(pattern: FloatArray) -> FloatArray:
 
 
 def of_shapes(pattern: Pattern) -> FloatArray:
-    return np.array([s * s * pattern(t) for s in SIZE_NODES for t in SHAPE_NODES])
+    return np.array([s * s * pattern(t) for s in SIZE_NODES for t in SHAPE_NODES[0]])
 
 
 def ints(*values: int) -> FloatArray:
