@@ -69,9 +69,9 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
 def least_sum_of_squares(branch: Branch, nodes: FloatArray, residual: FloatArray) -> float:
     """Return the least sum of squares over a grid of a branch's sizes and shapes."""
     sizes = _lagrange((0.0, *SIZE_NODES), np.linspace(branch.least, 1.0, _SIZES))[:, 1:]
-    shapes = _lagrange(SHAPE_NODES, np.linspace(-1.0, 1.0, _SHAPES))
     weights: FloatArray = sizes
-    for _ in range(branch.shapes):
+    for at in SHAPE_NODES[: branch.shapes]:
+        shapes = _lagrange(at, np.linspace(-1.0, 1.0, _SHAPES))
         weights = np.asarray(np.kron(weights, shapes))
     explained = 2.0 * weights @ (nodes @ residual)
     explained -= np.sum((weights @ (nodes @ nodes.T)) * weights, axis=1)

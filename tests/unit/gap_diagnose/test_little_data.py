@@ -19,11 +19,6 @@ EFFECTS = ("rate:rise=0.25,form=power-law", "rate:form=prony,share=0.6", "temper
 COLUMNS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch")
 
 
-FEW = pytest.mark.xfail(
-    strict=False, reason="the posterior takes what one or two specimens show at its word"
-)
-
-
 def sure_of(found: Diagnosis) -> str | None:
     """Return the verdict if it is an effect by name, with confidence."""
     named = found.verdict not in ("none", "unknown")
@@ -59,7 +54,6 @@ def test_one_specimen_has_its_limits_said(of_one: Diagnosis) -> None:
     assert len(of_one.not_testable) > 5
 
 
-@FEW
 def test_one_specimen_names_nothing(of_one: Diagnosis) -> None:
     assert sure_of(of_one) is None
 
@@ -76,7 +70,6 @@ def test_two_specimens_have_their_limits_said(of_two: Diagnosis) -> None:
     assert "2 specimens cannot tell causes apart" in said(of_two)
 
 
-@FEW
 def test_two_specimens_name_nothing(of_two: Diagnosis) -> None:
     assert sure_of(of_two) is None
 
