@@ -29,6 +29,9 @@ DEVIATIONS = 2.5
 MEASURED_LOG_SD = 0.2
 """Of the scatter's logarithm: below it replicates have measured it."""
 
+FORMLESS = 0.3
+"""Share that goes to the unknown where no known form fits as it is."""
+
 ENOUGH_SPECIMENS = 6
 LEAST_SHARE, SHARE_EACH = 0.4, 0.065
 
@@ -36,12 +39,19 @@ LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
 
 
-def misfit(problem: Problem, candidate: Candidate) -> float:
-    """Return the mean square of what a candidate leaves, 1 if it is right."""
+def misfit(problem: Problem, candidate: Candidate, *, departing: bool = True) -> float:
+    """Return the mean square of what a candidate leaves, 1 if it is right.
+
+    Parameters
+    ----------
+    departing
+        Whether its forms may depart from what they are.
+    """
     gram = problem.whitened.gram()
     if candidate.branches:
         refiner = Refiner(problem, gram, candidate, None, unknown=True)
-        return min(refiner.left(e, candidate) for e in refiner.eliminate(1.0)) / gram.rows
+        found = [refiner.left(e, candidate) for e in refiner.eliminate(1.0)]
+        return min(found if departing else found[:-1]) / gram.rows
     products = gram.eliminate().products
     vector = np.zeros(problem.gains.stop)
     vector[0] = 1.0
@@ -65,14 +75,22 @@ def most(problem: Problem) -> float:
 def without_misfits(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
-    """Return the ranking, the probability of named hypotheses that do not fit given to unknown."""
+    """Return the ranking, the probability of named hypotheses that do not fit given to unknown.
+
+    Of those that fit only by departing from every form they are known in, a part is: the data ask
+    for a form that nobody knows, or for something else.
+    """
     limit = most(problem)
     kept, lost = [], 0.0
     for h in ranking:
         named = h.effects not in ((), UNKNOWN) and h.effects in weighed.best
         doubtful = named and h.probability >= LEAST_PROBABILITY
-        if doubtful and misfit(problem, weighed.best[h.effects]) > limit:
+        best = weighed.best[h.effects] if doubtful else None
+        if best is not None and misfit(problem, best) > limit:
             lost += h.probability
+        elif best is not None and misfit(problem, best, departing=False) > limit:
+            lost += FORMLESS * h.probability
+            kept.append(replace(h, probability=(1.0 - FORMLESS) * h.probability))
         else:
             kept.append(h)
     if lost:
