@@ -1,6 +1,7 @@
-"""Draw a plan's shells as a picture: python docs/images/render.py FOLDER PICTURE.png [AZIMUTH].
+"""Draw a plan's shells: python docs/images/render.py FOLDER PICTURE.png [AZIMUTH [x|y|z [WIDTH]]].
 
-Orthographic, shaded by a fixed light, one colour a material, with a depth buffer; numpy alone.
+With an axis, the half of the part in front of its middle is left out. Orthographic, shaded by a
+fixed light, one colour a material, with a depth buffer; numpy alone.
 """
 
 import struct
@@ -12,13 +13,29 @@ import numpy as np
 
 import planner
 from planner.formats.stl import decode_stl
+from planner.geometry.fields import AxisField
+from planner.geometry.mesh import Mesh
+from planner.geometry.shells import shell_faces, split
+from planner.geometry.weld import weld
 
 WIDTH, OVERSAMPLE, MARGIN = 1200, 2, 40
 ELEVATION = 30.0
 LIGHT = np.array([0.25, 0.75, -0.61])  # right, up and into the picture
 
 
-def draw(folder: Path, azimuth: float) -> np.ndarray:
+def behind(soup: np.ndarray, axis: str, at_mm: float) -> np.ndarray:
+    """Return what of a shell lies beyond a plane, closed by its section."""
+    vertices, faces = weld(soup.astype(np.float32))
+    normal = tuple(float(axis == name) for name in "xyz")
+    low, high = vertices[:, "xyz".index(axis)].min(), vertices[:, "xyz".index(axis)].max()
+    if not low < at_mm < high:
+        return soup if low >= at_mm else soup[:0]
+    field = AxisField(normal, at_mm - 500.0, 1000.0)
+    pieces = split(Mesh(vertices.astype(float), faces), field, [0.5])
+    return pieces.vertices[shell_faces(pieces, [1])]
+
+
+def draw(folder: Path, azimuth: float, section: str | None = None, wide: int = WIDTH) -> np.ndarray:
     """Return the picture, (height, width, 3) uint8."""
     plan = planner.read_plan(folder)
     colours = {m.id: m.colour for m in planner.printer(plan.printer).palette().materials}
@@ -29,7 +46,11 @@ def draw(folder: Path, azimuth: float) -> np.ndarray:
     view = np.stack([right, np.cross(right, into), into], axis=1)
     soups, shades = [], []
     for file, colour in files.items():
-        soup = decode_stl((folder / file).read_bytes(), file).astype(float) @ view
+        soup = decode_stl((folder / file).read_bytes(), file)
+        if section is not None:
+            bounds = np.array(plan.part.bounds_mm) + plan.part.translation_mm
+            soup = behind(soup, section, float(bounds[:, "xyz".index(section)].mean()))
+        soup = soup.astype(float) @ view
         normal = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
         # Axes (right, up, into) are left-handed, which turns the cross product over.
         normal /= -np.linalg.norm(normal, axis=1, keepdims=True) - 1e-30
@@ -39,7 +60,7 @@ def draw(folder: Path, azimuth: float) -> np.ndarray:
     seen, shade = np.concatenate(soups), np.concatenate(shades)
     seen[:, :, 1] *= -1.0  # rows run down
     low, high = seen.reshape(-1, 3).min(0), seen.reshape(-1, 3).max(0)
-    width, margin = WIDTH * OVERSAMPLE, MARGIN * OVERSAMPLE
+    width, margin = wide * OVERSAMPLE, MARGIN * OVERSAMPLE
     scale = (width - 2 * margin) / (high[0] - low[0])
     height = int(scale * (high[1] - low[1])) + 2 * margin
     height -= height % OVERSAMPLE
@@ -47,7 +68,7 @@ def draw(folder: Path, azimuth: float) -> np.ndarray:
     picture, depth = np.full((height, width, 3), 255.0), np.full((height, width), np.inf)
     for triangle, colour in zip(seen, shade, strict=True):
         _fill(triangle, colour, picture, depth)
-    small = picture.reshape(height // OVERSAMPLE, OVERSAMPLE, WIDTH, OVERSAMPLE, 3).mean((1, 3))
+    small = picture.reshape(height // OVERSAMPLE, OVERSAMPLE, wide, OVERSAMPLE, 3).mean((1, 3))
     return small.round().astype(np.uint8)
 
 
@@ -83,4 +104,6 @@ def png(picture: np.ndarray) -> bytes:
 
 if __name__ == "__main__":
     turned = float(sys.argv[3]) if len(sys.argv) > 3 else 35.0
-    Path(sys.argv[2]).write_bytes(png(draw(Path(sys.argv[1]), turned)))
+    cut = sys.argv[4] if len(sys.argv) > 4 else None
+    wide = int(sys.argv[5]) if len(sys.argv) > 5 else WIDTH
+    Path(sys.argv[2]).write_bytes(png(draw(Path(sys.argv[1]), turned, cut, wide)))

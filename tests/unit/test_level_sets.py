@@ -217,3 +217,16 @@ def test_fields_without_values(function, reason):
     mesh = part(Manifold.cube([3, 3, 3]))
     with pytest.raises(ArgumentError, match=reason):
         split(mesh, FunctionField(function), [0.5], pitch_mm=0.5)
+
+
+def test_a_part_that_touches_itself_says_where():
+    # Two boxes of different height in contact along an edge: no cut of it is sound.
+    apart = Manifold.cube([4, 4, 2]), Manifold.cube([3, 3, 3]).translate([4, 4, 0])
+    raw = [solid.to_mesh() for solid in apart]
+    count = len(raw[0].vert_properties)
+    vertices = np.concatenate([np.asarray(r.vert_properties)[:, :3] for r in raw])
+    faces = np.concatenate([raw[0].tri_verts, raw[1].tri_verts + count]).astype(np.int32)
+    mesh, _ = place(Mesh(vertices.astype(float), faces))
+    with pytest.raises(ArgumentError, match=r"touches itself there") as told:
+        split(mesh, radial([5, 5, 0], 4.0), [0.35, 0.5], pitch_mm=0.5)
+    assert "(5, 5, " in str(told.value)

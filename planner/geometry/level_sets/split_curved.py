@@ -4,23 +4,25 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError
+from planner.geometry.audit import audit_welded
 from planner.geometry.cut import squared_height
 from planner.geometry.fields.field import Field
 from planner.geometry.kernel import kernel
 from planner.geometry.level_sets.divide_field import DividedField, divide_along
 from planner.geometry.level_sets.grid import MOST_VERTICES
 from planner.geometry.mend import flip_thin
-from planner.geometry.mesh import Mesh
+from planner.geometry.mesh import Mesh, measure
 from planner.geometry.topology import order_edges
 from planner.geometry.weld import order_rows, sorted_corners
 
 __all__ = ["ATTEMPTS", "split_curved"]
 
 ATTEMPTS = 12
-"""Grids to try; the second is needed once in some hundred parts, a fifth was never."""
+"""Grids to try: the second is needed where a level lies in a face or edge, a fifth hardly ever."""
 
 THIN_ATTEMPTS = 4
 """Of these, how many may go to triangles so thin that some readers drop them."""
@@ -78,9 +80,31 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
     if best is not None:
         return best[1]
     raise ArgumentError(
-        f"field {field.name!r}: no grid of {pitch_mm:g} mm gives sound shells; levels are too "
-        "close for the part's size, or the part touches itself: use fewer bands, another --pitch, "
-        "or mend the part"
+        f"field {field.name!r}: no grid of {pitch_mm:g} mm gives sound shells{_fault(found)}; the "
+        "part touches itself there, or levels are too close for its size: mend the part, use "
+        "fewer bands, or another --pitch"
+    )
+
+
+def _fault(divided: DividedField) -> str:
+    """Say where the first shell that is not closed has its first fault."""
+    for number in np.unique(divided.piece).tolist():
+        shell = _shell(divided, number)
+        place_mm = audit_welded(Mesh(divided.vertices.astype(np.float64), shell)).first_fault_mm
+        if place_mm is not None:
+            return " at ({:.4g}, {:.4g}, {:.4g}) mm as placed for printing".format(*place_mm)
+    return ""
+
+
+def _shell(divided: DividedField, number: int) -> NDArray[np.int32]:
+    """Return the faces of a piece, outwards."""
+    below, above = divided.cap_level == number, divided.cap_level == number - 1
+    return np.concatenate(
+        [
+            divided.faces[divided.piece == number],
+            divided.cap_faces[below],
+            divided.cap_faces[above][:, ::-1],
+        ]
     )
 
 
@@ -120,16 +144,9 @@ def _moved(attempt: int) -> float:
 
 
 def _shells_close(divided: DividedField, count: int) -> bool:
-    """Tell whether each piece has every directed edge once, its reverse once, and no face twice."""
+    """Tell whether each piece has each edge once each way, no face twice, and a volume."""
     for number in range(count):
-        below, above = divided.cap_level == number, divided.cap_level == number - 1
-        faces = np.concatenate(
-            [
-                divided.faces[divided.piece == number],
-                divided.cap_faces[below],
-                divided.cap_faces[above][:, ::-1],
-            ]
-        )
+        faces = _shell(divided, number)
         if not len(faces):
             continue
         order, starts, faces_at = order_edges(faces)
@@ -139,5 +156,7 @@ def _shells_close(divided: DividedField, count: int) -> bool:
         if (tail[order[starts]] == tail[order[starts + 1]]).any():
             return False
         if len(order_rows(*sorted_corners(faces))[1]) < len(faces):
+            return False
+        if not measure(divided.vertices, faces).volume_mm3[0] > 0.0:
             return False
     return bool((divided.piece >= 0).all() and (divided.piece < count).all())
