@@ -47,7 +47,7 @@ CI: Mapping[str, int] = {
     "library": 6, "other": 4, "none": 4, "none-t4": 2, "none-scatter": 2, "pair": 3,
     "cancelling": 1, "confounded": 2, "unclaimed": 2,
 }  # fmt: skip
-"""Campaigns of each tier that take two to four minutes on two cores, the 6 of the library tier
+"""Campaigns of each tier that take two minutes on two free cores, the 6 of the library tier
 diagnosed once more without their effects."""
 
 
@@ -228,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=18, help="of each tier (default 18)")
     parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
-    parser.add_argument("--subset", choices=["ci"], help="ci: at most 4 minutes on 2 cores")
+    parser.add_argument("--subset", choices=["ci"], help="ci: 2 minutes on 2 free cores")
     parser.add_argument("--no-naive", action="store_true", help="leave the naive BIC out")
     parser.add_argument("--log", type=Path, help="append a row to this log of runs (Markdown)")
     parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
