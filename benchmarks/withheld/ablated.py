@@ -15,15 +15,13 @@ from threadpoolctl import threadpool_limits
 from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_reader import read_campaign
-from planner.gap.diagnose import LEAST_PROBABILITY, RANKED
-from planner.gap.effects import effects_for, untestable
-from planner.gap.evidence.bootstrap import resampled_odds
+from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
 from planner.gap.evidence.gram import whiten
-from planner.gap.evidence.posterior import class_of, posterior, verdict_of
+from planner.gap.evidence.posterior import class_of, verdict_of
 from planner.gap.evidence.priors import Priors
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.ranking import ranking_of
 from planner.gap.evidence.weigh import weigh
-from planner.gap.forward.mount import mount
 from planner.gap.noise import specimen_noise
 from planner.gap.noise.blocks import place_on_path
 from planner.gap.noise.courses import course_columns
@@ -114,25 +112,14 @@ def problem_of(
     campaign: Campaign, without: tuple[str, ...] = ()
 ) -> tuple[Problem, tuple[str, ...]]:
     """Return a campaign ready for weighing, and the effects that it cannot test."""
-    mounted = mount(campaign)
-    used = sorted(place for test in mounted.tests for place in test)
-    reasons = tuple(
-        id for id, e in effects_for(campaign.palette).items() if untestable(e, campaign) is not None
-    )
-    effects = [
-        e for id, e in effects_for(campaign.palette).items() if id not in (*without, *reasons)
-    ]
-    if len(used) < len(campaign.specimens):
-        campaign = replace(campaign, specimens=tuple(campaign.specimens[p] for p in used))
-        mounted = mount(campaign)
-    return set_up(campaign, mounted, effects), reasons
+    problem, reasons = prepared(campaign, without)
+    return problem, tuple(reason.id for reason in reasons)
 
 
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
     """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
-    again = resampled_odds(problem, priors, weighed, np.random.default_rng(0))
-    ranking = posterior([weighed.log_odds, *again])
+    ranking = ranking_of(problem, weighed)
     verdict = verdict_of(ranking)
     alike = class_of(problem, weighed, ranking, verdict)
     return {

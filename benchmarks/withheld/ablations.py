@@ -12,18 +12,16 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import Any, get_args
+from typing import Any
 
 from benchmarks.withheld.ablated import FULL, VARIANTS, ablated_answers
 from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.pool import answer_all
-from benchmarks.withheld.reality.effects import Set
-from benchmarks.withheld.sealed import campaigns_in_turn, sealed_campaigns
+from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
 from planner import __version__
 from planner.cli.gap_pool import Task
 from planner.cli.output import progress
-from planner.errors import FileError
 from planner.formats.json_document import encode_document
 from planner.gap.bench.answer import NO_ANSWER, read_answer
 from planner.gap.bench.calibration import expected_calibration_error
@@ -53,12 +51,7 @@ alone."""
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
-    options = _parser().parse_args(arguments)
-    try:
-        return _run(options)
-    except FileError as error:
-        print(error, file=sys.stderr)
-        return 2
+    return ended(_run, _parser().parse_args(arguments))
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -154,18 +147,9 @@ def _text(results: Mapping[str, Any]) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.withheld.ablations",
-        description="Weigh the same campaigns without one part of the diagnosis at a time.",
+    return options_of_runs(
+        "ablations", "Weigh the same campaigns without one part of the diagnosis at a time.", 6
     )
-    parser.add_argument("--set", choices=get_args(Set), required=True)
-    parser.add_argument("--seed", type=int, required=True, help="0 or above")
-    parser.add_argument("--count", type=int, default=6, help="of each tier (default 6)")
-    parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
-    parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    return parser
 
 
 if __name__ == "__main__":

@@ -14,19 +14,17 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import Any, get_args
+from typing import Any
 
 from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.next_experiment import next_answers
 from benchmarks.withheld.pool import answer_all
-from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.reality.tiers import TIERS
-from benchmarks.withheld.sealed import campaigns_in_turn, sealed_campaigns
+from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
 from planner import __version__
 from planner.cli.gap_pool import Task
 from planner.cli.output import progress
-from planner.errors import FileError
 from planner.formats.json_document import encode_document
 from planner.gap.bench.answer import read_answer
 from planner.gap.bench.results import Outcome
@@ -61,12 +59,7 @@ class Done:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
-    options = _parser().parse_args(arguments)
-    try:
-        return _run(options)
-    except FileError as error:
-        print(error, file=sys.stderr)
-        return 2
+    return ended(_run, _parser().parse_args(arguments))
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -178,19 +171,11 @@ def _text(results: Mapping[str, Any]) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.withheld.next_experiments",
-        description="Do the next test that the diagnosis suggests, and one at random.",
+    parser = options_of_runs(
+        "next_experiments", "Do the next test that the diagnosis suggests, and one at random.", 6
     )
-    parser.add_argument("--set", choices=get_args(Set), required=True)
-    parser.add_argument("--seed", type=int, required=True, help="0 or above")
-    parser.add_argument("--count", type=int, default=6, help="of each tier (default 6)")
     parser.add_argument("--tier", action="append", choices=list(TIERS), help="default all")
-    parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
     parser.add_argument("--replicates", type=int, default=1, help="of the test (default 1)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
-    parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     return parser
 
 

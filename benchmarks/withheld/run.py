@@ -17,7 +17,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import fmean
-from typing import Any, get_args
+from typing import Any
 
 from benchmarks.withheld.comparison import compare
 from benchmarks.withheld.journal import Key, kept_outcomes
@@ -26,8 +26,8 @@ from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.naive_bic import naive_answer
 from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.__main__ import main as reality
-from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.run_log import MIXED, append_run, check_not_scored
+from benchmarks.withheld.sealed import ended, options_of_runs
 from benchmarks.withheld.targets import LEFT_OUT, targets
 from benchmarks.withheld.written import results_markdown
 from planner import __version__
@@ -53,12 +53,7 @@ diagnosed once more without their effects."""
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
-    options = _parser().parse_args(arguments)
-    try:
-        return _run(options)
-    except FileError as error:
-        print(error, file=sys.stderr)
-        return 2
+    return ended(_run, _parser().parse_args(arguments))
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -219,20 +214,12 @@ def _answer(outcome: Outcome, name: str) -> tuple[Answer | None, str | None]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.withheld.run",
-        description="Make sealed campaigns of every tier, diagnose and score them.",
+    parser = options_of_runs(
+        "run", "Make sealed campaigns of every tier, diagnose and score them.", 18
     )
-    parser.add_argument("--set", choices=get_args(Set), required=True)
-    parser.add_argument("--seed", type=int, required=True, help="0 or above")
-    parser.add_argument("--count", type=int, default=18, help="of each tier (default 18)")
-    parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
     parser.add_argument("--subset", choices=["ci"], help="ci: 2 minutes on 2 free cores")
     parser.add_argument("--no-naive", action="store_true", help="leave the naive BIC out")
     parser.add_argument("--log", type=Path, help="append a row to this log of runs (Markdown)")
-    parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     return parser
 
 

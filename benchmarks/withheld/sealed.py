@@ -2,13 +2,41 @@
 
 import argparse
 import json
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 from benchmarks.withheld.reality.__main__ import main as reality
+from benchmarks.withheld.reality.effects import Set
 from planner.errors import FileError
 from planner.gap.bench.truth import Truth, read_truth
 
-__all__ = ["campaigns_in_turn", "sealed_campaigns"]
+__all__ = ["campaigns_in_turn", "ended", "options_of_runs", "sealed_campaigns"]
+
+
+def options_of_runs(name: str, description: str, count: int) -> argparse.ArgumentParser:
+    """Return a parser of what every run over sealed campaigns takes; `count` of each tier."""
+    parser = argparse.ArgumentParser(
+        prog=f"python -m benchmarks.withheld.{name}", description=description
+    )
+    parser.add_argument("--set", choices=get_args(Set), required=True)
+    parser.add_argument("--seed", type=int, required=True, help="0 or above")
+    parser.add_argument("--count", type=int, default=count, help=f"of each tier (default {count})")
+    parser.add_argument("--specimens", type=int, default=30, help="of each (default 30)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
+    parser.add_argument("--resume", action="store_true", help="go on with what DIR has")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    return parser
+
+
+def ended(run: Callable[[argparse.Namespace], int], options: argparse.Namespace) -> int:
+    """Return the exit code of a run; what is wrong with its files goes to standard error."""
+    try:
+        return run(options)
+    except FileError as error:
+        print(error, file=sys.stderr)
+        return 2
 
 
 def sealed_campaigns(options: argparse.Namespace) -> Truth:

@@ -146,15 +146,12 @@ def _expected(problem: Problem, priors: Priors, weight: FloatArray) -> FloatArra
     expected = np.zeros_like(problem.mounted.measured_N)
     for h in likely:
         chosen = weighed.best[h.effects]
-        forces = specimen_forces_N(problem, _not_subset(chosen), problem.mounted.setup)
+        everyone = replace(chosen, members=None)
+        forces = specimen_forces_N(problem, everyone, problem.mounted.setup)
         if chosen.members is not None:
             forces = plain_with_subset(problem, chosen, forces)
         expected += h.probability / total * forces
     return expected
-
-
-def _not_subset(candidate: Candidate) -> Candidate:
-    return Candidate(()) if candidate.members is not None else candidate
 
 
 def plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) -> FloatArray:

@@ -12,14 +12,13 @@ from planner.gap.closure import closure
 from planner.gap.diagnosis import Diagnosis, Quality, Untestable
 from planner.gap.effects import EFFECTS, Effect, effects_for
 from planner.gap.effects.testable import untestable
-from planner.gap.evidence.bootstrap import resampled_odds
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.detectable import detectable_sizes
 from planner.gap.evidence.intervals import found_effects
-from planner.gap.evidence.misfit import shy, without_misfits
-from planner.gap.evidence.posterior import class_of, evened_out, posterior, verdict_of
+from planner.gap.evidence.posterior import class_of, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.ranking import ranking_of
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.experiments import next_experiments
 from planner.gap.forward.mount import Mounted, mount
@@ -29,7 +28,7 @@ from planner.gap.remainder import places_of, recalibration_of
 from planner.gap.traces import traces_of
 from planner.palette import nearest_names
 
-__all__ = ["diagnose"]
+__all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
 
 Progress = Callable[[int, int, str], None]
 RANKED = 12
@@ -72,14 +71,11 @@ def _diagnose(
     progress: Progress | None,
     priors: Priors,
 ) -> Diagnosis:
-    effects, reasons = _library(campaign, without)
-    campaign, mounted = _mounted(campaign)
-    problem = set_up(campaign, mounted, effects, progress)
+    problem, reasons = prepared(campaign, without, progress)
+    campaign, mounted = problem.campaign, problem.mounted
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    runs = [weighed.log_odds, *resampled_odds(problem, priors, weighed, rng)]
-    ranking = without_misfits(problem, weighed, posterior(runs))
-    ranking = shy(evened_out(problem, weighed, ranking), len(campaign.specimens))
+    ranking = ranking_of(problem, weighed)
     verdict = verdict_of(ranking)
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
@@ -115,6 +111,15 @@ def _diagnose(
         seed=seed,
         traces=traces_of(problem, chosen),
     )
+
+
+def prepared(
+    campaign: Campaign, without: Sequence[str] = (), progress: Progress | None = None
+) -> tuple[Problem, tuple[Untestable, ...]]:
+    """Return a campaign ready for weighing, and the effects that it says nothing about."""
+    effects, reasons = _library(campaign, without)
+    campaign, mounted = _mounted(campaign)
+    return set_up(campaign, mounted, effects, progress), reasons
 
 
 def _library(

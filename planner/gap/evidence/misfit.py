@@ -12,13 +12,14 @@ import numpy as np
 
 from planner.gap.diagnosis import Hypothesis
 from planner.gap.evidence.candidate import Candidate
+from planner.gap.evidence.gram import Gram
 from planner.gap.evidence.posterior import UNKNOWN
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.weigh import Weighed
 from planner.gap.noise.estimate import USUAL
 
-__all__ = ["misfit", "most", "shy", "without_misfits"]
+__all__ = ["misfits", "most", "shy", "without_misfits"]
 
 ALLOWED = 1.1
 """Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
@@ -39,34 +40,39 @@ LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
 
 
-def misfit(problem: Problem, candidate: Candidate, *, departing: bool = True) -> float:
-    """Return the mean square of what a candidate leaves, 1 if it is right.
+def misfits(problem: Problem, gram: Gram, candidate: Candidate) -> tuple[float, float]:
+    """Return the mean square of what a candidate with effects leaves, 1 if it is right.
 
     Parameters
     ----------
-    departing
-        Whether its forms may depart from what they are.
+    gram
+        The problem's inner products.
+
+    Returns
+    -------
+    as_it_is, departing
+        Without and with what its forms may depart by; the second is never larger.
     """
-    gram = problem.whitened.gram()
     if candidate.branches:
         refiner = Refiner(problem, gram, candidate, None, unknown=True)
-        found = [refiner.left(e, candidate) for e in refiner.eliminate(1.0)]
-        return min(found if departing else found[:-1]) / gram.rows
+        found = [refiner.left(e, candidate) / gram.rows for e in refiner.eliminate(1.0)]
+        return min(found[:-1]), min(found)
+    # A gain of some specimens alone, which has no form to depart from.
+    assert candidate.members is not None
     products = gram.eliminate().products
     vector = np.zeros(problem.gains.stop)
     vector[0] = 1.0
-    if candidate.members is not None:
-        vector[problem.gains] = -candidate.log_gain * candidate.members
+    vector[problem.gains] = -candidate.log_gain * candidate.members
     kept = products[: len(vector), : len(vector)]
-    return float(vector @ kept @ vector) / gram.rows
+    left = float(vector @ kept @ vector) / gram.rows
+    return left, left
 
 
-def most(problem: Problem) -> float:
+def most(problem: Problem, rows: float) -> float:
     """Return the mean square that a right hypothesis hardly exceeds.
 
     Without replicates scatter may be three times the usual, 9 %, and mean squares nine times.
     """
-    rows = problem.whitened.gram().rows
     doubt = max(problem.scatter.log_sd - MEASURED_LOG_SD, 0.0) / (USUAL.log_sd - MEASURED_LOG_SD)
     found = (ALLOWED + DEVIATIONS * np.sqrt(2.0 / rows)) * np.exp(2.0 * doubt * np.log(3.0))
     return float(found)
@@ -80,15 +86,17 @@ def without_misfits(
     Of those that fit only by departing from every form they are known in, a part is: the data ask
     for a form that nobody knows, or for something else.
     """
-    limit = most(problem)
+    gram = problem.whitened.gram()
+    limit = most(problem, gram.rows)
     kept, lost = [], 0.0
     for h in ranking:
-        named = h.effects not in ((), UNKNOWN) and h.effects in weighed.best
-        doubtful = named and h.probability >= LEAST_PROBABILITY
-        best = weighed.best[h.effects] if doubtful else None
-        if best is not None and misfit(problem, best) > limit:
+        if h.effects in ((), UNKNOWN) or h.probability < LEAST_PROBABILITY:
+            kept.append(h)
+            continue
+        as_it_is, departing = misfits(problem, gram, weighed.best[h.effects])
+        if departing > limit:
             lost += h.probability
-        elif best is not None and misfit(problem, best, departing=False) > limit:
+        elif as_it_is > limit:
             lost += FORMLESS * h.probability
             kept.append(replace(h, probability=(1.0 - FORMLESS) * h.probability))
         else:
