@@ -4,9 +4,11 @@ A voxel is inside when the winding number of its centre is positive, so overlapp
 unite and cavities stay empty. Runs take memory by the surface, not by the volume, and are made
 slab by slab (a few rows of columns at a time).
 
-Vertices are rounded to 1/65536 of a voxel (0.6 nm at a pitch of 0.042 mm) and columns are
-covered by half-open intervals decided in integers: no column is missed or counted twice, also
-where vertices lie on voxel centres, and bodies that share a face share no voxel.
+Vertices are rounded to 1/65536 of a voxel (0.6 nm at a pitch of 0.042 mm); from there on every
+choice is exact, so a voxel is inside by the mesh and the grid alone, whatever the order of the
+triangles or the direction of the walk (`planner.geometry.layer_runs` goes along x). No column is
+missed or counted twice, also where vertices lie on voxel centres, and bodies that share a face
+share no voxel.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,6 +26,7 @@ __all__ = [
     "Columns",
     "Faults",
     "Grid",
+    "check_reach",
     "dense",
     "grid_for",
     "iterate_columns",
@@ -190,7 +193,7 @@ def iterate_columns(
         raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
     if not len(mesh.faces):
         raise MeshError("the mesh has no faces; nothing can be made of it")
-    _check_reach(mesh, grid)
+    check_reach(mesh, grid)
     snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
     offsets, members, spans = bin_triangles(snapped, mesh.faces, nx, ny, rows)
     for slab, first in enumerate(range(0, ny, rows)):
@@ -239,7 +242,14 @@ def _join(slabs: list[Columns]) -> Columns:
     )
 
 
-def _check_reach(mesh: Mesh, grid: Grid) -> None:
+def check_reach(mesh: Mesh, grid: Grid) -> None:
+    """Refuse a mesh that is too large for exact integers on a grid.
+
+    Raises
+    ------
+    MeshError
+        See `iterate_columns`.
+    """
     used = mesh.bounds_mm
     with np.errstate(invalid="ignore", over="ignore"):
         voxels = (used - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
