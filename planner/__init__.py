@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from planner.simulation.bar import Bar
     from planner.simulation.result import Simulation
     from planner.simulation.simulate import simulate
+    from planner.slices.layers import Layer, iterate_layers
+    from planner.slices.stack import SliceStack
+    from planner.slices.write import write_slices
 
 __version__ = "0.1.0"
 
@@ -36,6 +39,7 @@ __all__ = [
     "Certificate",
     "Diagnosis",
     "Difference",
+    "Layer",
     "Material",
     "Mixture",
     "Palette",
@@ -45,17 +49,20 @@ __all__ = [
     "Profile",
     "Region",
     "Simulation",
+    "SliceStack",
     "certify",
     "diagnose",
     "differences",
     "grade",
     "installed_printers",
+    "iterate_layers",
     "load_palette",
     "mixture_for",
     "printer",
     "read_campaign",
     "read_plan",
     "simulate",
+    "write_slices",
 ]
 
 _HOME = {
@@ -84,6 +91,10 @@ _HOME = {
     "Bar": "planner.simulation.bar",
     "Simulation": "planner.simulation.result",
     "simulate": "planner.simulation.simulate",
+    "Layer": "planner.slices.layers",
+    "iterate_layers": "planner.slices.layers",
+    "SliceStack": "planner.slices.stack",
+    "write_slices": "planner.slices.write",
 }
 
 

@@ -14,6 +14,7 @@ from planner.cli.invert import invert
 from planner.cli.materials import materials
 from planner.cli.printers import printers
 from planner.cli.simulate import simulate
+from planner.cli.slices import slices
 
 __all__ = ["app"]
 
@@ -56,4 +57,5 @@ app.command()(fit)
 app.command()(characterise)
 app.command()(check)
 app.command()(diff)
+app.command()(slices)
 app.command()(printers)

@@ -21,6 +21,7 @@ __all__ = [
     "print_document",
     "print_table",
     "progress",
+    "progress_bar",
     "say",
     "say_verdict",
     "terminal_width",
@@ -166,6 +167,22 @@ def progress(enabled: bool) -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting")
         yield lambda stage: bar.update(task, description=stage)
+
+
+@contextlib.contextmanager
+def progress_bar(what: str, enabled: bool) -> Iterator[Callable[[int, int], None]]:
+    """Show how much is done, and of how much, on stderr while it lasts, on a terminal only."""
+    if not (enabled and sys.stderr is not None and sys.stderr.isatty()):
+        yield lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), Remaining())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
 
 
 def _stderr_line(kind: str, colour: str, message: str) -> None:
