@@ -97,8 +97,9 @@ def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -
     """Wait for some of the slabs for as long as there are workers."""
     while True:
         try:
-            done = distributed.wait(waiting, timeout=_SILENCE_S, return_when="FIRST_COMPLETED").done
-            return set(done)
+            with client.as_current():
+                some = distributed.wait(waiting, _SILENCE_S, return_when="FIRST_COMPLETED")
+            return set(some.done)
         except TimeoutError as error:
             if not client.nthreads():
                 raise OutputError(
