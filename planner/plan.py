@@ -11,6 +11,7 @@ import msgspec
 from planner.arrays import Float32Array, IntArray
 from planner.errors import FileError, OutputError
 from planner.formats.json_document import decode_document, encode_document
+from planner.formats.threemf_model import Constituent
 from planner.palette import nearest_names
 
 __all__ = [
@@ -62,13 +63,17 @@ class PartGraded:
 
 @dataclass(frozen=True, slots=True)
 class Gradient:
-    """The wish: a field over the part, and a target along it (``from`` and ``to`` in the file)."""
+    """The wish: a field over the part, and a target along it (``from`` and ``to`` in the file).
+
+    `blend` says how targets between two materials are met, where not by the nearer one.
+    """
 
     field: Mapping[str, Any]
     profile: Mapping[str, Any]
     start: str | None
     end: str | None
     bands: int | None = None
+    blend: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,9 @@ class Region:
         Achieved over highest target - 1, and achieved over lowest target - 1.
     file, sha256, triangles
         The STL that holds it; regions of one material share a file.
+    material, blend
+        A catalogue material, or a mixture that `blend` describes. With both, `blend` says how the
+        material meets the target together with its neighbour; moduli are those of the two.
     """
 
     index: int
@@ -116,6 +124,11 @@ class Region:
     triangles: int
     material: str | None = None
     blend: Mapping[str, Any] | None = None
+
+    @property
+    def printed(self) -> str:
+        """The material or mixture that it is printed in, as its file is called."""
+        return self.material or str((self.blend or {}).get("name", ""))
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +178,8 @@ class Shell:
         The same as the bytes of a binary STL.
     properties
         What the 3MF records of the material: coordinate, modulus, base resins.
+    constituents
+        Of a mixture: its catalogue materials and their shares.
     """
 
     material: str
@@ -175,6 +190,7 @@ class Shell:
     faces: IntArray
     stl: bytes
     properties: Mapping[str, str]
+    constituents: tuple[Constituent, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +236,8 @@ class Plan:
             "to": gradient.get("end"),
             "bands": gradient.get("bands"),
         }
+        if "blend" in gradient:
+            document["gradient"]["blend"] = gradient["blend"]
         return document
 
     def json(self) -> bytes:
@@ -278,6 +296,7 @@ class Plan:
                     material_name=shell.material,
                     colour=shell.colour,
                     metadata=shell.properties,
+                    constituents=shell.constituents,
                 )
                 for shell in self.shells
             ]

@@ -9,7 +9,7 @@ import typer
 from planner.cli.options import AsJson, AtStrain, PaletteName, PrinterName, Quiet, choose
 
 if TYPE_CHECKING:
-    from planner.plan import Plan
+    from planner.plan import Plan, Region
 
 __all__ = ["grade"]
 
@@ -50,13 +50,25 @@ def grade(
     bands: Annotated[
         int | None,
         typer.Option(
-            help="Cut into N equal steps; by default the cuts lie where the nearest material "
-            "changes."
+            help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
+            "where the material or mixture changes."
         ),
     ] = None,
     blend: Annotated[
-        str, typer.Option(help="How a target between two materials is met: nearest.")
+        str,
+        typer.Option(
+            help="How a target between two materials is met: nearest takes the nearer one; dither "
+            "deals cells of both; bands:N lets N pairs of thinner bands take turns; mix records "
+            "mixtures; see docs/how-to/blend-materials.md."
+        ),
     ] = "nearest",
+    cell: Annotated[
+        float | None,
+        typer.Option(
+            help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
+            "default."
+        ),
+    ] = None,
     at_strain: AtStrain = 0.1,
     unit: Annotated[
         str | None, typer.Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")
@@ -100,6 +112,7 @@ def grade(
             profile=profile,
             bands=bands,
             blend=blend,
+            cell_mm=cell,
             at_strain=at_strain,
             unit=unit,
             printer=machine,
@@ -156,6 +169,18 @@ def _mm_along(field: Mapping[str, object]) -> tuple[float, float]:
     return 0.0, span if isinstance(span, float) else 1.0
 
 
+def _blend_text(region: "Region") -> str:
+    """Say in a few words what a region has to do with its neighbour."""
+    blend = region.blend or {}
+    if blend.get("kind") == "dither":
+        return f"{100 * blend['volume_fraction']:.1f} % {blend['upper']} in {blend['lower']}"
+    if blend.get("kind") == "bands":
+        return f"{100 * blend['share']:.1f} % {blend['upper']}, {blend['lower']} in turn"
+    if blend.get("kind") == "mix":
+        return f"{100 * blend['fraction']:.1f} % {blend['upper']} mixed in {blend['lower']}"
+    return ""
+
+
 def _table(plan: "Plan") -> None:
     from planner.cli.output import figure, print_table
 
@@ -163,6 +188,7 @@ def _table(plan: "Plan") -> None:
     field = plan.gradient.field
     span = field.get("span_mm")
     begin, way = _mm_along(field)
+    blended = plan.gradient.blend is not None
     rows = []
     for region in plan.regions:
         low, high = region.target_modulus_MPa
@@ -175,7 +201,8 @@ def _table(plan: "Plan") -> None:
         rows.append(
             [
                 str(region.index),
-                region.material or "",
+                region.printed,
+                *([_blend_text(region)] if blended else []),
                 where,
                 f"{figure(low)} .. {figure(high)}",
                 figure(region.modulus_MPa),
@@ -187,11 +214,14 @@ def _table(plan: "Plan") -> None:
             ]
         )
     total = sum(r.volume_mm3 for r in plan.regions), sum(r.mass_g for r in plan.regions)
-    rows.append(["", "all", "", "", "", "", "", figure(total[0], 4), figure(total[1])])
+    rows.append(
+        ["", "all", *([""] if blended else []), *[""] * 5, figure(total[0], 4), figure(total[1])]
+    )
     print_table(
         [
             "#",
             "material",
+            *(["blend"] if blended else []),
             "along mm" if isinstance(span, float) else "field",
             "target MPa",
             "achieved",
@@ -205,5 +235,5 @@ def _table(plan: "Plan") -> None:
         f"{plan.stiffness.at_strain:g}, of rigid grades the initial modulus",
         right=["#", "achieved", "error", "volume mm3", "mass g"],
         droppable=["95 % interval", "error", "#"],
-        swatches=[colours.get(r.material or "", "#808080") for r in plan.regions] + ["default"],
+        swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
     )

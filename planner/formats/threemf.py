@@ -71,7 +71,8 @@ def encode_threemf(
 ) -> bytes:
     """Make a 3MF file in mm: the objects as components of one assembly, built once.
 
-    Each material is one ``<base>`` with its display colour. The identifiers of objects,
+    Each material is one ``<base>`` with its display colour, each mixture one ``<composite>`` of
+    such materials with its mixing ratios (materials extension). The identifiers of objects,
     components, item and build are derived from the content (UUID version 5), so that equal
     content gives equal bytes.
 
@@ -97,20 +98,17 @@ def encode_threemf(
     heading = {"Title": assembly_name, "Application": "planner"}
     _add_metadata(model.GetMetaDataGroup(), {**heading, **(metadata or {})}, assembly_name)
     bases = model.AddBaseMaterialGroup()
-    entries: dict[tuple[str, str], int] = {}
+    palette = _Materials(wrapper, model, bases)
     digests = []
     try:
         assembly = model.AddComponentsObject()
         identity = wrapper.GetIdentityTransform()
         for number, item in enumerate(objects, start=1):
-            key = (item.material_name, item.colour)
-            if key not in entries:
-                colour = _colour(wrapper, item)
-                entries[key] = bases.AddMaterial(_text(item.material_name), colour)
+            group, entry = palette.property_of(item)
             digests.append(_digest(item))
             mesh = _add_mesh(wrapper, model, item)
             mesh.SetUUID(_identifier("object", number, digests[-1]))
-            mesh.SetObjectLevelProperty(bases.GetUniqueResourceID(), entries[key])
+            mesh.SetObjectLevelProperty(group, entry)
             component = assembly.AddComponent(mesh, identity)
             component.SetUUID(_identifier("component", number, digests[-1]))
         whole = hashlib.sha256(
@@ -142,6 +140,7 @@ def _identifier(kind: str, number: int, digest: str) -> str:
 
 def _digest(item: ThreemfObject) -> str:
     text = "\n".join((item.name, item.material_name, item.colour, *map(str, item.metadata.items())))
+    text += "".join(f"\n{part.name} {part.colour} {part.share!r}" for part in item.constituents)
     digest = hashlib.sha256(_text(text).encode("utf-8"))
     digest.update(np.ascontiguousarray(item.vertices, dtype="<f4").tobytes())
     digest.update(np.ascontiguousarray(item.faces, dtype="<i4").tobytes())
@@ -156,12 +155,46 @@ def _text(value: str) -> str:
     return re.sub(r"[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", value)
 
 
-def _colour(wrapper: Any, item: ThreemfObject) -> Any:
-    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", item.colour):
-        raise OutputError(
-            f"3MF object {item.name}: colour is {item.colour!r}; write it as '#RRGGBB'"
-        )
-    return wrapper.RGBAToColor(*bytes.fromhex(item.colour[1:]), 255)
+class _Materials:
+    """The materials and mixtures of a model, each once."""
+
+    def __init__(self, wrapper: Any, model: Any, bases: Any) -> None:
+        self.wrapper, self.model, self.bases = wrapper, model, bases
+        self.composites: Any = None
+        self.entries: dict[object, int] = {}
+
+    def property_of(self, item: ThreemfObject) -> tuple[int, int]:
+        """Return the group and entry of an object's material, made where it is new."""
+        if not item.constituents:
+            entry = self._base(item.name, item.material_name, item.colour)
+            return self.bases.GetUniqueResourceID(), entry
+        total = sum(part.share for part in item.constituents)
+        if not (abs(total - 1.0) < 1e-6 and min(part.share for part in item.constituents) >= 0.0):
+            raise OutputError(
+                f"3MF object {item.name}: the shares of its mixture add up to {total:g}; they must "
+                "be 0 to 1 and add up to 1"
+            )
+        if item.constituents not in self.entries:
+            parts = [
+                lib3mf.CompositeConstituent(
+                    self._base(item.name, part.name, part.colour), part.share
+                )
+                for part in item.constituents
+            ]
+            if self.composites is None:
+                self.composites = self.model.AddCompositeMaterials(self.bases)
+            self.entries[item.constituents] = self.composites.AddComposite(parts)
+        return self.composites.GetUniqueResourceID(), self.entries[item.constituents]
+
+    def _base(self, owner: str, name: str, colour: str) -> int:
+        if (name, colour) not in self.entries:
+            if not re.fullmatch(r"#[0-9A-Fa-f]{6}", colour):
+                raise OutputError(
+                    f"3MF object {owner}: colour is {colour!r}; write it as '#RRGGBB'"
+                )
+            shown = self.wrapper.RGBAToColor(*bytes.fromhex(colour[1:]), 255)
+            self.entries[name, colour] = self.bases.AddMaterial(_text(name), shown)
+        return self.entries[name, colour]
 
 
 def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:

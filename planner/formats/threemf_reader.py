@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from planner.arrays import Float32Array, FloatArray
 from planner.errors import MeshError
-from planner.formats.threemf_model import ThreemfModel, ThreemfObject
+from planner.formats.threemf_model import (
+    Constituent,
+    ThreemfModel,
+    ThreemfObject,
+    composite_name,
+    mixed_colour,
+)
 
 __all__ = ["decode_threemf", "read_threemf"]
 
@@ -146,10 +152,9 @@ def _object(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> ThreemfO
         )
         if np.linalg.det(matrix) < 0.0:
             faces = np.ascontiguousarray(faces[:, ::-1])
-    material, colour = _material(wrapper, model, mesh)
-    return ThreemfObject(
-        mesh.GetName(), vertices, faces, material, colour, _metadata(mesh.GetMetaDataGroup())
-    )
+    material, colour, constituents = _material(wrapper, model, mesh)
+    metadata = _metadata(mesh.GetMetaDataGroup())
+    return ThreemfObject(mesh.GetName(), vertices, faces, material, colour, metadata, constituents)
 
 
 def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any) -> NDArray[Any]:
@@ -161,11 +166,24 @@ def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any) -> NDArra
     return np.frombuffer(buffer, dtype=dtype).reshape(-1, 3).copy()
 
 
-def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str]:
+def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str, tuple[Constituent, ...]]:
+    """Return an object's material, its colour, and what it is mixed of."""
     group, entry, has = mesh.GetObjectLevelProperty()
-    if not has or model.GetPropertyTypeByID(group) != lib3mf.PropertyType.BaseMaterial:
-        return "", ""
-    bases = model.GetBaseMaterialGroupByID(group)
+    kind = model.GetPropertyTypeByID(group) if has else lib3mf.PropertyType.NoPropertyType
+    if kind == lib3mf.PropertyType.BaseMaterial:
+        return *_base(wrapper, model.GetBaseMaterialGroupByID(group), entry), ()
+    if kind != lib3mf.PropertyType.Composite:
+        return "", "", ()
+    composites = model.GetCompositeMaterialsByID(group)
+    bases = composites.GetBaseMaterialGroup()
+    parts = tuple(
+        Constituent(*_base(wrapper, bases, part.PropertyID), part.MixingRatio)
+        for part in composites.GetComposite(entry)
+    )
+    return composite_name(parts), mixed_colour(parts), parts
+
+
+def _base(wrapper: Any, bases: Any, entry: int) -> tuple[str, str]:
     red, green, blue, _ = wrapper.ColorToRGBA(bases.GetDisplayColor(entry))
     return bases.GetName(entry), f"#{red:02X}{green:02X}{blue:02X}"
 

@@ -33,7 +33,8 @@ def region_problems(plan: Plan) -> Iterator[str]:
             f"{plan.part.volume_mm3:.9g} mm3"
         )
     for before, after in itertools.pairwise(plan.regions):
-        if before.field[1] > after.field[0] + 1e-9:
+        together = before.field == after.field and _dealt(before) and _dealt(after)
+        if before.field[1] > after.field[0] + 1e-9 and not together:
             yield f"plan.json: region {after.index} begins before region {before.index} ends"
     low, high = _union([region.bounds_mm for region in plan.regions])
     shift = np.array(plan.part.translation_mm)
@@ -45,7 +46,7 @@ def shell_problems(plan: Plan, shells: Shells) -> Iterator[str]:
     """Hold each shell against the regions that the plan puts into it."""
     for number, file in enumerate(sorted(shells), start=1):
         regions = _of(plan, file)
-        materials = sorted({region.material or "" for region in regions})
+        materials = sorted({region.printed for region in regions})
         if not all(file.endswith(f"_{material}.stl") for material in materials):
             yield f"{file}: the plan puts {', '.join(materials)} into it, its name says otherwise"
         if f"__{number:02d}_" not in file:
@@ -92,12 +93,17 @@ def _object_problems(
     # Text keeps each coordinate to about one unit in the last place of float32.
     if triangles.shape != shell.shape or not np.allclose(triangles, shell, rtol=3e-7, atol=1e-9):
         yield f"{name}: object {item.name} is not the shell in its STL"
-    materials = {region.material for region in regions}
+    materials = {region.printed for region in regions}
     if materials != {item.material_name}:
         yield (
             f"{name}: object {item.name} is of {item.material_name or 'no material'}, the plan "
             f"says {', '.join(sorted(str(m) for m in materials))}"
         )
+
+
+def _dealt(region: Region) -> bool:
+    """Tell whether a region is one of two whose cells lie among each other."""
+    return (region.blend or {}).get("kind") == "dither"
 
 
 def _of(plan: Plan, file: str) -> list[Region]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from planner.grading.profile import Profile
 from planner.materials.inverse import nearest_on, thresholds_of
 
-__all__ = ["Band", "Shortfall", "equal_bands", "natural_bands", "shortfalls"]
+__all__ = ["Band", "Shortfall", "distinct_positions", "equal_bands", "natural_bands", "shortfalls"]
 
 # Positions nearer than this to each other or to an end are one position: far below any printer's
 # pixel on any part that fits a tray, far above rounding.
@@ -57,7 +57,7 @@ def natural_bands(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Band
     thresholds = thresholds_of(moduli_MPa)
     cuts = [u for threshold in thresholds.tolist() for u in profile.crossings(threshold)]
     jumps = [a for a, b in itertools.pairwise(profile.positions) if a == b]
-    edges = _distinct([*cuts, *jumps])
+    edges = distinct_positions([*cuts, *jumps])
     merged: list[Band] = []
     for start, stop in itertools.pairwise(edges):
         band = _band(profile, moduli_MPa, start, stop)
@@ -85,7 +85,7 @@ def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfa
     softest, hardest = moduli_MPa[0], moduli_MPa[-1]
     cuts = [u for limit in (softest, hardest) for u in profile.crossings(limit)]
     found = []
-    for start, stop in itertools.pairwise(_distinct([*cuts, *profile.positions])):
+    for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
         low, high = profile.interval_MPa(start, stop)
         if low < softest * (1.0 - 1e-9):
             found.append(Shortfall(start, stop, (low, high), 0))
@@ -100,7 +100,8 @@ def _band(profile: Profile, moduli_MPa: tuple[float, ...], start: float, stop: f
     return Band(start, stop, grade, (low, high))
 
 
-def _distinct(positions: list[float]) -> list[float]:
+def distinct_positions(positions: list[float]) -> list[float]:
+    """Return 0, the positions that are not the same as another or an end, rising, and 1."""
     edges = [0.0]
     for u in sorted(positions):
         if u - edges[-1] > _SAME_POSITION and 1.0 - u > _SAME_POSITION:

@@ -12,9 +12,14 @@ from planner.grading.interface_error import interface_error_mm
 from planner.plan import Check, Finding
 from planner.printers import Printer
 
-__all__ = ["WALLS_UNCHECKED", "interface_checks"]
+__all__ = ["CELLS_UNCHECKED", "WALLS_UNCHECKED", "interface_checks", "voxel_checks"]
 
 WALLS_UNCHECKED = "the minimum wall of each band was not checked: the field's bands are curved"
+
+CELLS_UNCHECKED = (
+    "the minimum wall of each material was not checked: cells of two materials lie among each "
+    "other, and the part's surface cuts through them"
+)
 
 
 def interface_checks(
@@ -44,16 +49,23 @@ def interface_checks(
                 size_mm=error_mm,
             )
         )
-    if bool((np.ptp(mesh.bounds_mm, axis=0) <= 2.0 * np.array(machine.tray_mm)).all()):
-        voxel = voxel_mm(mesh, machine)
-        grid = grid_for(mesh.bounds_mm, voxel.tolist())
-        counted = np.zeros(pieces.count)
-        for number in range(pieces.count):
-            faces = shell_faces(pieces, [number])
-            if len(faces):
-                shell = Mesh(pieces.vertices.astype(np.float64), faces)
-                counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
-        checks["voxel_volume_error"] = voxel_check(
-            counted * grid.voxel_mm3, volumes_mm3, mesh, voxel
-        )
+    checks |= voxel_checks(pieces, mesh, volumes_mm3, machine)
     return checks, tuple(findings)
+
+
+def voxel_checks(
+    pieces: Pieces, mesh: Mesh, volumes_mm3: FloatArray, machine: Printer
+) -> dict[str, Check]:
+    """Hold the pieces of a part that fits the tray, nearly, against the printer's voxels."""
+    if not bool((np.ptp(mesh.bounds_mm, axis=0) <= 2.0 * np.array(machine.tray_mm)).all()):
+        return {}
+    voxel = voxel_mm(mesh, machine)
+    grid = grid_for(mesh.bounds_mm, voxel.tolist())
+    counted = np.zeros(pieces.count)
+    for number in range(pieces.count):
+        faces = shell_faces(pieces, [number])
+        if len(faces):
+            shell = Mesh(pieces.vertices.astype(np.float64), faces)
+            counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
+    counted *= grid.voxel_mm3
+    return {"voxel_volume_error": voxel_check(counted, volumes_mm3, mesh, voxel)}

@@ -11,8 +11,6 @@ from planner.geometry.labels import label_columns, label_volumes_mm3
 from planner.geometry.mesh import Mesh
 from planner.geometry.printability import Finding as Place
 from planner.geometry.printability import longest_checked_mm, thin_walls
-from planner.grading.bands import Band
-from planner.palette import Palette
 from planner.plan import Check, Finding
 from planner.printers import Printer
 
@@ -22,12 +20,14 @@ __all__ = ["print_checks", "voxel_check", "voxel_mm"]
 def print_checks(
     mesh: Mesh,
     field: Field,
-    steps: Sequence[Band],
+    levels: Sequence[float],
+    materials: Sequence[str],
     volumes_mm3: FloatArray,
-    palette: Palette,
     machine: Printer,
 ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
     """Hold a placed part against the printer: tray, minimum wall, native voxels.
+
+    `levels` divide it into pieces of `materials` and `volumes_mm3`.
 
     Returns
     -------
@@ -51,8 +51,6 @@ def print_checks(
     checks["tray_excess_mm"] = Check(max(excess_mm, 0.0), 0.0, excess_mm <= 0.0)
     if excess_mm > 0.0:
         findings.append(_too_large(extent_mm, machine))
-    levels = [band.start for band in steps[1:]]
-    materials = [palette.materials[band.grade].id for band in steps]
     longest_mm = longest_checked_mm(machine.minimum_wall_mm)
     if excess_mm > max(machine.tray_mm) or (excess_mm > 0.0 and extent_mm.max() > longest_mm):
         findings.append(_unchecked(machine))

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from planner import __version__
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError
@@ -12,11 +10,19 @@ from planner.formats.stl import decode_stl
 from planner.geometry.fields import Field, PlanarField
 from planner.geometry.fields.axis import axis_field
 from planner.geometry.level_sets.grid import default_pitch_mm
+from planner.geometry.mesh import Mesh
 from planner.geometry.placement import place
-from planner.geometry.shells import piece_volumes_mm3, split
+from planner.geometry.shells import Pieces, piece_volumes_mm3, split
 from planner.grading.arguments import as_count, as_number, positive
-from planner.grading.bands import Band, equal_bands, natural_bands, shortfalls
-from planner.grading.curved_checks import WALLS_UNCHECKED, interface_checks
+from planner.grading.bands import Band, shortfalls
+from planner.grading.blends.choice import blend_choice
+from planner.grading.blends.design import Design, design_pieces
+from planner.grading.curved_checks import (
+    CELLS_UNCHECKED,
+    WALLS_UNCHECKED,
+    interface_checks,
+    voxel_checks,
+)
 from planner.grading.field_kinds import Setting
 from planner.grading.field_spec import build_field
 from planner.grading.findings import print_checks
@@ -27,6 +33,8 @@ from planner.grading.stiffness_scale import StiffnessScale, stiffness_scale
 from planner.grading.verification import shell_checks
 from planner.palette import Material, Palette
 from planner.plan import (
+    Check,
+    Finding,
     Gradient,
     PaletteUsed,
     PartGraded,
@@ -54,6 +62,7 @@ def grade(
     field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
     pitch_mm: float | None = None,
     blend: str = "nearest",
+    cell_mm: float | None = None,
     at_strain: float = 0.1,
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
@@ -77,8 +86,8 @@ def grade(
     profile
         ``log``, ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
     bands
-        Cut into so many equal steps of the field; by default the cuts lie where the nearest
-        material changes.
+        Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
+        the cuts lie where the nearest material, or the mixture, changes.
     field
         What the gradient follows instead of an axis: text as for ``--field``, such as
         ``"radial: point=0 0 5, to=12"``; a function of points (n, 3) in the part's coordinates
@@ -87,7 +96,12 @@ def grade(
         Of the grid on which curved level sets are drawn; by default such that the part's box has
         about two million grid points, 0.1 mm at least.
     blend
-        How a target between two materials is met; ``nearest`` takes the nearer one.
+        How a target between two materials is met: ``nearest`` takes the nearer one; ``dither``
+        deals cells of both, as many of each as the target needs; ``bands:N`` lets N pairs of
+        thinner bands take turns from one material to the next; ``mix`` records mixtures, for
+        printers that jet them.
+    cell_mm
+        Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
     at_strain
         Working strain of the secant modulus.
     printer, palette
@@ -117,10 +131,9 @@ def grade(
     pitch_mm = None if pitch_mm is None else positive(pitch_mm, "--pitch")
     bands = None if bands is None else as_count(bands, "--bands")
     at_strain = as_number(at_strain, "--at-strain")
-    chosen = palette_of(machine, palette)
-    scale = stiffness_scale(chosen, at_strain)
-    if blend != "nearest":
-        raise ArgumentError(f"--blend {blend}: this version takes nearest")
+    cell_mm = None if cell_mm is None else positive(cell_mm, "--cell")
+    choice = blend_choice(blend)
+    scale = stiffness_scale(palette_of(machine, palette), at_strain)
     target, start, end = _target(profile, from_, to, scale)
 
     progress("reading the part")
@@ -134,35 +147,36 @@ def grade(
         along = build_field(field, Setting(mesh, point(translation), pitch_mm))
 
     progress("cutting the shells")
-    steps = _bands(target, scale, bands)
-    _check_thickness(along, steps, machine, source.warnings)
-    levels = np.array([band.start for band in steps[1:]])
-    pieces = split(mesh, along, levels, pitch_mm=pitch_mm)
-    shells = shells_of(pieces, steps, scale, machine, source.name)
+    design = design_pieces(
+        choice, mesh, along, target, scale, machine, bands=bands, cell_mm=cell_mm
+    )
+    if design.dealt is None:
+        _check_thickness(along, design.bands, machine, source.warnings)
+        pieces = split(mesh, along, design.levels, pitch_mm=pitch_mm)
+    else:
+        pieces = split(mesh, design.dealt, design.levels, pitch_mm=design.dealt.cell_mm)
+    shells = shells_of(pieces, design.printed, at_strain, machine, source.name)
+    regions = design.described(regions_of(pieces, design.bands, design.printed, shells), scale)
 
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
-    volumes_mm3 = piece_volumes_mm3(pieces)
-    printing, findings = print_checks(mesh, along, steps, volumes_mm3, chosen, machine)
-    described, warnings = dict(along.description()), source.warnings
+    printing, findings, unchecked = _printing(mesh, along, design, pieces, pitch_mm, machine)
+    described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
-        drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
-        printing, findings = {**printing, **drawn}, (*findings, *more)
-        warnings = (*warnings, WALLS_UNCHECKED)
     return Plan(
         schema=1,
         version=__version__,
         printer=machine.name,
-        palette=PaletteUsed(chosen.name, chosen.sha256),
+        palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
         part=_part_graded(source, point(translation)),
-        gradient=Gradient(described, target.description(), start, end, bands),
+        gradient=Gradient(described, target.description(), start, end, bands, design.document()),
         stiffness=Stiffness("secant-nominal", at_strain),
-        regions=regions_of(pieces, steps, scale, shells),
-        checks={**checks, **printing},
-        findings=findings,
-        warnings=warnings,
+        regions=regions,
+        checks={**checks, **design.checks(regions, scale), **printing},
+        findings=(*design.findings(machine), *findings),
+        warnings=(*source.warnings, *unchecked),
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=machine.job_notes(),
@@ -214,12 +228,29 @@ def _material_id(material: str | Material | None, palette: Palette) -> str | Non
     return palette.resolve(material if isinstance(material, str) else material.id).id
 
 
-def _bands(target: Profile, scale: StiffnessScale, count: int | None) -> tuple[Band, ...]:
-    if count is None:
-        return natural_bands(target, scale.moduli_MPa)
-    if not 1 <= count <= 10_000:
-        raise ArgumentError(f"--bands {count}: it must be a whole number from 1 to 10000")
-    return equal_bands(target, scale.moduli_MPa, count)
+def _printing(
+    mesh: Mesh, along: Field, design: Design, pieces: Pieces, pitch_mm: float, machine: Printer
+) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:
+    """Hold the pieces against the printer; also say what was not looked at."""
+    volumes_mm3 = piece_volumes_mm3(pieces)
+    if design.dealt is not None:
+        # Walls of the part as a whole: cells of two materials hold each other.
+        whole = axis_field(None, mesh)
+        checks, findings = print_checks(
+            mesh, whole, (), ("the part",), volumes_mm3.sum(keepdims=True), machine
+        )
+        return (
+            {**checks, **voxel_checks(pieces, mesh, volumes_mm3, machine)},
+            findings,
+            (CELLS_UNCHECKED,),
+        )
+    levels = design.levels
+    materials = [what.name for what in design.printed]
+    checks, findings = print_checks(mesh, along, levels.tolist(), materials, volumes_mm3, machine)
+    if isinstance(along, PlanarField):
+        return checks, findings, ()
+    drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
+    return {**checks, **drawn}, (*findings, *more), (WALLS_UNCHECKED,)
 
 
 def _check_thickness(

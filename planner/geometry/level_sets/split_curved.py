@@ -19,10 +19,13 @@ from planner.geometry.mesh import Mesh, measure
 from planner.geometry.topology import order_edges
 from planner.geometry.weld import order_rows, sorted_corners
 
-__all__ = ["ATTEMPTS", "split_curved"]
+__all__ = ["ATTEMPTS", "FIRST_SHIFT", "split_curved"]
 
 ATTEMPTS = 12
 """Grids to try: the second is needed where a level lies in a face or edge, a fifth hardly ever."""
+
+FIRST_SHIFT = np.array([0.3702, 0.2131, 0.5316])
+"""Of the first grid; see `planner.geometry.level_sets.divide_field.divide_along`."""
 
 THIN_ATTEMPTS = 4
 """Of these, how many may go to triangles so thin that some readers drop them."""
@@ -30,7 +33,6 @@ THIN_ATTEMPTS = 4
 _READ_MM = 1.5e-8  # trimesh drops triangles lower than 1e-8 mm
 _SHARE = 2e-3  # of a pitch that levels move by from attempt to attempt
 _STEP = np.array([0.7548776662, 0.5698402910, 0.4301597090])  # spreads evenly over a cube
-_FIRST = np.array([0.3702, 0.2131, 0.5316])
 
 
 def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) -> DividedField:
@@ -62,7 +64,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
     for attempt in range(ATTEMPTS):
         if best is not None and attempt >= THIN_ATTEMPTS:
             break
-        shift = (_FIRST + attempt * _STEP) % 1.0
+        shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
         moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
         found = divide_along(mesh, field, moved, pitch_mm, shift)
         if found.broken or not _shells_close(found, len(levels) + 1):

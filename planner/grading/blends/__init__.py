@@ -1,0 +1,1 @@
+"""How a target between two catalogue materials is met: dithered cells, bands in turn, mixtures."""

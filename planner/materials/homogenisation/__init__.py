@@ -1,0 +1,1 @@
+"""Stiffness of two materials printed as one: bounds, and solutions of a periodic cell."""
