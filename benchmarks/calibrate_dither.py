@@ -4,8 +4,9 @@ python benchmarks/calibrate_dither.py [--check]
 
 Writes planner/geometry/dither/bevelled.json (what dealt fractions come to) and
 planner/materials/homogenisation/dithered.json (where the modulus lies between Hashin and
-Shtrikman's bounds). With --check it writes nothing, and solves the pattern at random fractions and contrasts,
-on finer voxels, and in other directions, to find the error of that table. Minutes on two cores.
+Shtrikman's bounds). With --check it writes nothing, and solves the pattern at random fractions and
+contrasts, on finer voxels, and in other directions, to find the error of that table. Minutes on two
+cores.
 """
 
 import argparse

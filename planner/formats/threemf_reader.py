@@ -176,9 +176,11 @@ def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str, tuple[Cons
         return "", "", ()
     composites = model.GetCompositeMaterialsByID(group)
     bases = composites.GetBaseMaterialGroup()
+    # A group's composites share one list of materials: those without a share are left out.
     parts = tuple(
         Constituent(*_base(wrapper, bases, part.PropertyID), part.MixingRatio)
         for part in composites.GetComposite(entry)
+        if part.MixingRatio > 0.0
     )
     return composite_name(parts), mixed_colour(parts), parts
 

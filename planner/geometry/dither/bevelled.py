@@ -3,8 +3,8 @@
 Shells of dealt cells are level sets on the lattice of the cells' centres, in the six tetrahedra
 between eight of them. So two materials meet half-way between centres, cells that touch along an
 edge or at a corner are joined or parted by one rule everywhere, and no edge ever has four faces.
-But a cell alone among others keeps half of its volume. Which fraction of the volume a dealt fraction
-comes to is counted here, exactly, on the very tile.
+But a cell alone among others keeps half of its volume. Which fraction of the volume a dealt
+fraction comes to is counted here, exactly, on the very tile.
 """
 
 from dataclasses import dataclass
