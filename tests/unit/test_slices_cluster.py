@@ -110,3 +110,11 @@ def test_no_scheduler_at_an_address_is_said_in_one_line(
     assert f"{address}: no scheduler answers there" in error
     assert error.count("\n") == 1
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:8786", "localhost", "http://here:8786", "tcp://a"])
+def test_addresses_that_are_none(address: str, plan: Path, tmp_path: Path, capsys) -> None:
+    command = ["slices", str(plan), "-o", str(tmp_path / "s"), "--scheduler", address]
+    assert run(command) == 2
+    assert "as tcp://127.0.0.1:8786" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
