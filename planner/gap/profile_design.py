@@ -10,6 +10,7 @@ import numpy as np
 from planner.arrays import FloatArray
 from planner.errors import FileError
 from planner.gap.column_file import read_columns
+from planner.grading.blends.along import dithered_profile, is_dithered
 from planner.palette import Palette
 from planner.plan import Plan, Region, plan_file, read_plan
 
@@ -156,10 +157,15 @@ def _of_plan(
         ]
     else:
         notes = []
-    regions = sorted(plan.regions, key=lambda region: region.field[0])
+    by_stretch = {region.field: region for region in plan.regions}  # two of each, where dithered
+    regions = [by_stretch[field] for field in sorted(by_stretch)]
     _check_whole(regions, where)
-    x = np.repeat([0.0, *(r.field[1] for r in regions)], 2)[1:-1] * span
-    coordinate = np.repeat([r.coordinate for r in regions], 2)
+    if is_dithered(plan):
+        field, coordinate = dithered_profile(plan, palette)
+        x = field * span
+    else:
+        x = np.repeat([0.0, *(r.field[1] for r in regions)], 2)[1:-1] * span
+        coordinate = np.repeat([r.coordinate for r in regions], 2)
     name = path.name if path.is_dir() else path.stem
     if name == "plan":
         name = plan.name

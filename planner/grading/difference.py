@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from planner.errors import ArgumentError
-from planner.plan import Plan, Region
+from planner.plan import Plan
 
 __all__ = ["Difference", "differences"]
+
+_NEAREST = {"kind": "nearest"}  # of plans that say nothing of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,7 @@ def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference
         ("profile", before.gradient.profile, after.gradient.profile),
         ("gradient from", before.gradient.start, after.gradient.start),
         ("gradient to", before.gradient.end, after.gradient.end),
+        ("blend", before.gradient.blend or _NEAREST, after.gradient.blend or _NEAREST),
         ("working strain", before.stiffness.at_strain, after.stiffness.at_strain),
     ]
     for what, a, b in pairs:
@@ -100,12 +103,13 @@ def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Di
         return
     for a, b in zip(before.regions, after.regions, strict=True):
         where = f"region {a.index}"
-        if _printed(a) != _printed(b):
-            yield Difference("material", where, _printed(a), _printed(b))
+        if a.printed != b.printed:
+            yield Difference("material", where, a.printed, b.printed)
         for what, x, y in (
             ("place along the field", a.field, b.field),
             ("target modulus MPa", a.target_modulus_MPa, b.target_modulus_MPa),
             ("achieved modulus MPa", a.modulus_MPa, b.modulus_MPa),
+            ("blend", a.blend or {}, b.blend or {}),
             ("volume mm3", a.volume_mm3, b.volume_mm3),
             ("mass g", a.mass_g, b.mass_g),
         ):
@@ -116,12 +120,8 @@ def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Di
 def _volume_by_material(plan: Plan) -> dict[str, float]:
     volumes: dict[str, float] = {}
     for region in plan.regions:
-        volumes[_printed(region)] = volumes.get(_printed(region), 0.0) + region.volume_mm3
+        volumes[region.printed] = volumes.get(region.printed, 0.0) + region.volume_mm3
     return volumes
-
-
-def _printed(region: Region) -> str:
-    return region.material or str(dict(region.blend or {}))
 
 
 def _targets(plan: Plan) -> list[Any]:

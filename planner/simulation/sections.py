@@ -13,6 +13,7 @@ from planner.geometry.columns import Grid, iterate_columns
 from planner.geometry.fields.axis import project
 from planner.geometry.mesh import Mesh
 from planner.geometry.weld import weld
+from planner.grading.blends.along import dithered_profile, is_dithered
 from planner.palette import Palette
 from planner.plan import Plan
 
@@ -29,7 +30,8 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
 
     The shells are made into columns of voxels along the axis, and each layer of voxels is a
     slice, divided where bands of the plan meet, so that every slice has one material. An area is
-    the count of voxels in the layer's mid-plane.
+    the count of voxels in the layer's mid-plane. Where cells of two materials lie among each other
+    a slice has the mixture that they come to.
 
     Parameters
     ----------
@@ -70,11 +72,13 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     centres = 0.5 * (edges[:-1] + edges[1:])
     layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
     region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
+    area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
+    if is_dithered(plan):
+        return edges, np.interp(centres / span_mm, *dithered_profile(plan, palette)), area
     coordinates = np.array(
         [r.coordinate if r.material is None else palette.resolve(r.material).coordinate
          for r in plan.regions]
     )  # fmt: skip
-    area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
     return edges, coordinates[region], area
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import FloatArray, IntArray
 from planner.errors import ArgumentError
-from planner.geometry.columns import Grid, dense, grid_for, iterate_columns
+from planner.geometry.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
 from planner.geometry.dither.bevelled import blue_noise_bevelled
 from planner.geometry.dither.deal import deal_cells
 from planner.geometry.dither.tile import blue_noise_ranks, thresholds
@@ -32,6 +32,7 @@ MOST_TRIANGLES = 8_000_000
 """Of all shells together: files of 400 MB, some minutes and several GB to make."""
 
 _SAMPLES = 200_000
+_PARTS = 3  # of a cell's edge, to tell how much of it is inside
 _SURFACE_TRIANGLES = 40.0  # a square of the part's surface, at half the cells; measured
 
 
@@ -141,8 +142,8 @@ class Expected:
     triangles
         Of all shells, roughly.
     fraction, cells : (stretches,)
-        Mean volume fraction of the harder material that is wanted over the cells whose centres are
-        inside the part, and how many these are.
+        Mean volume fraction of the harder material that is wanted over each stretch's cells, each
+        as far as it is inside the part, and how many cells these are.
     """
 
     triangles: float
@@ -171,17 +172,32 @@ def expected(mesh: Mesh, dealt: DealtField) -> Expected:
         )
     count = len(dealt.along)
     wanted, cells = np.zeros(count), np.zeros(count)
-    low, high = mesh.bounds_mm
-    first = low - (1.5 + FIRST_SHIFT) * dealt.cell_mm
-    nx, ny, nz = (int(n) for n in np.ceil((high - first) / dealt.cell_mm))
-    x, y, z = first.tolist()
-    cell = dealt.cell_mm
-    for points_mm in _inside(mesh, Grid((x, y, z), (cell, cell, cell), (nx, ny, nz))):
+    for points_mm, share in _cells(mesh, dealt.cell_mm):
         stretch, fraction = dealt.wanted(points_mm)
-        cells += np.bincount(stretch, minlength=count)
-        wanted += np.bincount(stretch, weights=fraction, minlength=count)
+        cells += np.bincount(stretch, weights=share, minlength=count)
+        wanted += np.bincount(stretch, weights=share * fraction, minlength=count)
     mean = np.divide(wanted, cells, out=np.full(count, np.nan), where=cells > 0.0)
     return Expected(triangles, mean, cells)
+
+
+def _cells(mesh: Mesh, cell_mm: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield centres of the cells that hold any of a part, and which share of each is inside."""
+    low, high = mesh.bounds_mm
+    first = low - (1.5 + FIRST_SHIFT) * cell_mm
+    cells = np.ceil((high - first) / cell_mm).astype(int)
+    parts = _PARTS if _PARTS * int(cells.max()) < MOST_VOXELS else 1
+    nx, ny, nz = (cells * parts).tolist()
+    x, y, z = first.tolist()
+    fine_mm = cell_mm / parts
+    grid = Grid((x, y, z), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
+    for columns in iterate_columns(mesh, grid):
+        index = np.argwhere(dense(columns))
+        index[:, 1] += columns.first_row
+        key, count = np.unique(
+            np.ravel_multi_index(tuple((index // parts).T), tuple(cells)), return_counts=True
+        )
+        place = np.stack(np.unravel_index(key, tuple(cells)), axis=1)
+        yield first + (place + 0.5) * cell_mm, count / parts**3
 
 
 def _triangles(mesh: Mesh, dealt: DealtField) -> float:
@@ -190,7 +206,11 @@ def _triangles(mesh: Mesh, dealt: DealtField) -> float:
     pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
     table = blue_noise_bevelled()
     count, drawn = 0, 0.0
-    for points_mm in _inside(mesh, grid_for(mesh.bounds_mm, pitch_mm)):
+    grid = grid_for(mesh.bounds_mm, pitch_mm)
+    for columns in iterate_columns(mesh, grid):
+        index = np.argwhere(dense(columns)).astype(np.float64)
+        index[:, 1] += columns.first_row
+        points_mm = np.array(grid.origin_mm) + (index + 0.5) * pitch_mm
         share = table.dealt_for(dealt.wanted(points_mm)[1])
         drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
         count += len(points_mm)
@@ -200,11 +220,3 @@ def _triangles(mesh: Mesh, dealt: DealtField) -> float:
     inner = 2.0 * drawn * mesh.volume_mm3 / dealt.cell_mm**3
     busy = drawn / float(table.triangles_per_cell.max())
     return inner + _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2 + len(mesh.faces)
-
-
-def _inside(mesh: Mesh, grid: Grid) -> Iterator[FloatArray]:
-    """Yield the centres of a grid's voxels inside a part, a slab after the other."""
-    for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns)).astype(np.float64)
-        index[:, 1] += columns.first_row
-        yield np.array(grid.origin_mm) + (index + 0.5) * np.array(grid.pitch_mm)

@@ -95,6 +95,7 @@ def with_dither(
             "kind": "dither",
             "lower": scale.palette.materials[stretch.lower].id,
             "upper": scale.palette.materials[stretch.upper].id,
+            "moduli_MPa": [soft, hard],
             "fraction": [round(float(f), 6) for f in ends],
             "volume_fraction": share.achieved,
             "volume_fraction_wanted": share.wanted,
