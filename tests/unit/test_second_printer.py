@@ -1,5 +1,7 @@
 """A printer that planner has never heard of: a plugin found on the path, from plan to layers."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -10,11 +12,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from planner.cli import run as run_here
+
 PLUGIN = Path(__file__).parents[1] / "plugins" / "duojet"
 
 
 def run(*command: str, codes: tuple[int, ...] = (0,)) -> str:
-    """Run Python with the plugin beside planner, and return what it prints."""
+    """Run Python with the plugin beside planner, as its users do, and return what it prints."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(PLUGIN), *sys.path])}
     done = subprocess.run(
         [sys.executable, *command], env=environment, capture_output=True, text=True, timeout=60
@@ -24,15 +28,21 @@ def run(*command: str, codes: tuple[int, ...] = (0,)) -> str:
 
 
 def planner(*arguments: object, codes: tuple[int, ...] = (0,)) -> dict:
-    return json.loads(run("-m", "planner", *map(str, arguments), "--json", codes=codes))
+    """Run a command in this process, with the plugin on the path for as long as it lasts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(PLUGIN)
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            code = run_here([*map(str, arguments), "--json"])
+    assert code in codes
+    return json.loads(out.getvalue())
 
 
 @pytest.fixture(scope="module")
 def plan(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plans") / "finger"
-    part = samples / "finger.stl"
+    part = str(samples / "finger.stl")
     ends = ("--from", "Soft", "--to", "Hard", "--axis", "x", "--printer", "duojet")
-    planner("grade", part, *ends, "-o", folder, codes=(0, 1))
+    run("-m", "planner", "grade", part, *ends, "-o", str(folder), codes=(0, 1))
     return folder
 
 
