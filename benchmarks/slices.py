@@ -1,8 +1,8 @@
 """planner slices: time, memory and size on disk, beside trimesh, and how they grow.
 
-Run ``python benchmarks/slices.py`` (a minute or two), or with ``--quick`` without trimesh. Each row is
-a process of its own: CPU time and memory with start and imports, wall time without. What is written
-is removed.
+Run ``python benchmarks/slices.py`` (a minute or two), or with ``--quick`` without trimesh. Each row
+is a process of its own: CPU time and memory with start and imports, wall time without. What is
+written is removed.
 """
 
 import argparse
