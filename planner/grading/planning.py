@@ -28,7 +28,7 @@ from planner.grading.field_spec import build_field
 from planner.grading.findings import print_checks
 from planner.grading.part_source import PartSource, open_part
 from planner.grading.profile import Profile, between, read_profile
-from planner.grading.regions import point, regions_of, shells_of
+from planner.grading.regions import point, shells_of
 from planner.grading.stiffness_scale import StiffnessScale, stiffness_scale
 from planner.grading.verification import shell_checks
 from planner.palette import Material, Palette
@@ -156,11 +156,12 @@ def grade(
     else:
         pieces = split(mesh, design.dealt, design.levels, pitch_mm=design.dealt.cell_mm)
     shells = shells_of(pieces, design.printed, at_strain, machine, source.name)
-    regions = design.described(regions_of(pieces, design.bands, design.printed, shells), scale)
+    regions = design.regions(pieces, shells, scale)
 
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
+    dealing, dealt = design.checks(pieces, scale, machine)
     printing, findings, unchecked = _printing(mesh, along, design, pieces, pitch_mm, machine)
     described = dict(along.description())
     if not isinstance(along, PlanarField):
@@ -174,8 +175,8 @@ def grade(
         gradient=Gradient(described, target.description(), start, end, bands, design.document()),
         stiffness=Stiffness("secant-nominal", at_strain),
         regions=regions,
-        checks={**checks, **design.checks(regions, scale), **printing},
-        findings=(*design.findings(machine), *findings),
+        checks={**checks, **dealing, **printing},
+        findings=(*dealt, *findings),
         warnings=(*source.warnings, *unchecked),
         unreachable=_unreachable(target, scale),
         shells=shells,

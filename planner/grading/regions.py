@@ -1,7 +1,7 @@
 """Bands of the part as shells to print and regions to report."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from planner.grading.printed import Printed
 from planner.plan import Point, Region, Shell
 from planner.printers import Printer
 
-__all__ = ["mixed", "point", "regions_of", "shells_of"]
+__all__ = ["files_of", "mixed", "point", "region_of", "regions_of", "shells_of"]
 
 
 def shells_of(
@@ -59,33 +59,44 @@ def regions_of(
     """Report each band that holds any of the part."""
     volumes = piece_volumes_mm3(pieces)
     bounds = piece_bounds_mm(pieces)
-    files = {shell.material: shell for shell in shells}
-    hashes = {shell.material: hashlib.sha256(shell.stl).hexdigest() for shell in shells}
+    files = files_of(shells)
     regions: list[Region] = []
     for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
-        if volumes[number] <= 0.0:
-            continue
-        low, high = band.target_MPa
-        regions.append(
-            Region(
-                index=len(regions) + 1,
-                material=what.material,
-                coordinate=what.coordinate,
-                field=(band.start, band.stop),
-                target_modulus_MPa=(low, high),
-                modulus_MPa=what.modulus_MPa,
-                modulus_interval_MPa=what.interval_MPa,
-                error=(what.modulus_MPa / high - 1.0, what.modulus_MPa / low - 1.0),
-                volume_mm3=float(volumes[number]),
-                mass_g=float(volumes[number]) * what.density_g_cm3 / 1000.0,
-                bounds_mm=(point(bounds[number, 0]), point(bounds[number, 1])),
-                file=files[what.name].file,
-                sha256=hashes[what.name],
-                triangles=len(files[what.name].faces),
-                blend=mixed(what),
-            )
-        )
+        if volumes[number] > 0.0:
+            index, volume_mm3 = len(regions) + 1, float(volumes[number])
+            regions.append(region_of(index, band, what, volume_mm3, bounds[number], files))
     return tuple(regions)
+
+
+def files_of(shells: Sequence[Shell]) -> dict[str, tuple[Shell, str]]:
+    """Return each material's shell and the hash of its file, by the material's name."""
+    return {shell.material: (shell, hashlib.sha256(shell.stl).hexdigest()) for shell in shells}
+
+
+def region_of(
+    index: int, band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
+    files: Mapping[str, tuple[Shell, str]],
+) -> Region:  # fmt: skip
+    """Report a band that is printed in one material or mixture."""
+    low, high = band.target_MPa
+    shell, sha256 = files[what.name]
+    return Region(
+        index=index,
+        material=what.material,
+        coordinate=what.coordinate,
+        field=(band.start, band.stop),
+        target_modulus_MPa=(low, high),
+        modulus_MPa=what.modulus_MPa,
+        modulus_interval_MPa=what.interval_MPa,
+        error=(what.modulus_MPa / high - 1.0, what.modulus_MPa / low - 1.0),
+        volume_mm3=volume_mm3,
+        mass_g=volume_mm3 * what.density_g_cm3 / 1000.0,
+        bounds_mm=(point(bounds_mm[0]), point(bounds_mm[1])),
+        file=shell.file,
+        sha256=sha256,
+        triangles=len(shell.faces),
+        blend=mixed(what),
+    )
 
 
 def mixed(what: Printed) -> dict[str, Any] | None:

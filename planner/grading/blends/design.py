@@ -9,17 +9,22 @@ from planner.arrays import FloatArray
 from planner.errors import ArgumentError
 from planner.geometry.fields import Field
 from planner.geometry.mesh import Mesh
+from planner.geometry.shells import Pieces
 from planner.grading.bands import Band, equal_bands, natural_bands
 from planner.grading.blends.choice import BlendChoice
-from planner.grading.blends.dither import DealtField, Expected, dealt_pieces, expected
+from planner.grading.blends.dealt_regions import dealt_regions, fraction_checks
+from planner.grading.blends.dither import DealtField, dealt_pieces
+from planner.grading.blends.foresee import check_size
 from planner.grading.blends.mixtures import mixed_bands
+from planner.grading.blends.period_regions import with_periods
 from planner.grading.blends.periods import Period, laminated
-from planner.grading.blends.report import fraction_check, with_dither, with_periods
 from planner.grading.blends.stretches import stretches
+from planner.grading.blends.tally import Tally, tally
 from planner.grading.printed import Printed, catalogue_material
 from planner.grading.profile import Profile
+from planner.grading.regions import regions_of
 from planner.grading.stiffness_scale import StiffnessScale
-from planner.plan import Check, Finding, Region
+from planner.plan import Check, Finding, Region, Shell
 from planner.printers import Printer
 
 __all__ = ["Design", "design_pieces"]
@@ -33,13 +38,15 @@ class Design:
 
     Attributes
     ----------
-    bands, printed
-        Field and target of each piece, and what it is printed in.
+    bands
+        Field and target of each piece; empty where cells are dealt.
+    printed
+        What each piece is printed in.
     periods
         Of each band, where two materials take turns; else empty.
-    dealt, foreseen
-        Where cells of two materials lie among each other, their lattice and what it should come
-        to; else None.
+    dealt, counted
+        Where cells of two materials lie among each other, their lattice and what they come to; else
+        None.
     """
 
     choice: BlendChoice
@@ -47,7 +54,7 @@ class Design:
     printed: tuple[Printed, ...]
     periods: tuple[Period | None, ...] = ()
     dealt: DealtField | None = None
-    foreseen: Expected | None = None
+    counted: Tally | None = None
 
     @property
     def levels(self) -> FloatArray:
@@ -56,35 +63,34 @@ class Design:
             return self.dealt.levels
         return np.array([band.start for band in self.bands[1:]])
 
-    def described(self, regions: Sequence[Region], scale: StiffnessScale) -> tuple[Region, ...]:
-        """Complete regions with what they come to together."""
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report what was cut, with what it comes to together."""
+        if self.dealt is not None and self.counted is not None:
+            return dealt_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
+        regions = regions_of(pieces, self.bands, self.printed, shells)
         if self.periods:
-            steps = tuple(zip(self.bands, self.periods, strict=True))
-            return with_periods(regions, steps, scale)
-        if self.dealt is not None and self.foreseen is not None:
-            return with_dither(regions, self.dealt, self.foreseen, scale)
-        return tuple(regions)
+            return with_periods(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
+        return regions
 
-    def checks(self, regions: Sequence[Region], scale: StiffnessScale) -> dict[str, Check]:
-        """Hold volume fractions against those wanted, where cells were dealt."""
-        if self.dealt is None or self.foreseen is None:
-            return {}
-        return {"volume_fraction_error": fraction_check(regions, self.dealt, self.foreseen, scale)}
-
-    def findings(self, machine: Printer) -> tuple[Finding, ...]:
-        """Say what of the pieces the printer will not hold."""
-        if self.dealt is None or self.dealt.cell_mm >= machine.minimum_feature_mm * (1.0 - 1e-9):
-            return ()
+    def checks(
+        self, pieces: Pieces, scale: StiffnessScale, machine: Printer
+    ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+        """Hold dealt cells against what was wanted, and against the printer."""
+        if self.dealt is None or self.counted is None:
+            return {}, ()
+        checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale)
         cell_mm = self.dealt.cell_mm
-        return (
-            Finding(
-                kind="cell",
-                message=f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
+        if cell_mm < machine.minimum_feature_mm * (1.0 - 1e-9):
+            message = (
+                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
                 f"undistorted, {machine.minimum_feature_mm:g} mm: their volumes will be off; take "
-                f"--cell {machine.minimum_feature_mm:g}",
-                size_mm=cell_mm,
-            ),
-        )
+                "--cell "
+                f"{machine.minimum_feature_mm:g}"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        return checks, findings
 
     def document(self) -> dict[str, object] | None:
         """Return what plan.json says of the choice; None of the nearest material."""
@@ -157,9 +163,6 @@ def _dithered(
         field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0],
         machine.minimum_feature_mm if cell_mm is None else cell_mm,
     )  # fmt: skip
-    steps = tuple(
-        Band(along[p.stretch].start, along[p.stretch].stop, p.grade, along[p.stretch].target_MPa)
-        for p in pieces
-    )
-    printed = _materials(steps, scale, machine)
-    return Design(choice, steps, printed, dealt=dealt, foreseen=expected(mesh, dealt))
+    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
+    check_size(mesh, dealt)
+    return Design(choice, (), printed, dealt=dealt, counted=tally(mesh, dealt))

@@ -1,60 +1,57 @@
 """Cells of two materials dealt along a gradient, as levels on one lattice.
 
-Each stretch of the gradient between two neighbouring materials makes two pieces, one of either.
-Pieces are numbered along the gradient, and every cell centre gets the number of its piece: levels
-half-way between numbers, drawn on the lattice of the centres, are the shells' interfaces. They
-never touch, so shells are manifolds, and where the gradient jumps only its own materials lie
-between.
+Every cell centre gets the number of the piece it belongs to, and levels half-way between numbers,
+drawn on the lattice of the centres, are the shells' interfaces. They never touch, so shells are
+manifolds. Pieces are numbered by material from soft to hard, so that cells of one material are
+joined wherever they are neighbours; between cells of materials further apart the materials between
+them make thin sheets. Where the target jumps, numbers begin anew: nothing but the materials on both
+sides of the jump comes to lie there.
 """
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.arrays import FloatArray, IntArray
 from planner.errors import ArgumentError
-from planner.geometry.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
 from planner.geometry.dither.bevelled import blue_noise_bevelled
 from planner.geometry.dither.deal import deal_cells
 from planner.geometry.dither.tile import blue_noise_ranks, thresholds
 from planner.geometry.fields import Field
-from planner.geometry.level_sets.split_curved import FIRST_SHIFT
-from planner.geometry.mesh import Mesh
 from planner.grading.blends.stretches import Stretch
 from planner.grading.profile import Profile
 from planner.materials.homogenisation.dithered import dithered_fraction
 
-__all__ = ["MOST_TRIANGLES", "DealtField", "DealtPiece", "Expected", "dealt_pieces", "expected"]
-
-MOST_TRIANGLES = 8_000_000
-"""Of all shells together: files of 400 MB, some minutes and several GB to make."""
-
-_SAMPLES = 200_000
-_PARTS = 3  # of a cell's edge, to tell how much of it is inside
-_SURFACE_TRIANGLES = 40.0  # a square of the part's surface, at half the cells; measured
+__all__ = ["DealtField", "DealtPiece", "dealt_pieces"]
 
 
 @dataclass(frozen=True, slots=True)
 class DealtPiece:
-    """All cells of one material within one stretch: `grade` is its place from soft to hard."""
+    """All cells of one material, `grade` its place from soft to hard, between two jumps.
 
-    stretch: int
+    `run` counts the parts of the field over which the target does not jump.
+    """
+
+    run: int
     grade: int
 
 
 def dealt_pieces(along: Sequence[Stretch]) -> tuple[DealtPiece, ...]:
-    """Return the pieces of all stretches, in an order in which neighbours share a material."""
+    """Return the pieces of all stretches in the order of their numbers.
+
+    The materials of a run stand from soft to hard or from hard to soft, such that it begins near
+    the material that it has at the jump.
+    """
     pieces: list[DealtPiece] = []
-    for number, stretch in enumerate(along):
-        grades = (
-            [stretch.lower, stretch.upper] if stretch.lower < stretch.upper else [stretch.lower]
-        )
-        last = pieces[-1].grade if pieces else None
-        if (grades[-1] == last) or (grades[0] != last and not stretch.rising):
+    for run in range(along[-1].run + 1):
+        own = [stretch for stretch in along if stretch.run == run]
+        low, high = min(s.lower for s in own), max(s.upper for s in own)
+        grades = list(range(low, high + 1))
+        from_low, from_high = own[0].lower - low, high - own[0].upper
+        if from_high < from_low or (from_high == from_low and not own[0].rising):
             grades.reverse()
-        pieces += [DealtPiece(number, grade) for grade in grades]
+        pieces += [DealtPiece(run, grade) for grade in grades]
     return tuple(pieces)
 
 
@@ -96,13 +93,19 @@ class DealtField:
 
     def values(self, points_mm: FloatArray) -> FloatArray:
         """Return the cells' pieces at points (n, 3): (n,), each half-way between levels."""
+        _, _, piece = self.deal(points_mm)
+        return np.asarray((piece + 0.5) / len(self.pieces))
+
+    def deal(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+        """Return stretch, wanted volume fraction of the harder material, and piece of each cell."""
         stretch, fraction = self.wanted(points_mm)
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
         hard = deal_cells(dealt, cell, thresholds(blue_noise_ranks()))
-        soft_piece, hard_piece = _numbers(self.along, self.pieces)
-        piece = np.where(hard, hard_piece[stretch], soft_piece[stretch])
-        return np.asarray((piece + 0.5) / len(self.pieces))
+        place = {(piece.run, piece.grade): n for n, piece in enumerate(self.pieces)}
+        of_soft = np.array([place[s.run, s.lower] for s in self.along])
+        of_hard = np.array([place[s.run, s.upper] for s in self.along])
+        return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
 
     def wanted(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return each point's stretch, and the volume fraction wanted of its harder material."""
@@ -123,100 +126,3 @@ class DealtField:
                 pair = self.moduli_MPa[stretch.lower], self.moduli_MPa[stretch.upper]
                 fraction[own] = dithered_fraction(*pair, target[own])
         return number, fraction
-
-
-def _numbers(along: Sequence[Stretch], pieces: Sequence[DealtPiece]) -> tuple[IntArray, IntArray]:
-    """Return the numbers of each stretch's softer and harder piece."""
-    place = {(piece.stretch, piece.grade): n for n, piece in enumerate(pieces)}
-    soft = [place[i, stretch.lower] for i, stretch in enumerate(along)]
-    hard = [place[i, stretch.upper] for i, stretch in enumerate(along)]
-    return np.array(soft), np.array(hard)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Expected:
-    """What is to come of dealing, before it is done.
-
-    Attributes
-    ----------
-    triangles
-        Of all shells, roughly.
-    fraction, cells : (stretches,)
-        Mean volume fraction of the harder material that is wanted over each stretch's cells, each
-        as far as it is inside the part, and how many cells these are.
-    """
-
-    triangles: float
-    fraction: FloatArray
-    cells: FloatArray
-
-
-def expected(mesh: Mesh, dealt: DealtField) -> Expected:
-    """Foresee what a part's cells come to.
-
-    Raises
-    ------
-    ArgumentError
-        There would be more than `MOST_TRIANGLES`; a cell that gives fewer is named.
-    """
-    triangles = _triangles(mesh, dealt)
-    if not triangles <= MOST_TRIANGLES:
-        # Between cells within the part and at its surface alone.
-        coarser = dealt.cell_mm * float(np.cbrt(triangles / MOST_TRIANGLES))
-        coarser = math.ceil(coarser * 20.0) / 20.0
-        raise ArgumentError(
-            f"--cell {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} "
-            f"cells of that size, whose shells would have some {triangles:.2g} triangles; up to "
-            f"{MOST_TRIANGLES:.2g} are possible: take --cell {coarser:g} or larger, or --blend "
-            "bands:4"
-        )
-    count = len(dealt.along)
-    wanted, cells = np.zeros(count), np.zeros(count)
-    for points_mm, share in _cells(mesh, dealt.cell_mm):
-        stretch, fraction = dealt.wanted(points_mm)
-        cells += np.bincount(stretch, weights=share, minlength=count)
-        wanted += np.bincount(stretch, weights=share * fraction, minlength=count)
-    mean = np.divide(wanted, cells, out=np.full(count, np.nan), where=cells > 0.0)
-    return Expected(triangles, mean, cells)
-
-
-def _cells(mesh: Mesh, cell_mm: float) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield centres of the cells that hold any of a part, and which share of each is inside."""
-    low, high = mesh.bounds_mm
-    first = low - (1.5 + FIRST_SHIFT) * cell_mm
-    cells = np.ceil((high - first) / cell_mm).astype(int)
-    parts = _PARTS if _PARTS * int(cells.max()) < MOST_VOXELS else 1
-    nx, ny, nz = (cells * parts).tolist()
-    x, y, z = first.tolist()
-    fine_mm = cell_mm / parts
-    grid = Grid((x, y, z), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
-    for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns))
-        index[:, 1] += columns.first_row
-        key, count = np.unique(
-            np.ravel_multi_index(tuple((index // parts).T), tuple(cells)), return_counts=True
-        )
-        place = np.stack(np.unravel_index(key, tuple(cells)), axis=1)
-        yield first + (place + 0.5) * cell_mm, count / parts**3
-
-
-def _triangles(mesh: Mesh, dealt: DealtField) -> float:
-    """Estimate the triangles of all shells from a sample of the part."""
-    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
-    pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
-    table = blue_noise_bevelled()
-    count, drawn = 0, 0.0
-    grid = grid_for(mesh.bounds_mm, pitch_mm)
-    for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns)).astype(np.float64)
-        index[:, 1] += columns.first_row
-        points_mm = np.array(grid.origin_mm) + (index + 0.5) * pitch_mm
-        share = table.dealt_for(dealt.wanted(points_mm)[1])
-        drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
-        count += len(points_mm)
-    if count == 0:  # walls thinner than the sample's pitch
-        drawn, count = float(table.triangles_per_cell.max()), 1
-    drawn /= count
-    inner = 2.0 * drawn * mesh.volume_mm3 / dealt.cell_mm**3
-    busy = drawn / float(table.triangles_per_cell.max())
-    return inner + _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2 + len(mesh.faces)

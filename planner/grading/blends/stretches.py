@@ -29,6 +29,8 @@ class Stretch:
         Lowest and highest target.
     ends_MPa
         Targets where it begins and ends.
+    run
+        How many jumps of the target lie before it.
     """
 
     start: float
@@ -37,6 +39,7 @@ class Stretch:
     upper: int
     target_MPa: tuple[float, float]
     ends_MPa: tuple[float, float]
+    run: int
 
     @property
     def rising(self) -> bool:
@@ -60,7 +63,8 @@ def stretches(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Stretch,
         lower, upper = _neighbours(low, high, moduli_MPa)
         inner = 1e-9 * (stop - start)  # a jump's own value is that after it
         ends = [float(profile.modulus_MPa(u)) for u in (start, stop - inner)]
-        found.append(Stretch(start, stop, lower, upper, (low, high), (ends[0], ends[1])))
+        run = sum(jump <= start + inner for jump in jumps)
+        found.append(Stretch(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
     return tuple(found)
 
 

@@ -21,6 +21,7 @@ __all__ = ["CellSolution", "effective_stiffness_MPa", "solve_cell", "youngs_modu
 
 _TOLERANCE = 1e-6  # of the residual: the modulus, an energy, is then right to its square
 _MOST_STEPS = 2000
+_MANY = 1 << 22  # values from which a second thread pays
 # Components are kept as xx, yy, zz, yz, xz, xy.
 _PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _WEIGHT = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
@@ -127,8 +128,7 @@ def youngs_modulus_MPa(stiffness_MPa: FloatArray, direction: ArrayLike) -> float
 
 
 def _dot(a: FloatArray, b: FloatArray) -> float:
-    parts = [float(np.vdot(x, y)) for x, y in zip(a, b, strict=True)]
-    return float(_WEIGHT @ parts)
+    return float((_WEIGHT * np.einsum("cxyz,cxyz->c", a, b)).sum())
 
 
 def _waves(shape: tuple[int, ...]) -> FloatArray:
@@ -146,7 +146,8 @@ def _waves(shape: tuple[int, ...]) -> FloatArray:
 
 def _project(field: FloatArray, k: FloatArray) -> FloatArray:
     """Return the part of a symmetric tensor field that is the strain of an isochoric motion."""
-    t: NDArray[np.complex128] = fft.rfftn(field, axes=(1, 2, 3), workers=2)
+    workers = 2 if field.size > _MANY else 1
+    t: NDArray[np.complex128] = fft.rfftn(field, axes=(1, 2, 3), workers=workers)
     w = np.stack(
         [
             t[0] * k[0] + t[5] * k[1] + t[4] * k[2],
@@ -157,4 +158,4 @@ def _project(field: FloatArray, k: FloatArray) -> FloatArray:
     w -= k * (w * k).sum(axis=0)
     for c, (i, j) in enumerate(_PLACES):
         t[c] = k[i] * w[j] + k[j] * w[i]
-    return np.asarray(fft.irfftn(t, s=field.shape[1:], axes=(1, 2, 3), workers=2))
+    return np.asarray(fft.irfftn(t, s=field.shape[1:], axes=(1, 2, 3), workers=workers))
