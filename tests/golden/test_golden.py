@@ -23,6 +23,11 @@ JOBS = {
         "finger.stl",
         {"from_": "Vero", "to": "Tango", "field": "radial: line=0 8 8 1 0 0", "pitch_mm": 1.0},
     ),
+    "dogbone-dither": (
+        "dogbone.stl",
+        {"from_": "FLX9750", "to": "FLX9785", "blend": "dither", "cell_mm": 1.2},
+    ),
+    "finger-mix": ("finger.stl", {"from_": "Tango", "to": "Vero", "blend": "mix", "bands": 12}),
 }
 
 
