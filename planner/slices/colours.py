@@ -9,7 +9,7 @@ from planner.formats.png import Rgba
 
 __all__ = ["LEAST_DISTANCE", "distinct_colours"]
 
-LEAST_DISTANCE = 24.0
+LEAST_DISTANCE = 8.0
 """Between two colours of a stack, in 8-bit steps of red, green and blue together."""
 
 _SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -14,7 +14,7 @@ from planner.geometry.columns import Grid, grid_for
 from planner.geometry.layer_runs import SlabTriangles, iterate_slabs, slab_layers_for
 from planner.geometry.mesh import Mesh
 from planner.geometry.weld import weld
-from planner.plan import Plan, plan_file, read_plan
+from planner.plan import Plan, Region, plan_file, read_plan
 from planner.printers import Printer
 from planner.printers import printer as load_printer
 
@@ -129,8 +129,8 @@ def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Prin
 
 
 def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMesh]:
-    colours = _colours(root, plan, machine)
     seen = {region.file: region for region in plan.regions}
+    colours = _colours(root, plan, machine, {_material(region) for region in seen.values()})
     for name in sorted(seen):
         region = seen[name]
         path = (root / name).resolve()
@@ -151,7 +151,7 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMe
                 f"{sha256[:12]}..., the plan says {region.sha256[:12]}...); grade the part again"
             )
         vertices, faces = weld(decode_stl(data, name).astype(np.float32))
-        material = region.material or Path(name).stem.rpartition("__")[2]
+        material = _material(region)
         yield ShellMesh(
             material,
             material if machine is None else machine.operator_name(material),
@@ -162,12 +162,19 @@ def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMe
         )
 
 
-def _colours(root: Path, plan: Plan, machine: Printer | None) -> dict[str, str]:
-    """Return colours by material: those of the plan's palette, which its 3MF holds as well."""
+def _material(region: Region) -> str:
+    """Return what a region's shell is printed in: a material's id, or a mixture's name."""
+    name = region.material or (region.blend or {}).get("name")
+    return str(name or Path(region.file).stem.partition("__")[2])
+
+
+def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
+    """Return colours by material: those of the plan's palette, else of its 3MF, as far as known."""
     if machine is not None and plan.palette.name in machine.palettes:
         palette = machine.palette(plan.palette.name)
-        if palette.sha256 == plan.palette.sha256:
-            return {material.id: material.colour for material in palette.materials}
+        colours = {material.id: material.colour for material in palette.materials}
+        if palette.sha256 == plan.palette.sha256 and wanted <= set(colours):
+            return colours
     file = root / f"{plan.name}.3mf"
     if not file.is_file():
         return {}

@@ -243,6 +243,22 @@ def test_colours_are_told_apart(wished: list[str]) -> None:
             assert np.linalg.norm(np.subtract(a, b)) >= LEAST_DISTANCE
 
 
+@pytest.mark.parametrize("blend", ["mix", "dither"])
+def test_blended_plans(blend: str, samples: Path, tmp_path: Path) -> None:
+    """Mixtures are materials of their own, in the 3MF's colours; dealt cells leave no gap."""
+    part = samples / "dogbone.stl"
+    options = {"bands": 3} if blend == "mix" else {"cell_mm": 1.5}
+    plan = planner.grade(part, from_="Tango", to="FLX9750", axis="x", blend=blend, **options)
+    stack = planner.write_slices(plan.write(tmp_path / "plan"), tmp_path / "s", pitch_mm=0.5)
+    colours = {shell.material: shell.colour for shell in plan.shells}
+    found = {m.material: "#" + bytes(m.rgba[:3]).hex().upper() for m in stack.materials}
+    assert found == colours
+    # however it is divided, the part is the same voxels
+    whole = planner.grade(part, from_="Tango", to="FLX9750", axis="x").write(tmp_path / "whole")
+    plain = planner.write_slices(whole, tmp_path / "w", pitch_mm=0.5)
+    assert np.array_equal(stack.voxels.sum(axis=1), plain.voxels.sum(axis=1))
+
+
 def test_colours_that_differ_stay(dogbone: Path, tmp_path: Path) -> None:
     palette = planner.printer("connex3").palette()
     stack = planner.write_slices(dogbone, tmp_path / "s", pitch_mm=1.0)
