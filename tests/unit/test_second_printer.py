@@ -118,9 +118,12 @@ def test_materials_and_blends_are_its_own() -> None:
     assert "LD" in found
 
 
-def test_without_the_plugin_it_is_said_in_one_line(plan: Path, tmp_path: Path) -> None:
+def test_without_the_plugin_layers_need_a_pitch(plan: Path, tmp_path: Path) -> None:
     import planner as here
     from planner.errors import UnknownNameError
 
+    certificate = here.certify(plan)  # needs the files alone
+    assert all(check.ok for check in certificate.checks.values())
     with pytest.raises(UnknownNameError, match=r"no printer 'duojet'.*--pitch"):
         here.write_slices(plan, tmp_path / "s")
+    assert here.write_slices(plan, tmp_path / "s", pitch_mm=0.5).printer == "duojet"
