@@ -16,7 +16,7 @@ MOST_TRIANGLES = 8_000_000
 """Of all shells together: files of 400 MB, a minute or two and some GB to make."""
 
 _SAMPLES = 200_000
-_SURFACE_TRIANGLES = 40.0  # a square of the part's surface, at half the cells; measured
+_SURFACE_TRIANGLES = 20.0  # a square of the part's surface, at half the cells; measured
 
 
 def check_size(mesh: Mesh, dealt: DealtField) -> None:
