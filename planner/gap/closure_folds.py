@@ -10,7 +10,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.conditions import TOLERANCES, levels
 from planner.gap.specimen import Specimen
 
-__all__ = ["Fold", "folds_of", "held_out_words"]
+__all__ = ["Fold", "conditions_out", "held_out_words", "levels_out"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,17 +38,48 @@ _REPEATED = ("batch",)
 """Columns whose levels repeat one another, so that two of them are enough."""
 
 LEAST_LEVELS = 3
-MOST_FOLDS = 12
-REPLICATE_FOLDS = 4
+MOST_FOLDS = 10
+MOST_LEVELS = 6
 LARGEST_SHARE = 0.5
 
 
-def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
-    """Return the folds: each level of each column that leaves most specimens in, once.
+def conditions_out(campaign: Campaign, tests: Sequence[Sequence[int]]) -> tuple[Fold, ...]:
+    """Return folds that leave each condition out once, with all that were tested in it.
+
+    Where there are more than `MOST_FOLDS` conditions, several are left out together. With one
+    condition, specimens are left out one at a time, or a few; with one specimen there is no fold.
+
+    Parameters
+    ----------
+    tests
+        Places of the specimens of each condition.
+    """
+    specimens = campaign.specimens
+    groups: list[Sequence[int]] = [t for t in tests if t]
+    name = "condition"
+    if len(groups) < 2:
+        groups, name = [[k] for k in range(len(specimens))], "specimen"
+    if len(groups) < 2:
+        return ()
+    count = min(len(groups), MOST_FOLDS)
+    order = np.arange(len(specimens))
+    found = []
+    for k in range(count):
+        out = np.isin(order, [place for group in groups[k::count] for place in group])
+        judged = _judged(specimens, out)
+        if judged.any():
+            found.append(Fold(name, out, judged))
+    if not found and name == "condition":
+        # Every condition has a material or a direction of its own.
+        return conditions_out(campaign, ())
+    return tuple(found)
+
+
+def levels_out(campaign: Campaign) -> tuple[Fold, ...]:
+    """Return folds that leave whole levels of a column out: what is predicted lies beyond.
 
     A column with two levels is left as it is: without one of them nothing could be learned of the
-    other. Where no fold holds out a specimen, replicates are left out one at a time; with one
-    specimen there is no fold.
+    other.
     """
     specimens = campaign.specimens
     n = len(specimens)
@@ -72,39 +103,21 @@ def folds_of(campaign: Campaign) -> tuple[Fold, ...]:
             judged = _judged(specimens, out)
             if judged.any():
                 found.append(Fold(name, out, judged))
-    held = np.any([f.judged for f in found], axis=0) if found else np.zeros(n, dtype=bool)
-    if n > 1 and not held.all():
-        found += _replicates(specimens, held)
     # Evenly chosen where there are many, so that every column keeps some.
-    if len(found) > MOST_FOLDS:
-        chosen = np.linspace(0, len(found) - 1, MOST_FOLDS).round().astype(int)
+    if len(found) > MOST_LEVELS:
+        chosen = np.linspace(0, len(found) - 1, MOST_LEVELS).round().astype(int)
         found = [found[k] for k in chosen.tolist()]
     return tuple(found)
 
 
-def held_out_words(folds: Sequence[Fold]) -> str:
-    """Return what is left out at a time: "2 batches left out one at a time"."""
-    parts = []
-    for name in dict.fromkeys(fold.name for fold in folds):
-        mine = [fold for fold in folds if fold.name == name]
-        several = any(fold.out.sum() > 1 for fold in mine)
-        what = {
-            "specimen": "group{s} of specimens" if several else "specimen{s}",
-            "batch": "batch{es}",
-        }.get(name, f"level{{s}} of {name}")
-        many = len(mine) > 1
-        parts.append(f"{len(mine)} {what.format(s='s' * many, es='es' * many)}")
-    listed = " and ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))
-    return f"{listed} left out{' one at a time' if len(folds) > 1 else ''}"
-
-
-def _replicates(specimens: Sequence[Specimen], held: BoolArray) -> list[Fold]:
-    """Return folds over specimens that no other fold holds out, a few at a time."""
-    rest = np.flatnonzero(~held)
-    count = min(len(rest), REPLICATE_FOLDS if held.any() else MOST_FOLDS)
-    order = np.arange(len(specimens))
-    outs = [np.isin(order, rest[k::count]) for k in range(count)]
-    return [Fold("specimen", out, out) for out in outs]
+def held_out_words(folds: Sequence[Fold], tests: int) -> str:
+    """Return what is left out at a time: "15 conditions left out, one or two at a time"."""
+    if folds[0].name == "specimen":
+        return f"{sum(int(f.out.sum()) for f in folds)} specimens left out one at a time"
+    most = -(-tests // MOST_FOLDS)
+    if most == 1:
+        return "leave one condition out"
+    return f"{tests} conditions left out, up to {most} at a time"
 
 
 def _judged(specimens: Sequence[Specimen], out: BoolArray) -> BoolArray:

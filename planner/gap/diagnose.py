@@ -19,6 +19,7 @@ from planner.gap.evidence.posterior import class_of, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.ranking import ranking_of
+from planner.gap.evidence.unlike import caution
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.experiments import next_experiments
 from planner.gap.forward.mount import Mounted, mount
@@ -163,6 +164,9 @@ def _name(effects: Effects) -> str:
 def _cautions(problem: Problem) -> tuple[str, ...]:
     found = []
     n = len(problem.campaign.specimens)
+    unlike = caution(problem)
+    if unlike is not None:
+        found.append(unlike)
     if problem.scatter.degrees_of_freedom == 0:
         found.append(
             "no two specimens were made and tested alike, so that scatter is not measured but "

@@ -66,6 +66,8 @@ class Gap:
         Errors after refitting the base laws alone, and after a generic regressor.
     held_out
         What was left out at a time, in words.
+    extrapolated_before, extrapolated
+        Errors before and after, where whole levels of a column, such as the warmest, were left out.
     negative_transfer
         Whether the effect makes held-out conditions worse.
     """
@@ -78,6 +80,8 @@ class Gap:
     recalibration_only: float | None
     generic: float | None
     held_out: str
+    extrapolated_before: float | None = None
+    extrapolated: float | None = None
     negative_transfer: bool = False
 
 

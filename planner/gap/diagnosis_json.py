@@ -72,6 +72,8 @@ def to_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "recalibration_only": _figure(gap.recalibration_only),
             "generic": _figure(gap.generic),
             "held_out": gap.held_out,
+            "extrapolated_before": _figure(gap.extrapolated_before),
+            "extrapolated": _figure(gap.extrapolated),
             "negative_transfer": bool(gap.negative_transfer),
         },
         "effect": {
@@ -169,6 +171,8 @@ def of_document(document: Mapping[str, Any], *, name: str = "diagnosis") -> Diag
             recalibration_only=gap.recalibration_only,
             generic=gap.generic,
             held_out=gap.held_out,
+            extrapolated_before=gap.extrapolated_before,
+            extrapolated=gap.extrapolated,
             negative_transfer=gap.negative_transfer,
         ),
         effect=tuple(

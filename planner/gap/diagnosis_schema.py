@@ -40,6 +40,8 @@ class GapFile(msgspec.Struct):
     recalibration_only: float | None
     held_out: str
     generic: float | None = None
+    extrapolated_before: float | None = None
+    extrapolated: float | None = None
     negative_transfer: bool = False
 
 

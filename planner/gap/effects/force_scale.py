@@ -2,15 +2,13 @@
 
 import math
 
-import numpy as np
-
 from planner.gap.effects.effect import Apply, Effect, Form, Parameter, Values
 from planner.gap.forward.setup import Setup
 
 __all__ = ["EFFECT"]
 
-RARE, CREEPING = 0.1, 0.3
-"""How usual a wrong unit is, and a cell that creeps, beside a gain that is a little off."""
+RARE = 0.1
+"""How usual a wrong unit is, beside a gain that is a little off."""
 
 _UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
 
@@ -18,12 +16,6 @@ _UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
 def _gained(setup: Setup, values: Values) -> Setup:
     """Scale what the load cell shows."""
     return setup.with_(gain=setup.gain * math.exp(values["log_gain"]))
-
-
-def _creeping(setup: Setup, values: Values) -> Setup:
-    """More and more under load, evenly in the logarithm of time, in full after half an hour."""
-    share = np.log1p(setup.time_s / values["time"]) / math.log1p(1800.0 / values["time"])
-    return setup.with_(gain=setup.gain * np.exp(values["log_gain"] * share))
 
 
 def _unit(name: str, factor: float, meaning: str) -> Form:
@@ -64,18 +56,7 @@ EFFECT = Effect(
             _UNITS,
             RARE,
         ),
-        Form(
-            "creeping",
-            (
-                Parameter("log_gain", 0.04, 0.6, "after half an hour", log=True, signed=True),
-                Parameter("time", 1.0, 300.0, "from which it creeps", "s", log=True),
-            ),
-            _creeping,
-            "shown = F exp(a ln(1 + t / tau) / ln(1 + 1800 s / tau))",
-            "OIML R 60 (creep of load cells, told after 30 minutes)",
-            CREEPING,
-        ),
     ),
-    where=("specimen", "batch", "time"),
+    where=("specimen", "batch"),
     some=True,
 )

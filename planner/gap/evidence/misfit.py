@@ -19,7 +19,7 @@ from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.weigh import Weighed
 from planner.gap.noise.estimate import USUAL
 
-__all__ = ["misfits", "most", "shy", "without_misfits"]
+__all__ = ["misfits", "most", "share_given_up", "shy", "without_misfits"]
 
 ALLOWED = 1.1
 """Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
@@ -32,6 +32,13 @@ MEASURED_LOG_SD = 0.2
 
 FORMLESS = 0.3
 """Share that goes to the unknown where no known form fits as it is."""
+
+EXPLAINED = 0.85
+"""Share of the excess mean square that stands for an effect even if its form is not exact: where an
+effect is a hundred times the noise, a form that is right to a few per cent leaves misfits."""
+
+HALF = 0.5
+"""Share below which departures do more than the effect that they are of."""
 
 ENOUGH_SPECIMENS = 6
 LEAST_SHARE, SHARE_EACH = 0.4, 0.065
@@ -84,26 +91,41 @@ def without_misfits(
     """Return the ranking, the probability of named hypotheses that do not fit given to unknown.
 
     Of those that fit only by departing from every form they are known in, a part is: the data ask
-    for a form that nobody knows, or for something else.
+    for a form that nobody knows, or for something else. What explains nearly all of a large gap is
+    judged one step more mildly.
     """
     gram = problem.whitened.gram()
     limit = most(problem, gram.rows)
+    before = float(gram.eliminate().products[0, 0]) / gram.rows
     kept, lost = [], 0.0
     for h in ranking:
         if h.effects in ((), UNKNOWN) or h.probability < LEAST_PROBABILITY:
             kept.append(h)
             continue
         as_it_is, departing = misfits(problem, gram, weighed.best[h.effects])
-        if departing > limit:
-            lost += h.probability
-        elif as_it_is > limit:
-            lost += FORMLESS * h.probability
-            kept.append(replace(h, probability=(1.0 - FORMLESS) * h.probability))
-        else:
-            kept.append(h)
+        share = share_given_up(before, as_it_is, departing, limit)
+        lost += share * h.probability
+        if share < 1.0:
+            kept.append(replace(h, probability=(1.0 - share) * h.probability))
     if lost:
         kept = _with_unknown(kept, lost)
     return tuple(kept)
+
+
+def share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
+    """Return the share of a hypothesis' probability that its misfit gives to the unknown.
+
+    Parameters
+    ----------
+    before, as_it_is, departing
+        Mean squares without it, with its forms, and with their departures.
+    """
+    if as_it_is <= limit:
+        return 0.0
+    explained = 1.0 - (as_it_is - 1.0) / max(before - 1.0, 1e-12)
+    if explained >= EXPLAINED:
+        return 0.0 if departing <= limit else FORMLESS
+    return FORMLESS if explained >= HALF and departing <= limit else 1.0
 
 
 def shy(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:

@@ -25,10 +25,10 @@ class Priors:
         A coarsened posterior, Miller & Dunson, J. Am. Stat. Assoc. 114, 2019, 1113.
     """
 
-    none: float = 0.76
-    single: float = 0.038
-    pair: float = 0.0012
-    unknown: float = 0.2008
+    none: float = 0.66
+    single: float = 0.054
+    pair: float = 0.0017
+    unknown: float = 0.2843
     beside: float = 0.05
     claimed: float = 0.2
-    coarseness_nats: float = 1000.0
+    coarseness_nats: float = 400.0

@@ -8,6 +8,7 @@ form. Odds are relative to no effect at the nominal scatter.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from planner.arrays import FloatArray
 from planner.gap.evidence.candidate import Candidate
@@ -38,6 +39,12 @@ WITH_UNKNOWN = 8
 
 OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does."""
+
+UNEVEN = 0.3
+"""Prior share, of nothing at work, of specimens that scatter along some effect's pattern."""
+
+MOST_UNEVEN = 15.0
+"""Log evidence that such scatter gains at most: above it, it would be an effect of a kind."""
 
 FREE = 0.15
 """Prior share, of an effect with a covariate of its own, of courses along it that no form has."""
@@ -118,11 +125,15 @@ def weigh(
     for scale, share in scales[: 1 if quick else 3]:
         plain = nominal if scale == 1.0 else gram.eliminate(scale)
         offset = plain.none - nominal.none + float(np.log(share))
-        result.add((), "", logs.none, offset)
         ours: dict[Effects, float] = {}
+        uneven: dict[Effects, float] = {}
         for refiner in refiners:
             candidate = refiner.candidate
-            found = refiner.weigh(refiner.eliminate(scale), plain.none)
+            eliminations = refiner.eliminate(scale)
+            found = refiner.weigh(eliminations, plain.none)
+            if len(candidate.effects) == 1:
+                known = uneven.get(candidate.effects, 0.0)
+                uneven[candidate.effects] = max(known, *(e.none - plain.none for e in eliminations))
             value = found.evidence + logs.forms(candidate)
             old = ours.get(candidate.effects, -np.inf)
             ours[candidate.effects] = float(np.logaddexp(old, value))
@@ -137,6 +148,7 @@ def weigh(
                     ours.get(subset.effects, -np.inf), subset.log_evidence + np.log(OF_SOME)
                 )
             )
+        result.add((), "", logs.none, offset + _nothing(uneven))
         for effects, value in ours.items():
             result.add(effects, "", logs.of(effects), offset + value)
             known = totals.get(effects, -np.inf)
@@ -158,6 +170,19 @@ def weigh(
         offset = float(np.log(scales[0][1])) + others + totals[effects] - at_nominal[effects]
         _add_beside(problem, refiner, nominal.none, offset, logs, result)
     return result
+
+
+def _nothing(uneven: dict[Effects, float]) -> float:
+    """Return the log evidence of nothing at work over that at the plain scatter.
+
+    A form with departures, but of size 0, is no effect: it is scatter along a pattern, such as of
+    one grade's specimens at small strains. What it gains must not speak for the effect.
+    """
+    if not uneven:
+        return 0.0
+    gains = [min(gain, MOST_UNEVEN) for gain in uneven.values()]
+    of_one = logsumexp(gains) - np.log(len(gains))
+    return float(np.logaddexp(np.log1p(-UNEVEN), np.log(UNEVEN) + of_one))
 
 
 class _LogPriors:

@@ -20,10 +20,10 @@ from planner.simulation.response import FARTHEST
 
 __all__ = ["STRAIN_END", "LawTables", "law_tables"]
 
-STRAIN_END = 1.2
+STRAIN_END = 3.0
 """The tables' last strain; from there on the stress goes on straight."""
 
-_INTERVALS = 600
+_INTERVALS = 1500
 _SLIGHTEST = 0.02
 """Least tangent over secant beyond a law's end, so that its stress goes on rising there."""
 

@@ -200,6 +200,8 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
         yield from _closed(gap, named)
     if gap.after is not None and gap.held_out:
         yield sentence(f"Held out: {gap.held_out}")
+    if named and gap.extrapolated is not None and gap.extrapolated_before is not None:
+        yield from _beyond(gap.extrapolated_before, gap.extrapolated)
     baselines = [
         f"{percent(value)} {words}"
         for value, words in (
@@ -212,6 +214,15 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"For comparison: {listed(baselines)}."
     if named and gap.after is not None and not gap.negative_transfer:
         yield from _no_better(gap.after, gap.recalibration_only)
+
+
+def _beyond(before: float, after: float) -> Iterator[str]:
+    worse = after > before
+    yield (
+        f"Where whole levels are left out, so that the effect is carried beyond what was tested, "
+        f"it misses by {percent(after)}, and the palette alone by {percent(before)}"
+        + (": do not use it beyond the conditions tested." if worse else ".")
+    )
 
 
 def _floor(gap: Gap) -> str:

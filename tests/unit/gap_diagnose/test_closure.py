@@ -7,7 +7,7 @@ import pytest
 
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure
-from planner.gap.closure_folds import Fold, folds_of, held_out_words
+from planner.gap.closure_folds import Fold, conditions_out, held_out_words, levels_out
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.priors import Priors
@@ -32,12 +32,11 @@ def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
 
 def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
     """Nothing that is predicted shares the left-out level with what was fitted."""
-    folds = folds_of(rates)
+    folds = levels_out(rates)
     assert "rate_mm_s" in {fold.name for fold in folds}
     for fold in folds:
         assert 0 < fold.out.sum() <= len(fold.out) / 2
-        whole = fold.name != "specimen"
-        cells = [getattr(s, fold.name) for s in rates.specimens] if whole else range(18)
+        cells = [getattr(s, fold.name) for s in rates.specimens]
         left_out = {c for c, o in zip(cells, fold.out, strict=True) if o}
         kept = {c for c, o in zip(cells, fold.out, strict=True) if not o}
         assert not left_out & kept
@@ -46,10 +45,20 @@ def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
     assert len(set(rows)) == len(rows)
 
 
+def test_each_condition_is_left_out_once_with_its_replicates(rates: Campaign) -> None:
+    tests = mount(rates).tests
+    folds = conditions_out(rates, tests)
+    assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
+    for members in tests:
+        assert len({tuple(fold.out[list(members)]) for fold in folds}) == 2
+        for fold in folds:
+            assert fold.out[list(members)].all() or not fold.out[list(members)].any()
+
+
 def test_levels_that_are_nearly_alike_are_one(planned) -> None:
     """23 and 23.6 degC are not two temperatures."""
     plan = planned(2, material=["FLX9760"], temperature_C=[23.0, 23.6, 30.0, 38.0])
-    out = {f.out.tobytes() for f in folds_of(plan) if f.name == "temperature_C"}
+    out = {f.out.tobytes() for f in levels_out(plan) if f.name == "temperature_C"}
     assert np.array([True] * 4 + [False] * 4).tobytes() in out
     assert np.array([True] * 2 + [False] * 6).tobytes() not in out
 
@@ -61,16 +70,16 @@ def test_a_material_that_was_tested_nowhere_else_is_not_judged(planned) -> None:
     ]
     plan = planned(more=[*rest, *rest, *[{"material": "FLX9785", "rate_mm_s": 8.5}] * 2,
                          {"material": "FLX9760", "rate_mm_s": 8.5}])  # fmt: skip
-    (fast,) = (f for f in folds_of(plan) if f.name == "rate_mm_s" and f.out[-1])
+    (fast,) = (f for f in levels_out(plan) if f.name == "rate_mm_s" and f.out[-1])
     assert fast.out.tolist() == [False] * 8 + [True] * 3
     assert fast.judged.tolist() == [False] * 10 + [True]
 
 
 def test_with_one_condition_replicates_are_left_out_and_with_one_specimen_nothing(planned) -> None:
-    folds = folds_of(planned(4, batches=1, material=["FLX9760"]))
+    folds = conditions_out(planned(4, batches=1, material=["FLX9760"]), [range(4)])
     assert [fold.out.sum() for fold in folds] == [1] * 4
     assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
-    assert folds_of(planned(1, material=["FLX9760"])) == ()
+    assert conditions_out(planned(1, material=["FLX9760"]), [[0]]) == ()
 
 
 def test_the_true_effect_closes_the_gap(of_rate: Diagnosis) -> None:
@@ -134,6 +143,7 @@ def test_an_effect_that_makes_left_out_conditions_worse_is_flagged(planned, imit
     assert gap.negative_transfer
     assert gap.after > gap.before
     assert gap.closed < 0.0
+    assert gap.extrapolated > gap.extrapolated_before
 
 
 def test_what_was_held_out_in_words() -> None:
@@ -142,11 +152,7 @@ def test_what_was_held_out_in_words() -> None:
         return Fold(name, out, out)
 
     single = [fold("specimen", place) for place in range(4)]
-    assert held_out_words(single) == "4 specimens left out one at a time"
-    assert held_out_words(single[:1]) == "1 specimen left out"
-    assert held_out_words([fold("rate_mm_s", 0, 1)]) == "1 level of rate_mm_s left out"
-    mixed = [fold("rate_mm_s", k, k + 1) for k in range(3)]
-    mixed += [fold("batch", 0, 1, 2), fold("batch", 3, 4, 5), fold("specimen", 0, 2)]
-    assert held_out_words(mixed) == (
-        "3 levels of rate_mm_s, 2 batches and 1 group of specimens left out one at a time"
-    )
+    assert held_out_words(single, 1) == "4 specimens left out one at a time"
+    three = [fold("condition", k, k + 3) for k in range(3)]
+    assert held_out_words(three, 3) == "leave one condition out"
+    assert held_out_words(three, 24) == "24 conditions left out, up to 3 at a time"

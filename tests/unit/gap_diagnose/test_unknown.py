@@ -71,3 +71,17 @@ def test_a_form_that_departs_in_one_material_needs_no_second_effect(
         for a, b in zip(one.specimens, other.specimens, strict=True)
     )
     assert diagnose(replace(one, specimens=mixed)).verdict == "rate"
+
+
+def test_specimens_that_should_be_alike_and_are_not_hide_something(planned, imitated) -> None:
+    """Eighty per cent more force in every other specimen, told by the machine's name alone."""
+    plan = planned(4, batches=1, material=["FLX9760", "TangoPlus"])
+    made = imitated(plan)
+    specimens = tuple(
+        replace(s, force_N=s.force_N * (1.8 if k % 2 else 1.0), covariates={"machine": "AB"[k % 2]})
+        for k, s in enumerate(made.specimens)
+    )
+    found = diagnose(replace(made, specimens=specimens, covariates=("machine",)))
+    assert found.verdict != "none"
+    (told,) = (c for c in found.limitations if "made and tested alike" in c)
+    assert "column machine" in told
