@@ -44,7 +44,6 @@ def main() -> None:
         axes.set_title(f"{title}: contrast {contrast}", fontsize=9)
         axes.set_xlabel("volume fraction of the harder material")
         axes.set_ylabel("modulus / geometric mean")
-        print(contrast, [f"{v:.3f} {e:.4f}" for v, e in solved])
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8)
     figure.savefig(FOLDER / "blends.svg", metadata={"Date": None})

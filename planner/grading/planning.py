@@ -17,6 +17,7 @@ from planner.grading.arguments import as_count, as_number, positive
 from planner.grading.bands import Band, shortfalls
 from planner.grading.blends.choice import blend_choice
 from planner.grading.blends.design import Design, design_pieces
+from planner.grading.blends.mixtures import MIXTURES_UNCALIBRATED
 from planner.grading.curved_checks import (
     CELLS_UNCHECKED,
     WALLS_UNCHECKED,
@@ -161,7 +162,7 @@ def grade(
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
-    dealing, dealt = design.checks(pieces, scale, machine)
+    dealing, dealt = design.checks(pieces, along, scale, machine)
     printing, findings, unchecked = _printing(mesh, along, design, pieces, pitch_mm, machine)
     described = dict(along.description())
     if not isinstance(along, PlanarField):
@@ -248,10 +249,13 @@ def _printing(
     levels = design.levels
     materials = [what.name for what in design.printed]
     checks, findings = print_checks(mesh, along, levels.tolist(), materials, volumes_mm3, machine)
+    unsure: tuple[str, ...] = ()
+    if any(what.material is None for what in design.printed):
+        unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
     if isinstance(along, PlanarField):
-        return checks, findings, ()
+        return checks, findings, unsure
     drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
-    return {**checks, **drawn}, (*findings, *more), (WALLS_UNCHECKED,)
+    return {**checks, **drawn}, (*findings, *more), (WALLS_UNCHECKED, *unsure)
 
 
 def _check_thickness(

@@ -366,6 +366,20 @@ def test_cells_too_small_or_too_large_are_findings():
     assert any("too steep" in finding.message for finding in steep.findings)
 
 
+def test_thin_bands_of_a_curved_field_are_findings():
+    options = {"from_": "FLX9760", "to": "FLX9785", "blend": "bands:3", "pitch_mm": 0.5}
+    plan = planner.grade(bar(8.0), field="radial: point=0 0 0, from=1, to=8", **options)
+    thin = [finding for finding in plan.findings if finding.kind == "thin-wall"]
+    assert thin
+    assert all(finding.size_mm < 0.6 for finding in thin)
+    assert "radial" in plan.gradient.field["name"]
+
+
+def test_mixtures_say_that_they_are_not_calibrated(plans):
+    assert any("not calibrated" in warning for warning in plans["mix"][0].warnings)
+    assert not plans["nearest"][0].warnings
+
+
 def test_the_command_shows_the_blend(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     part = str(SAMPLES / "dogbone.stl")

@@ -12,10 +12,15 @@ from planner.grading.profile import Profile
 from planner.grading.stiffness_scale import StiffnessScale
 from planner.printers import Printer
 
-__all__ = ["MOST_MIXTURES", "mixed_bands"]
+__all__ = ["MIXTURES_UNCALIBRATED", "MOST_MIXTURES", "mixed_bands"]
 
 MOST_MIXTURES = 99
 """Each is a file of its own."""
+
+MIXTURES_UNCALIBRATED = (
+    "mixtures are for a printer that jets them: whether {printer} does planner does not know, and "
+    "the ratios are places between catalogue materials, not calibrated on a machine"
+)
 
 _STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target
 
