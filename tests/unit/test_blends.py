@@ -111,8 +111,8 @@ def test_volume_fractions_are_those_wanted():
         counted = tally(mesh, field)
         volumes = piece_volumes_mm3(check(mesh, field))
         achieved = volumes[1] / volumes.sum()
-        # 15000 cells: the tile's 32 repeat less than once, which leaves a few thousandths.
-        assert achieved == pytest.approx(float(counted.wanted[0]), abs=0.006)
+        # 15000 cells, less than half a tile: what is seen of it is even within a thousandth.
+        assert achieved == pytest.approx(float(counted.wanted[0]), abs=0.002)
         modulus = float(dithered_modulus_MPa(2.0, 4.0, achieved))
         assert modulus == pytest.approx(target, rel=0.006)
 
