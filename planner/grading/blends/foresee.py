@@ -27,11 +27,14 @@ def check_size(mesh: Mesh, dealt: DealtField) -> None:
     ArgumentError
         There would be more than `MOST_TRIANGLES`; a cell that gives fewer is named.
     """
-    triangles = estimated_triangles(mesh, dealt)
+    inner, surface = estimated_triangles(mesh, dealt)
+    triangles = inner + surface
     if triangles <= MOST_TRIANGLES:
         return
-    coarser = dealt.cell_mm * float(np.cbrt(triangles / MOST_TRIANGLES))
-    coarser = math.ceil(coarser * 20.0) / 20.0
+    larger = 1.0  # times the cell: inner ones fall with its cube, others with its square
+    while inner / larger**3 + surface / larger**2 > MOST_TRIANGLES:
+        larger *= 1.01
+    coarser = math.ceil(dealt.cell_mm * larger * 20.0) / 20.0
     raise ArgumentError(
         f"--cell {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} cells "
         f"of that size, whose shells would have some {triangles:.2g} triangles; up to "
@@ -39,8 +42,8 @@ def check_size(mesh: Mesh, dealt: DealtField) -> None:
     )
 
 
-def estimated_triangles(mesh: Mesh, dealt: DealtField) -> float:
-    """Estimate the triangles of all shells from a sample of the part."""
+def estimated_triangles(mesh: Mesh, dealt: DealtField) -> tuple[float, float]:
+    """Estimate the triangles of all shells from a sample: inside the part, and at its surface."""
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
     pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
     table = blue_noise_bevelled()
@@ -58,4 +61,4 @@ def estimated_triangles(mesh: Mesh, dealt: DealtField) -> float:
     drawn /= count
     inner = 2.0 * drawn * mesh.volume_mm3 / dealt.cell_mm**3
     busy = drawn / float(table.triangles_per_cell.max())
-    return inner + _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2 + len(mesh.faces)
+    return inner, _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2
