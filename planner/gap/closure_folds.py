@@ -66,7 +66,8 @@ def conditions_out(campaign: Campaign, tests: Sequence[Sequence[int]]) -> tuple[
     found = []
     for k in range(count):
         out = np.isin(order, [place for group in groups[k::count] for place in group])
-        judged = _judged(specimens, out)
+        # Of specimens one at a time, what is said of another material or direction has to do.
+        judged = _judged(specimens, out) if name == "condition" else out
         if judged.any():
             found.append(Fold(name, out, judged))
     if not found and name == "condition":

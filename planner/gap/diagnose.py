@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from planner.errors import UnknownNameError
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure
+from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.diagnosis import Diagnosis, Quality, Untestable
 from planner.gap.effects import EFFECTS, Effect, effects_for
 from planner.gap.effects.testable import untestable
@@ -18,7 +18,7 @@ from planner.gap.evidence.intervals import found_effects
 from planner.gap.evidence.posterior import class_of, verdict_of
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.ranking import ranking_of
+from planner.gap.evidence.ranking import ranking_of, without_refuted
 from planner.gap.evidence.unlike import caution
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.experiments import next_experiments
@@ -78,6 +78,11 @@ def _diagnose(
     rng = np.random.default_rng(seed)
     ranking = ranking_of(problem, weighed)
     verdict = verdict_of(ranking)
+    gap = closure(problem, priors, verdict, rng, progress)
+    refuted = verdict if refutes(gap) else None
+    if refuted is not None:
+        ranking, gap = without_refuted(ranking), without_effect(gap)
+        verdict = verdict_of(ranking)
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
     where, remainder = places_of(problem, chosen, rng)
@@ -96,7 +101,7 @@ def _diagnose(
         same_class=tuple(e or ("none",) for e in class_of(problem, weighed, ranking, verdict)),
         not_testable=reasons,
         where=where,
-        gap=closure(problem, priors, verdict, rng, progress),
+        gap=gap,
         effect=found_effects(problem, nominal, chosen),
         remainder=remainder,
         data_quality=tuple(Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)),
@@ -105,7 +110,7 @@ def _diagnose(
         limitations=(
             *campaign.limitations,
             *mounted.limitations,
-            *_cautions(problem),
+            *_cautions(problem, refuted),
             *look_alikes(verdict, reasons),
         ),
         recalibration=recalibration_of(problem, chosen),
@@ -161,8 +166,13 @@ def _name(effects: Effects) -> str:
     return "+".join(effects) or "none"
 
 
-def _cautions(problem: Problem) -> tuple[str, ...]:
+def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
     found = []
+    if refuted is not None:
+        found.append(
+            f"{_name(refuted)} fits best, but predicts conditions that are left out worse than "
+            "the palette alone does: it is no explanation"
+        )
     n = len(problem.campaign.specimens)
     unlike = caution(problem)
     if unlike is not None:

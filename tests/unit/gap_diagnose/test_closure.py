@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure
+from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.closure_folds import Fold, conditions_out, held_out_words, levels_out
-from planner.gap.diagnosis import Diagnosis, Gap
+from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.ranking import without_refuted
 from planner.gap.forward.mount import mount
 
 
@@ -156,3 +157,21 @@ def test_what_was_held_out_in_words() -> None:
     three = [fold("condition", k, k + 3) for k in range(3)]
     assert held_out_words(three, 3) == "leave one condition out"
     assert held_out_words(three, 24) == "24 conditions left out, up to 3 at a time"
+
+
+def test_what_predicts_left_out_conditions_clearly_worse_is_refuted() -> None:
+    gap = Gap(0.10, 0.125, 0.02, -0.3, (-0.6, 0.1), 0.09, 0.08, "leave one condition out")
+    assert refutes(gap)
+    assert not refutes(replace(gap, after=0.115))
+    assert not refutes(replace(gap, after=None))
+    bare = without_effect(gap)
+    assert (bare.after, bare.closed, bare.closed_interval) == (0.10, 0.0, None)
+
+
+def test_a_refuted_explanation_leaves_the_unknown() -> None:
+    ranking = (Hypothesis(("rate",), 0.7, 0.0), Hypothesis((), 0.1, 0.0),
+               Hypothesis(("unknown",), 0.2, 0.0))  # fmt: skip
+    found = without_refuted(ranking)
+    assert found[0].effects == ("unknown",)
+    assert found[0].probability == pytest.approx(0.9)
+    assert {h.effects: h.probability for h in found}[("rate",)] == 0.0
