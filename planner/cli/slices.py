@@ -84,7 +84,7 @@ def _lengths(text: str) -> tuple[float, ...]:
         else:
             hint = ""
         raise ArgumentError(
-            f"--pitch {text}: {hint}Give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
+            f"--pitch {text}: {hint}give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
             "or one for all"
         ) from error
     if len(lengths) not in (1, 3):

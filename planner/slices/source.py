@@ -187,9 +187,12 @@ def _pitch(
     pitch_mm: float | Sequence[float] | None,
     extent_mm: np.ndarray[tuple[int], np.dtype[np.float64]],
 ) -> tuple[float, ...]:
-    edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
+    try:
+        edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
+    except (TypeError, ValueError):
+        edges = np.empty(0)
     if edges.shape not in ((1,), (3,)):
-        raise ArgumentError(f"pitch is {pitch_mm}; give one length in mm, or three: x, y, z")
+        raise ArgumentError(f"pitch is {pitch_mm!r}; give one length in mm, or three: x, y, z")
     whole = tuple(float(p) for p in np.broadcast_to(edges, 3))
     for axis, edge, extent in zip("xyz", whole, extent_mm.tolist(), strict=True):
         if not 0.0 < edge < math.inf:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, OutputError
 from planner.formats.folder import check_target, new_folder
+from planner.plan import plan_file
 from planner.printers import Printer
 from planner.slices.colours import distinct_colours
 from planner.slices.layer_image import ImageKind
@@ -61,9 +62,14 @@ def write_slices(
         Bad input, see `planner.slices.source.open_shells`; a folder that may not be written; a
         cluster that cannot be used.
     """
-    check_target(folder, force=force, kind=SLICES)
+    target = check_target(folder, force=force, kind=SLICES)
     if slab_layers is not None and slab_layers < 1:
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
+    if target.is_relative_to(plan_file(plan).resolve().parent):
+        raise OutputError(
+            f"{folder}: lies in the plan's own folder, which would then no longer be sound; name "
+            "another folder with --output"
+        )
     source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
     edges_mm = source.grid.pitch_mm
     colours = distinct_colours([shell.colour for shell in source.shells])

@@ -313,8 +313,13 @@ def test_plans_folders_and_printers_that_are_none(dogbone: Path, tmp_path: Path)
         planner.write_slices(tmp_path, tmp_path / "s")
     with pytest.raises(UnknownNameError, match="did you mean connex3"):
         planner.write_slices(dogbone, tmp_path / "s", printer="conex3")
+    with pytest.raises(OutputError, match="plan's own folder"):
+        planner.write_slices(dogbone, dogbone / "slices", pitch_mm=1.0)
     with pytest.raises(OutputError, match=r"holds no slices\.json"):
         planner.write_slices(dogbone, dogbone, force=True)
+    for pitch_mm in ("fine", [1.0, 2.0], {}):
+        with pytest.raises(ArgumentError, match="give one length in mm, or three"):
+            planner.write_slices(dogbone, tmp_path / "s", pitch_mm=pitch_mm)
     with pytest.raises(ArgumentError, match="slab_layers"):
         planner.write_slices(dogbone, tmp_path / "s", slab_layers=0)
     planner.write_slices(dogbone, tmp_path / "s", pitch_mm=1.0)
