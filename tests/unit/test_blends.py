@@ -194,6 +194,16 @@ def test_bands_in_turn_stretch_as_the_target_does(shape, start, end, periods):
         assert before.stop == pytest.approx(after.start, abs=1e-12)
 
 
+@pytest.mark.parametrize("periods", [1, 2, 3, 4])
+@pytest.mark.parametrize("ends", [(1.0, 9.9), (9.9, 1.0), (1.0, 2.4), (7.0, 1.3)])
+def test_bands_in_turn_begin_and_end_with_what_the_target_is_near_to(ends, periods):
+    """What lies beyond a field that is held at its ends is all of the first or the last band."""
+    profile = Profile("p", (0.0, 1.0), ends, "log")
+    laminate = laminated(profile, stretches(profile, LADDER), LADDER, periods)
+    for (band, _), end in zip((laminate[0], laminate[-1]), ends, strict=True):
+        assert band.grade == int(np.argmin(np.abs(np.log(np.array(LADDER) / end))))
+
+
 @pytest.fixture(scope="module")
 def plans(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plans")
@@ -364,6 +374,8 @@ def test_cells_too_small_or_too_large_are_findings():
     steep = planner.grade(bar(6.0), from_="Tango", to="Vero", blend="dither", cell_mm=1.4)
     assert not steep.checks["volume_fraction_error"].ok
     assert any("too steep" in finding.message for finding in steep.findings)
+    whole = planner.grade(bar(), from_="FLX9760", to="FLX9785", blend="dither", cell_mm=100.0)
+    assert any("thicker than the part" in finding.message for finding in whole.findings)
 
 
 def test_thin_bands_of_a_curved_field_are_findings():

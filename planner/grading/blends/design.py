@@ -1,5 +1,6 @@
 """What to cut a part along, at which levels, and what each piece is printed in."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -48,6 +49,8 @@ class Design:
     dealt, counted
         Where cells of two materials lie among each other, their lattice and what they come to; else
         None.
+    mean_wall_mm
+        Twice the part's volume over its area: its thickness were it a plate.
     """
 
     choice: BlendChoice
@@ -56,6 +59,7 @@ class Design:
     periods: tuple[Period | None, ...] = ()
     dealt: DealtField | None = None
     counted: Tally | None = None
+    mean_wall_mm: float = math.inf
 
     @property
     def levels(self) -> FloatArray:
@@ -94,6 +98,13 @@ class Design:
                 f"undistorted, {machine.minimum_feature_mm:g} mm: their volumes will be off; take "
                 "--cell "
                 f"{machine.minimum_feature_mm:g}"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        if cell_mm > self.mean_wall_mm:
+            message = (
+                f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
+                f"{self.mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
+                "be there, and stretches of the gradient may have none; take a smaller --cell"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
         return checks, findings
@@ -171,4 +182,7 @@ def _dithered(
     )  # fmt: skip
     printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
     check_size(mesh, dealt)
-    return Design(choice, (), printed, dealt=dealt, counted=tally(mesh, dealt))
+    mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2
+    return Design(
+        choice, (), printed, dealt=dealt, counted=tally(mesh, dealt), mean_wall_mm=mean_wall_mm
+    )

@@ -51,7 +51,9 @@ def laminated(
     """Divide each stretch between two materials into periods that stretch as the target does.
 
     Under one force a period elongates by the mean of the target's compliance, exactly: the
-    materials lie in series. Each period begins with the material that the one before ended with.
+    materials lie in series. Each period begins with the material that the one before ended with;
+    but where the gradient begins and ends lies the material nearer to the target there, because
+    fields are held at their ends: beyond a distance of 3 mm, say, all of the part is the last band.
 
     Returns
     -------
@@ -66,11 +68,16 @@ def laminated(
             continue
         edges = np.linspace(stretch.start, stretch.stop, periods + 1).tolist()
         edges[-1] = stretch.stop
+        middle_MPa = math.sqrt(moduli_MPa[stretch.lower] * moduli_MPa[stretch.upper])
+        begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
         for start, stop in itertools.pairwise(edges):
             period = _period(profile, stretch, moduli_MPa, start, stop)
-            hard_first = bool(found) and found[-1][0].grade == stretch.upper
             if not found:
-                hard_first = not stretch.rising
+                hard_first = begins_hard
+            elif stretch is along[-1] and stop == stretch.stop:
+                hard_first = not ends_hard
+            else:
+                hard_first = found[-1][0].grade == stretch.upper
             shares = [(stretch.lower, 1.0 - period.share), (stretch.upper, period.share)]
             if hard_first:
                 shares.reverse()
