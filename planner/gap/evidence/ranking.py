@@ -1,6 +1,7 @@
 """From weighed hypotheses to the ranking that a diagnosis reports."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from planner.gap.diagnosis import Hypothesis
 from planner.gap.evidence.misfit import shy, without_misfits
@@ -10,6 +11,10 @@ from planner.gap.evidence.unlike import with_unlike
 from planner.gap.evidence.weigh import Weighed
 
 __all__ = ["ranking_of", "without_refuted"]
+
+
+GIVEN_UP = 0.7
+"""Share of what is named that an explanation gives up which does not predict."""
 
 
 def ranking_of(problem: Problem, weighed: Weighed) -> tuple[Hypothesis, ...]:
@@ -27,14 +32,11 @@ def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the ranking of a campaign whose leading explanation predicts worse than none.
 
     Folds choose among all hypotheses anew, so that what fails is no one of them: all that is named
-    gives its probability to the unknown.
+    gives most of its probability to the unknown, and keeps its place behind it.
     """
+    named = [h for h in ranking if h.effects not in ((), UNKNOWN)]
+    kept = [replace(h, probability=(1.0 - GIVEN_UP) * h.probability) for h in named]
     nothing = [h for h in ranking if h.effects == ()]
-    rest = 1.0 - sum(h.probability for h in nothing)
-    named = [
-        Hypothesis(h.effects, 0.0, h.with_unknown)
-        for h in ranking
-        if h.effects not in ((), UNKNOWN)
-    ]
-    kept = [*nothing, Hypothesis(UNKNOWN, rest, 0.0), *named]
-    return tuple(sorted(kept, key=lambda h: -h.probability))
+    rest = 1.0 - sum(h.probability for h in (*nothing, *kept))
+    together = [*nothing, Hypothesis(UNKNOWN, rest, 0.0), *kept]
+    return tuple(sorted(together, key=lambda h: (-h.probability, h.effects)))

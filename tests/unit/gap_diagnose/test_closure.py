@@ -173,5 +173,5 @@ def test_a_refuted_explanation_leaves_the_unknown() -> None:
                Hypothesis(("unknown",), 0.2, 0.0))  # fmt: skip
     found = without_refuted(ranking)
     assert found[0].effects == ("unknown",)
-    assert found[0].probability == pytest.approx(0.9)
-    assert {h.effects: h.probability for h in found}[("rate",)] == 0.0
+    assert found[0].probability == pytest.approx(0.2 + 0.7 * 0.7)
+    assert {h.effects: h.probability for h in found}[("rate",)] == pytest.approx(0.3 * 0.7)
