@@ -29,6 +29,13 @@ __all__ = [
     "read_plan",
 ]
 
+_MIXTURES = (
+    "",
+    "Files with two materials are mixtures. Only a printer whose software takes such ratios can",
+    "print them, and they were not calibrated on a machine. Where the software lists catalogue",
+    "materials alone, grade the part again with another `--blend`.",
+)
+
 Pair = tuple[float, float]
 Point = tuple[float, float, float]
 Box = tuple[Point, Point]
@@ -250,7 +257,11 @@ class Plan:
             for shell in self.shells
         ]
         head = ["## Which material to which file", "", "| file | material | colour |"]
-        return [*head, "| --- | --- | --- |", *rows]
+        return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if self._mixes else ())]
+
+    @property
+    def _mixes(self) -> bool:
+        return any(shell.constituents for shell in self.shells)
 
     def write(self, folder: str | Path | None = None, *, force: bool = False) -> Path:
         """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.

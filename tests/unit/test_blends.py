@@ -232,6 +232,9 @@ def test_plans_hold_and_read_back(plans, blend):
     assert [region.printed for region in back.regions] == [r.printed for r in plan.regions]
     volume = sum(region.volume_mm3 for region in back.regions)
     assert volume == pytest.approx(180.0, rel=1e-6)
+    assert ("Only a printer whose software" in (folder / "HOWTO.md").read_text()) == (
+        blend == "mix"
+    )
     document = json.loads((folder / "plan.json").read_text())
     assert all(("material" in r) != (blend == "mix" and "blend" in r) for r in document["regions"])
 

@@ -58,7 +58,7 @@ def test_materials_profiles_and_palettes_may_be_values() -> None:
         {"axis": "up"},
         {"axis": (1, 0)},
         {"unit": "furlong"},
-        {"blend": "mix"},
+        {"blend": "mixed"},
     ],
 )
 def test_what_cannot_be_taken_is_named(arguments: dict) -> None:
