@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import lib3mf
@@ -13,7 +14,7 @@ from manifold3d import Manifold
 
 import planner
 from planner.cli import run
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, FileError
 from planner.formats.threemf import read_threemf
 from planner.gap.profile_design import read_profile
 from planner.geometry.audit import audit, interfaces_cancel
@@ -293,6 +294,12 @@ def test_along_a_dithered_plan_the_coordinate_follows_the_target(plans):
     np.testing.assert_allclose(np.log(target), np.interp(u, [0, 1], np.log(ends)), atol=1e-6)
     design, _ = read_profile(folder, palette=palette, gauge_mm=20.0)
     np.testing.assert_allclose(design.at(u * 20.0), coordinate, atol=1e-6)
+    for moduli in ([1.0, 1.0], [-1.0, 2.0], [0.0, 2.0], [1.0, float("inf")], [2.0]):
+        altered = tuple(
+            replace(region, blend={**region.blend, "moduli_MPa": moduli}) for region in plan.regions
+        )
+        with pytest.raises(FileError, match="not that of dithered cells"):
+            dithered_profile(replace(plan, regions=altered), palette)
 
 
 def test_mixtures_in_a_3mf_as_lib3mf_reads_them(plans):

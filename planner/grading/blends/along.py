@@ -54,15 +54,18 @@ def _coordinates(region: Region, u: FloatArray, profile: Profile, palette: Palet
     try:
         lower, upper = (palette.resolve(str(blend[name])).coordinate for name in ("lower", "upper"))
         soft, hard = (float(modulus) for modulus in blend["moduli_MPa"])
-        step = float(np.log(hard / soft))
-    except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+        if not 0.0 < soft < hard < np.inf:
+            raise ValueError(
+                f"moduli_MPa are {soft:g} and {hard:g}, not the softer's and the harder's"
+            )
+    except (KeyError, TypeError, ValueError) as error:
         raise FileError(
             f"plan.json: region {region.index}: its blend is not that of dithered cells "
             f"({error!r}); grade the part again"
         ) from error
     # At a jump the profile has the value after it: keep within the stretch.
     inner = np.clip(u, u[0] + 1e-9 * (u[-1] - u[0]), u[-1] - 1e-9 * (u[-1] - u[0]))
-    t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / step, 0.0, 1.0)
+    t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / np.log(hard / soft), 0.0, 1.0)
     return np.asarray(lower + t * (upper - lower))
 
 
