@@ -196,14 +196,20 @@ def installed_printers() -> dict[str, EntryPoint]:
     return {e.name: e for e in sorted(entry_points(group=GROUP), key=lambda e: e.name)}
 
 
-def printer(name: str) -> Printer:
-    """Load an installed printer.
+def printer(name: str | Printer) -> Printer:
+    """Load an installed printer; a printer given as such is returned as it is.
 
     Raises
     ------
+    ArgumentError
+        Neither a name nor a printer.
     UnknownNameError
         No printer of that name is installed, or its plugin is not a printer.
     """
+    if isinstance(name, Printer):
+        return name
+    if not isinstance(name, str):
+        raise ArgumentError(f"printer is a {type(name).__name__}; give a name or a Printer")
     found = installed_printers()
     if name not in found:
         near = nearest_names(name, list(found))

@@ -152,5 +152,5 @@ def _palette(palette: str | Path | Palette | None, printer: str | Printer | None
         return palette
     if palette is not None and (str(palette).endswith(".toml") or Path(palette).is_file()):
         return load_palette(palette)
-    machine = load_printer(printer or "connex3") if not isinstance(printer, Printer) else printer
+    machine = load_printer(printer or "connex3")
     return machine.palette(None if palette is None else str(palette))

@@ -35,7 +35,9 @@ def make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabIma
     OutputError
         The cluster lost all its workers, or several over one slab.
     """
-    if not re.fullmatch(r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler):
+    if not isinstance(scheduler, str) or not re.fullmatch(
+        r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
+    ):
         raise ArgumentError(
             f"--scheduler {scheduler}: is no address of a scheduler; give what dask scheduler "
             "prints, as tcp://127.0.0.1:8786"

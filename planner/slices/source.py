@@ -116,7 +116,7 @@ def deal_slabs(
 
 def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Printer | None:
     if printer is not None:
-        return load_printer(printer) if isinstance(printer, str) else printer
+        return load_printer(printer)
     try:
         return load_printer(plan.printer)
     except UnknownNameError as error:

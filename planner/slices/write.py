@@ -63,8 +63,8 @@ def write_slices(
         cluster that cannot be used.
     """
     target = check_target(folder, force=force, kind=SLICES)
-    if slab_layers is not None and slab_layers < 1:
-        raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
+    if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
+        raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
     if target.is_relative_to(plan_file(plan).resolve().parent):
         raise OutputError(
             f"{folder}: lies in the plan's own folder, which would then no longer be sound; name "
