@@ -1,6 +1,6 @@
 """Voxels of a band of a mesh that no ball of a given size reaches, gathered into places."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,13 +23,17 @@ from planner.geometry.morphology import (
     runs_of,
 )
 
-__all__ = ["Band", "Place", "Raster", "raster_for", "thin_places"]
+__all__ = ["Band", "Place", "Raster", "places_in", "raster_for", "thin_places", "turned"]
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
 COARSEST_RADIUS = 2
+SAMPLES = 8
+"""Voxels that a place brings to be measured at."""
+
 _SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
 _LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
-_MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}  # columns times lines of the ball
+MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}
+"""What `raster_for` may spend on a region with a ball of a radius; the coarsest may cost all."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,8 @@ class Place:
         Smallest voxel, and one past the largest, along the grid's axes.
     alone
         Whether it touches no other voxel of the band.
+    core : (n, 3)
+        Up to `SAMPLES` voxels spread over it, each as far from the surface as its column goes.
     """
 
     deepest: IntArray
@@ -96,10 +102,22 @@ class Place:
     high: IntArray
     voxels: int
     alone: bool
+    core: IntArray
 
 
-def raster_for(low_mm: FloatArray, high_mm: FloatArray, diameter_mm: float) -> Raster:
-    """Choose a grid for a box and a ball: the finest that is cheap in memory and time."""
+def raster_for(
+    low_mm: FloatArray,
+    high_mm: FloatArray,
+    diameter_mm: float,
+    most_work: Mapping[int, int] = MOST_WORK,
+) -> Raster:
+    """Choose a grid for a box and a ball: the finest that is cheap in memory and time.
+
+    Parameters
+    ----------
+    most_work
+        By the ball's radius in voxels: columns times lines of the ball.
+    """
     order = np.argsort(high_mm - low_mm, kind="stable")
     for radius in range(FINEST_RADIUS, COARSEST_RADIUS - 1, -1):
         pitch = diameter_mm / (2 * radius + 1)
@@ -109,7 +127,7 @@ def raster_for(low_mm: FloatArray, high_mm: FloatArray, diameter_mm: float) -> R
         rows = _SET_BYTES // row_bytes
         work = int(shape[0]) * int(shape[1]) * len(ball(radius))
         small = rows >= min(_LEAST_ROWS, int(shape[1])) and int(shape.max()) <= MOST_VOXELS
-        if small and work <= _MOST_WORK.get(radius, 0):
+        if small and work <= most_work.get(radius, 0):
             break
     x, y, z = (float(o) for o in origin)
     nx, ny, nz = (int(n) for n in shape)
@@ -125,8 +143,19 @@ def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
     extends back to it. A sharp corner, where such voxels take up less than the ball's radius in
     every direction, does not count.
     """
+    return places_in(_chunks(mesh, band, raster), raster)
+
+
+def places_in(words: Iterator[tuple[Bits, ...]], raster: Raster) -> list[Place]:
+    """Return the places of a set that the raster's ball does not reach; see `thin_places`.
+
+    Parameters
+    ----------
+    words
+        The set, slab by slab of `Raster.slab_rows` rows.
+    """
     found = []
-    slabs = _windows(_opened(mesh, band, raster), raster, raster.halo)
+    slabs = _windows(_opened(words, raster), raster, raster.halo)
     for first, last, low, (region, opened) in slabs:
         reached = opened.copy()
         if not grow(reached, region, raster.reach):
@@ -176,6 +205,7 @@ def _gather(runs: IntArray, shortest: int) -> list[Place]:
             continue
         deepest = core[core[:, 5] == core[:, 5].max()]
         row, column, _, _, _, _, voxel = deepest[len(deepest) // 2, :7]
+        spread = np.linspace(0, len(core) - 1, SAMPLES).astype(np.int64)
         places.append(
             Place(
                 deepest=np.array([column, row, voxel]),
@@ -183,6 +213,7 @@ def _gather(runs: IntArray, shortest: int) -> list[Place]:
                 high=group[:, [1, 0, 3]].max(axis=0) + np.array([1, 1, 0]),
                 voxels=int((group[:, 3] - group[:, 2]).sum()),
                 alone=alone,
+                core=core[np.unique(spread)][:, [1, 0, 6]],
             )
         )
     return places
@@ -210,10 +241,10 @@ def _windows(
         yield first, last, low, tuple(part[: high - low] for part in held)
 
 
-def _opened(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]]:
-    # the band's voxels and those of them that the ball reaches, slab by slab
+def _opened(words: Iterator[tuple[Bits, ...]], raster: Raster) -> Iterator[tuple[Bits, ...]]:
+    # a set's voxels and those of them that the ball reaches, slab by slab
     lines = ball(raster.radius)
-    windows = _windows(_chunks(mesh, band, raster), raster, 2 * raster.radius)
+    windows = _windows(words, raster, 2 * raster.radius)
     for first, last, low, (region,) in windows:
         active = active_words(region, raster.radius)
         eroded = morph(region, lines, False, region, active)
@@ -241,7 +272,7 @@ def _chunks(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]
 def _thin_voxels(mesh: Mesh, band: Band, raster: Raster, turn: tuple[int, int, int]) -> IntArray:
     # voxels (n, 3) in the raster's axes where columns along another axis are one voxel thick
     found = [np.empty((0, 3), np.int64)]
-    for slab in iterate_columns(*_turned(mesh, raster, turn), shortest=1):
+    for slab in iterate_columns(*turned(mesh, raster, turn), shortest=1):
         thin = np.flatnonzero(slab.stop - slab.start == 1)
         column = np.searchsorted(slab.offsets, thin, side="right") - 1
         row, i = np.divmod(column, slab.grid.shape[0])
@@ -259,14 +290,14 @@ def _band_columns(
     # columns along the raster's z, with the runs that lie in the band
     planes = np.array([band.low_mm, band.high_mm])
     cuts = planes[np.isfinite(planes)]
-    turned, grid = _turned(mesh, raster, (0, 1, 2))
-    for slab in iterate_columns(turned, grid, slab_rows=rows, shortest=1):
+    along, grid = turned(mesh, raster, (0, 1, 2))
+    for slab in iterate_columns(along, grid, slab_rows=rows, shortest=1):
         labelled = label_by_planes(slab, band.normal[raster.order], cuts)
         yield labelled, labelled.label == int(np.isfinite(band.low_mm))
 
 
-def _turned(mesh: Mesh, raster: Raster, turn: tuple[int, int, int]) -> tuple[Mesh, Grid]:
-    # mesh and grid with the raster's axes in another order
+def turned(mesh: Mesh, raster: Raster, turn: tuple[int, int, int]) -> tuple[Mesh, Grid]:
+    """Return mesh and grid with the raster's axes in another order."""
     axes = raster.order[list(turn)]
     odd = np.linalg.det(np.eye(3)[axes]) < 0  # a mirror image: turn the faces around
     grid = raster.grid

@@ -12,14 +12,7 @@ from planner.grading.interface_error import interface_error_mm
 from planner.plan import Check, Finding
 from planner.printers import Printer
 
-__all__ = ["CELLS_UNCHECKED", "WALLS_UNCHECKED", "interface_checks", "voxel_checks"]
-
-WALLS_UNCHECKED = "the minimum wall of each band was not checked: the field's bands are curved"
-
-CELLS_UNCHECKED = (
-    "the minimum wall of each material was not checked: cells of two materials lie among each "
-    "other, and the part's surface cuts through them"
-)
+__all__ = ["interface_checks", "voxel_checks"]
 
 
 def interface_checks(

@@ -18,12 +18,8 @@ from planner.grading.bands import Band, shortfalls
 from planner.grading.blends.choice import blend_choice
 from planner.grading.blends.design import Design, design_pieces
 from planner.grading.blends.mixtures import MIXTURES_UNCALIBRATED
-from planner.grading.curved_checks import (
-    CELLS_UNCHECKED,
-    WALLS_UNCHECKED,
-    interface_checks,
-    voxel_checks,
-)
+from planner.grading.curved_checks import interface_checks, voxel_checks
+from planner.grading.curved_walls import Divided, wall_checks
 from planner.grading.field_kinds import Setting
 from planner.grading.field_spec import build_field
 from planner.grading.findings import print_checks
@@ -41,6 +37,7 @@ from planner.plan import (
     PartGraded,
     Plan,
     Point,
+    Shell,
     Stiffness,
     Unreachable,
 )
@@ -163,7 +160,7 @@ def grade(
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
     dealing, dealt = design.checks(pieces, along, scale, machine)
-    printing, findings, unchecked = _printing(mesh, along, design, pieces, pitch_mm, machine)
+    printing, findings, unsure = _printing(mesh, along, design, pieces, shells, pitch_mm, machine)
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
@@ -178,7 +175,7 @@ def grade(
         regions=regions,
         checks={**checks, **dealing, **printing},
         findings=(*dealt, *findings),
-        warnings=(*source.warnings, *unchecked),
+        warnings=(*source.warnings, *unsure),
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=machine.job_notes(),
@@ -231,9 +228,10 @@ def _material_id(material: str | Material | None, palette: Palette) -> str | Non
 
 
 def _printing(
-    mesh: Mesh, along: Field, design: Design, pieces: Pieces, pitch_mm: float, machine: Printer
-) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:
-    """Hold the pieces against the printer; also say what was not looked at."""
+    mesh: Mesh, along: Field, design: Design, pieces: Pieces, shells: tuple[Shell, ...],
+    pitch_mm: float, machine: Printer,
+) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:  # fmt: skip
+    """Hold the pieces against the printer; also say what is not sure."""
     volumes_mm3 = piece_volumes_mm3(pieces)
     if design.dealt is not None:
         # Walls of the part as a whole: cells of two materials hold each other.
@@ -241,11 +239,9 @@ def _printing(
         checks, findings = print_checks(
             mesh, whole, (), ("the part",), volumes_mm3.sum(keepdims=True), machine
         )
-        return (
-            {**checks, **voxel_checks(pieces, mesh, volumes_mm3, machine)},
-            findings,
-            (CELLS_UNCHECKED,),
-        )
+        cell_mm, least_mm = design.dealt.cell_mm, machine.minimum_feature_mm
+        checks["cell_mm"] = Check(cell_mm, least_mm, cell_mm >= least_mm * (1.0 - 1e-9))
+        return {**checks, **voxel_checks(pieces, mesh, volumes_mm3, machine)}, findings, ()
     levels = design.levels
     materials = [what.name for what in design.printed]
     checks, findings = print_checks(mesh, along, levels.tolist(), materials, volumes_mm3, machine)
@@ -255,7 +251,11 @@ def _printing(
     if isinstance(along, PlanarField):
         return checks, findings, unsure
     drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
-    return {**checks, **drawn}, (*findings, *more), (WALLS_UNCHECKED, *unsure)
+    fewer = "periods" if design.choice.kind == "bands" else "bands"
+    cure = f"take fewer {fewer}, a gentler profile there"
+    divided = Divided(mesh, along, levels, pieces, materials, shells, pitch_mm, cure)
+    walls, thin = wall_checks(divided, machine)
+    return {**checks, **walls, **drawn}, (*findings, *thin, *more), unsure
 
 
 def _check_thickness(

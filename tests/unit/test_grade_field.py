@@ -38,7 +38,8 @@ def grade(field, **options):
 def test_plans_hold(field, tmp_path):
     plan = grade(field, pitch_mm=1, bands=2)
     failed = {name for name, check in plan.checks.items() if not check.ok}
-    assert not failed - {"places_too_thin"}
+    # a level may graze the finger's chambers and leave thin layers there
+    assert not failed - {"places_too_thin", "thinnest_band_mm"}
     folder = plan.write(tmp_path / "out")
     certificate = planner.certify(folder)
     assert all(check.ok for check in certificate.checks.values())
@@ -52,7 +53,8 @@ def test_profile_and_bands_compose_as_with_an_axis():
     plan = grade("radial: line=0 6 6 1 0 0", profile="linear", bands=4)
     assert [r.field for r in plan.regions] == [(i / 4, (i + 1) / 4) for i in range(4)]
     assert plan.gradient.field["pitch_mm"] == 0.8
-    assert any("curved" in warning for warning in plan.warnings)
+    assert not plan.warnings
+    assert {"places_too_thin", "thinnest_band_mm", "gaps_too_narrow"} <= set(plan.checks)
 
 
 def test_a_curved_field_that_is_an_axis_gives_the_axis_volumes():
@@ -139,8 +141,13 @@ def test_fields_that_cannot_be(field, reason):
 def test_the_command(tmp_path, capsys):
     out = tmp_path / "out"
     command = ["grade", str(FINGER), "--from", "Tango", "--to", "FLX9795", "-o", str(out)]
-    assert run([*command, "--field", "radial: line=0 6 6 1 0 0", "--pitch", "0.8"]) == 0
-    assert "along mm" in capsys.readouterr().out
+    assert run([*command, "--field", "radial: line=0 6 6 1 0 0", "--pitch", "0.8"]) == 1
+    told = capsys.readouterr()
+    assert "along mm" in told.out
+    # a level grazes the chambers: place, size, limit and what to change
+    assert "a layer of" in told.err
+    assert "below the smallest feature of 0.42 mm" in told.err
+    assert "take fewer bands" in told.err
     assert run(["check", str(out)]) == 0
     for more, reason in (
         (["--field", "radal:"], "did you mean radial"),
