@@ -6,6 +6,8 @@
   narrow section 29.4 mm long, where D638 has 33 mm.
 - finger.stl: a pneumatic bending finger, 96 mm long, with six chambers and an inlet at its root.
 - gripper.stl: a two-jaw compliant gripper, one piece, 100 mm high.
+- finger-strain.csv: strain in the finger as it curls, on a grid, as a simulation would write it:
+  made up, largest at the top and bottom, towards the tip.
 """
 
 import itertools
@@ -129,8 +131,18 @@ def parts() -> dict[str, m3.Manifold]:
     }
 
 
+def finger_strain() -> str:
+    """Return the strain of the curling finger on a grid that holds it, as CSV."""
+    places = itertools.product(
+        np.linspace(-1.0, 98.0, 12), np.linspace(-9.0, 9.0, 3), np.linspace(-1.0, 21.0, 9)
+    )
+    bent = [(x, y, z, abs(z - 10.0) / 11.0 * (0.3 + 0.7 * (97.0 - x) / 98.0)) for x, y, z in places]
+    rows = [f"{x:g},{y:g},{z:g},{0.02 + 0.28 * share:.4f}" for x, y, z, share in bent]
+    return "\n".join(["x_mm,y_mm,z_mm,strain", *rows, ""])
+
+
 def main() -> None:
-    """Write every sample as a binary STL."""
+    """Write every sample: parts as binary STL, and the strain."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
     for name, part in parts().items():
         mesh = part.to_mesh()
@@ -138,6 +150,7 @@ def main() -> None:
         data = encode_stl(vertices, np.asarray(mesh.tri_verts), f"{name} in mm")
         (folder / f"{name}.stl").write_bytes(data)
         print(f"{name}.stl: {len(mesh.tri_verts)} triangles, {part.volume():.1f} mm3")
+    (folder / "finger-strain.csv").write_text(finger_strain(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

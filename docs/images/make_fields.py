@@ -22,6 +22,8 @@ FIELDS = {
     "harmonic": ("gripper", "harmonic: from=z<4, to=z>98", 20.0, None),
     "geodesic": ("finger", "geodesic: start=ball 97 0 10 8", 35.0, "y"),
     "expression": ("dogbone", f"expression: {WAVES}", 20.0, None),
+    "table": ("finger", f"table: {SAMPLES / 'finger-strain.csv'}", 35.0, "y"),
+    "blend": ("dogbone", "blend(axis: x; radial: point=0 0 2, from=40, to=0; 0.5)", 20.0, None),
     "min": ("gripper", "min(axis: z; radial: point=0 0 110, from=0, to=60)", 20.0, None),
 }
 WIDTH, PITCH_MM = 480, 1.0

@@ -20,6 +20,11 @@ def test_samples_are_what_their_script_makes(name: str, samples: Path) -> None:
     assert found.volume_mm3 == pytest.approx(part.volume(), rel=3e-6)
 
 
+def test_the_strain_is_what_its_script_makes(samples: Path) -> None:
+    made = runpy.run_path(str(samples / "make_samples.py"))["finger_strain"]()
+    assert (samples / "finger-strain.csv").read_text(encoding="utf-8") == made
+
+
 def test_dogbone_is_type_iv(samples: Path) -> None:
     points = decode_stl((samples / "dogbone.stl").read_bytes(), "dogbone").reshape(-1, 3)
     # ASTM D638-14, Fig. 1, type IV: overall length 115, overall width 19, here 4 mm thick.
