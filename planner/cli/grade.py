@@ -38,7 +38,10 @@ def grade(
     ] = None,
     pitch: Annotated[
         float | None,
-        typer.Option(help="Grid, in mm, on which curved fields are drawn; by default by size."),
+        typer.Option(
+            help="Grid, in mm, on which curved fields are drawn; by default 0.5, finer for parts "
+            "smaller than 25 mm, coarser for those larger than 63 mm."
+        ),
     ] = None,
     profile: Annotated[
         str,

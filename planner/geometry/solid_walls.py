@@ -32,9 +32,9 @@ class ThinPlace:
     Attributes
     ----------
     place_mm
-        Where it is as thick as it is in the median.
+        Where it has `size_mm`.
     size_mm, least_mm
-        Median and least diameter of the largest balls that fit at points spread over it.
+        Upper quartile and least of the diameters of balls that fit at points spread over it.
     extent_mm, volume_mm3
         Bounding box and volume, in whole voxels.
     alone
@@ -139,7 +139,7 @@ def _measured(mesh: Mesh, raster: Raster, place: Place, limit_mm: float) -> Thin
     points = np.array([raster.position_mm(voxel) for voxel in voxels])
     centres, diameters = room_mm(mesh, points, 1.5 * pitch_mm, limit_mm)
     order = np.argsort(diameters, kind="stable")
-    middle = order[len(order) // 2]
+    middle = order[3 * len(order) // 4]  # points at its rim have less room
     if diameters[middle] >= SOUND * limit_mm:
         return None
     extent = np.empty(3)

@@ -20,7 +20,7 @@ from planner.geometry.thin_places import Raster, turned
 __all__ = ["solid_words"]
 
 _CELL = 2.0  # voxels: edge of the cells that a triangle is looked at in
-_POINTS = 4  # drawn along either edge of a cell
+_POINTS = 7  # drawn along either edge of a cell and half a cell beyond it
 _BESIDE = 3  # rows on either side of a slab that cells reaching into it are told by
 
 
@@ -102,8 +102,10 @@ def _sheets(
                     continue
                 for p in range(_POINTS):
                     for q in range(_POINTS):
-                        over = (k + p / (_POINTS - 1)) / cells
-                        _at(corners, a, b, c, over, (i + q / (_POINTS - 1)) / strips, at)
+                        over = (k - 0.5 + 2.0 * p / (_POINTS - 1)) / cells
+                        rise = (i - 0.5 + 2.0 * q / (_POINTS - 1)) / strips
+                        over, rise = min(max(over, 0.0), 1.0), min(max(rise, 0.0), 1.0)
+                        _at(corners, a, b, c, over, rise, at)
                         row, column, voxel = int(at[1]) - first_row, int(at[0]), int(at[2])
                         if not 0 <= row < rows:
                             continue

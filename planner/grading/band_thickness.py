@@ -90,7 +90,8 @@ def _measured(
     start, towards, goal = np.concatenate(at), np.concatenate(way), np.concatenate(target)
     if not len(start):
         return None
-    begin = np.where(goal == high, low, high)
+    own = np.where(goal == high, low, high)
+    begin = field.values(start)  # centres of triangles lie off their level by a chord's height
     reached = np.full(len(start), 0.25 * pitch_mm)
     longest = float(np.linalg.norm(np.ptp(pieces.vertices, axis=0)))
     with np.errstate(all="ignore"):
@@ -100,8 +101,9 @@ def _measured(
             better = np.where(slope > 0.0, 1.0 / slope, 2.0 * reached)
             reached = np.minimum(np.clip(better, 0.2 * reached, 8.0 * reached), longest)
         value = field.values(start + reached[:, None] * towards)
-        good = np.abs(value - goal) <= _NEAR * (high - low)
+        good = (np.abs(value - goal) <= _NEAR * (high - low)) & (begin != goal)
     if not good.any():
         return None
     middle = start + 0.5 * reached[:, None] * towards
-    return BandThickness(first, last, reached[good], np.concatenate(area)[good], middle[good])
+    thickness = reached * (goal - own) / np.where(good, goal - begin, 1.0)
+    return BandThickness(first, last, thickness[good], np.concatenate(area)[good], middle[good])

@@ -114,15 +114,19 @@ def _layers(
     limit_mm = machine.minimum_feature_mm
     solid = Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32))
     bits = small_bodies(solid, limit_mm, max(machine.pixel_mm))
-    passed_mm = _PASSED * limit_mm
-    places, unlisted = thin_solid_places(
-        solid, limit_mm, listed=_LISTED, widest_passed_mm=passed_mm
-    )
-    places = [p for p in places if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))]
-    if not places:
-        unlisted = 0
-        thin = [_thin_band(band, solid, limit_mm) for band in bands]
-        places = [place for place in thin if place is not None]
+    thin = [(band, _thin_band(band, solid, limit_mm)) for band in bands]
+    places, unlisted = [place for _, place in thin if place is not None], 0
+    told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
+    if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
+        drawn, unlisted = thin_solid_places(
+            solid, limit_mm, listed=_LISTED, widest_passed_mm=_PASSED * limit_mm
+        )
+        drawn = [
+            p for p in drawn if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))
+        ]
+        places, unlisted = (drawn, unlisted) if drawn else (places, 0)
+    unlisted += max(len(places) - _LISTED, 0)
+    places = places[:_LISTED]
     findings = [
         band_words(
             place,
@@ -132,7 +136,7 @@ def _layers(
             part.cure,
             unlisted if place is places[-1] else 0,
         )
-        for place in places[:_LISTED]
+        for place in places
     ]
     if bits.count:
         findings.append(bits_words(bits, shell.material, machine, part.cure))

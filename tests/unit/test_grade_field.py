@@ -148,7 +148,8 @@ def test_the_command(tmp_path, capsys):
     assert "a layer of" in told.err
     assert "below the smallest feature of 0.42 mm" in told.err
     assert "take fewer bands" in told.err
-    assert run(["check", str(out)]) == 0
+    assert run(["check", str(out)]) == 1
+    assert "the files are sound, with the findings above" in capsys.readouterr().out
     for more, reason in (
         (["--field", "radal:"], "did you mean radial"),
         (["--field", "axis: x", "--axis", "x"], "not both"),

