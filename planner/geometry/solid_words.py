@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.geometry.columns import Columns, iterate_columns
+from planner.geometry.columns import MOST_VOXELS, Columns, iterate_columns
 from planner.geometry.kernel import inner_kernel, kernel
 from planner.geometry.mesh import Mesh
 from planner.geometry.morphology import ROOM, Bits, add_runs, empty_set
@@ -28,9 +28,13 @@ def solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[Bits, ...]]:
     """Draw a closed mesh on a raster, slab by slab of `Raster.slab_rows` rows."""
     along, grid = turned(mesh, raster, (0, 1, 2))
     corners = (along.vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
-    row = corners[:, 1][along.faces]
-    order = np.argsort(row.min(axis=1), kind="stable").astype(np.int32)
-    first, last = row.min(axis=1)[order], np.maximum.accumulate(row.max(axis=1)[order])
+    # rows are below 2^14: sorting whole ones takes a few passes over them
+    row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
+    one, two, three = (row[along.faces[:, i]] for i in range(3))
+    first = np.minimum(np.minimum(one, two), three)
+    order = np.argsort(first, kind="stable").astype(np.int32)
+    last = np.maximum.accumulate(np.maximum(np.maximum(one, two), three)[order])
+    first = first[order]
     slabs = iterate_columns(along, grid, slab_rows=raster.slab_rows, shortest=1)
     nothing = empty_set(_BESIDE, grid.shape[0], grid.shape[2])
     before, held, start = nothing, _drawn(next(slabs)), 0

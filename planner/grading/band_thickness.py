@@ -61,18 +61,26 @@ def band_thicknesses(
         What each piece is made of.
     """
     found = []
+    corners = pieces.vertices.T
+    longest_mm = float(np.linalg.norm([np.ptp(corners[axis]) for axis in range(3)]))
     for _, group in itertools.groupby(range(pieces.count), key=names.__getitem__):
         own = list(group)
         if own[0] == 0 or own[-1] == pieces.count - 1:
             continue
-        band = _measured(pieces, field, levels, own[0], own[-1], pitch_mm)
+        band = _measured(pieces, field, levels, own[0], own[-1], pitch_mm, longest_mm)
         if band is not None:
             found.append(band)
     return tuple(found)
 
 
 def _measured(
-    pieces: Pieces, field: Field, levels: FloatArray, first: int, last: int, pitch_mm: float
+    pieces: Pieces,
+    field: Field,
+    levels: FloatArray,
+    first: int,
+    last: int,
+    pitch_mm: float,
+    longest_mm: float,
 ) -> BandThickness | None:
     low, high = float(levels[first - 1]), float(levels[last])
     at, way, area, target = [], [], [], []
@@ -93,13 +101,12 @@ def _measured(
     own = np.where(goal == high, low, high)
     begin = field.values(start)  # centres of triangles lie off their level by a chord's height
     reached = np.full(len(start), 0.25 * pitch_mm)
-    longest = float(np.linalg.norm(np.ptp(pieces.vertices, axis=0)))
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
             value = field.values(start + reached[:, None] * towards)
             slope = (value - begin) / (goal - begin) / reached  # of the band, per mm
             better = np.where(slope > 0.0, 1.0 / slope, 2.0 * reached)
-            reached = np.minimum(np.clip(better, 0.2 * reached, 8.0 * reached), longest)
+            reached = np.minimum(np.clip(better, 0.2 * reached, 8.0 * reached), longest_mm)
         value = field.values(start + reached[:, None] * towards)
         good = (np.abs(value - goal) <= _NEAR * (high - low)) & (begin != goal)
     if not good.any():
