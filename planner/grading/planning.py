@@ -10,6 +10,7 @@ from planner.formats.stl import decode_stl
 from planner.geometry.fields import Field, PlanarField
 from planner.geometry.fields.axis import axis_field
 from planner.geometry.level_sets.grid import default_pitch_mm
+from planner.geometry.level_sets.interface_area import affordable_pitch_mm
 from planner.geometry.mesh import Mesh
 from planner.geometry.placement import place
 from planner.geometry.shells import Pieces, piece_volumes_mm3, split
@@ -137,7 +138,7 @@ def grade(
     progress("reading the part")
     source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
     mesh, translation = place(source.part.mesh)
-    pitch_mm = default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
+    given, pitch_mm = pitch_mm, default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
     if field is None:
         along: Field = axis_field(axis, mesh)
     else:
@@ -150,6 +151,8 @@ def grade(
     )
     if design.dealt is None:
         _check_thickness(along, design.bands, machine, source.warnings)
+        if given is None and not isinstance(along, PlanarField):
+            pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
         pieces = split(mesh, along, design.levels, pitch_mm=pitch_mm)
     else:
         pieces = split(mesh, design.dealt, design.levels, pitch_mm=design.dealt.cell_mm)
@@ -159,7 +162,7 @@ def grade(
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
-    dealing, dealt = design.checks(pieces, along, scale, machine)
+    dealing, dealt = design.checks(pieces, scale, machine)
     printing, findings, unsure = _printing(mesh, along, design, pieces, shells, pitch_mm, machine)
     described = dict(along.description())
     if not isinstance(along, PlanarField):

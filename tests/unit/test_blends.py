@@ -390,10 +390,10 @@ def test_cells_too_small_or_too_large_are_findings():
 
 def test_thin_bands_of_a_curved_field_are_findings():
     options = {"from_": "FLX9760", "to": "FLX9785", "blend": "bands:3", "pitch_mm": 0.5}
-    plan = planner.grade(bar(8.0), field="radial: point=0 0 0, from=1, to=8", **options)
-    thin = [finding for finding in plan.findings if finding.kind == "thin-wall"]
+    plan = planner.grade(bar(8.0), field="radial: point=0 0 0, from=1, to=5", **options)
+    thin = [finding for finding in plan.findings if finding.kind == "thin-band"]
     assert thin
-    assert all(finding.size_mm < 0.6 for finding in thin)
+    assert all(finding.size_mm < 0.42 for finding in thin)
     assert "radial" in plan.gradient.field["name"]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.arrays import FloatArray
 from planner.errors import ArgumentError
-from planner.geometry.fields import Field, PlanarField
+from planner.geometry.fields import Field
 from planner.geometry.mesh import Mesh
 from planner.geometry.shells import Pieces
 from planner.grading.bands import Band, equal_bands, natural_bands
@@ -21,7 +21,6 @@ from planner.grading.blends.period_regions import with_periods
 from planner.grading.blends.periods import Period, laminated
 from planner.grading.blends.stretches import stretches
 from planner.grading.blends.tally import Tally, tally
-from planner.grading.blends.thin_bands import thin_bands
 from planner.grading.printed import Printed, catalogue_material
 from planner.grading.profile import Profile
 from planner.grading.regions import regions_of
@@ -80,16 +79,11 @@ class Design:
         return regions
 
     def checks(
-        self, pieces: Pieces, field: Field, scale: StiffnessScale, machine: Printer
+        self, pieces: Pieces, scale: StiffnessScale, machine: Printer
     ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
-        """Hold dealt cells against what was wanted, and thin pieces against the printer."""
+        """Hold dealt cells against what was wanted and what the printer can do."""
         if self.dealt is None or self.counted is None:
-            thin = (
-                ()
-                if not self.periods or isinstance(field, PlanarField)
-                else thin_bands(field, self.bands, scale.palette, machine)
-            )
-            return {}, thin
+            return {}, ()
         checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale)
         cell_mm = self.dealt.cell_mm
         if cell_mm < machine.minimum_feature_mm * (1.0 - 1e-9):
