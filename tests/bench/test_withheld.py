@@ -23,7 +23,8 @@ LEAST = {
     ("library", "class_hit"): 0.66,  # 5 of 6
     ("other", "top_1"): 0.50,  # 3 of 4
     ("pair", "partly"): 0.66,  # 3 of 3
-    ("left out", "open"): 0.33,  # 2 of 6
+    ("pair", "top_1"): 0.66,  # 3 of 3
+    ("left out", "open"): 0.33,  # 3 of 6
     ("unclaimed", "open"): 0.50,  # 2 of 2
 }
 """Shares of a tier's campaigns, at least."""
@@ -34,15 +35,15 @@ MOST = {
     ("none", "false_alarm"): 0.25,  # none of 4
     ("none-t4", "false_alarm"): 0.50,  # none of 2
     ("none-scatter", "false_alarm"): 0.50,  # none of 2
-    ("left out", "misattributed"): 0.50,  # 3 of 6
+    ("left out", "misattributed"): 0.50,  # 2 of 6
 }
 """Shares of a tier's campaigns, at most."""
 
-LEAST_LOG_GAIN = 2.2
-"""Of all campaigns, in nats above a guess; reached: 2.7."""
+LEAST_LOG_GAIN = 2.6
+"""Of all campaigns, in nats above a guess; reached: 3.15."""
 
 LEAST_AREA_UNKNOWN = 0.65
-"""Reached: 0.73."""
+"""Reached: 0.72."""
 
 
 @pytest.fixture(scope="module")
