@@ -22,7 +22,7 @@ def test_every_block_of_the_tutorial_runs(tmp_path: Path) -> None:
             cwd=tmp_path,
             env={**os.environ, "PATH": path},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             check=False,
         )
         # 1 is "done, with a finding": the sample finger's walls are thin in places.
@@ -34,7 +34,7 @@ def test_the_design_loop_runs() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "samples" / "design_loop.py")],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=True,
     )
     rows = [line.split() for line in done.stdout.splitlines()[1:]]

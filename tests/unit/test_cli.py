@@ -260,7 +260,7 @@ def test_a_reader_that_goes_away_is_no_failure(arguments: list[str]) -> None:
         [sys.executable, "-m", "planner", *arguments],
         stdout=writer,
         stderr=subprocess.PIPE,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
     os.close(writer)
@@ -275,7 +275,7 @@ def test_a_full_output_is_bad_input(arguments: list[str]) -> None:
             [sys.executable, "-m", "planner", *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             check=False,
         )
     assert done.returncode == 2

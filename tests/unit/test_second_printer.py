@@ -21,7 +21,11 @@ def run(*command: str, codes: tuple[int, ...] = (0,)) -> str:
     """Run Python with the plugin beside planner, as its users do, and return what it prints."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(PLUGIN), *sys.path])}
     done = subprocess.run(
-        [sys.executable, *command], env=environment, capture_output=True, text=True, timeout=60
+        [sys.executable, *command],
+        env=environment,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=60,
     )
     assert done.returncode in codes, done.stderr
     return done.stdout
