@@ -1,5 +1,6 @@
 """Findings about walls, layers, bits and gaps, in words."""
 
+import math
 from collections.abc import Sequence
 
 from planner.geometry.fragments import Fragments
@@ -24,7 +25,8 @@ def band_words(
 ) -> Finding:
     """Say where a layer of one material is thinner than the minimum feature."""
     limit_mm = machine.minimum_feature_mm
-    larger = limit_mm / max(place.size_mm, machine.layer_mm)
+    # Rounded up, so that it is enough
+    larger = math.ceil(10.0 * limit_mm / max(place.size_mm, machine.layer_mm)) / 10.0
     message = (
         f"{material}: a layer of {place.size_mm:.2f} mm{_at(place)}, field {field:.3f}, is below "
         f"the smallest feature of {limit_mm:g} mm: it blurs into its neighbours and will not have "
