@@ -18,6 +18,7 @@ from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.posterior import UNKNOWN, posterior
 from planner.gap.evidence.priors import Priors
 from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.unknown import own_axes
 from planner.gap.evidence.weigh import Effects, weigh
 from planner.gap.features.table import BRANCHES
 
@@ -97,7 +98,7 @@ def closure(
         interval = _interval(problem, errors, floor, rng)
     elif nothing:
         closed = 0.0
-    beyond = None if nothing else _beyond(problem, among, peak, (plain, before))
+    beyond = None if nothing else _beyond(problem, among, verdict, peak, (plain, before))
     return Gap(
         before=rms["before"],
         after=rms["after"],
@@ -165,10 +166,18 @@ def _held_out(
 
 
 def _beyond(
-    problem: Problem, priors: Priors, peak: FloatArray, palette_alone: tuple[FloatArray, FloatArray]
+    problem: Problem,
+    priors: Priors,
+    verdict: Effects,
+    peak: FloatArray,
+    palette_alone: tuple[FloatArray, FloatArray],
 ) -> tuple[float, float] | None:
-    """Return the errors before and after of whole levels left out; None without such."""
-    folds = levels_out(problem.campaign)
+    """Return the errors before and after of whole levels left out; None without such.
+
+    Levels of the verdict's own covariates: along any other column nothing is carried beyond.
+    """
+    effects = {b.effect.id: b.effect for b in problem.branches if b.effect.id in verdict}
+    folds = levels_out(problem.campaign, own_axes(list(effects.values())))
     if not folds:
         return None
     measured = problem.mounted.measured_N

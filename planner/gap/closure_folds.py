@@ -1,6 +1,6 @@
 """Which tests to leave out together, so that what is predicted is another condition."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,10 +32,6 @@ class Fold:
     out: BoolArray
     judged: BoolArray
 
-
-_CATEGORIES = ("protocol", "batch")
-_REPEATED = ("batch",)
-"""Columns whose levels repeat one another, so that two of them are enough."""
 
 LEAST_LEVELS = 3
 MOST_FOLDS = 10
@@ -76,11 +72,16 @@ def conditions_out(campaign: Campaign, tests: Sequence[Sequence[int]]) -> tuple[
     return tuple(found)
 
 
-def levels_out(campaign: Campaign) -> tuple[Fold, ...]:
+def levels_out(campaign: Campaign, names: Collection[str]) -> tuple[Fold, ...]:
     """Return folds that leave whole levels of a column out: what is predicted lies beyond.
 
     A column with two levels is left as it is: without one of them nothing could be learned of the
     other.
+
+    Parameters
+    ----------
+    names
+        The columns; others leave nothing out.
     """
     specimens = campaign.specimens
     n = len(specimens)
@@ -89,12 +90,13 @@ def levels_out(campaign: Campaign) -> tuple[Fold, ...]:
     columns: dict[str, tuple[Hashable, ...]] = {
         name: levels([getattr(s, name) for s in specimens], *tolerance)
         for name, tolerance in TOLERANCES.items()
+        if name in names
     }
-    for name in _CATEGORIES:
-        columns[name] = tuple(getattr(s, name) for s in specimens)
+    if "orientation" in names:
+        columns["orientation"] = tuple(s.orientation for s in specimens)
     for name, cells in columns.items():
         known = [c for c in dict.fromkeys(cells) if c is not None]
-        if len(known) < LEAST_LEVELS and name not in _REPEATED:
+        if len(known) < LEAST_LEVELS:
             continue
         for level in known:
             out = np.array([c == level for c in cells])

@@ -33,7 +33,7 @@ def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
 
 def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
     """Nothing that is predicted shares the left-out level with what was fitted."""
-    folds = levels_out(rates)
+    folds = levels_out(rates, ["rate_mm_s"])
     assert "rate_mm_s" in {fold.name for fold in folds}
     for fold in folds:
         assert 0 < fold.out.sum() <= len(fold.out) / 2
@@ -44,6 +44,7 @@ def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
         assert not np.any(fold.judged & ~fold.out)
     rows = [fold.out.tobytes() for fold in folds]
     assert len(set(rows)) == len(rows)
+    assert levels_out(rates, ["temperature_C"]) == ()
 
 
 def test_each_condition_is_left_out_once_with_its_replicates(rates: Campaign) -> None:
@@ -59,7 +60,9 @@ def test_each_condition_is_left_out_once_with_its_replicates(rates: Campaign) ->
 def test_levels_that_are_nearly_alike_are_one(planned) -> None:
     """23 and 23.6 degC are not two temperatures."""
     plan = planned(2, material=["FLX9760"], temperature_C=[23.0, 23.6, 30.0, 38.0])
-    out = {f.out.tobytes() for f in levels_out(plan) if f.name == "temperature_C"}
+    out = {
+        f.out.tobytes() for f in levels_out(plan, ["temperature_C"]) if f.name == "temperature_C"
+    }
     assert np.array([True] * 4 + [False] * 4).tobytes() in out
     assert np.array([True] * 2 + [False] * 6).tobytes() not in out
 
@@ -71,7 +74,7 @@ def test_a_material_that_was_tested_nowhere_else_is_not_judged(planned) -> None:
     ]
     plan = planned(more=[*rest, *rest, *[{"material": "FLX9785", "rate_mm_s": 8.5}] * 2,
                          {"material": "FLX9760", "rate_mm_s": 8.5}])  # fmt: skip
-    (fast,) = (f for f in levels_out(plan) if f.name == "rate_mm_s" and f.out[-1])
+    (fast,) = (f for f in levels_out(plan, ["rate_mm_s"]) if f.name == "rate_mm_s" and f.out[-1])
     assert fast.out.tolist() == [False] * 8 + [True] * 3
     assert fast.judged.tolist() == [False] * 10 + [True]
 
