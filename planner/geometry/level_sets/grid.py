@@ -20,6 +20,7 @@ __all__ = [
     "default_pitch_mm",
     "field_grid",
     "touched_cells",
+    "values_at",
 ]
 
 MOST_VERTICES = 150_000_000
@@ -112,6 +113,31 @@ def active_cells(
     return active
 
 
+def values_at(field: Field, points_mm: FloatArray) -> FloatArray:
+    """Return a field at points (n, 3), (n,), verified.
+
+    Raises
+    ------
+    ArgumentError
+        It gives another number of values, or one that is not finite.
+    """
+    found = np.asarray(field.values(points_mm), dtype=np.float64)
+    if found.shape != (len(points_mm),):
+        raise ArgumentError(
+            f"field {field.name!r}: it gave {found.shape} values for {len(points_mm)} points; it "
+            "must give one number for each"
+        )
+    bad = ~np.isfinite(found)
+    if bad.any():
+        x, y, z = points_mm[int(np.argmax(bad))].tolist()
+        raise ArgumentError(
+            f"field {field.name!r}: it is {found[int(np.argmax(bad))]} at ({x:.4g}, {y:.4g}, "
+            f"{z:.4g}) mm as placed for printing; it must be finite over the part and a pitch "
+            "around it"
+        )
+    return found
+
+
 def field_grid(
     field: Field, origin_mm: FloatArray, pitch_mm: float, active: NDArray[np.uint8]
 ) -> FieldGrid:
@@ -132,20 +158,7 @@ def field_grid(
         index = np.argwhere(wanted)
         index[:, 0] += first
         points = origin_mm + index * pitch_mm
-        found = np.asarray(field.values(points), dtype=np.float64)
-        if found.shape != (len(points),):
-            raise ArgumentError(
-                f"field {field.name!r}: it gave {found.shape} values for {len(points)} points; it "
-                "must give one number for each"
-            )
-        bad = ~np.isfinite(found)
-        if bad.any():
-            x, y, z = points[int(np.argmax(bad))].tolist()
-            raise ArgumentError(
-                f"field {field.name!r}: it is {found[int(np.argmax(bad))]} at ({x:.4g}, {y:.4g}, "
-                f"{z:.4g}) mm as placed for printing; it must be finite over the part and a pitch "
-                "around it"
-            )
+        found = values_at(field, points)
         values[first:last][wanted] = found
     return FieldGrid(origin_mm, pitch_mm, active, values)
 

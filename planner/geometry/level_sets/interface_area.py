@@ -5,6 +5,7 @@ import numpy as np
 from planner.arrays import FloatArray
 from planner.geometry.columns import dense, voxelize
 from planner.geometry.fields.field import Field
+from planner.geometry.level_sets.grid import values_at
 from planner.geometry.mesh import Mesh
 
 __all__ = ["affordable_pitch_mm", "interface_area_mm2"]
@@ -34,7 +35,7 @@ def interface_area_mm2(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: f
     if not len(voxels):
         return 0.0
     band = np.full(inside.shape, -1, np.int32)
-    values = field.values(columns.grid.centre_mm(voxels))
+    values = values_at(field, columns.grid.centre_mm(voxels))
     band[tuple(voxels.T)] = np.searchsorted(levels, values, side="right")
     crossings = 0
     for axis in range(3):
