@@ -78,7 +78,7 @@ def closure(
     measured = problem.mounted.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
     plain = specimen_forces_N(problem, Candidate(()), problem.mounted.setup)
-    before = np.mean(((measured - plain) / peak) ** 2, axis=1)
+    before = _squared(measured, plain, peak)
     floor = _floor(problem, peak)
     nothing = verdict in ((), UNKNOWN)
     if not folds:
@@ -147,12 +147,12 @@ def _held_out(
             progress(k, len(folds), "held-out conditions")
         weight = np.where(fold.out, 0.0, 1.0)
         forces = plain if nothing else _expected(problem, priors, weight)
-        totals["after"][out] += np.mean(((measured - forces) / peak) ** 2, axis=1)[out]
+        totals["after"][out] += _squared(measured, forces, peak)[out]
         setup = problem.mounted.setup
         for way, size in zip(problem.ways, _recalibration(problem, weight), strict=True):
             setup = way.applied(setup, size)
         forces = specimen_forces_N(problem, Candidate(()), setup)
-        totals["recalibrated"][out] += np.mean(((measured - forces) / peak) ** 2, axis=1)[out]
+        totals["recalibrated"][out] += _squared(measured, forces, peak)[out]
         ratio = _generic_ratio(problem, weight, peak)
         totals["generic"][out] += (before * ratio)[out]
         times[out] += 1.0
@@ -185,13 +185,19 @@ def _beyond(
     left, times = np.zeros(len(measured)), np.zeros(len(measured))
     for fold in folds:
         forces = _expected(problem, priors, np.where(fold.out, 0.0, 1.0))
-        left[fold.judged] += np.mean(((measured - forces) / peak) ** 2, axis=1)[fold.judged]
+        left[fold.judged] += _squared(measured, forces, peak)[fold.judged]
         times[fold.judged] += 1.0
     some = times > 0.0
     return (
         float(np.sqrt(before[some].mean())),
         float(np.sqrt((left[some] / times[some]).mean())),
     )
+
+
+def _squared(measured: FloatArray, forces: FloatArray, peak: FloatArray) -> FloatArray:
+    """Return specimens' mean squared errors, relative to their peaks, (n,)."""
+    found: FloatArray = np.mean(((measured - forces) / peak) ** 2, axis=1)
+    return found
 
 
 def _expected(problem: Problem, priors: Priors, weight: FloatArray) -> FloatArray:

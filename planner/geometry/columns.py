@@ -191,8 +191,6 @@ def iterate_columns(
     rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
     if rows < 1:
         raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
-    if not len(mesh.faces):
-        raise MeshError("the mesh has no faces; nothing can be made of it")
     check_reach(mesh, grid)
     snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
     offsets, members, spans = bin_triangles(snapped, mesh.faces, nx, ny, rows)
@@ -243,13 +241,15 @@ def _join(slabs: list[Columns]) -> Columns:
 
 
 def check_reach(mesh: Mesh, grid: Grid) -> None:
-    """Refuse a mesh that is too large for exact integers on a grid.
+    """Refuse a mesh without faces, or too large for exact integers on a grid.
 
     Raises
     ------
     MeshError
         See `iterate_columns`.
     """
+    if not len(mesh.faces):
+        raise MeshError("the mesh has no faces; nothing can be made of it")
     used = mesh.bounds_mm
     with np.errstate(invalid="ignore", over="ignore"):
         voxels = (used - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)

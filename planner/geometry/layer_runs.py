@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import IntArray
-from planner.errors import ArgumentError, MeshError
+from planner.errors import ArgumentError
 from planner.geometry.column_kernels import cover_rows, slab_runs, snap
 from planner.geometry.columns import Grid, check_reach
 from planner.geometry.mesh import Mesh
@@ -101,8 +101,6 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
     ny, nz = grid.shape[1:]
     if slab_layers < 1:
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
-    if not len(mesh.faces):
-        raise MeshError("the mesh has no faces; nothing can be made of it")
     check_reach(mesh, grid)
     snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
     snapped = np.ascontiguousarray(snapped[:, [1, 2, 0]])

@@ -122,9 +122,7 @@ def grade(
     PlannerError
         Bad input, with what to do about it.
     """
-    machine = load_printer(printer) if isinstance(printer, str) else printer
-    if not isinstance(machine, Printer):
-        raise ArgumentError(f"printer is a {type(printer).__name__}; give a name or a Printer")
+    machine = load_printer(printer)
     if field is not None and axis is not None:
         raise ArgumentError("give --axis or --field, not both; --field 'axis: z' is an axis too")
     pitch_mm = None if pitch_mm is None else positive(pitch_mm, "--pitch")

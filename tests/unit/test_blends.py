@@ -1,6 +1,5 @@
 """Blends as a user asks for them: dithered cells, bands in turn, mixtures."""
 
-import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +26,6 @@ from planner.geometry.placement import place
 from planner.geometry.shells import piece_volumes_mm3, shell_faces, split
 from planner.grading.blends.along import dithered_profile
 from planner.grading.blends.dither import DealtField, dealt_pieces
-from planner.grading.blends.periods import laminated
 from planner.grading.blends.stretches import stretches
 from planner.grading.blends.tally import tally
 from planner.grading.profile import Profile
@@ -161,48 +159,6 @@ def test_voxels_and_cells_are_dealt_alike():
         assert even.mean() == pytest.approx(0.37, abs=1.0 / ranks.size)
     with pytest.raises(ArgumentError, match="power of two"):
         deal_voxels(fraction, np.zeros((3, 3, 3)))
-
-
-def test_stretches_part_where_the_target_passes_a_material():
-    found = stretches(PROFILES["rising"], LADDER)
-    assert [(s.lower, s.upper) for s in found] == [(0, 1), (1, 2), (2, 3)]
-    assert found[0].stop == pytest.approx(np.log10(2.0))
-    found = stretches(PROFILES["falling"], LADDER)
-    assert [(s.lower, s.upper) for s in found] == [(3, 3), (2, 3), (1, 2), (0, 1), (0, 0)]
-    assert not any(s.rising for s in found[1:4])
-    steps = stretches(Profile("s", (0, 0.5, 0.5, 1), (2, 2, 3, 3), "log"), LADDER)
-    assert [(s.lower, s.upper, s.run) for s in steps] == [(1, 1, 0), (1, 2, 1)]
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    st.sampled_from(["log", "linear", "smooth"]),
-    st.floats(1.0, 9.9),
-    st.floats(1.0, 9.9),
-    st.integers(1, 7),
-)
-def test_bands_in_turn_stretch_as_the_target_does(shape, start, end, periods):
-    """Under one force each period elongates by the integral of the target's compliance."""
-    profile = Profile("p", (0.0, 1.0), (start, end), shape)
-    laminate = laminated(profile, stretches(profile, LADDER), LADDER, periods)
-    assert laminate[0][0].start == 0.0
-    assert laminate[-1][0].stop == pytest.approx(1.0)
-    own = sum((band.stop - band.start) / LADDER[band.grade] for band, _ in laminate)
-    u = (np.arange(200_000) + 0.5) / 200_000
-    target = float(np.mean(1.0 / profile.modulus_MPa(u)))
-    assert own == pytest.approx(target, rel=1e-6)
-    for (before, _), (after, _) in itertools.pairwise(laminate):
-        assert before.stop == pytest.approx(after.start, abs=1e-12)
-
-
-@pytest.mark.parametrize("periods", [1, 2, 3, 4])
-@pytest.mark.parametrize("ends", [(1.0, 9.9), (9.9, 1.0), (1.0, 2.4), (7.0, 1.3)])
-def test_bands_in_turn_begin_and_end_with_what_the_target_is_near_to(ends, periods):
-    """What lies beyond a field that is held at its ends is all of the first or the last band."""
-    profile = Profile("p", (0.0, 1.0), ends, "log")
-    laminate = laminated(profile, stretches(profile, LADDER), LADDER, periods)
-    for (band, _), end in zip((laminate[0], laminate[-1]), ends, strict=True):
-        assert band.grade == int(np.argmin(np.abs(np.log(np.array(LADDER) / end))))
 
 
 @pytest.fixture(scope="module")

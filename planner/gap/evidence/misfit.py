@@ -13,7 +13,7 @@ import numpy as np
 from planner.gap.diagnosis import Hypothesis
 from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.gram import Gram
-from planner.gap.evidence.posterior import UNKNOWN
+from planner.gap.evidence.posterior import UNKNOWN, with_unknown
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.refine import Refiner
 from planner.gap.evidence.weigh import Weighed
@@ -96,7 +96,7 @@ def without_misfits(
     """
     gram = problem.whitened.gram()
     limit = most(problem, gram.rows)
-    before = float(gram.eliminate().products[0, 0]) / gram.rows
+    before = float(weighed.nominal.products[0, 0]) / gram.rows
     kept, lost = [], 0.0
     for h in ranking:
         if h.effects in ((), UNKNOWN) or h.probability < LEAST_PROBABILITY:
@@ -107,9 +107,7 @@ def without_misfits(
         lost += share * h.probability
         if share < 1.0:
             kept.append(replace(h, probability=(1.0 - share) * h.probability))
-    if lost:
-        kept = _with_unknown(kept, lost)
-    return tuple(kept)
+    return with_unknown(kept, lost) if lost else tuple(kept)
 
 
 def share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
@@ -145,11 +143,4 @@ def shy(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]
         else h
         for h in ranking
     ]
-    return tuple(_with_unknown(kept, named - most_named))
-
-
-def _with_unknown(kept: list[Hypothesis], lost: float) -> list[Hypothesis]:
-    unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
-    kept = [h for h in kept if h.effects != UNKNOWN]
-    kept.append(Hypothesis(UNKNOWN, unknown, 0.0))
-    return sorted(kept, key=lambda h: (-h.probability, h.effects))
+    return with_unknown(kept, named - most_named)

@@ -13,7 +13,15 @@ from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.weigh import Effects, Weighed
 from planner.gap.evidence.weights import node_weights
 
-__all__ = ["UNKNOWN", "class_of", "evened_out", "posterior", "signature_cosine", "verdict_of"]
+__all__ = [
+    "UNKNOWN",
+    "class_of",
+    "evened_out",
+    "posterior",
+    "signature_cosine",
+    "verdict_of",
+    "with_unknown",
+]
 
 UNKNOWN: Effects = ("unknown",)
 
@@ -113,6 +121,14 @@ def evened_out(
     changed = dict(zip([h.effects for h in alike], shares.tolist(), strict=True))
     found = [replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking]
     return tuple(sorted(found, key=lambda h: (-h.probability, h.effects)))
+
+
+def with_unknown(kept: Sequence[Hypothesis], lost: float) -> tuple[Hypothesis, ...]:
+    """Return a ranking of hypotheses that gave up a probability, and the unknown that takes it."""
+    unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
+    others = [h for h in kept if h.effects != UNKNOWN]
+    together = [*others, Hypothesis(UNKNOWN, unknown, 0.0)]
+    return tuple(sorted(together, key=lambda h: (-h.probability, h.effects)))
 
 
 def _combination(problem: Problem, candidate: Candidate) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from planner.gap.diagnosis import Hypothesis
 from planner.gap.evidence.misfit import shy, without_misfits
-from planner.gap.evidence.posterior import UNKNOWN, evened_out, posterior
+from planner.gap.evidence.posterior import UNKNOWN, evened_out, posterior, with_unknown
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.unlike import with_unlike
 from planner.gap.evidence.weigh import Weighed
@@ -34,9 +34,11 @@ def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     Folds choose among all hypotheses anew, so that what fails is no one of them: all that is named
     gives most of its probability to the unknown, and keeps its place behind it.
     """
-    named = [h for h in ranking if h.effects not in ((), UNKNOWN)]
-    kept = [replace(h, probability=(1.0 - GIVEN_UP) * h.probability) for h in named]
-    nothing = [h for h in ranking if h.effects == ()]
-    rest = 1.0 - sum(h.probability for h in (*nothing, *kept))
-    together = [*nothing, Hypothesis(UNKNOWN, rest, 0.0), *kept]
-    return tuple(sorted(together, key=lambda h: (-h.probability, h.effects)))
+    kept = [
+        h
+        if h.effects in ((), UNKNOWN)
+        else replace(h, probability=(1.0 - GIVEN_UP) * h.probability)
+        for h in ranking
+    ]
+    lost = sum(GIVEN_UP * h.probability for h in ranking if h.effects not in ((), UNKNOWN))
+    return with_unknown(kept, lost)

@@ -1,11 +1,10 @@
 """Specimens that should be alike and are not: something differs that no column tells."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Hypothesis
-from planner.gap.evidence.posterior import UNKNOWN
+from planner.gap.evidence.posterior import with_unknown
 from planner.gap.evidence.problem import Problem
 
 __all__ = ["LARGEST_SCATTER", "caution", "with_unlike"]
@@ -23,14 +22,7 @@ def with_unlike(problem: Problem, ranking: Sequence[Hypothesis]) -> tuple[Hypoth
     nothing = sum(h.probability for h in ranking if h.effects == ())
     if not nothing or not _unlike(problem):
         return tuple(ranking)
-    known = [h.probability for h in ranking if h.effects == UNKNOWN]
-    kept = [
-        replace(h, probability=0.0) if h.effects == () else h
-        for h in ranking
-        if h.effects != UNKNOWN
-    ]
-    kept.append(Hypothesis(UNKNOWN, nothing + sum(known), 0.0))
-    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
+    return with_unknown([h for h in ranking if h.effects != ()], nothing)
 
 
 def caution(problem: Problem) -> str | None:
