@@ -14,6 +14,8 @@ Every message says what is wrong, where, what was got against what is allowed, a
 A command maps any of them to exit code 2; whatever else escapes is a bug (exit code 70).
 """
 
+import difflib
+
 __all__ = [
     "ArgumentError",
     "FileError",
@@ -22,6 +24,7 @@ __all__ = [
     "PaletteError",
     "PlannerError",
     "UnknownNameError",
+    "nearest_names",
 ]
 
 
@@ -51,3 +54,9 @@ class ArgumentError(PlannerError):
 
 class OutputError(PlannerError):
     """A result that cannot be written: no permission, no space, or already there."""
+
+
+def nearest_names(name: str, known: list[str]) -> list[str]:
+    """Return up to three of `known` that `name` may be a slip of, nearest first."""
+    folded = {k.casefold(): k for k in known}
+    return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]

@@ -5,7 +5,6 @@ Connex3), not a volume fraction. A palette is data alone: the laws' mathematics 
 `planner.materials`.
 """
 
-import difflib
 import hashlib
 import itertools
 import math
@@ -18,7 +17,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError
+from planner.errors import PaletteError, UnknownNameError, nearest_names
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -28,7 +27,6 @@ __all__ = [
     "Reference",
     "Uncertainty",
     "load_palette",
-    "nearest_names",
     "parse_palette",
 ]
 
@@ -200,12 +198,6 @@ class Palette:
     def index(self, material: Material) -> int:
         """Return the place of a material from soft (0) to hard."""
         return self.materials.index(material)
-
-
-def nearest_names(name: str, known: list[str]) -> list[str]:
-    """Return up to three of `known` that `name` may be a slip of, nearest first."""
-    folded = {k.casefold(): k for k in known}
-    return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]
 
 
 class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -9,10 +9,9 @@ from typing import Any, Literal
 import msgspec
 
 from planner.arrays import Float32Array, IntArray
-from planner.errors import FileError, OutputError
+from planner.errors import FileError, OutputError, nearest_names
 from planner.formats.json_document import decode_document, encode_document
 from planner.formats.threemf_model import Constituent
-from planner.palette import nearest_names
 
 __all__ = [
     "Check",

@@ -15,8 +15,8 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import ArgumentError, PaletteError, UnknownNameError
-from planner.palette import Palette, load_palette, nearest_names, parse_palette
+from planner.errors import ArgumentError, PaletteError, UnknownNameError, nearest_names
+from planner.palette import Palette, load_palette, parse_palette
 
 __all__ = [
     "Printer",

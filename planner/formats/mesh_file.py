@@ -10,9 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.arrays import Float32Array, FloatArray
-from planner.errors import ArgumentError, FileError, MeshError
+from planner.errors import ArgumentError, FileError, MeshError, nearest_names
 from planner.formats.stl import decode_stl, require_finite
-from planner.palette import nearest_names
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "MeshFile", "read_mesh", "unit_scale_mm"]
 

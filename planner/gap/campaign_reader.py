@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from planner.errors import FileError, UnknownNameError
+from planner.errors import FileError, UnknownNameError, nearest_names
 from planner.formats.tensile import Specimen as Row
 from planner.formats.tensile import TensileTable, read_specimens, read_tensile
 from planner.gap.campaign import Campaign
@@ -17,7 +17,7 @@ from planner.gap.record import Sizes, record_of
 from planner.gap.specimen import Orientation, Protocol, Specimen
 from planner.gap.specimen_columns import check_headings, covariates_of
 from planner.gap.strain_fields import MeasuredField, read_strain_fields
-from planner.palette import Palette, nearest_names
+from planner.palette import Palette
 
 __all__ = ["read_campaign"]
 

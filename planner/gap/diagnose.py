@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from planner.errors import UnknownNameError
+from planner.errors import UnknownNameError, nearest_names
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.diagnosis import Diagnosis, Quality, Untestable
@@ -27,7 +27,6 @@ from planner.gap.look_alikes import look_alikes
 from planner.gap.quality import examine
 from planner.gap.remainder import places_of, recalibration_of
 from planner.gap.traces import traces_of
-from planner.palette import nearest_names
 
 __all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
 

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
 from types import MappingProxyType
 
-from planner.errors import FileError
+from planner.errors import FileError, nearest_names
 from planner.formats.tensile import Specimen as Row
 from planner.formats.tensile.text_rows import number
-from planner.palette import nearest_names
 
 __all__ = ["check_headings", "covariates_of"]
 

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from planner.arrays import FloatArray
-from planner.errors import ArgumentError, MeshError
+from planner.errors import ArgumentError, MeshError, nearest_names
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.geometry.fields.region import Ball, Box, HalfSpace, Region, inside_mesh
 from planner.geometry.mesh import Mesh
 from planner.geometry.part import make_part
-from planner.palette import nearest_names
 
 __all__ = ["FieldArguments", "mesh_in_place"]
 

@@ -4,12 +4,11 @@ import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, nearest_names
 from planner.geometry.fields import Field
 from planner.geometry.fields.composed import BlendField, ClampField, MaximumField, MinimumField
 from planner.geometry.fields.function import FunctionField
 from planner.grading.field_kinds import KINDS, Setting
-from planner.palette import nearest_names
 
 __all__ = ["build_field"]
 

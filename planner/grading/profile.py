@@ -11,9 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.arrays import FloatArray, IntArray
-from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
 from planner.grading.arguments import as_number
-from planner.palette import nearest_names
 
 __all__ = ["PROFILES", "Profile", "between", "read_profile"]
 

@@ -6,8 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from planner.arrays import FloatArray
-from planner.errors import ArgumentError
-from planner.palette import nearest_names
+from planner.errors import ArgumentError, nearest_names
 
 __all__ = ["PROTOCOLS", "LoadingPath", "Protocol", "loading_path"]
 

@@ -4,14 +4,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from planner.errors import FileError, UnknownNameError
+from planner.errors import FileError, UnknownNameError, nearest_names
 from planner.gap.bench.answer import NO_ANSWER, read_answer
 from planner.gap.bench.documents import Documents
 from planner.gap.bench.hypothesis import EFFECT_IDS
 from planner.gap.bench.score import Score, score
 from planner.gap.bench.summary import Summary, summarise
 from planner.gap.bench.truth import Truth
-from planner.palette import nearest_names
 
 __all__ = ["Outcome", "Results", "check_effects", "score_outcomes"]
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.errors import ArgumentError, UnknownNameError
+from planner.errors import ArgumentError, UnknownNameError, nearest_names
 from planner.gap.effects import Effect, Form, Parameter, Values, effects_for
-from planner.palette import Palette, nearest_names
+from planner.palette import Palette
 
 __all__ = ["StatedEffect", "effect_named", "stated_effect", "usual_value"]
 

@@ -158,7 +158,7 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
 
 
 def _near(name: str, known: list[str]) -> str:
-    from planner.palette import nearest_names
+    from planner.errors import nearest_names
 
     near = nearest_names(name, known)
     return f"did you mean {near[0]}? " if near else ""

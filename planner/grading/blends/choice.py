@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from planner.errors import ArgumentError
-from planner.palette import nearest_names
+from planner.errors import ArgumentError, nearest_names
 
 __all__ = ["BLENDS", "MOST_PERIODS", "BlendChoice", "blend_choice"]
 
