@@ -12,8 +12,8 @@ from planner.gap.where.columns import Column
 from planner.gap.where.position import Cluster, bars_alike, steps_of
 from planner.palette import Palette
 
-__all__ = ["Gaps", "of_branches", "of_column", "of_hold", "of_position", "of_specimens",
-           "of_strain"]  # fmt: skip
+__all__ = ["Gaps", "branch_sentence", "column_sentence", "hold_sentence", "position_sentence", "specimens_sentence",
+           "strain_sentence"]  # fmt: skip
 
 _PHRASES = {
     "material": "in {}",
@@ -59,7 +59,7 @@ class Gaps:
         return float(weight @ self.log[rows] / weight.sum())
 
 
-def of_column(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps) -> str:
+def column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps) -> str:
     """Return where along a column the gap is highest and lowest.
 
     Parameters
@@ -77,7 +77,7 @@ def of_column(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps)
     return _extremes(found)
 
 
-def of_strain(table: FeatureTable, gaps: Gaps) -> str:
+def strain_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return in which band of strain the common gap is largest and smallest."""
     force = ~table.is_field
     if not force.any():
@@ -96,7 +96,7 @@ def of_strain(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found)
 
 
-def of_branches(table: FeatureTable, gaps: Gaps) -> str:
+def branch_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return on which branches the gap is highest and lowest."""
     names = {"loading": "in the first loading", "unloading": "in unloading",
              "reloading": "in reloading", "hold": "in the hold"}  # fmt: skip
@@ -110,7 +110,7 @@ def of_branches(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found)
 
 
-def of_hold(table: FeatureTable, gaps: Gaps) -> str:
+def hold_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return the gap early and late in the hold."""
     hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
@@ -125,7 +125,7 @@ def of_hold(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found, ordered=True)
 
 
-def of_position(
+def position_sentence(
     cluster: Cluster | None, campaign: Campaign, table: FeatureTable, gaps: Gaps
 ) -> str:
     """Return where along which bar the local strain is farthest off."""
@@ -146,7 +146,7 @@ def of_position(
     return sentence
 
 
-def of_specimens(ids: Sequence[str], shift: Sequence[float]) -> str:
+def specimens_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
     """Return which specimens stand apart from their replicates, and by how much."""
     listed = [
         f"{id} {_off(value, 'its replicates')}"

@@ -9,7 +9,15 @@ from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Place
 from planner.gap.features.table import FeatureTable
-from planner.gap.where import detail
+from planner.gap.where.detail import (
+    Gaps,
+    branch_sentence,
+    column_sentence,
+    hold_sentence,
+    position_sentence,
+    specimens_sentence,
+    strain_sentence,
+)
 from planner.gap.where.along_path import branch_basis, hold_time_basis
 from planner.gap.where.apart import specimens_apart
 from planner.gap.where.axis import Axis
@@ -47,7 +55,7 @@ class _Case:
     residual: FloatArray
     noise: Noise
     whitening: Whitening
-    gaps: detail.Gaps
+    gaps: Gaps
     of_row: IntArray
     signs: FloatArray
     excess: Excess
@@ -137,7 +145,7 @@ def _case(
     count = len(whitening.specimen)
     signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
     return _Case(
-        campaign, table, residual, noise, whitening, detail.Gaps(table, residual),
+        campaign, table, residual, noise, whitening, Gaps(table, residual),
         np.repeat(np.arange(count), np.diff(whitening.starts)), signs,
         Excess(whitening, y, apart, common), rng,
     )  # fmt: skip
@@ -165,7 +173,7 @@ def _column_axes(case: _Case) -> list[Axis]:
         if known not in totals:
             totals[known] = scores.total(np.flatnonzero(column.known))
         p, drawn = scores.p(column, dealt(keys, column, within), *totals[known])
-        sentence = detail.of_column(column, case.table, case.of_row, case.gaps)
+        sentence = column_sentence(column, case.table, case.of_row, case.gaps)
         least = seen_by_chance(column, within)
         axes.append(Axis(column.name, basis, p, drawn, sentence, least=least))
     return axes
@@ -175,16 +183,16 @@ def _within_axes(case: _Case) -> list[Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
     table, whitening, excess = case.table, case.whitening, case.excess
     p, drawn = _flipped(case, excess.common, excess.y)
-    sentence = detail.of_strain(table, case.gaps)
+    sentence = strain_sentence(table, case.gaps)
     axes = [Axis("strain", excess.common, p, drawn, sentence, is_common=True)]
     basis = branch_basis(table, whitening, excess.common)
     if basis.shape[1]:
         p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("branch", basis, p, drawn, detail.of_branches(table, case.gaps)))
+        axes.append(Axis("branch", basis, p, drawn, branch_sentence(table, case.gaps)))
     basis = hold_time_basis(table, whitening, excess.common)
     if basis.shape[1]:
         p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("time", basis, p, drawn, detail.of_hold(table, case.gaps)))
+        axes.append(Axis("time", basis, p, drawn, hold_sentence(table, case.gaps)))
     return axes
 
 
@@ -211,7 +219,7 @@ def _position_axes(case: _Case) -> list[Axis]:
     masses = cluster_draws(case.campaign, table, noise)
     of_cluster = tail_p(0.0 if found is None else found.mass, masses, 0.3)
     either = 2.0 * np.minimum(drawn, rank_p(masses))
-    sentence = detail.of_position(found, case.campaign, table, case.gaps)
+    sentence = position_sentence(found, case.campaign, table, case.gaps)
     return [Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)]
 
 
@@ -227,7 +235,7 @@ def _apart_axes(case: _Case) -> list[Axis]:
     basis = orthonormal(whitening(columns), besides=case.excess.common)
     ids = [case.campaign.specimens[int(whitening.specimen[i])].id for i in found.named]
     p = tail_p(float(np.log(max(found.figure, 1e-9))), np.log(found.drawn), 0.1)
-    sentence = detail.of_specimens(ids, found.shift)
+    sentence = specimens_sentence(ids, found.shift)
     return [Axis("specimen", basis, p, rank_p(found.drawn), sentence)]
 
 
