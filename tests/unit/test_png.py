@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planner.slices import deflate_code as code
+from planner.slices.deflate_code import _lengths
 from planner.slices.layer_image import NOTHING, ImageKind, encode_layer
 
 COLOURS = ((251, 215, 36, 255), (1, 0, 255, 255), (200, 17, 99, 255))
@@ -69,7 +69,7 @@ def test_rows_from_the_middle_of_a_slab() -> None:
 
 def test_the_code_is_complete() -> None:
     """Kraft's sum is exactly 1: every decoder that follows RFC 1951 takes it."""
-    assert sum(2.0**-bits for bits in code._lengths()) == 1.0
+    assert sum(2.0**-bits for bits in _lengths()) == 1.0
 
 
 def test_every_match_and_literal_decodes() -> None:
