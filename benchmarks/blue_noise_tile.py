@@ -1,7 +1,7 @@
 """Make the tile of thresholds that dithering deals by: python benchmarks/blue_noise_tile.py.
 
 Void and cluster (Ulichney 1993) on a periodic cube of 32^3 cells. Each cell's rank says when it
-turns hard as the fraction rises. Ranks go to planner/geometry/dither/blue-noise-32.npy; half a
+turns hard as the fraction rises. Ranks go to planner/grading/blue-noise-32.npy; half a
 minute on one core, the same bytes each time.
 """
 
@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 SIZE, SIGMA, SEED = 32, 1.3, 1
-TILE = Path(__file__).parents[1] / "planner/geometry/dither/blue-noise-32.npy"
+TILE = Path(__file__).parents[1] / "planner/grading/blue-noise-32.npy"
 
 
 @numba.njit(cache=True)

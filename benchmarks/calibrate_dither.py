@@ -2,8 +2,8 @@
 
 python benchmarks/calibrate_dither.py [--check]
 
-Writes planner/geometry/dither/bevelled.json (what dealt fractions come to) and
-planner/materials/homogenisation/dithered.json (where the modulus lies between Hashin and
+Writes planner/grading/bevelled.json (what dealt fractions come to) and
+planner/materials/dithered.json (where the modulus lies between Hashin and
 Shtrikman's bounds). With --check it writes nothing, and solves the pattern at random fractions and
 contrasts, on finer voxels, and in other directions, to find the error of that table. Minutes on two
 cores.
@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.geometry.dither.bevelled import bevelled_fractions
-from planner.geometry.dither.tile import blue_noise_ranks
-from planner.materials.homogenisation.bounds import hashin_shtrikman_MPa
-from planner.materials.homogenisation.periodic_cell import (
+from planner.grading.dither import bevelled_fractions, blue_noise_ranks
+from planner.materials.homogenisation import (
     effective_stiffness_MPa,
+    hashin_shtrikman_MPa,
     solve_cell,
     youngs_modulus_MPa,
 )
@@ -122,7 +121,7 @@ def directional(ranks, contrast):
 
 
 def check():
-    from planner.materials.homogenisation.dithered import dithered_modulus_MPa
+    from planner.materials.homogenisation import dithered_modulus_MPa
 
     ranks = blue_noise_ranks()
     rng = np.random.default_rng(5)

@@ -21,18 +21,16 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.withheld.reality.__main__ import main as reality
-from planner.arrays import FloatArray
-from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.conditions import TOLERANCES, levels
-from planner.gap.correction import CONDITION_EFFECTS, corrected_palette
+from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
+from planner.gap.campaign_folder import read_campaign
+from planner.gap.correct import CONDITION_EFFECTS, corrected_palette
 from planner.gap.design import design_campaign
 from planner.gap.diagnose import diagnose
-from planner.gap.planned.planned_specimen import planned_specimen
-from planner.gap.specimen import Specimen
-from planner.grading.planning import grade
+from planner.gap.virtual import planned_specimen
+from planner.grading.grade import grade
 from planner.grading.profile import Profile
 from planner.materials.laws import make_law
+from planner.numerics import FloatArray
 from planner.palette import Palette, Reference
 from planner.plan import Plan
 from planner.printers import printer

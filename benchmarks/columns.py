@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from planner.geometry.columns import dense, grid_for, iterate_columns, voxelize
-from planner.geometry.fields import axis_field
-from planner.geometry.labels import label_columns, layers
-from planner.geometry.mesh import Mesh
-from planner.geometry.printability import thin_walls
+from planner.fields.basic import axis_field
+from planner.mesh.mesh import Mesh
+from planner.voxels.columns import dense, grid_for, iterate_columns, label_columns, layers, voxelize
+from planner.voxels.thin_places import thin_walls
 
 NATIVE = (0.042, 0.042, 0.03)
 

@@ -15,11 +15,11 @@ import numpy as np
 import trimesh
 from manifold3d import CrossSection, Manifold
 
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.fields import axis_field
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import shell_faces, split
+from planner.cutting.pieces import shell_faces, split
+from planner.fields.basic import axis_field
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh
+from planner.mesh.part import place
 
 LEVELS = np.arange(1, 10) / 10
 

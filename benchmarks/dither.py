@@ -7,8 +7,7 @@ import time
 
 import numpy as np
 
-from planner.geometry.dither.deal import deal_voxels
-from planner.geometry.dither.tile import bayer_ranks, blue_noise_ranks, thresholds
+from planner.grading.dither import bayer_ranks, blue_noise_ranks, deal_voxels, thresholds
 
 SIDE = 464  # 1e8 voxels
 FRACTIONS = (0.02, 0.1, 0.25, 1 / 3, 0.5, 0.7, 0.9)

@@ -22,16 +22,13 @@ import trimesh
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
+from planner.cutting.pieces import shell_faces, split
 from planner.errors import PlannerError
+from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.mesh import Mesh
-from planner.geometry.part import make_part
-from planner.geometry.placement import place
-from planner.geometry.shells import shell_faces, split
-from planner.geometry.weld import weld
-from planner.grading.field_kinds import Setting
-from planner.grading.field_spec import build_field
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import make_part, place
 
 MESHES = Path(__file__).parents[2] / "shared/data/meshes"
 UNITS = {".STL": 25.4}

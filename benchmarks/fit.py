@@ -12,13 +12,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.materials.coefficients import CoefficientModel
-from planner.materials.curve import Curve
-from planner.materials.fit.law_fit import fit_law, law_stress_MPa
-from planner.materials.fit.sample import sample_of
-from planner.materials.fit.separable import Ogden
-from planner.measurement.palette_study import fit_study
-from planner.measurement.study import Study, read_study
+from planner.materials.characterise import Curve
+from planner.materials.fit import fit_law, law_stress_MPa, sample_of
+from planner.materials.laws import OgdenColumns
+from planner.materials.mixtures import CoefficientModel
+from planner.materials.palette_study import fit_study
+from planner.materials.study import Study, read_study
 
 GRADES, SPECIMENS, POINTS = 7, 3, 300
 
@@ -29,7 +28,7 @@ def specimens(grade: int, rng: np.random.Generator) -> tuple[Curve, ...]:
     for number in range(SPECIMENS):
         strain = np.linspace(0.0, 1.2 - 0.1 * grade, POINTS + 1)[1:]
         c = np.array([-0.05, 0.25]) * 2.0**grade
-        stress = law_stress_MPa(Ogden(2), np.array([-2.0, 1.8]), c, 1.0 + strain)
+        stress = law_stress_MPa(OgdenColumns(2), np.array([-2.0, 1.8]), c, 1.0 + strain)
         stress = stress * np.exp(0.04 * rng.standard_normal())
         stress += 0.002 * stress.max() * rng.standard_normal(POINTS)
         curves.append(Curve(f"G{grade}-{number}", strain, stress, material=f"G{grade}"))
@@ -41,7 +40,7 @@ def main() -> None:
     for count in (30, 300):
         sample = sample_of(specimens(0, rng)[:1], points=count)
         started = time.perf_counter()
-        fit = fit_law(Ogden(3), sample, starts=50)
+        fit = fit_law(OgdenColumns(3), sample, starts=50)
         seconds = time.perf_counter() - started
         agreeing = f"{fit.convergence.agreeing} of {fit.convergence.starts} starts agree"
         print(

@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.materials.coefficients import CoefficientModel
-from planner.materials.inverse import coordinate_for, nearest
+from planner.materials.mixtures import CoefficientModel, coordinate_for, nearest
 from planner.printers import printer
 
 LIMIT_S = 1.0

@@ -11,11 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.materials.coefficients import CoefficientModel
+from planner.materials.mixtures import CoefficientModel
 from planner.printers import printer
 from planner.simulation.bar import Bar
-from planner.simulation.equilibrium import solve
-from planner.simulation.response import elastic_response
+from planner.simulation.bar_solver import elastic_response, solve
 from planner.simulation.simulate import simulate
 
 LIMIT_S = 0.1

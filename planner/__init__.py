@@ -13,23 +13,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from planner.errors import PlannerError
     from planner.gap.campaign import Campaign
-    from planner.gap.campaign_reader import read_campaign
+    from planner.gap.campaign_folder import read_campaign
     from planner.gap.diagnose import diagnose
     from planner.gap.diagnosis import Diagnosis
-    from planner.grading.certificate import Certificate, certify
-    from planner.grading.difference import Difference, differences
-    from planner.grading.mixture import Mixture, mixture_for
-    from planner.grading.planning import grade
+    from planner.grading.blends import Mixture, mixture_for
+    from planner.grading.check import Certificate, Difference, certify, differences
+    from planner.grading.grade import grade
     from planner.grading.profile import Profile
     from planner.palette import Material, Palette, load_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, printer
     from planner.simulation.bar import Bar
-    from planner.simulation.result import Simulation
-    from planner.simulation.simulate import simulate
-    from planner.slices.layers import Layer, iterate_layers
-    from planner.slices.stack import SliceStack
-    from planner.slices.write import write_slices
+    from planner.simulation.simulate import Simulation, simulate
+    from planner.slices.slices import Layer, iterate_layers
+    from planner.slices.write import SliceStack, write_slices
 
 __version__ = "0.1.0"
 
@@ -70,15 +67,15 @@ _HOME = {
     "Campaign": "planner.gap.campaign",
     "Diagnosis": "planner.gap.diagnosis",
     "diagnose": "planner.gap.diagnose",
-    "read_campaign": "planner.gap.campaign_reader",
-    "Certificate": "planner.grading.certificate",
-    "Difference": "planner.grading.difference",
-    "Mixture": "planner.grading.mixture",
+    "read_campaign": "planner.gap.campaign_folder",
+    "Certificate": "planner.grading.check",
+    "Difference": "planner.grading.check",
+    "Mixture": "planner.grading.blends",
     "Profile": "planner.grading.profile",
-    "certify": "planner.grading.certificate",
-    "differences": "planner.grading.difference",
-    "grade": "planner.grading.planning",
-    "mixture_for": "planner.grading.mixture",
+    "certify": "planner.grading.check",
+    "differences": "planner.grading.check",
+    "grade": "planner.grading.grade",
+    "mixture_for": "planner.grading.blends",
     "Material": "planner.palette",
     "Palette": "planner.palette",
     "load_palette": "planner.palette",
@@ -89,11 +86,11 @@ _HOME = {
     "installed_printers": "planner.printers",
     "printer": "planner.printers",
     "Bar": "planner.simulation.bar",
-    "Simulation": "planner.simulation.result",
+    "Simulation": "planner.simulation.simulate",
     "simulate": "planner.simulation.simulate",
-    "Layer": "planner.slices.layers",
-    "iterate_layers": "planner.slices.layers",
-    "SliceStack": "planner.slices.stack",
+    "Layer": "planner.slices.slices",
+    "iterate_layers": "planner.slices.slices",
+    "SliceStack": "planner.slices.write",
     "write_slices": "planner.slices.write",
 }
 

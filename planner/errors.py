@@ -15,6 +15,9 @@ A command maps any of them to exit code 2; whatever else escapes is a bug (exit 
 """
 
 import difflib
+import math
+import operator
+from typing import SupportsFloat, SupportsIndex
 
 __all__ = [
     "ArgumentError",
@@ -24,7 +27,10 @@ __all__ = [
     "PaletteError",
     "PlannerError",
     "UnknownNameError",
+    "as_count",
+    "as_number",
     "nearest_names",
+    "positive",
 ]
 
 
@@ -60,3 +66,52 @@ def nearest_names(name: str, known: list[str]) -> list[str]:
     """Return up to three of `known` that `name` may be a slip of, nearest first."""
     folded = {k.casefold(): k for k in known}
     return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]
+
+
+# ------------------------------------------------------------------------------------------------
+# Arguments as scripts give them, numpy scalars included, as plain numbers.
+
+
+def as_count(value: SupportsIndex, name: str) -> int:
+    """Return a whole number.
+
+    Raises
+    ------
+    ArgumentError
+        It is none.
+    """
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise ArgumentError(f"{name} {value!r}: it must be a whole number") from None
+
+
+def as_number(value: SupportsFloat, name: str) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    ArgumentError
+        It is none; text is not taken for one.
+    """
+    try:
+        number = math.nan if isinstance(value, str) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ArgumentError(f"{name} {value!r}: it must be a finite number")
+    return number
+
+
+def positive(value: SupportsFloat, name: str) -> float:
+    """Return a finite number above 0.
+
+    Raises
+    ------
+    ArgumentError
+        It is none.
+    """
+    number = as_number(value, name)
+    if not number > 0.0:
+        raise ArgumentError(f"{name} {number:g}: it must be above 0")
+    return number

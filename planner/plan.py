@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.arrays import Float32Array, IntArray
 from planner.errors import FileError, OutputError, nearest_names
-from planner.formats.json_document import decode_document, encode_document
-from planner.formats.threemf_model import Constituent
+from planner.formats.files import decode_document, encode_document
+from planner.formats.threemf import Constituent
+from planner.numerics import Float32Array, IntArray
 
 __all__ = [
     "Check",
@@ -27,6 +27,7 @@ __all__ = [
     "plan_file",
     "read_plan",
 ]
+
 
 _MIXTURES = (
     "",
@@ -285,7 +286,7 @@ class Plan:
             The folder exists already, or cannot be written; or the plan was read back from a
             folder, and holds no shells.
         """
-        from planner.formats.folder import new_folder
+        from planner.formats.files import new_folder
         from planner.formats.threemf import ThreemfObject, write_threemf
 
         if not self.shells:

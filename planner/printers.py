@@ -27,6 +27,7 @@ __all__ = [
     "printer",
 ]
 
+
 GROUP = "planner.printers"
 
 

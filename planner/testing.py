@@ -10,10 +10,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from planner.formats.json_document import encode_document
+from planner.formats.files import encode_document
 from planner.formats.threemf import threemf_xml_hashes
-from planner.grading.difference import differences
-from planner.grading.stiffness_scale import stiffness_scale
+from planner.grading.check import differences
+from planner.grading.profile import stiffness_scale
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer
 

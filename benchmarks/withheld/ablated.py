@@ -12,19 +12,15 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
-from planner.gap.evidence.gram import whiten
-from planner.gap.evidence.posterior import class_of, verdict_of
-from planner.gap.evidence.priors import Priors
+from planner.gap.evidence.posterior import class_of, ranking_of, verdict_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.ranking import ranking_of
-from planner.gap.evidence.weigh import weigh
-from planner.gap.noise import specimen_noise
-from planner.gap.noise.blocks import place_on_path
-from planner.gap.noise.courses import course_columns
+from planner.gap.evidence.surrogate import whiten
+from planner.gap.evidence.weigh import Priors, weigh
+from planner.gap.noise import course_columns, place_on_path, specimen_noise
+from planner.numerics import FloatArray
 
 __all__ = ["FULL", "VARIANTS", "ablated_answers", "problem_of", "weighed_answer"]
 

@@ -18,19 +18,13 @@ from benchmarks.withheld.ablated import FULL, VARIANTS, ablated_answers
 from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.pool import answer_all
+from benchmarks.withheld.results import Outcome, Task
+from benchmarks.withheld.scoring import NO_ANSWER, UNKNOWN, Score, Truth, named, read_answer, score
 from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
+from benchmarks.withheld.summary import Rate, expected_calibration_error, markdown
 from planner import __version__
-from planner.cli.gap_pool import Task
 from planner.cli.output import progress
-from planner.formats.json_document import encode_document
-from planner.gap.bench.answer import NO_ANSWER, read_answer
-from planner.gap.bench.calibration import expected_calibration_error
-from planner.gap.bench.hypothesis import UNKNOWN, named
-from planner.gap.bench.intervals import Rate
-from planner.gap.bench.results import Outcome
-from planner.gap.bench.score import Score, score
-from planner.gap.bench.table import markdown
-from planner.gap.bench.truth import Truth
+from planner.formats.files import encode_document
 
 __all__ = ["COLUMNS", "ablation_rows", "main"]
 

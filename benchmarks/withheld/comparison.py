@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
-from planner.gap.bench.intervals import Rate
-from planner.gap.bench.score import Score
+from benchmarks.withheld.scoring import Score
+from benchmarks.withheld.summary import Rate
 
 __all__ = ["COLUMNS", "compare", "comparison_rows"]
 

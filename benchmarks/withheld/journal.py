@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from planner.cli.gap_pool import Task
-from planner.gap.bench.results import Outcome
+from benchmarks.withheld.results import Outcome, Task
 
 __all__ = ["Answers", "Key", "kept_outcomes"]
 

@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
-from planner.gap.bench.answer import Answer
-from planner.gap.bench.score import Score
+from benchmarks.withheld.scoring import Answer, Score
 
 __all__ = ["COLUMNS", "Case", "LeftOut", "by_effect", "left_out_rows"]
 

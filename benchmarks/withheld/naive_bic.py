@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from planner.arrays import FloatArray
-from planner.gap.bench.hypothesis import Effects
+from benchmarks.withheld.scoring import Effects
 from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.effects import effects_for, untestable
-from planner.gap.evidence.nodes import SHAPE_NODES, SIZE_NODES, Branch, branches_of
-from planner.gap.forward import predict_all
-from planner.gap.forward.mount import mount
+from planner.gap.campaign_folder import read_campaign
+from planner.gap.effect import untestable
+from planner.gap.effects import effects_for
+from planner.gap.evidence.surrogate import SHAPE_NODES, SIZE_NODES, Branch, branches_of
+from planner.gap.observations import mount
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import predict_all
 
 __all__ = ["least_sum_of_squares", "naive_answer", "naive_bic", "schwarz_probabilities"]
 

@@ -15,12 +15,12 @@ from benchmarks.withheld.reality.more import FurtherTest, further_of
 from benchmarks.withheld.reality.palette_file import PaletteFile, read_palette
 from benchmarks.withheld.reality.writing import write_campaign
 from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_folder import read_campaign
+from planner.gap.design import Trial, trials_of
 from planner.gap.diagnose import diagnose
-from planner.gap.diagnosis_json import to_document
-from planner.gap.evidence.priors import Priors
-from planner.gap.experiments.candidates import Trial, trials_of
-from planner.gap.forward.mount import mount
+from planner.gap.diagnosis import to_document
+from planner.gap.evidence.weigh import Priors
+from planner.gap.observations import mount
 from planner.palette import Palette
 
 __all__ = ["as_test", "equal_cost", "next_answers"]

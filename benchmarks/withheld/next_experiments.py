@@ -21,16 +21,13 @@ from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.next_experiment import next_answers
 from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.tiers import TIERS
+from benchmarks.withheld.results import Outcome, Task
+from benchmarks.withheld.scoring import Truth, read_answer, score
 from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
+from benchmarks.withheld.summary import markdown
 from planner import __version__
-from planner.cli.gap_pool import Task
 from planner.cli.output import progress
-from planner.formats.json_document import encode_document
-from planner.gap.bench.answer import read_answer
-from planner.gap.bench.results import Outcome
-from planner.gap.bench.score import score
-from planner.gap.bench.table import markdown
-from planner.gap.bench.truth import Truth
+from planner.formats.files import encode_document
 
 __all__ = ["COLUMNS", "Done", "main", "next_rows"]
 

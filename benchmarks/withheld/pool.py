@@ -9,9 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from planner.cli.gap_pool import Task
+from benchmarks.withheld.results import Outcome, Task
 from planner.errors import PlannerError
-from planner.gap.bench.results import Outcome
 
 __all__ = ["Answering", "answer_all"]
 

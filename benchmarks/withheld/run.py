@@ -26,20 +26,25 @@ from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.naive_bic import naive_answer
 from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.__main__ import main as reality
+from benchmarks.withheld.results import Outcome, Task, diagnose_all
 from benchmarks.withheld.run_log import MIXED, append_run, check_not_scored
+from benchmarks.withheld.scoring import (
+    NO_ANSWER,
+    Answer,
+    Score,
+    Truth,
+    read_answer,
+    read_truth,
+    score,
+)
 from benchmarks.withheld.sealed import ended, options_of_runs
+from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
 from benchmarks.withheld.written import results_markdown
 from planner import __version__
-from planner.cli.gap_pool import Task, diagnose_all
 from planner.cli.output import progress
 from planner.errors import FileError
-from planner.formats.json_document import encode_document
-from planner.gap.bench.answer import NO_ANSWER, Answer, read_answer
-from planner.gap.bench.results import Outcome
-from planner.gap.bench.score import Score, score
-from planner.gap.bench.summary import summarise
-from planner.gap.bench.truth import Truth, read_truth
+from planner.formats.files import encode_document
 
 __all__ = ["main"]
 

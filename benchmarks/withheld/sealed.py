@@ -9,8 +9,8 @@ from typing import get_args
 
 from benchmarks.withheld.reality.__main__ import main as reality
 from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.scoring import Truth, read_truth
 from planner.errors import FileError
-from planner.gap.bench.truth import Truth, read_truth
 
 __all__ = ["campaigns_in_turn", "ended", "options_of_runs", "sealed_campaigns"]
 

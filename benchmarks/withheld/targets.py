@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
 
-from planner.gap.bench.intervals import Rate
-from planner.gap.bench.score import Score
+from benchmarks.withheld.scoring import Score
+from benchmarks.withheld.summary import Rate
 
 __all__ = ["LEFT_OUT", "Target", "targets"]
 

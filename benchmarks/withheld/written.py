@@ -7,9 +7,16 @@ from benchmarks.withheld.comparison import COLUMNS as NAIVE_COLUMNS
 from benchmarks.withheld.comparison import comparison_rows
 from benchmarks.withheld.leave_one_out import COLUMNS as LEFT_OUT_COLUMNS
 from benchmarks.withheld.leave_one_out import LeftOut, left_out_rows
-from planner.gap.bench.intervals import Rate
-from planner.gap.bench.summary import RATES, Row, Summary
-from planner.gap.bench.table import COLUMNS, markdown, overall_lines, table_rows
+from benchmarks.withheld.summary import (
+    COLUMNS,
+    RATES,
+    Rate,
+    Row,
+    Summary,
+    markdown,
+    overall_lines,
+    table_rows,
+)
 
 __all__ = ["results_markdown"]
 

@@ -10,9 +10,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from planner.geometry.dither.tile import blue_noise_ranks
-from planner.materials.homogenisation.bounds import hashin_shtrikman_MPa, reuss_MPa, voigt_MPa
-from planner.materials.homogenisation.dithered import dithered_modulus_MPa
+from planner.grading.dither import blue_noise_ranks
+from planner.materials.homogenisation import (
+    dithered_modulus_MPa,
+    hashin_shtrikman_MPa,
+    reuss_MPa,
+    voigt_MPa,
+)
 
 FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parents[1]))

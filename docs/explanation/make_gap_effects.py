@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from planner.gap.effects import EFFECTS, Effect, Form, Parameter
-from planner.gap.effects.conditions_of_tests import STANDARD
+from planner.gap.effect import STANDARD, Effect, Form, Parameter
+from planner.gap.effects import EFFECTS
 
 TARGET = Path(__file__).with_name("gap-effects.md")
 

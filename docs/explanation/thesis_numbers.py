@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.materials.coefficients import CoefficientModel
-from planner.materials.laws.ogden_thesis import literal_stress_MPa
-from planner.materials.quadratics import QuadraticCoefficients
+from planner.materials.laws import literal_stress_MPa
+from planner.materials.mixtures import CoefficientModel
 from planner.printers import printer
+from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms
 from printers.connex3.thesis import Published, load_thesis

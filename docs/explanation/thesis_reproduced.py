@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from thesis_numbers import FOLDER, MODEL, PALETTE, THESIS, area_MJ_m3, with_tables
 
-from planner.arrays import FloatArray
-from planner.materials.laws.ogden_thesis import literal_stress_MPa
-from planner.materials.quadratic_fit import (
+from planner.materials.laws import literal_stress_MPa
+from planner.numerics import FloatArray
+from printers.connex3.algorithm_one import (
     LiteralCurve,
+    QuadraticCoefficients,
     QuadraticFit,
     algorithm_one,
     pooled_squared_error_MPa2,
     quadratics_through,
 )
-from planner.materials.quadratics import QuadraticCoefficients
 from printers.connex3.leave_one_out import (
     HeldOut,
     held_out,

@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 import planner
+from planner.cutting.pieces import shell_faces, split
+from planner.fields.basic import AxisField
 from planner.formats.stl import decode_stl
-from planner.geometry.fields import AxisField
-from planner.geometry.mesh import Mesh
-from planner.geometry.shells import shell_faces, split
-from planner.geometry.weld import weld
+from planner.mesh.mesh import Mesh, weld
 
 WIDTH, OVERSAMPLE, MARGIN = 1200, 2, 40
 ELEVATION = 30.0

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from planner.cli.app import app
+from planner.cli import app
 
 TARGET = Path(__file__).with_name("cli.md")
 

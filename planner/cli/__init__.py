@@ -1,4 +1,4 @@
-"""The command line: one command a file, and `main`, which turns errors into exit codes.
+"""The command line: the commands, and `main`, which turns errors into exit codes.
 
 Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, nothing written;
 130 interrupted; 70 an internal error.
@@ -9,9 +9,16 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
-__all__ = ["main"]
+import typer
+
+from planner.cli import gap as _gap
+from planner.cli import materials as _materials
+from planner.cli import plans as _plans
+
+__all__ = ["app", "main"]
+
 
 INTERRUPTED = 130
 INTERNAL_ERROR = 70
@@ -27,13 +34,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(run(arguments))
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code."""
+def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:
+    """Run the command line, or other commands than planner's, and return the exit code."""
     from planner.cli.output import complain
     from planner.errors import PlannerError
 
     try:
-        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments), commands or app)
         if sys.stdout is not None:
             sys.stdout.flush()
     except PlannerError as error:
@@ -60,16 +67,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _dispatch(arguments: list[str]) -> int:
-    import typer
-
-    from planner.cli.app import app
+def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
     from planner.errors import ArgumentError
 
     # The common base of usage errors has no public name in typer.
     bases = typer.BadParameter.__mro__
     usage_error: Any = next(base for base in bases if base.__name__ == "ClickException")
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(commands)
     try:
         result = command.main(
             args=arguments or ["--help"], prog_name="planner", standalone_mode=False
@@ -97,3 +101,46 @@ def _discard_stdout() -> None:
     """Send what is still to be written nowhere, or it would fail again when Python ends."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+app = typer.Typer(
+    name="planner",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from planner import __version__
+        from planner.cli.output import say
+
+        say(f"planner {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _planner(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    ] = False,
+) -> None:
+    """Plan print jobs of graded stiffness for multi-material jetting printers.
+
+    [bold]planner grade[/bold] turns a mesh and a wish for stiffness into files that print.
+    """
+
+
+app.command()(_plans.grade)
+app.command()(_plans.simulate)
+app.add_typer(_gap.app)
+app.command()(_materials.invert)
+app.command()(_materials.materials)
+app.command()(_materials.fit)
+app.command()(_materials.characterise)
+app.command()(_plans.check)
+app.command()(_plans.diff)
+app.command()(_plans.slices)
+app.command()(_materials.printers)

@@ -1,8 +1,100 @@
-"""planner materials."""
+"""planner materials, invert, fit, characterise and printers: what can be printed."""
 
-from planner.cli.options import AsJson, AtStrain, PaletteName, PrinterName, choose
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-__all__ = ["materials"]
+import typer
+
+from planner.cli.output import (
+    AsJson,
+    AtStrain,
+    ColumnNames,
+    Force,
+    GaugeMm,
+    MaterialName,
+    PaletteName,
+    PrinterName,
+    Quiet,
+    SpecimensFile,
+    TensileFiles,
+    ThicknessMm,
+    WidthMm,
+    choose,
+    refuse_existing,
+    split_columns,
+)
+
+if TYPE_CHECKING:
+    from planner.materials.characterise import MaterialCharacteristics, Spread
+    from planner.materials.palette_study import PaletteStudy
+
+__all__ = ["characterise", "fit", "invert", "materials", "printers"]
+
+
+# ------------------------------------------------------------------------------------------------
+# planner printers.
+
+
+def printers(as_json: AsJson = False) -> int:
+    """List the installed printers, what they print and where each comes from.
+
+    Example: [bold]planner printers --json[/bold]
+    """
+    from planner.cli.output import finding, print_document, print_table
+    from planner.errors import PlannerError
+    from planner.printers import installed_printers, printer
+
+    rows: list[dict[str, Any]] = []
+    broken = []
+    for name, entry in installed_printers().items():
+        try:
+            machine = printer(name)
+        except PlannerError as error:
+            broken.append(str(error))
+            continue
+        rows.append(
+            {
+                "name": name,
+                "title": machine.title,
+                "tray_mm": list(machine.tray_mm),
+                "pixel_mm": list(machine.pixel_mm),
+                "layer_mm": machine.layer_mm,
+                "minimum_wall_mm": machine.minimum_wall_mm,
+                "base_resins": list(machine.base_resins),
+                "palettes": list(machine.palettes),
+                "plugin": entry.value,
+                "distribution": None
+                if entry.dist is None
+                else f"{entry.dist.name} {entry.dist.version}",
+            }
+        )
+    if as_json:
+        print_document({"schema": 1, "printers": rows, "broken": broken})
+        return 1 if broken else 0
+    print_table(
+        ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
+        [
+            [
+                row["name"],
+                row["title"],
+                " x ".join(f"{v:g}" for v in row["tray_mm"]),
+                " x ".join(f"{1000 * v:g}" for v in (*row["pixel_mm"], row["layer_mm"])),
+                ", ".join(row["palettes"]),
+                str(row["distribution"] or row["plugin"]),
+            ]
+            for row in rows
+        ],
+        droppable=["from", "voxel um"],
+    )
+    for problem in broken:
+        finding(problem)
+    return 1 if broken else 0
+
+
+# ------------------------------------------------------------------------------------------------
+# planner materials.
 
 
 def materials(
@@ -16,7 +108,7 @@ def materials(
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
     from planner.cli.output import figure, print_document, print_table
-    from planner.grading.stiffness_scale import stiffness_scale
+    from planner.grading.profile import stiffness_scale
 
     _, chosen = choose(printer, palette)
     scale = stiffness_scale(chosen, at_strain)
@@ -63,3 +155,395 @@ def materials(
         swatches=[material.colour for material in chosen.materials],
     )
     return 0
+
+
+# ------------------------------------------------------------------------------------------------
+# planner invert.
+
+
+def invert(
+    modulus: Annotated[
+        list[float], typer.Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
+    ],
+    at_strain: AtStrain = 0.1,
+    printer: PrinterName = "connex3",
+    palette: PaletteName = None,
+    as_json: AsJson = False,
+) -> int:
+    """Find the digital material, and the blend of two, that has a wanted stiffness.
+
+    Exit code 1 when a modulus is out of reach; the nearest that can be printed is reported.
+
+    Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
+    """
+    from planner.cli.output import figure, finding, print_document, print_table
+    from planner.grading.blends import mixture_for
+
+    _, chosen = choose(printer, palette)
+    found = [mixture_for(chosen, value, at_strain) for value in modulus]
+    if as_json:
+        print_document(
+            {
+                "schema": 1,
+                "palette": chosen.name,
+                "at_strain": at_strain,
+                "results": [mixture.document() for mixture in found],
+            }
+        )
+    else:
+        print_table(
+            ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
+            [
+                [
+                    figure(mixture.target_MPa, 4),
+                    mixture.nearest,
+                    figure(mixture.nearest_modulus_MPa, 4),
+                    f"{100 * (mixture.nearest_modulus_MPa / mixture.target_MPa - 1):+.1f} %",
+                    mixture.blend_text(),
+                    f"{mixture.blend.coordinate:.4f}",
+                    figure(mixture.modulus_MPa, 4),
+                    f"{figure(mixture.interval_MPa[0])} .. {figure(mixture.interval_MPa[1])}",
+                ]
+                for mixture in found
+            ],
+            title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
+            right=["target MPa", "MPa", "error", "m"],
+            droppable=["95 % interval", "error"],
+        )
+        for mixture in found:
+            if not mixture.reachable:
+                finding(
+                    f"{mixture.target_MPa:g} MPa is out of reach: the palette goes from "
+                    f"{figure(mixture.range_MPa[0])} to {figure(mixture.range_MPa[1])} MPa; the "
+                    f"nearest is {mixture.nearest}"
+                )
+    return 0 if all(mixture.reachable for mixture in found) else 1
+
+
+# ------------------------------------------------------------------------------------------------
+# planner characterise.
+
+
+def characterise(
+    files: TensileFiles,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="CSV file to write, one row a material.")
+    ] = None,
+    specimens: SpecimensFile = None,
+    material: MaterialName = None,
+    width_mm: WidthMm = None,
+    thickness_mm: ThicknessMm = None,
+    gauge_mm: GaugeMm = None,
+    columns: ColumnNames = None,
+    at_strain: Annotated[
+        list[float] | None,
+        typer.Option("--at-strain", help="Strain of a secant modulus; repeatable."),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Take modulus, toughness, elongation and their spread from tensile tests.
+
+    Says whether each material deforms elastically (fit a law) or plastically (Young's modulus
+    alone). Exit code 1 when a material's specimens disagree about that or are more than twice
+    apart, or a figure looks like a wrong unit.
+
+    Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
+    materials.csv[/bold]
+    """
+    from planner.cli.output import finding, print_document, say, warn
+    from planner.formats.files import encode_document
+    from planner.materials.characterise import SECANT_STRAINS, characterise_material, doubts
+    from planner.materials.palette_study import characteristics_document, write_characteristics
+    from planner.materials.study import read_study
+
+    if output is not None:
+        refuse_existing(output, force=force)
+    study = read_study(
+        files,
+        specimens=specimens,
+        material=material,
+        width_mm=width_mm,
+        thickness_mm=thickness_mm,
+        gauge_mm=gauge_mm,
+        columns=split_columns(columns),
+    )
+    strains = tuple(at_strain) if at_strain else SECANT_STRAINS
+    found = [
+        characterise_material(name, curves, secant_strains=strains)
+        for name, curves in study.groups.items()
+    ]
+    if output is not None:
+        write_characteristics(found, output, force=force)
+    doubtful = [said for one in found for said in doubts(one)]
+    if as_json:
+        document = characteristics_document(found, study.notes)
+        print_document(encode_document({**document, "findings": doubtful}))
+    elif not quiet:
+        for note in (*study.notes, *_corrections(found)):
+            warn(note)
+        _tables(found)
+        for one in found:
+            say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
+        if output is not None:
+            say(f"wrote {output}")
+        for said in doubtful:
+            finding(said)
+    return 1 if doubtful else 0
+
+
+def _corrections(found: "list[MaterialCharacteristics]") -> list[str]:
+    """Return the notes on single specimens, and one line for strains left as recorded."""
+    specimens = [c for one in found for c in one.specimens]
+    lines = [note for c in specimens for note in c.notes if "not shifted" not in note]
+    unshifted = [c for c in specimens if not c.toe_strain]
+    if unshifted:
+        lines.append(
+            f"{len(unshifted)} of {len(specimens)} specimens show no toe; their strains are as "
+            "recorded (--json says why for each)"
+        )
+    return lines
+
+
+def _tables(found: "list[MaterialCharacteristics]") -> None:
+    from planner.cli.output import figure, print_table
+
+    def value(one: "MaterialCharacteristics", name: str) -> str:
+        spread: Spread | None = one.spreads.get(name)
+        if spread is None:
+            return "-"
+        cv = "" if spread.cv is None else f" ±{100 * spread.cv:.1f} %"
+        return figure(spread.mean) + cv
+
+    secants = list(
+        dict.fromkeys(name for one in found for name in one.spreads if name.startswith("secant"))
+    )
+    moduli = {"modulus_MPa": "E"}
+    if any(c.toe_strain for one in found for c in one.specimens):
+        moduli["modulus_uncompensated_MPa"] = "with toe"
+    moduli |= {name: f"at {name.split('_')[1]}" for name in secants}
+    breaks = {
+        "strength_MPa": "strength MPa",
+        "elongation_at_break": "strain at break",
+        "toughness_MJ_m3": "toughness MJ/m3",
+    }
+    for title, names in (
+        ("Young's and secant moduli (MPa), mean ± coefficient of variation over specimens", moduli),
+        ("Break", breaks),
+    ):
+        kind = names is breaks
+        print_table(
+            ["material", "n", *names.values(), *(["deforms"] if kind else [])],
+            [
+                [
+                    one.material,
+                    str(one.n),
+                    *(value(one, name) for name in names),
+                    *([one.deformation.kind + "ally"] if kind else []),
+                ]
+                for one in found
+            ],
+            title=title,
+            right=["n", *names.values()],
+        )
+
+
+# ------------------------------------------------------------------------------------------------
+# planner fit.
+
+
+def fit(
+    files: TensileFiles,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Palette file (TOML) to write.")
+    ] = Path("palette.toml"),
+    law: Annotated[
+        str,
+        typer.Option(
+            "--law", help="ogden, yeoh, martins, neo-hookean, or all: the best is chosen."
+        ),
+    ] = "all",
+    name: Annotated[
+        str | None, typer.Option("--name", help="Name of the palette; else that of the file.")
+    ] = None,
+    weighting: Annotated[
+        str,
+        typer.Option("--weighting", help="Residuals relative to the stress, or absolute."),
+    ] = "relative",
+    coordinate: Annotated[
+        list[str] | None,
+        typer.Option("--coordinate", help="ID=M, repeatable; else 0..1 in order of stiffness."),
+    ] = None,
+    density: Annotated[
+        list[str] | None, typer.Option("--density", help="ID=G_CM3, repeatable.")
+    ] = None,
+    starts: Annotated[
+        int, typer.Option("--starts", min=1, max=2000, help="Starts of each search.")
+    ] = 50,
+    level: Annotated[
+        float, typer.Option("--level", min=0.5, max=0.999, help="Coverage of the intervals.")
+    ] = 0.95,
+    specimens: SpecimensFile = None,
+    material: MaterialName = None,
+    width_mm: WidthMm = None,
+    thickness_mm: ThicknessMm = None,
+    gauge_mm: GaugeMm = None,
+    columns: ColumnNames = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Fit laws to tensile tests, choose one a material, and write a palette with intervals.
+
+    Exit code 1 when the palette cannot be used as it is, because its laws cross, when replicates
+    are more than twice apart, or when a law describes its material badly.
+
+    Example: [bold]planner fit samples/tensile --law all -o lab.toml[/bold]
+    """
+    from planner.cli.output import finding, print_document, progress, warn
+    from planner.formats.files import encode_document
+    from planner.materials.fit import weighting_of
+    from planner.materials.palette_study import fit_study
+    from planner.materials.study import read_study
+    from planner.palette import write_palette
+
+    refuse_existing(output, force=force)
+    study = read_study(
+        files,
+        specimens=specimens,
+        material=material,
+        width_mm=width_mm,
+        thickness_mm=thickness_mm,
+        gauge_mm=gauge_mm,
+        columns=split_columns(columns),
+    )
+    with progress(not (quiet or as_json)) as stage:
+        result = fit_study(
+            study,
+            name=name or output.stem,
+            law=law,
+            weighting=weighting_of(weighting),
+            starts=starts,
+            level=level,
+            coordinates=_figures(coordinate, "--coordinate"),
+            densities_g_cm3=_figures(density, "--density"),
+            stage=stage,
+        )
+    write_palette(result.palette, output, force=force)
+    findings = list(result.findings)
+    if result.problem is not None:
+        findings.append(
+            f"{result.problem}; planner cannot grade, invert or list materials with this palette"
+        )
+    if as_json:
+        print_document(encode_document({**result.document(), "file": str(output)}))
+    elif not quiet:
+        for note in result.notes:
+            warn(note)
+        _print_report(result, output)
+        for said in findings:
+            finding(said)
+    return 1 if findings else 0
+
+
+def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:
+    """Read repeated ID=NUMBER options."""
+    from planner.errors import ArgumentError
+
+    figures = {}
+    for text in given or ():
+        key, _, value = text.rpartition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not key.strip() or not math.isfinite(number):
+            raise ArgumentError(f"{option} {text!r}: write ID=NUMBER, as FLX9760=0.5")
+        figures[key.strip()] = number
+    return figures
+
+
+def _print_report(result: "PaletteStudy", output: Path) -> None:
+    from planner.cli.output import say
+
+    _print_candidates(result)
+    _print_parameters(result)
+    for material in result.palette.materials:
+        fit = result.fits[material.id]
+        reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
+        say(f"{material.id}: {reason}")
+        say(f"  intervals: {fit.uncertainty.basis}")
+    say(f"palette {result.palette.name} written to {output}")
+
+
+def _print_candidates(result: "PaletteStudy") -> None:
+    from planner.cli.output import figure, print_table
+
+    rows = []
+    for material in result.palette.materials:
+        fit = result.fits[material.id]
+        name = material.id
+        candidates = () if fit.choice is None else fit.choice.candidates
+        for candidate in candidates:
+            one, convergence = candidate.fit, candidate.fit.convergence
+            unstable = candidate.stability.strain
+            rows.append(
+                [
+                    name,
+                    str(fit.characteristics.n) if name else "",
+                    f"{'*' if candidate.fit.parameters is fit.law else ' '} {one.name}",
+                    str(one.parameter_count),
+                    f"{100 * candidate.held_out_error:.2f} %",
+                    f"{one.r2:.5f}",
+                    f"{one.adjusted_r2:.5f}",
+                    f"{100 * one.nrmse:.2f} %",
+                    "yes" if unstable is None else f"falls at {figure(unstable, 2)}",
+                    f"{convergence.agreeing}/{convergence.starts}",
+                ]
+            )
+            name = ""
+    if not rows:
+        return
+    figures = ["held out", "R2", "adj. R2", "nRMSE"]
+    print_table(
+        ["material", "n", "law", "k", *figures, "stable", "starts"],
+        rows,
+        title="Laws tried (* chosen)",
+        right=["n", "k", *figures, "starts"],
+    )
+
+
+def _print_parameters(result: "PaletteStudy") -> None:
+    from planner.cli.output import figure, print_table
+
+    rows = []
+    for material in result.palette.materials:
+        known = result.fits[material.id].uncertainty
+        name, law = material.id, material.law.model
+        spread = f"{100 * material.modulus_log_sd:.1f} %"
+        for symbol, values in material.law.parameters.items():
+            ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
+            for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
+                label = symbol if len(values) == 1 else f"{symbol} [{number}]"
+                rows.append([name, law, label, figure(value, 4), _interval(low, high), spread])
+                name = law = spread = ""
+    level = result.fits[result.palette.materials[0].id].uncertainty.level
+    print_table(
+        ["material", "law", "parameter", "value", f"{100 * level:g} % interval", "next print's sd"],
+        rows,
+        title="Parameters",
+        right=["value", "next print's sd"],
+    )
+
+
+def _interval(low: float, high: float) -> str:
+    """Write an interval with as many digits as tell its ends apart; an open end is said so."""
+    from planner.cli.output import figure
+
+    texts: list[str] = []
+    for digits in (3, 4, 5, 6):
+        texts = [figure(v, digits) if math.isfinite(v) else "open" for v in (low, high)]
+        if texts[0] != texts[1]:
+            break
+    return " .. ".join(texts)

@@ -1,1 +1,1 @@
-"""."""
+"""Files: read and written whole, in one canonical form."""

@@ -9,11 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.arrays import Float32Array, FloatArray
 from planner.errors import ArgumentError, FileError, MeshError, nearest_names
 from planner.formats.stl import decode_stl, require_finite
+from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "MeshFile", "read_mesh", "unit_scale_mm"]
+
 
 MILLIMETRES = "mm"
 
@@ -167,7 +168,7 @@ Read = tuple[FloatArray, str | None, tuple[str, ...]]
 
 
 def _threemf(data: bytes, name: str) -> Read:
-    from planner.formats.threemf_reader import decode_threemf
+    from planner.formats.threemf import decode_threemf
 
     model = decode_threemf(data, name)
     corners = [item.vertices.astype(np.float64)[item.faces] for item in model.objects]

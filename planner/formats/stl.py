@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 
-from planner.arrays import Float32Array, FloatArray, IntArray
 from planner.errors import MeshError, OutputError
+from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = ["decode_stl", "encode_stl", "require_finite"]
+
 
 _HEADER_BYTES = 80
 _RECORD = np.dtype(

@@ -1,31 +1,384 @@
-"""3MF by lib3mf: one object a material under one assembly, the same bytes for the same content."""
+"""3MF by lib3mf, read and written: the same bytes for the same content."""
 
 import ctypes
 import hashlib
+import io
 import re
+import struct
 import uuid
-from collections.abc import Mapping, Sequence
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import lib3mf
 import numpy as np
+from numpy.typing import NDArray
 
-from planner.errors import OutputError
-from planner.formats.archive import canonical_archive, member_hashes
-from planner.formats.threemf_model import ThreemfModel, ThreemfObject
-from planner.formats.threemf_reader import decode_threemf, read_threemf
+from planner.errors import FileError, MeshError, OutputError
+from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
     "NAMESPACE",
+    "Constituent",
     "ThreemfModel",
     "ThreemfObject",
+    "canonical_archive",
+    "composite_name",
     "decode_threemf",
     "encode_threemf",
+    "member_hashes",
+    "mixed_colour",
     "read_threemf",
     "threemf_xml_hashes",
     "write_threemf",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# What a 3MF file holds, as far as planner is concerned.
+
+
+@dataclass(frozen=True, slots=True)
+class Constituent:
+    """A material of a mixture, its display colour, and its share, 0 to 1."""
+
+    name: str
+    colour: str
+    share: float
+
+
+def composite_name(constituents: Sequence[Constituent]) -> str:
+    """Return what a mixture is called: ``FLX9740-62.5_FLX9750-37.5``, shares in per cent."""
+    return "_".join(f"{part.name}-{100.0 * part.share:.1f}" for part in constituents)
+
+
+def mixed_colour(constituents: Sequence[Constituent]) -> str:
+    """Return the display colour of a mixture, ``#RRGGBB``."""
+    channels = [
+        sum(part.share * int(part.colour[place : place + 2], 16) for part in constituents)
+        for place in (1, 3, 5)
+    ]
+    return "#" + "".join(f"{min(255, round(channel)):02X}" for channel in channels)
+
+
+@dataclass(frozen=True, slots=True)
+class ThreemfObject:
+    """One mesh of a 3MF file, of one material or one mixture.
+
+    Attributes
+    ----------
+    vertices, faces
+        (n, 3) positions, float32 for writing, and (m, 3) outward triangles.
+    material_name, colour
+        Entry of the base material group, ``#RRGGBB``; empty when a file that was read has none.
+        Of a mixture, `composite_name` and `mixed_colour` of its constituents.
+    constituents
+        Of a mixture: its materials and their shares, which add up to 1.
+    metadata
+        Of the object. Names that the core specification knows are written as they are, others
+        in `planner.formats.threemf.NAMESPACE`; they are plain words (letters, digits, ``_``,
+        ``-``, ``.``).
+    """
+
+    name: str
+    vertices: Float32Array | FloatArray
+    faces: IntArray
+    material_name: str = ""
+    colour: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    constituents: tuple[Constituent, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ThreemfModel:
+    """What a 3MF file puts on the tray.
+
+    Attributes
+    ----------
+    unit
+        mm, um, cm, m, inch or ft; what the objects' coordinates are in.
+    objects
+        Each mesh as often as it is placed, where it is placed, in the order of the build items.
+    metadata
+        Of the model.
+    remarks
+        The reader's warnings, and what was left out.
+    """
+
+    unit: str
+    objects: tuple[ThreemfObject, ...]
+    metadata: Mapping[str, str]
+    remarks: tuple[str, ...]
+
+
+# ------------------------------------------------------------------------------------------------
+# Zip archives in one canonical form: same members, same bytes.
+
+
+_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
+_VERSION = 20  # deflate and folders, nothing newer
+_UNIX_FILE = 0o100644 << 16
+_LARGEST = 0xFFFFFFFE
+
+
+def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
+    """Rewrite an archive with fixed dates, permissions and order, and without zip64.
+
+    The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
+    nor a date of zero, both of which lib3mf writes.
+
+    Parameters
+    ----------
+    data
+        A zip archive whose members are stored or deflated.
+    first
+        Members to put first, in this order; the rest follow sorted by name.
+
+    Returns
+    -------
+    bytes
+        The archive.
+
+    Raises
+    ------
+    OutputError
+        A member or the whole is 4 GiB or more, which takes zip64.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {member.filename: member for member in archive.infolist()}
+    names = [name for name in first if name in members]
+    names += sorted(name for name in members if name not in first)
+    body, directory = bytearray(), bytearray()
+    for name in names:
+        member = members[name]
+        offset = len(body)
+        if max(offset + member.compress_size, member.file_size) > _LARGEST:
+            raise OutputError(
+                f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
+                "reduce the number of triangles"
+            )
+        path = name.encode("utf-8")
+        flags = 0 if name.isascii() else 0x800
+        facts = (
+            *(_VERSION, flags, member.compress_type, 0, _DATE),
+            *(member.CRC, member.compress_size, member.file_size, len(path), 0),
+        )
+        body += struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path
+        body += _deflated(data, member)
+        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
+        directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
+        directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
+    count = len(names)
+    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), len(body), 0)
+    return bytes(body + directory + end)
+
+
+def member_hashes(path: str | Path) -> dict[str, str]:
+    """Return the SHA-256 of each member's content by name, in the archive's order.
+
+    Content, not deflated bytes: these differ between versions of zlib.
+
+    Raises
+    ------
+    FileError
+        The file is missing or no zip archive.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {n: hashlib.sha256(archive.read(n)).hexdigest() for n in archive.namelist()}
+    except (OSError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: not a zip archive that can be read ({error})") from error
+
+
+def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
+    name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
+    start = member.header_offset + 30 + name_size + extra_size
+    return memoryview(data)[start : start + member.compress_size]
+
+
+# ------------------------------------------------------------------------------------------------
+# 3MF read by lib3mf: every mesh where the build puts it.
+
+
+_MOST_OBJECTS, _MOST_TRIANGLES = 10_000, 100_000_000
+_UNITS = {
+    lib3mf.ModelUnit.MicroMeter: "um",
+    lib3mf.ModelUnit.MilliMeter: "mm",
+    lib3mf.ModelUnit.CentiMeter: "cm",
+    lib3mf.ModelUnit.Inch: "inch",
+    lib3mf.ModelUnit.Foot: "ft",
+    lib3mf.ModelUnit.Meter: "m",
+}
+
+
+def read_threemf(path: str | Path, *, strict: bool = False) -> ThreemfModel:
+    """Read a 3MF file; see `decode_threemf`.
+
+    Raises
+    ------
+    MeshError
+        The file cannot be opened, or see `decode_threemf`.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
+    return decode_threemf(data, str(path), strict=strict)
+
+
+def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfModel:
+    """Read the bytes of a 3MF file: every model object where the build items put it.
+
+    Transforms of items and nested components are applied; a mirrored object's triangles are
+    turned over, so that outside stays outside. Supports and bare surfaces are left out.
+
+    Parameters
+    ----------
+    data, name
+        The whole file, and what errors call it.
+    strict
+        Take the file only if it follows the specification to the letter.
+
+    Raises
+    ------
+    MeshError
+        No 3MF, or it holds what is no mesh: a beam lattice, an implicit volume.
+    """
+    wrapper = lib3mf.get_wrapper()
+    model = wrapper.CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(strict)
+    remarks = []
+    try:
+        _read_from(reader, data)
+        warnings = [reader.GetWarning(i)[-1] for i in range(reader.GetWarningCount())]
+        remarks += [f"3MF reader: {text}" for text in dict.fromkeys(warnings)]
+        objects: list[ThreemfObject] = []
+        count = 0
+        items = model.GetBuildItems()
+        while items.MoveNext():
+            item = items.GetCurrent()
+            matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
+            for mesh, placed in _meshes(wrapper, item.GetObjectResource(), matrix, name, remarks):
+                count += mesh.GetTriangleCount()
+                if count > _MOST_TRIANGLES or len(objects) == _MOST_OBJECTS:
+                    raise MeshError(
+                        f"{name}: the build has more than {_MOST_OBJECTS} objects or "
+                        f"{_MOST_TRIANGLES} triangles, components counted as often as they are "
+                        "placed; print fewer copies at once"
+                    )
+                objects.append(_object(wrapper, model, mesh, placed))
+        heading = _metadata(model.GetMetaDataGroup())
+        return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), heading, tuple(remarks))
+    except lib3mf.ELib3MFException as error:
+        raise MeshError(f"{name}: not a 3MF file that can be read: {error}") from error
+
+
+def _read_from(reader: Any, data: bytes) -> None:
+    place = 0
+
+    def read(address: int, size: int, _: int) -> None:
+        nonlocal place
+        chunk = data[place : place + size]
+        ctypes.memmove(address, chunk, len(chunk))
+        place += size
+
+    def seek(position: int, _: int) -> None:
+        nonlocal place
+        place = position
+
+    reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), lib3mf.SeekCallback(seek), None)
+
+
+def _meshes(
+    wrapper: Any, resource: Any, matrix: FloatArray, name: str, remarks: list[str]
+) -> Iterator[tuple[Any, FloatArray]]:
+    """Yield the meshes under an object, each with the matrix from its points to the tray."""
+    called = f"object {resource.GetName() or resource.GetResourceID()!r}"
+    if resource.GetType() != lib3mf.ObjectType.Model and not resource.IsComponentsObject():
+        remark = f"{called} is no model but support or a surface: left out"
+        remarks += [] if remark in remarks else [remark]
+    elif resource.IsComponentsObject():
+        for number in range(resource.GetComponentCount()):
+            component = resource.GetComponent(number)
+            own = _matrix(component.GetTransform()) if component.HasTransform() else np.eye(4)
+            inner = component.GetObjectResource()
+            yield from _meshes(wrapper, inner, own @ matrix, name, remarks)
+    elif not resource.IsMeshObject() or resource.BeamLattice().GetBeamCount() > 0:
+        raise MeshError(
+            f"{name}: {called} is an implicit volume or a beam lattice; planner reads meshes: "
+            "export the part as triangles"
+        )
+    else:
+        yield resource, matrix
+
+
+def _matrix(transform: Any) -> FloatArray:
+    """Return a transform as the 4x4 matrix that row vectors (x, y, z, 1) are multiplied by."""
+    matrix = np.eye(4)
+    matrix[:, :3] = np.frombuffer(transform, dtype=np.float32).reshape(4, 3)
+    return matrix
+
+
+def _object(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> ThreemfObject:
+    stored = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32)
+    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32).astype(np.int32)
+    vertices: Float32Array | FloatArray = stored
+    if not np.array_equal(matrix, np.eye(4)):
+        x, y, z = stored.astype(np.float64).T
+        vertices = np.stack(
+            [x * row[0] + y * row[1] + z * row[2] + row[3] for row in matrix.T[:3]], axis=1
+        )
+        if np.linalg.det(matrix) < 0.0:
+            faces = np.ascontiguousarray(faces[:, ::-1])
+    material, colour, constituents = _material(wrapper, model, mesh)
+    metadata = _metadata(mesh.GetMetaDataGroup())
+    return ThreemfObject(mesh.GetName(), vertices, faces, material, colour, metadata, constituents)
+
+
+def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any) -> NDArray[Any]:
+    """Copy one of a mesh's arrays at once; lib3mf's own getters make a list of objects."""
+    count = mesh.GetVertexCount() if what == "vertices" else mesh.GetTriangleCount()
+    buffer = (type_ * count)()
+    get = getattr(wrapper.lib, f"lib3mf_meshobject_get{what}")
+    wrapper.checkError(mesh, get(mesh._handle, ctypes.c_uint64(count), ctypes.c_uint64(0), buffer))
+    return np.frombuffer(buffer, dtype=dtype).reshape(-1, 3).copy()
+
+
+def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str, tuple[Constituent, ...]]:
+    """Return an object's material, its colour, and what it is mixed of."""
+    group, entry, has = mesh.GetObjectLevelProperty()
+    kind = model.GetPropertyTypeByID(group) if has else lib3mf.PropertyType.NoPropertyType
+    if kind == lib3mf.PropertyType.BaseMaterial:
+        return *_base(wrapper, model.GetBaseMaterialGroupByID(group), entry), ()
+    if kind != lib3mf.PropertyType.Composite:
+        return "", "", ()
+    composites = model.GetCompositeMaterialsByID(group)
+    bases = composites.GetBaseMaterialGroup()
+    # A group's composites share one list of materials: those without a share are left out.
+    parts = tuple(
+        Constituent(*_base(wrapper, bases, part.PropertyID), part.MixingRatio)
+        for part in composites.GetComposite(entry)
+        if part.MixingRatio > 0.0
+    )
+    return composite_name(parts), mixed_colour(parts), parts
+
+
+def _base(wrapper: Any, bases: Any, entry: int) -> tuple[str, str]:
+    red, green, blue, _ = wrapper.ColorToRGBA(bases.GetDisplayColor(entry))
+    return bases.GetName(entry), f"#{red:02X}{green:02X}{blue:02X}"
+
+
+def _metadata(group: Any) -> dict[str, str]:
+    entries = (group.GetMetaData(i) for i in range(group.GetMetaDataCount()))
+    return {entry.GetName(): entry.GetValue() for entry in entries}
+
+
+# ------------------------------------------------------------------------------------------------
+# 3MF by lib3mf: one object a material under one assembly, the same bytes for the same content.
+
 
 NAMESPACE = "urn:planner:mixture:1"
 """XML namespace of the metadata that the 3MF core specification has no name for."""

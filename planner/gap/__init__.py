@@ -1,1 +1,1 @@
-"""The gap between simulation and measurement: the data, where it lies and what causes it."""
+"""Why printed parts differ from what the palette predicts."""

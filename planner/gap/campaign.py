@@ -1,14 +1,349 @@
-"""A campaign: the specimens that a lab printed from one palette, and what it measured."""
+"""A campaign: what a lab measured, on which specimens, under which conditions."""
 
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
 
 from planner.errors import FileError
-from planner.gap.conditions import replicate_groups
-from planner.gap.limitations import limitations_of
-from planner.gap.specimen import Specimen
+from planner.materials.characterise import MINIMUM_POINTS
+from planner.numerics import FloatArray
 from planner.palette import Palette
+from planner.simulation.bar import ProfileDesign
 
-__all__ = ["Campaign"]
+__all__ = [
+    "COLUMNS",
+    "Campaign",
+    "Orientation",
+    "Protocol",
+    "Specimen",
+    "StrainField",
+    "axis_columns",
+    "condition_keys",
+    "levels",
+    "limitations_of",
+    "named",
+    "replicate_groups",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# One specimen of a campaign: what it is, how it was tested, what was measured.
+
+
+Orientation = Literal["x", "y", "z"]
+Protocol = Literal["monotonic", "cyclic", "relaxation"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrainField:
+    """Strain along the axis, from image correlation.
+
+    Attributes
+    ----------
+    time_s
+        Rising, shape (t,), on the same clock as the specimen's record.
+    x_mm
+        Places along the undeformed gauge from its end, rising, shape (p,).
+    strain
+        Engineering strain, shape (t, p).
+    """
+
+    time_s: FloatArray
+    x_mm: FloatArray
+    strain: FloatArray
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("time_s", "x_mm", "strain"))
+        shape = (len(self.time_s), len(self.x_mm))
+        if self.strain.shape != shape:
+            raise FileError(f"strain field: shape {self.strain.shape}; it must be {shape}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Specimen:
+    """One specimen; None stands for what is unknown, never for "as the palette's reference".
+
+    Attributes
+    ----------
+    id
+        Its name in specimens.csv.
+    time_s, displacement_mm, force_N
+        The record: time rising, travel of the crosshead from rest, force positive in tension;
+        shape (n,), n at least `MINIMUM_POINTS`.
+    material, profile
+        Exactly one is given: a material id of the palette, or a graded bar's design.
+    width_mm, thickness_mm
+        Nominal section; None for a graded bar whose design has its own, and where only the
+        measured size is known.
+    gauge_mm
+        Undeformed gauge length.
+    orientation
+        Of the gauge on the tray.
+    covariates
+        Further columns by name: text, number or None.
+    strain_field
+        Strain along the axis, if it was measured.
+    time_recorded
+        False where the record had no time and it was counted from travel and rate.
+    """
+
+    id: str
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    gauge_mm: float
+    material: str | None = None
+    profile: ProfileDesign | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    measured_width_mm: float | None = None
+    measured_thickness_mm: float | None = None
+    rate_mm_s: float | None = None
+    temperature_C: float | None = None
+    soak_h: float | None = None
+    age_days: float | None = None
+    orientation: Orientation | None = None
+    protocol: Protocol | None = None
+    batch: str | None = None
+    covariates: Mapping[str, str | float | None] = field(default_factory=dict)
+    strain_field: StrainField | None = None
+    time_recorded: bool = True
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("time_s", "displacement_mm", "force_N"))
+        where = f"specimen {self.id}"
+        columns = {"time_s": self.time_s, "displacement_mm": self.displacement_mm,
+                   "force_N": self.force_N}  # fmt: skip
+        if self.time_s.ndim != 1 or len({array.shape for array in columns.values()}) > 1:
+            shapes = {name: array.shape for name, array in columns.items()}
+            raise FileError(f"{where}: columns differ in shape ({shapes}); give one value a point")
+        if len(self.time_s) < MINIMUM_POINTS:
+            raise FileError(
+                f"{where}: the record has {len(self.time_s)} points; at least {MINIMUM_POINTS} "
+                "are needed: export all of it, or leave the specimen out of specimens.csv"
+            )
+        for name, array in columns.items():
+            bad = np.flatnonzero(~np.isfinite(array))
+            if len(bad):
+                raise FileError(
+                    f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
+                    "such points"
+                )
+        fall = np.flatnonzero(np.diff(self.time_s) <= 0.0)
+        if len(fall):
+            raise FileError(
+                f"{where}: time goes from {self.time_s[fall[0]]:g} s to "
+                f"{self.time_s[fall[0] + 1]:g} s at point {fall[0] + 2}; time must rise"
+            )
+        if (self.material is None) == (self.profile is None):
+            raise FileError(f"{where}: give exactly one of material and profile")
+        if not 0.0 < self.gauge_mm < np.inf:
+            raise FileError(f"{where}: gauge_mm is {self.gauge_mm:g}; it must be above 0")
+
+    @property
+    def strain(self) -> FloatArray:
+        """Travel over gauge length."""
+        return self.displacement_mm / self.gauge_mm
+
+    @property
+    def area_mm2(self) -> float | None:
+        """Undeformed section, measured sizes first; None where a design alone gives it."""
+        width = self.measured_width_mm or self.width_mm
+        thickness = self.measured_thickness_mm or self.thickness_mm
+        return None if width is None or thickness is None else width * thickness
+
+    def section_mm2(self, x_mm: FloatArray) -> FloatArray | None:
+        """Return the undeformed section along the gauge, the design's where it has one.
+
+        None where it is unknown.
+        """
+        area = self.area_mm2
+        design = self.profile
+        if design is None or (design.width_mm is None and design.thickness_mm is None):
+            return None if area is None else np.full(np.shape(x_mm), area)
+        sizes = []
+        for along, alone in (
+            (design.width_mm, self.measured_width_mm or self.width_mm),
+            (design.thickness_mm, self.measured_thickness_mm or self.thickness_mm),
+        ):
+            if along is None and alone is None:
+                return None
+            sizes.append(
+                np.full(np.shape(x_mm), alone)
+                if along is None
+                else np.interp(x_mm, design.x_mm, along)
+            )
+        section: FloatArray = sizes[0] * sizes[1]
+        return section
+
+
+def _freeze(value: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        array = np.array(getattr(value, name), dtype=np.float64)
+        array.setflags(write=False)
+        object.__setattr__(value, name, array)
+
+
+# ------------------------------------------------------------------------------------------------
+# Which specimens were made and tested alike, so that they differ by scatter alone.
+
+
+TOLERANCES: dict[str, tuple[float, float]] = {
+    "rate_mm_s": (0.0, 0.05),
+    "temperature_C": (1.0, 0.0),
+    "soak_h": (0.25, 0.05),
+    "age_days": (0.5, 0.1),
+    "gauge_mm": (0.0, 0.02),
+    "width_mm": (0.0, 0.02),
+    "thickness_mm": (0.0, 0.02),
+}
+"""How far apart, absolute and relative, two specimens of one condition may be."""
+
+
+def levels(
+    values: Sequence[float | None], absolute: float, relative: float
+) -> tuple[int | None, ...]:
+    """Return the level of each value, counted from the lowest; None stays unknown.
+
+    Sorted values are of one level while each is within the tolerance of the level's first.
+    """
+    found: list[int | None] = [None] * len(values)
+    level, first = -1, 0.0
+    for value, place in sorted((v, i) for i, v in enumerate(values) if v is not None):
+        if level < 0 or value - first > max(absolute, relative * abs(first)):
+            level, first = level + 1, value
+        found[place] = level
+    return tuple(found)
+
+
+def condition_keys(
+    specimens: Sequence[Specimen], *, with_batch: bool = False
+) -> tuple[Hashable, ...]:
+    """Return a key for each specimen; equal keys mean made and tested alike.
+
+    Material or design, nominal size, orientation, protocol, rate, temperature, soaking and age
+    count, figures within `TOLERANCES`; further columns do not. Two unknowns count as alike.
+    """
+    columns = [
+        levels([getattr(s, name) for s in specimens], *tolerance)
+        for name, tolerance in TOLERANCES.items()
+    ]
+    return tuple(
+        (
+            s.material,
+            None if s.profile is None else _design_key(s),
+            s.orientation,
+            s.protocol,
+            s.batch if with_batch else None,
+            *(column[i] for column in columns),
+        )
+        for i, s in enumerate(specimens)
+    )
+
+
+def replicate_groups(
+    specimens: Sequence[Specimen], *, with_batch: bool = False
+) -> tuple[tuple[int, ...], ...]:
+    """Return the places of specimens that are alike, in order of appearance, singles included."""
+    return _grouped(condition_keys(specimens, with_batch=with_batch))
+
+
+def _grouped(keys: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:
+    groups: dict[Hashable, list[int]] = {}
+    for place, key in enumerate(keys):
+        groups.setdefault(key, []).append(place)
+    return tuple(tuple(group) for group in groups.values())
+
+
+def _design_key(specimen: Specimen) -> Hashable:
+    design = specimen.profile
+    assert design is not None
+    arrays = (design.x_mm, design.coordinate, design.width_mm, design.thickness_mm)
+    return tuple(None if a is None else np.round(a, 6).tobytes() for a in arrays)
+
+
+# ------------------------------------------------------------------------------------------------
+# What a campaign cannot tell, whatever is made of it.
+
+
+_CONDITIONS = (
+    "rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch",
+)  # fmt: skip
+
+
+def limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[str, ...]:
+    """Return one sentence a limitation that the specimens themselves show."""
+    return (
+        *_of_number(specimens),
+        *_of_replicates(specimens),
+        *_of_unknowns(specimens),
+        *_of_range(specimens, palette),
+    )
+
+
+def _of_number(specimens: Sequence[Specimen]) -> Iterator[str]:
+    if len(specimens) == 1:
+        yield (
+            "one specimen only: no condition varies and there is no scatter to judge a gap by, "
+            "so no cause can be named"
+        )
+
+
+def _of_replicates(specimens: Sequence[Specimen]) -> Iterator[str]:
+    groups = replicate_groups(specimens)
+    if len(specimens) > 1 and all(len(group) == 1 for group in groups):
+        yield (
+            "one specimen a condition: without replicates the scatter between specimens is "
+            "assumed, not measured; repeat at least one condition three times"
+        )
+
+
+def _of_unknowns(specimens: Sequence[Specimen]) -> Iterator[str]:
+    for name in _CONDITIONS:
+        unknown = [s.id for s in specimens if getattr(s, name) is None]
+        if not unknown:
+            continue
+        of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
+        yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
+
+
+def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
+    beyond: dict[tuple[float, str], list[Specimen]] = {}
+    for s in specimens:
+        end = _range_of(s, palette)
+        if float(np.max(s.strain)) > end[0] * (1.0 + 1e-9):
+            beyond.setdefault(end, []).append(s)
+    for (reach, of), over in beyond.items():
+        peak = max(float(np.max(s.strain)) for s in over)
+        yield (
+            f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:g}, where the "
+            f"law of {of} ends; what lies beyond is not compared"
+        )
+
+
+def _range_of(specimen: Specimen, palette: Palette) -> tuple[float, str]:
+    """Return the largest strain with a law, on average over the bar, and whose it is."""
+    if specimen.profile is None:
+        material = palette.resolve(specimen.material or "")
+        return material.elongation_at_break, material.id
+    low, high = (float(f(specimen.profile.coordinate)) for f in (np.min, np.max))
+    printed = [m for m in palette.materials if low - 1e-6 <= m.coordinate <= high + 1e-6]
+    among = printed or list(palette.materials)
+    widest = max(among, key=lambda m: m.elongation_at_break)
+    return widest.elongation_at_break, widest.id
+
+
+def named(ids: Sequence[str], most: int = 6) -> str:
+    """Write a list of specimens in words, a long one in short."""
+    if len(ids) > most:
+        return f"{len(ids)} specimens ({', '.join(ids[:most])}, ...)"
+    return f"{'specimen' if len(ids) == 1 else 'specimens'} {', '.join(ids)}"
+
+
+# ------------------------------------------------------------------------------------------------
+# A campaign: the specimens that a lab printed from one palette, and what it measured.
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,3 +405,32 @@ class Campaign:
         """Return the specimens grouped by condition, singles included."""
         groups = replicate_groups(self.specimens)
         return tuple(tuple(self.specimens[i] for i in group) for group in groups)
+
+
+# ------------------------------------------------------------------------------------------------
+# What each specimen has on every axis that a column of specimens.csv gives.
+
+
+COLUMNS = (
+    "rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch",
+    "width_mm", "thickness_mm", "measured_width_mm", "measured_thickness_mm", "gauge_mm",
+)  # fmt: skip
+"""Known columns along which a gap may vary, besides material and design."""
+
+
+def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:
+    """Return the columns by name, each with a value a specimen in the campaign's order.
+
+    ``material`` holds the design's name for a graded bar, ``specimen`` the id; further columns
+    stand last under their own names.
+    """
+    specimens = campaign.specimens
+    columns: dict[str, tuple[float | str | None, ...]] = {
+        "specimen": tuple(s.id for s in specimens),
+        "material": tuple(s.material or (s.profile.name if s.profile else None) for s in specimens),
+    }
+    for name in COLUMNS:
+        columns[name] = tuple(getattr(s, name) for s in specimens)
+    for name in campaign.covariates:
+        columns[name] = tuple(s.covariates.get(name) for s in specimens)
+    return columns

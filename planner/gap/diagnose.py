@@ -1,34 +1,213 @@
 """Diagnose a campaign: where its gap lies, which effect causes it, how far it closes, what next."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from planner.errors import UnknownNameError, nearest_names
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.closure import closure, refutes, without_effect
-from planner.gap.diagnosis import Diagnosis, Quality, Untestable
-from planner.gap.effects import EFFECTS, Effect, effects_for
-from planner.gap.effects.testable import untestable
-from planner.gap.evidence.candidate import Candidate
-from planner.gap.evidence.detectable import detectable_sizes
-from planner.gap.evidence.intervals import found_effects
-from planner.gap.evidence.posterior import class_of, verdict_of
-from planner.gap.evidence.priors import Priors
-from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.ranking import ranking_of, without_refuted
-from planner.gap.evidence.unlike import caution
-from planner.gap.evidence.weigh import Effects, weigh
-from planner.gap.experiments import next_experiments
-from planner.gap.forward.mount import Mounted, mount
-from planner.gap.look_alikes import look_alikes
+from planner.gap.design import next_experiments
+from planner.gap.diagnosis import Diagnosis, Place, Quality, Traces, Untestable
+from planner.gap.effect import Effect, untestable
+from planner.gap.effects import EFFECTS, effects_for
+from planner.gap.evidence.posterior import (
+    caution,
+    class_of,
+    detectable_sizes,
+    found_effects,
+    ranking_of,
+    verdict_of,
+    without_refuted,
+)
+from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
+from planner.gap.evidence.surrogate import Candidate, figures_of
+from planner.gap.evidence.weigh import Effects, Priors, weigh
+from planner.gap.localise import localise
+from planner.gap.localise_axes import Noise
+from planner.gap.observations import Mounted, mount
 from planner.gap.quality import examine
-from planner.gap.remainder import places_of, recalibration_of
-from planner.gap.traces import traces_of
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import predict
 
-__all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
+__all__ = [
+    "LEAST_PROBABILITY",
+    "RANKED",
+    "diagnose",
+    "look_alikes",
+    "places_of",
+    "prepared",
+    "recalibration_of",
+    "traces_of",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Where the gap lies, what remains of it after the effect, and what the laws ask for beside it.
+
+
+SIGNIFICANT = 0.01
+"""Family-wise: a remainder is named only where it is hardly chance."""
+
+
+def places_of(
+    problem: Problem, chosen: Candidate, rng: np.random.Generator
+) -> tuple[tuple[Place, ...], tuple[Place, ...]]:
+    """Return where the gap lies, and where a significant one is left after the chosen effects."""
+    noise = Noise(
+        problem.noise.blocks,
+        np.concatenate([problem.calibration_figures.T, problem.noise.batch], axis=1),
+        problem.scatter.log_sd,
+    )
+    before = localise(problem.campaign, problem.table, problem.residual, noise, rng)
+    if not chosen.effects:
+        return before, tuple(p for p in before if p.p < SIGNIFICANT)
+    left = problem.residual - explained(problem, chosen)
+    after = localise(problem.campaign, problem.table, left, noise, rng)
+    return before, tuple(p for p in after if p.p < SIGNIFICANT)
+
+
+def explained(problem: Problem, chosen: Candidate) -> FloatArray:
+    """Return what the chosen effects change of the figures, (N,)."""
+    change = figures_of(chosen, problem.node_figures)
+    if chosen.members is not None:
+        force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
+        change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force
+    return change
+
+
+def recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
+    """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
+    columns = problem.whitened.columns
+    first = columns.shape[1] - problem.whitened.nuisances
+    j = columns[:, first:]
+    left = columns[:, 0].copy()
+    for branch, place in zip(chosen.branches, chosen.places, strict=True):
+        one = Candidate((branch.effect.id,), (branch,), (place,))
+        left -= _whitened_figures(problem, one)
+    if chosen.members is not None:
+        left -= columns[:, problem.gains] @ (chosen.log_gain * chosen.members)
+    inner = np.linalg.inv(j.T @ j + np.eye(j.shape[1]))
+    best = inner @ (j.T @ left)
+    return {
+        way.material: (float(best[k] * way.sd), float(np.sqrt(inner[k, k]) * way.sd))
+        for k, way in enumerate(problem.ways)
+        if way.kind == "level"
+    }
+
+
+def _whitened_figures(problem: Problem, candidate: Candidate) -> FloatArray:
+    start = problem.nodes.start
+    stop = start + len(problem.node_figures)
+    return figures_of(candidate, problem.whitened.columns[:, start:stop].T)
+
+
+# ------------------------------------------------------------------------------------------------
+# Curves to draw: what was predicted before and after, and what was measured.
+
+
+_NAMED = (
+    ("rate_mm_s", "{:g} mm/s"),
+    ("temperature_C", "{:g} °C"),
+    ("soak_h", "{:g} h soaked"),
+    ("age_days", "{:g} d old"),
+)
+
+
+def traces_of(problem: Problem, chosen: Candidate) -> Traces:
+    """Return the traces of a campaign and its verdict's candidate."""
+    mounted, specimens = problem.mounted, problem.campaign.specimens
+    setup = mounted.setup
+    measured = mounted.measured_N
+    peak = np.maximum(np.abs(measured).max(axis=1), 1e-12)
+    before = specimen_forces_N(problem, Candidate(()), setup)
+    after = specimen_forces_N(problem, chosen, setup)
+    return Traces(
+        label=tuple(_label(specimens[members[0]], specimens) for members in mounted.tests),
+        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in mounted.tests),
+        travel_mm=setup.travel_mm,
+        time_s=setup.time_s,
+        before_N=predict(setup, problem.laws).force_N,
+        after_N=predict(applied(chosen, setup), problem.laws).force_N,
+        measured_N=measured,
+        residual_before=np.mean(measured - before, axis=1) / peak,
+        residual_after=np.mean(measured - after, axis=1) / peak,
+        specimens=tuple(s.id for s in specimens),
+        columns=axis_columns(problem.campaign),
+    )
+
+
+def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
+    """Return what a test is, by the columns that vary in the campaign."""
+    profile = specimen.profile
+    parts = [specimen.material or (f"bar {profile.name}" if profile is not None else "")]
+    for name, text in _NAMED:
+        value = getattr(specimen, name)
+        if value is not None and len({getattr(s, name) for s in specimens}) > 1:
+            parts.append(text.format(value))
+    for name in ("orientation", "protocol"):
+        if len({getattr(s, name) for s in specimens}) > 1 and getattr(specimen, name):
+            parts.append(str(getattr(specimen, name)))
+    return ", ".join(parts)
+
+
+# ------------------------------------------------------------------------------------------------
+# Effects that could not be tested, but would show where the verdict's effects do.
+
+
+_TESTS: Mapping[str, str] = MappingProxyType(
+    {
+        "rate_mm_s": "test at two speeds that differ tenfold, and write rate_mm_s down",
+        "hold": "hold a specimen at a strain",
+        "temperature_C": "test at two temperatures 10 K apart, and write temperature_C down",
+        "soak_h": "test specimens soaked for a day and dry ones, and write soak_h down",
+        "age_days": "test specimens of two ages weeks apart, and write age_days down",
+        "orientation": "print specimens along two directions, and write orientation down",
+        "materials": "test a second material of the palette",
+        "section": "measure width and thickness",
+    }
+)
+"""What makes a covariate or channel serve."""
+
+_NEVER_THERE = frozenset({"unloading", "bar"})
+"""Channels without which an effect does not act: what was never unloaded has no set, what was
+printed of one material no boundary."""
+
+
+def look_alikes(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
+    """Return a sentence for each effect that may be the cause in place of the verdict's.
+
+    Such an effect could not be tested, so that no evidence speaks for or against it, and shows
+    along an axis along which one of the verdict's effects shows as well.
+
+    Parameters
+    ----------
+    effects
+        The verdict's, by id; an "unknown" has no axes of its own and resembles nothing.
+    """
+    return tuple(sentence for u in not_testable if (sentence := _sentence(u, effects)) is not None)
+
+
+def _sentence(untestable: Untestable, effects: Sequence[str]) -> str | None:
+    other = EFFECTS[untestable.id]
+    needs = (*other.covariates, *other.channels)
+    if _NEVER_THERE & set(needs):
+        return None
+    alike = [id for id in effects if id in EFFECTS and set(EFFECTS[id].where) & set(other.where)]
+    if not alike:
+        return None
+    axes = [axis for axis in other.where if any(axis in EFFECTS[id].where for id in alike)]
+    tests = " and ".join(", or ".join(_TESTS[n] for n in need.split("|")) for need in needs)
+    settle = f"; to settle it, {tests}" if tests else ""
+    return (
+        f"{other.id} could not be tested ({untestable.reason}), but shows along "
+        f"{' and '.join(axes)} as {' and '.join(alike)} {'do' if len(alike) > 1 else 'does'}, and "
+        f"may be the cause instead, or a part of it{settle}"
+    )
+
 
 Progress = Callable[[int, int, str], None]
 RANKED = 12

@@ -1,1 +1,1 @@
-"""Grading: from a part and a wish for stiffness to a plan, and the verification of plans."""
+"""Grading: from a part and a wish for stiffness to a plan."""

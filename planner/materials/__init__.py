@@ -1,1 +1,1 @@
-"""Materials: constitutive laws, stiffness between the catalogue grades, and the inverse."""
+"""Materials: laws, mixtures, tests and fits."""

@@ -1,33 +1,514 @@
 """What a tensile test says of a material without any law: modulus, toughness, elongation."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
-from planner.errors import ArgumentError
-from planner.materials.curve import Curve
-from planner.materials.deformation import Deformation, deformation, yield_strain
-from planner.materials.linear_part import LinearPart, linear_part
+from planner.errors import ArgumentError, FileError
+from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = [
+    "BROKEN_SHARE",
+    "MINIMUM_POINTS",
+    "NONRIGID_MPA",
+    "REPLICATE_FACTOR",
     "SECANT_STRAINS",
     "Characteristics",
+    "Curve",
+    "Deformation",
+    "LinearPart",
     "MaterialCharacteristics",
     "Spread",
     "characterise",
     "characterise_material",
+    "deformation",
+    "doubts",
+    "linear_part",
+    "noise_sd",
     "spread",
     "toe_compensated",
+    "without_tail",
+    "yield_strain",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# One specimen's loading curve, checked: the input of characterisation and of fitting.
+
+
+MINIMUM_POINTS = 8
+"""Fewer points than this decide neither a slope nor a law."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """Nominal stress against engineering strain of one specimen in uniaxial tension.
+
+    Attributes
+    ----------
+    specimen
+        The specimen's name; errors carry it.
+    strain
+        Engineering strain (elongation over gauge length, a fraction), shape (n,).
+    stress_MPa
+        Nominal stress (force over the undeformed section), shape (n,).
+    time_s
+        Time from the first point, or None where it was not recorded.
+    material
+        What the specimen is made of, as the lab calls it.
+    notes
+        What was corrected or assumed on the way, one sentence each.
+
+    Raises
+    ------
+    FileError
+        The arrays differ in length, hold NaN or infinity, have fewer than `MINIMUM_POINTS`
+        points, or time does not rise.
+    """
+
+    specimen: str
+    strain: FloatArray
+    stress_MPa: FloatArray
+    time_s: FloatArray | None = None
+    material: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
+        if self.time_s is not None:
+            columns["time_s"] = self.time_s
+        for name, values in columns.items():
+            array = np.array(values, dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+            columns[name] = array
+        where = f"specimen {self.specimen}"
+        if len({array.shape for array in columns.values()}) > 1 or self.strain.ndim != 1:
+            shapes = {name: array.shape for name, array in columns.items()}
+            raise FileError(f"{where}: columns differ in shape ({shapes}); give one value a point")
+        if len(self.strain) < MINIMUM_POINTS:
+            raise FileError(
+                f"{where}: the curve has {len(self.strain)} points; it takes at least "
+                f"{MINIMUM_POINTS} to characterise one"
+            )
+        for name, array in columns.items():
+            bad = np.flatnonzero(~np.isfinite(array))
+            if len(bad):
+                raise FileError(
+                    f"{where}: {name} is {array[bad[0]]} at point {bad[0] + 1}; remove or repair "
+                    "such points"
+                )
+        if self.time_s is not None and np.any(np.diff(self.time_s) <= 0):
+            at = int(np.flatnonzero(np.diff(self.time_s) <= 0)[0])
+            raise FileError(
+                f"{where}: time goes from {self.time_s[at]:g} s to {self.time_s[at + 1]:g} s at "
+                f"point {at + 2}; time must rise"
+            )
+
+    @property
+    def stretch(self) -> FloatArray:
+        """Deformed length over gauge length, 1 + strain."""
+        return 1.0 + self.strain
+
+
+# ------------------------------------------------------------------------------------------------
+# Where a record breaks, and how noisy it is.
+
+
+BROKEN_SHARE = 0.2
+"""A stress below this share of the peak, behind the peak, is a broken specimen's."""
+
+RUPTURE_SHARE = 0.25
+"""A fall by this share of the peak from one point to the next is rupture at once."""
+
+SUDDEN_SHARE = 0.03
+"""A fall of more than this share from one point to the next, just before rupture, belongs to it."""
+
+
+def noise_sd(values: FloatArray) -> float:
+    """Return the standard deviation of point-to-point noise.
+
+    From the median absolute third difference, which a smooth course and single jumps leave
+    almost untouched; white noise of deviation s has third differences of deviation sqrt(20) s.
+    """
+    if len(values) < 4:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+
+
+def without_tail(curve: Curve) -> Curve:
+    """Cut what a record holds behind rupture, and note it.
+
+    Rupture is where the stress behind its peak falls below `BROKEN_SHARE` of it, or by
+    `RUPTURE_SHARE` of it at once, or where the record ends in a sudden fall; the sudden falls
+    (`SUDDEN_SHARE`) just before are cut as well. A drop behind a yield point is slow and stays.
+
+    Raises
+    ------
+    FileError
+        The stress never rises above its noise, or too few points are left.
+    """
+    stress, strain = curve.stress_MPa, curve.strain
+    noise = noise_sd(stress)
+    peak = int(np.argmax(stress))
+    height = float(stress[peak])
+    if height <= 0.0 or height - float(np.median(stress[:3])) <= 6.0 * noise:
+        raise FileError(
+            f"specimen {curve.specimen}: the curve never loads (stress reaches {height:g} MPa, "
+            f"noise is {noise:.2g} MPa); check the load cell, the sign and the columns"
+        )
+    behind = stress[peak:]
+    broken = behind[1:] < BROKEN_SHARE * height
+    broken |= -np.diff(behind) > max(RUPTURE_SHARE * height, 6.0 * noise)
+    last = peak + int(np.argmax(broken)) if broken.any() else len(stress) - 1
+    sudden = max(SUDDEN_SHARE * height, 6.0 * noise)
+    while last > peak and stress[last - 1] - stress[last] > sudden:
+        last -= 1
+    cut = len(stress) - 1 - last
+    if not cut:
+        return curve
+    if last + 1 < MINIMUM_POINTS:
+        raise FileError(
+            f"specimen {curve.specimen}: only {last + 1} points before the break at strain "
+            f"{strain[last]:g}; at least {MINIMUM_POINTS} are needed: sample faster"
+        )
+    return replace(
+        curve,
+        strain=strain[: last + 1],
+        stress_MPa=stress[: last + 1],
+        time_s=None if curve.time_s is None else curve.time_s[: last + 1],
+        notes=(
+            *curve.notes,
+            f"specimen {curve.specimen}: breaks at strain {strain[last]:.4g}; {cut} points "
+            "behind it are cut",
+        ),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# The linear part of a loading curve, and the toe before it.
+#
+# The rule, in the order it is applied:
+#
+# 1. Slopes of short windows along the curve up to its peak; a window is just long enough that
+#    scatter leaves the steepest slope of the beginning uncertain by at most 2 % (standard error),
+#    and no longer than a sixth of the points.
+# 2. The tangent sought is the steepest of the first rise: before the slopes first fall below 80 %
+#    of their largest so far, and within the first 0.2 of strain, by which grips have seated and
+#    slack is drawn out. The final upturn of a rubber is thereby out of the question.
+# 3. From there the linear part grows both ways while the windows' slopes stay within 5 % of the
+#    least-squares slope of what it holds already (plus three standard errors), until it no longer
+#    changes. Its least-squares slope is Young's modulus.
+# 4. A toe is there if the line meets zero stress behind the record's first point, by more than
+#    three standard errors and half a step, and the points before lie above it. Strains then count
+#    from that point (ASTM D638, annex A1: the tangent at the maximum slope, extrapolated to zero
+#    stress).
+#
+# 5. A part that begins with the record and yet bends is the arc of a rubber and no line: a parabola
+#    through it changes its slope by more than a tenth, and by five standard errors. Its modulus is
+#    the slope at the beginning of Mooney's form, c0 + (l - l^-2) (c1 + c2 / l), through it (up to a
+#    strain of 1), and nothing is shifted.
+#
+# A curve that steepens on beyond that range, as a rubber's may, has no such tangent: its modulus
+# is the slope at the origin, and nothing is shifted.
+
+
+SLOPE_ERROR = 0.02
+FIRST_FALL = 0.8
+LINEARITY = 0.05
+TOE_RANGE = 0.2
+"""Strain within which the linear part begins."""
+
+LONG_SHARE = 0.2
+"""A line over this share of the peak stress is one, though the slopes rise on behind it."""
+
+ARC_CHANGE = 0.1
+"""Relative change of slope over a part that is an arc."""
+
+MOONEY_RANGE = 1.0
+"""Strain over which Mooney's form holds a rubber; its upturn lies beyond."""
+
+_MINIMUM_WINDOW = 5
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPart:
+    """Where a curve is straight, and how steep.
+
+    Attributes
+    ----------
+    start, stop
+        Points of the linear part, as a slice.
+    modulus_MPa
+        Slope of the line, or of the arc at its beginning.
+    toe_strain
+        The strain from which strains count; 0 where there is no toe.
+    kind
+        "line" (a linear part was found), "arc" (the curve bends from its beginning) or "origin"
+        (it steepens on); the modulus of the latter two is the slope at the beginning.
+    zero_strain
+        Where the line, or the arc's tangent, meets zero stress, shifted or not.
+    """
+
+    start: int
+    stop: int
+    modulus_MPa: float
+    toe_strain: float
+    kind: Literal["line", "arc", "origin"]
+    zero_strain: float
+
+
+class _Lines:
+    """Least-squares lines through runs of points, each in constant time by running sums."""
+
+    def __init__(self, x: FloatArray, y: FloatArray) -> None:
+        self._centre = float(x.mean()), float(y.mean())
+        u, v = x - self._centre[0], y - self._centre[1]
+        self._sums = [
+            np.concatenate([[0.0], np.cumsum(values)]) for values in (u, v, u * u, u * v, v * v)
+        ]
+
+    def _moments(self, i: IntArray, j: IntArray) -> tuple[FloatArray, ...]:
+        n = (j - i).astype(np.float64)
+        u, v, uu, uv, vv = (s[j] - s[i] for s in self._sums)
+        return n, u / n, v / n, uu - u * u / n, uv - u * v / n, vv - v * v / n
+
+    def windows(self, width: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Slopes of all windows of `width` points, spread of x (Sxx), scatter about each line."""
+        start = np.arange(len(self._sums[0]) - width)
+        _, _, _, sxx, sxy, syy = self._moments(start, start + width)
+        sxx = np.where(sxx > 0.0, sxx, np.inf)
+        slopes = sxy / sxx
+        return slopes, sxx, np.sqrt(np.maximum(syy - slopes * sxy, 0.0) / (width - 2))
+
+    def line(self, start: int, stop: int) -> tuple[float, float, float]:
+        """Slope, where the line meets zero, and that strain's standard error."""
+        n, u, v, sxx, sxy, syy = (
+            float(m[0]) for m in self._moments(np.array([start]), np.array([stop]))
+        )
+        if not sxx > 0.0:
+            return 0.0, 0.0, np.inf
+        slope = sxy / sxx
+        if slope <= 0.0:
+            return slope, 0.0, np.inf
+        variance = max(syy - slope * sxy, 0.0) / max(n - 2.0, 1.0)
+        x_mean, y_mean = u + self._centre[0], v + self._centre[1]
+        zero = x_mean - y_mean / slope
+        zero_error = np.sqrt(variance * (1.0 / n + (x_mean - zero) ** 2 / sxx)) / slope
+        return slope, zero, float(zero_error)
+
+
+def linear_part(curve: Curve) -> LinearPart:
+    """Find a curve's linear part by the rule in the module's description.
+
+    Raises
+    ------
+    FileError
+        The stress reaches its peak within fewer than five points.
+    """
+    peak = int(np.argmax(curve.stress_MPa)) + 1
+    x, y = curve.strain[:peak], curve.stress_MPa[:peak]
+    if peak < _MINIMUM_WINDOW:
+        raise FileError(
+            f"specimen {curve.specimen}: the stress peaks at point {peak}; a slope takes at "
+            f"least {_MINIMUM_WINDOW} points of loading: sample faster"
+        )
+    lines = _Lines(x, y)
+    noise = noise_sd(y)
+    begins = x - x[0] <= TOE_RANGE
+    slopes, errors, width = _windows(lines, begins, noise)
+    seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)])
+    start, stop = _grow(lines, slopes, errors, seed, width)
+    kind: Literal["line", "arc", "origin"] = "line"
+    if still_rising and y[stop - 1] - y[start] < LONG_SHARE * y[-1]:
+        kind = "origin"
+        start, stop = _grow(lines, slopes, errors, 0, width)
+    modulus, zero, zero_error = lines.line(start, stop)
+    arc = _arc(x[start:stop], y[start:stop]) if start == 0 else None
+    if arc is not None:
+        kind = "arc" if kind == "line" else kind
+        modulus, zero = arc
+    if modulus <= 0.0:
+        raise FileError(
+            f"specimen {curve.specimen}: the stress does not rise with strain at strain "
+            f"{x[start]:.4g}; check the columns, or cut the record before the loading"
+        )
+    toe = 0.0
+    if kind == "line":
+        spacing = float(np.median(np.diff(x[:stop])))
+        front = x < zero
+        # On the line itself, they show a load that was not zeroed, and no toe.
+        above = y[front] - modulus * (x[front] - zero)
+        if zero - x[0] > max(3.0 * zero_error, 0.5 * spacing) and float(
+            np.mean(above)
+        ) > 3.0 * noise / np.sqrt(len(above)):
+            toe = zero
+    return LinearPart(start, stop, modulus, toe, kind, zero)
+
+
+def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
+    """Slope of an arc at its first point, and the zero of the tangent there.
+
+    None where a parabola's bend is not significant, or the slope not positive.
+    """
+    if len(x) < _MINIMUM_WINDOW or x[-1] <= x[0]:
+        return None
+    scale = float(x[-1] - x[0])
+    terms = np.vander((x - x[0]) / scale, 3, increasing=True)
+    inverse = np.linalg.pinv(terms)
+    coefficients = inverse @ y
+    slope, bend = (float(c) for c in coefficients[1:])
+    scatter = float(np.sum((y - terms @ coefficients) ** 2)) / (len(x) - 3)
+    bend_error = np.sqrt(scatter * np.sum(inverse[2] ** 2))
+    if slope <= 0.0 or abs(bend) <= max(5.0 * bend_error, 0.5 * ARC_CHANGE * slope):
+        return None
+    # Mooney's form instead of the parabola: as many coefficients, and the shape of rubber.
+    near = x - x[0] <= max(MOONEY_RANGE, float(x[_MINIMUM_WINDOW - 1] - x[0]))
+    stretch = 1.0 + x[near]
+    uniaxial = stretch - stretch**-2.0
+    terms = np.stack([np.ones_like(stretch), uniaxial, uniaxial / stretch], axis=1)
+    level, first, second = (float(c) for c in np.linalg.lstsq(terms, y[near])[0])
+    at = float(stretch[0])
+    slope = first * (1.0 + 2.0 * at**-3.0) + 3.0 * second * at**-4.0
+    if slope <= 0.0:
+        return None
+    start = float(terms[0] @ [level, first, second])
+    return slope, float(x[0]) - start / slope
+
+
+def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray, FloatArray, int]:
+    """Slopes, their standard errors, and the width of the shortest windows that do."""
+    count = len(begins)
+    width = min(_MINIMUM_WINDOW, max(3, count // 6))
+    while True:
+        slopes, spread, scatter = lines.windows(width)
+        near = begins[: len(slopes)]
+        # Typical scatter, so that one stray point neither spoils nor excuses its window.
+        errors = max(noise, float(np.median(scatter[near]))) / np.sqrt(spread)
+        at = int(np.argmax(np.where(near, slopes, -np.inf)))
+        if errors[at] <= SLOPE_ERROR * slopes[at] or width * 1.5 > count / 6:
+            return slopes, errors, width
+        width = int(width * 1.5)
+
+
+def _steepest(slopes: FloatArray, errors: FloatArray, near: BoolArray) -> tuple[int, bool]:
+    """Index of the steepest window of the first rise, and whether steeper ones follow it."""
+    highest = np.maximum.accumulate(slopes - errors)
+    fallen = np.flatnonzero((slopes + 2.0 * errors < FIRST_FALL * highest) & (highest > 0.0))
+    end = max(int(fallen[0]), 1) if len(fallen) else len(slopes)
+    rise = slopes[:end]
+    seed = int(np.argmax(np.where(near[:end], rise, -np.inf)))
+    limit = (1.0 + LINEARITY) * slopes[seed] + 3.0 * errors[seed]
+    return seed, bool(np.any(rise[seed:] > limit))
+
+
+def _grow(
+    lines: _Lines, slopes: FloatArray, errors: FloatArray, seed: int, width: int
+) -> tuple[int, int]:
+    """Grow from a window both ways while slopes agree with the line; the points' slice."""
+    modulus = float(slopes[seed])
+    first = last = seed
+    for _ in range(20):
+        fits = np.abs(slopes - modulus) <= LINEARITY * abs(modulus) + 3.0 * errors
+        fits[seed] = True
+        misfits = np.flatnonzero(~fits)
+        before, behind = misfits[misfits < seed], misfits[misfits > seed]
+        grown = (
+            int(before[-1]) + 1 if len(before) else 0,
+            int(behind[0]) - 1 if len(behind) else len(slopes) - 1,
+        )
+        if grown == (first, last):
+            break
+        first, last = grown
+        modulus = lines.line(first, last + width)[0]
+    return first, last + width
+
+
+# ------------------------------------------------------------------------------------------------
+# Whether a material deforms elastically (a hyperelastic law) or plastically (a modulus alone).
+#
+# The rule:
+#
+# - Young's modulus above 70 MPa: plastic. ASTM D883 calls a plastic nonrigid up to 70 MPa
+#   (10 000 psi), semirigid and rigid above; a network of rubber does not get there, and what is
+#   stiffer takes its large strains by yielding, or breaks.
+# - Up to 70 MPa: plastic only if the stress has a true yield point, a maximum in the first half of
+#   the strain to break with a fall of at least 3 % of the peak behind it. A falling slope alone
+#   shows nothing there: every rubber's falls.
+#
+# On the thesis' ten digital materials the limit stands between FLX9795 (60.5 MPa, elastic) and
+# RGD8430 (95.6 MPa, plastic).
+
+
+NONRIGID_MPA = 70.0
+"""Largest modulus of a nonrigid plastic (ASTM D883)."""
+
+YIELD_DROP = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Deformation:
+    """How a material deforms, and by which part of the rule."""
+
+    kind: Literal["elastic", "plastic"]
+    reason: str
+
+
+def yield_strain(curve: Curve) -> float | None:
+    """Return the strain at the yield point: the first maximum of stress before break.
+
+    A fall of at least 3 % of the peak stress, and of six times the noise, has to follow.
+    """
+    stress = curve.stress_MPa
+    highest = np.maximum.accumulate(stress)
+    drop = max(YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
+    fallen = np.flatnonzero(highest - stress > drop)
+    if not len(fallen):
+        return None
+    return float(curve.strain[int(np.argmax(stress[: fallen[0]]))])
+
+
+def deformation(
+    modulus_MPa: float, elongation_at_break: float, yield_strain: float | None = None
+) -> Deformation:
+    """Classify by Young's modulus, strain at break and strain at yield (None: no yield point)."""
+    if modulus_MPa > NONRIGID_MPA:
+        how = (
+            f"yields at strain {yield_strain:.3g}"
+            if yield_strain is not None
+            else "breaks without a yield point"
+        )
+        return Deformation(
+            "plastic",
+            f"modulus {modulus_MPa:.3g} MPa is above {NONRIGID_MPA:g} MPa, not a nonrigid "
+            f"material (ASTM D883); it {how}",
+        )
+    if yield_strain is not None and yield_strain <= 0.5 * elongation_at_break:
+        return Deformation(
+            "plastic",
+            f"yields at strain {yield_strain:.3g}, before half its strain to break "
+            f"({elongation_at_break:.3g})",
+        )
+    return Deformation(
+        "elastic",
+        f"modulus {modulus_MPa:.3g} MPa is nonrigid (up to {NONRIGID_MPA:g} MPa, ASTM D883) "
+        "and no yield point comes before half the strain to break",
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# What a tensile test says of a material without any law: modulus, toughness, elongation.
+
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
 OFFSET_SHARE = 0.02
 """Stress at rest, as a share of the peak, that tells a load cell not zeroed."""
 
 CONFIDENCE = 0.95
-_FIGURES = (
+_MATERIAL_FIGURES = (
     "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
     "strength_MPa",
 )  # fmt: skip
@@ -184,7 +665,7 @@ def characterise_material(
     """
     found = tuple(characterise(curve, secant_strains=secant_strains) for curve in curves)
     figures: dict[str, list[float | None]] = {
-        name: [getattr(c, name) for c in found] for name in _FIGURES
+        name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
     }
     for strain in secant_strains:
         figures[f"secant_{strain:g}_MPa"] = [c.secant_MPa[strain] for c in found]
@@ -277,3 +758,73 @@ def _fall_note(curve: Curve) -> list[str]:
         f"specimen {curve.specimen}: the stress falls slowly from its peak at strain {at_peak:.4g} "
         f"to the break at {end:.4g}; toughness and strain at break count that as elongation"
     ]
+
+
+# ------------------------------------------------------------------------------------------------
+# What to look at again before a material's figures are used.
+
+
+REPLICATE_FACTOR = 2.0
+"""Replicates differ by a few to some tens of per cent; beyond this factor from their median a
+specimen is another material, or its size is wrong."""
+
+_DOUBTED_FIGURES: dict[str, Callable[[Characteristics], float]] = {
+    "modulus (MPa)": lambda c: c.modulus_MPa,
+    "strength (MPa)": lambda c: c.strength_MPa,
+    "strain at break": lambda c: c.elongation_at_break,
+}
+
+
+def doubts(found: MaterialCharacteristics) -> tuple[str, ...]:
+    """Return what speaks against a material's figures, one sentence each.
+
+    - Specimens that deform unlike one another.
+    - Specimens whose modulus, strength or strain at break is more than `REPLICATE_FACTOR` times
+      the replicates' median, or less than its inverse; two specimens are compared directly.
+    - A modulus above the nonrigid plastics' with more than twice the length at break and no
+      yield point, which few materials show, and every rubber whose stress is psi given as MPa.
+    """
+    said = []
+    if not found.agree:
+        kinds = ", ".join(f"{c.specimen} {c.deformation.kind}" for c in found.specimens)
+        said.append(
+            f"{found.material}: its specimens disagree on how it deforms: {kinds}; taken as "
+            f"{found.deformation.kind}, because {found.deformation.reason}"
+        )
+    said += [
+        sentence
+        for name, value in _DOUBTED_FIGURES.items()
+        if (sentence := _unlike(found, name, [value(c) for c in found.specimens]))
+    ]
+    said += [
+        f"specimen {c.specimen}: {c.modulus_MPa:.3g} MPa is above a nonrigid material's "
+        f"({NONRIGID_MPA:g} MPa), yet it stretches by {c.elongation_at_break:.3g} without a yield "
+        "point; a rubber whose stress is psi given as MPa looks so: check the unit of stress"
+        for c in found.specimens
+        if c.modulus_MPa > NONRIGID_MPA and c.elongation_at_break > 1.0 and c.yield_strain is None
+    ]
+    return tuple(said)
+
+
+def _unlike(found: MaterialCharacteristics, name: str, values: list[float]) -> str | None:
+    names = [c.specimen for c in found.specimens]
+    advice = "check the specimens' sizes, units and materials"
+    if len(values) == 2:
+        if max(values) <= REPLICATE_FACTOR * min(values):
+            return None
+        return (
+            f"{found.material}: {name} is {values[0]:.3g} of {names[0]} and {values[1]:.3g} of "
+            f"{names[1]}, more than {REPLICATE_FACTOR:g} times apart; {advice}"
+        )
+    median = sorted(values)[len(values) // 2]
+    far = [
+        f"{value:.3g} of {specimen}"
+        for specimen, value in zip(names, values, strict=True)
+        if not median / REPLICATE_FACTOR <= value <= REPLICATE_FACTOR * median
+    ]
+    if not far:
+        return None
+    return (
+        f"{found.material}: {name} is {', '.join(far)}, more than {REPLICATE_FACTOR:g} times off "
+        f"the replicates' median, {median:.3g}; {advice}"
+    )

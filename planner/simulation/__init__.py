@@ -1,1 +1,1 @@
-"""The printed part under load: what a plan, a profile or a coupon does when it is pulled."""
+"""How a graded bar pulls."""

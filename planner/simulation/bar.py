@@ -1,13 +1,42 @@
-"""A bar along its axis: slices, each of one mixture and one cross-section."""
+"""A bar to pull: sections of a plan, a profile of a file, or a coupon."""
 
+import csv
+import hashlib
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from planner.arrays import FloatArray
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, FileError
+from planner.fields.basic import project
+from planner.formats.stl import decode_stl
+from planner.formats.tables import read_columns
+from planner.grading.dither import dithered_profile, is_dithered
+from planner.mesh.mesh import Mesh, weld
+from planner.numerics import FloatArray
+from planner.palette import Palette
+from planner.plan import Plan, Region, plan_file, read_plan
+from planner.voxels.columns import Grid, iterate_columns
 
-__all__ = ["Bar", "bar_between", "coupon"]
+__all__ = [
+    "Bar",
+    "ProfileDesign",
+    "bar_between",
+    "coupon",
+    "plan_sections",
+    "read_profile",
+    "read_profile_bar",
+    "slice_edges_mm",
+    "step_places_mm",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A bar along its axis: slices, each of one mixture and one cross-section.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,3 +150,508 @@ def bar_between(
     edges = np.concatenate([[start], inner, [stop]])
     old = np.searchsorted(edges_mm, edges[:-1], side="right") - 1
     return Bar(edges, coordinate[old], area_mm2[old])
+
+
+# ------------------------------------------------------------------------------------------------
+# A bar from a plan: cross-sections of its printed shells, and the material of every slice.
+
+
+_ACROSS = 512  # voxels across the widest side of the section
+_SLIVER = 1e-6  # of a layer: edges closer than this are one
+
+Sections = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) -> Sections:
+    """Cut a plan's shells across the axis of its gradient.
+
+    The shells are made into columns of voxels along the axis, and each layer of voxels is a
+    slice, divided where bands of the plan meet, so that every slice has one material. An area is
+    the count of voxels in the layer's mid-plane. Where cells of two materials lie among each other
+    a slice has the mixture that they come to.
+
+    Parameters
+    ----------
+    folder
+        Where the plan's files are; not looked at where the plan still holds its shells.
+    slices
+        Layers over the axis.
+
+    Returns
+    -------
+    edges_mm : (n + 1,)
+        From 0, where the gradient begins.
+    coordinate, area_mm2 : (n,)
+
+    Raises
+    ------
+    ArgumentError
+        The plan's field has no axis.
+    FileError
+        A shell is missing, or is not the one that the plan was written with.
+    UnknownNameError
+        The palette lacks a material of the plan.
+    """
+    direction, start_mm, span_mm = _axis(plan.gradient.field)
+    mesh = _turned(_shells(folder, plan), direction)
+    grid = _grid(mesh, start_mm, span_mm, slices)
+    counts = np.zeros(slices, dtype=np.int64)
+    for columns in iterate_columns(mesh, grid):
+        begun = np.bincount(columns.start, minlength=slices + 1)
+        ended = np.bincount(columns.stop, minlength=slices + 1)
+        counts += np.cumsum(begun - ended)[:slices]
+    layer_area_mm2 = counts * (grid.pitch_mm[0] * grid.pitch_mm[1])
+
+    layers = np.linspace(0.0, span_mm, slices + 1)
+    bands = np.array([region.field for region in plan.regions]) * span_mm
+    edges = np.union1d(layers, np.clip(bands.ravel(), 0.0, span_mm))
+    edges = edges[np.concatenate([[True], np.diff(edges) > _SLIVER * span_mm / slices])]
+    centres = 0.5 * (edges[:-1] + edges[1:])
+    layer = np.minimum((centres / span_mm * slices).astype(np.int64), slices - 1)
+    region = np.clip(np.searchsorted(bands[:, 0], centres, side="right") - 1, 0, None)
+    area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
+    if is_dithered(plan):
+        return edges, np.interp(centres / span_mm, *dithered_profile(plan, palette)), area
+    coordinates = np.array(
+        [r.coordinate if r.material is None else palette.resolve(r.material).coordinate
+         for r in plan.regions]
+    )  # fmt: skip
+    return edges, coordinates[region], area
+
+
+def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
+    if field.get("name") != "axis":
+        raise ArgumentError(
+            f"the plan's field is {field.get('name')!r}; a bar is simulated along an axis: grade "
+            "along one (--axis), or give a profile file"
+        )
+    try:
+        x, y, z = (float(value) for value in field["direction"])
+        start_mm, span_mm = float(field["start_mm"]), float(field["span_mm"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"plan.json: gradient.field is not an axis: {error!r}") from error
+    if not (0.0 < span_mm < np.inf and abs(x * x + y * y + z * z - 1.0) < 1e-6):
+        raise FileError(
+            f"plan.json: gradient.field: direction ({x:g}, {y:g}, {z:g}) must have length 1 and "
+            f"span_mm {span_mm:g} be above 0; grade the part again"
+        )
+    return (x, y, z), start_mm, span_mm
+
+
+def _shells(folder: Path, plan: Plan) -> Mesh:
+    """Read all shells as one mesh; where two touch, their faces cancel in winding numbers."""
+    soups = [decode_stl(shell.stl, shell.file) for shell in plan.shells]
+    files = {} if soups else {region.file: region.sha256 for region in plan.regions}
+    for file, expected in files.items():
+        try:
+            data = (folder / file).read_bytes()
+        except OSError as error:
+            raise FileError(
+                f"{folder / file}: cannot be read ({error.strerror or error}); the plan's "
+                "sections are cut from its STL files: keep them beside plan.json"
+            ) from error
+        if hashlib.sha256(data).hexdigest() != expected:
+            raise FileError(
+                f"{folder / file}: its content is not what the plan was written with; grade the "
+                "part again"
+            )
+        soups.append(decode_stl(data, str(folder / file)))
+    if not soups:
+        raise FileError(f"{folder}: the plan has no regions; grade the part again")
+    vertices, faces = weld(np.concatenate(soups).astype(np.float32))
+    return Mesh(vertices.astype(np.float64), faces)
+
+
+def _turned(mesh: Mesh, direction: tuple[float, float, float]) -> Mesh:
+    """Turn a mesh so that `direction` becomes z, exactly where it is an axis of coordinates."""
+    n = np.array(direction)
+    across = np.zeros(3)
+    across[(int(np.argmax(np.abs(n))) + 1) % 3] = 1.0
+    first = across - (across @ n) * n
+    first /= np.sqrt(first @ first)
+    second = np.cross(n, first)
+    rows = [project(mesh.vertices, row.tolist()) for row in (first, second, n)]
+    return Mesh(np.stack(rows, axis=1), mesh.faces)
+
+
+def _grid(mesh: Mesh, start_mm: float, span_mm: float, slices: int) -> Grid:
+    """Return a grid that fits the section's bounding box with whole voxels."""
+    (low_x, low_y, _), (high_x, high_y, _) = mesh.bounds_mm.tolist()
+    width, height = high_x - low_x, high_y - low_y
+    finest = max(width, height) / _ACROSS
+    nx, ny = (max(1, int(np.ceil(side / finest))) for side in (width, height))
+    return Grid(
+        (low_x, low_y, start_mm), (width / nx, height / ny, span_mm / slices), (nx, ny, slices)
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# A bar from a profile file: the printed design of a graded bar along its gauge.
+
+
+_NEEDED = ("x_mm", "coordinate")
+_SECTION = ("width_mm", "thickness_mm")
+
+
+def read_profile_bar(
+    path: str | Path, palette: Palette, *, slices: int, width_mm: float, thickness_mm: float
+) -> Bar:
+    """Read a profile (CSV) and cut it into slices.
+
+    Parameters
+    ----------
+    path
+        Columns ``x_mm`` (rising; twice for a jump) and ``coordinate``, and where the section is
+        not the same along the bar ``width_mm`` and ``thickness_mm``. Linear between rows.
+    slices
+        About so many, of about one length; none lies across a row.
+    width_mm, thickness_mm
+        The section where the file has no such column.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or a row breaks the rules; the message names the line.
+    """
+    rows = _rows(Path(path), palette)
+    missing = {"width_mm": width_mm, "thickness_mm": thickness_mm}
+    columns = {
+        k: np.array([row.get(k, missing.get(k)) for row in rows]) for k in (*_NEEDED, *_SECTION)
+    }
+    x = columns["x_mm"]
+    share = np.diff(x) / (x[-1] - x[0])
+    count = np.where(share > 0.0, np.maximum(np.rint(share * slices), 1.0), 0.0).astype(np.int64)
+    segment = np.repeat(np.arange(len(share)), count)
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    within = (np.arange(len(segment)) - first[segment] + 0.5) / count[segment]
+
+    def at_centres(values: FloatArray) -> FloatArray:
+        middle: FloatArray = values[segment] + within * np.diff(values)[segment]
+        return middle
+
+    pieces = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(x[:-1], x[1:], count, strict=True)]
+    return Bar(
+        np.concatenate([x[:1], *(piece for piece, n in zip(pieces, count, strict=True) if n)]),
+        at_centres(columns["coordinate"]),
+        at_centres(columns["width_mm"]) * at_centres(columns["thickness_mm"]),
+    )
+
+
+def _rows(path: Path, palette: Palette) -> list[dict[str, float]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"profile {path}: cannot be read ({error}); give a CSV file") from error
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    columns = tuple(reader.fieldnames or ())
+    unknown = [c for c in columns if c not in (*_NEEDED, *_SECTION)]
+    if unknown or not set(_NEEDED) <= set(columns) or len(set(columns)) < len(columns):
+        raise FileError(
+            f"profile {path}: columns are {', '.join(map(repr, columns)) or 'none'}; it takes "
+            f"{', '.join(_NEEDED)} and, optional, {', '.join(_SECTION)}, each once"
+        )
+    rows: list[dict[str, float]] = []
+    for cells in reader:
+        where = f"profile {path}, line {reader.line_num}"
+        row = {name: _number(cells.get(name), f"{where}: {name}") for name in columns}
+        _check(row, rows, palette, where)
+        rows.append(row)
+    if len(rows) < 2 or not rows[-1]["x_mm"] > rows[0]["x_mm"]:
+        raise FileError(f"profile {path}: it needs rows from the gauge's beginning to its end")
+    return rows
+
+
+def _check(
+    row: dict[str, float], before: list[dict[str, float]], palette: Palette, where: str
+) -> None:
+    x, m = row["x_mm"], row["coordinate"]
+    if before and x < before[-1]["x_mm"]:
+        raise FileError(f"{where}: x_mm falls from {before[-1]['x_mm']:g} to {x:g}; it must rise")
+    if len(before) > 1 and x == before[-2]["x_mm"]:
+        raise FileError(f"{where}: x_mm {x:g} stands three times; a jump is two rows")
+    low, high = palette.materials[0].coordinate, palette.materials[-1].coordinate
+    if not low <= m <= high:
+        raise FileError(
+            f"{where}: coordinate is {m:g}; palette {palette.name} goes from {low:g} to {high:g}"
+        )
+    for name in _SECTION:
+        if not row.get(name, 1.0) > 0.0:
+            raise FileError(f"{where}: {name} is {row[name]:g}; it must be above 0")
+
+
+def _number(text: str | None, where: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FileError(f"{where} is {text!r}; it must be a finite number")
+    return value
+
+
+# ------------------------------------------------------------------------------------------------
+# What was printed along a graded bar: the design that its measurement is compared with.
+
+
+_COLUMNS: Mapping[str, str | None] = {
+    "x_mm": "length", "coordinate": None, "width_mm": "length", "thickness_mm": "length",
+}  # fmt: skip
+_SLACK = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProfileDesign:
+    """Material and section along the gauge, linear between points.
+
+    Attributes
+    ----------
+    name
+        Of the file, without ending.
+    x_mm
+        From 0, one end of the gauge, to its length, shape (n,). It never falls; a place that
+        stands twice is a step.
+    coordinate
+        Place on the palette, shape (n,).
+    width_mm, thickness_mm
+        Nominal section, shape (n,), or None where the specimen's own is meant throughout.
+    """
+
+    name: str
+    x_mm: FloatArray
+    coordinate: FloatArray
+    width_mm: FloatArray | None = None
+    thickness_mm: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm"):
+            if getattr(self, name) is not None:
+                array = np.array(getattr(self, name), dtype=np.float64)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the gauge."""
+        return float(self.x_mm[-1])
+
+    def at(self, x_mm: FloatArray) -> FloatArray:
+        """Return the coordinate at places along the gauge."""
+        return np.interp(x_mm, self.x_mm, self.coordinate)
+
+
+def read_profile(
+    path: str | Path, *, palette: Palette, gauge_mm: float | None
+) -> tuple[ProfileDesign, tuple[str, ...]]:
+    """Read a graded bar's design: a profile (CSV), or a plan.json or its folder.
+
+    A plan made along an axis gives one material a region; where the part is longer than the
+    gauge, the gauge is taken to be its middle.
+
+    Parameters
+    ----------
+    gauge_mm
+        The specimen's gauge length; None takes the design's.
+
+    Returns
+    -------
+    design
+        On 0 to the gauge length.
+    notes
+        What was assumed.
+
+    Raises
+    ------
+    FileError
+        Not a profile or a plan along an axis, places that fall back, a coordinate off the
+        palette, or a length other than the gauge's.
+    """
+    path = Path(path)
+    if path.is_dir() or path.suffix.casefold() == ".json":
+        design, notes = _of_plan(path, palette, gauge_mm)
+    else:
+        design, notes = _of_csv(path), ()
+    soft, hard = palette.materials[0].coordinate, palette.materials[-1].coordinate
+    outside = (design.coordinate < soft - 1e-6) | (design.coordinate > hard + 1e-6)
+    if outside.any():
+        at = int(np.flatnonzero(outside)[0])
+        raise FileError(
+            f"{path.name}: coordinate is {design.coordinate[at]:g} at {design.x_mm[at]:g} mm; "
+            f"palette {palette.name} goes from {soft:g} to {hard:g}"
+        )
+    return _on_gauge(design, gauge_mm, path.name), notes
+
+
+def _of_csv(path: Path) -> ProfileDesign:
+    file = read_columns(path, _COLUMNS, optional=frozenset({"width_mm", "thickness_mm"}))
+    x = file.numbers["x_mm"]
+    if len(x) < 2:
+        raise FileError(f"{path.name}: one point; a profile takes at least the gauge's two ends")
+    fall = np.flatnonzero(np.diff(x) < 0.0)
+    if len(fall):
+        raise FileError(
+            f"{path.name}, line {file.lines[fall[0] + 1]}: x_mm falls from {x[fall[0]]:g} to "
+            f"{x[fall[0] + 1]:g}; sort the rows by x_mm"
+        )
+    for name in ("width_mm", "thickness_mm"):
+        sizes = file.numbers.get(name, np.ones(1))
+        if not np.all(sizes > 0.0):
+            at = int(np.argmin(sizes))
+            raise FileError(
+                f"{path.name}, line {file.lines[at]}: {name} is {sizes[at]:g}; it must be above 0"
+            )
+    return ProfileDesign(path.stem, **file.numbers)
+
+
+def _on_gauge(design: ProfileDesign, gauge_mm: float | None, where: str) -> ProfileDesign:
+    start, stop = float(design.x_mm[0]), design.length_mm
+    gauge = stop if gauge_mm is None else gauge_mm
+    slack = _SLACK * gauge
+    if stop - start < gauge - slack or gauge <= 0.0:
+        raise FileError(
+            f"{where}: the profile is {stop - start:g} mm long, shorter than the gauge of "
+            f"{gauge:g} mm; give it from 0 to the gauge length"
+        )
+    if start < -slack or start > slack or stop > gauge + slack:
+        raise FileError(
+            f"{where}: x_mm runs from {start:g} to {stop:g}, the gauge from 0 to {gauge:g} mm; "
+            "cut the profile to the gauge and count x_mm from its end"
+        )
+    x = design.x_mm.copy()
+    x[0], x[-1] = 0.0, gauge
+    return ProfileDesign(design.name, x, design.coordinate, design.width_mm, design.thickness_mm)
+
+
+def _of_plan(
+    path: Path, palette: Palette, gauge_mm: float | None
+) -> tuple[ProfileDesign, tuple[str, ...]]:
+    plan = read_plan(path)
+    where = plan_file(path).name
+    span = _axis_span_mm(plan, where)
+    if plan.palette.sha256 and palette.sha256 and plan.palette.sha256 != palette.sha256:
+        notes = [
+            f"{path.name}: planned with another version of palette {plan.palette.name}; its "
+            "coordinates are taken as they are"
+        ]
+    else:
+        notes = []
+    by_stretch = {region.field: region for region in plan.regions}  # two of each, where dithered
+    regions = [by_stretch[field] for field in sorted(by_stretch)]
+    _check_whole(regions, where)
+    if is_dithered(plan):
+        field, coordinate = dithered_profile(plan, palette)
+        x = field * span
+    else:
+        x = np.repeat([0.0, *(r.field[1] for r in regions)], 2)[1:-1] * span
+        coordinate = np.repeat([r.coordinate for r in regions], 2)
+    name = path.name if path.is_dir() else path.stem
+    if name == "plan":
+        name = plan.name
+    if gauge_mm is not None and span > gauge_mm * (1.0 + _SLACK):
+        begin = 0.5 * (span - gauge_mm)
+        notes.append(
+            f"{path.name}: the part is {span:g} mm long, the gauge {gauge_mm:g} mm; the gauge is "
+            "taken to be its middle"
+        )
+        inside = (x > begin) & (x < begin + gauge_mm)
+        ends = _right_of(x, coordinate, begin), _left_of(x, coordinate, begin + gauge_mm)
+        x = np.array([0.0, *(x[inside] - begin), gauge_mm])
+        coordinate = np.array([ends[0], *coordinate[inside], ends[1]])
+    return ProfileDesign(name, x, coordinate), tuple(notes)
+
+
+def _axis_span_mm(plan: Plan, where: str) -> float:
+    field: Mapping[str, Any] = plan.gradient.field
+    span = field.get("span_mm")
+    if field.get("name") != "axis" or not isinstance(span, (int, float)) or span <= 0:
+        raise FileError(
+            f"{where}: its gradient follows {field.get('name')!r}, not an axis; give the bar's "
+            "profile along the gauge as a CSV file x_mm,coordinate"
+        )
+    return float(span)
+
+
+def _check_whole(regions: list[Region], where: str) -> None:
+    edges = [0.0]
+    for region in regions:
+        if abs(region.field[0] - edges[-1]) > 1e-6:
+            break
+        edges.append(region.field[1])
+    if len(edges) != len(regions) + 1 or abs(edges[-1] - 1.0) > 1e-6:
+        raise FileError(
+            f"{where}: its regions do not follow each other from 0 to 1 along the axis; give the "
+            "bar's profile along the gauge as a CSV file x_mm,coordinate"
+        )
+
+
+def _right_of(x: FloatArray, coordinate: FloatArray, place: float) -> float:
+    return float(coordinate[int(np.searchsorted(x, place, side="right"))])
+
+
+def _left_of(x: FloatArray, coordinate: FloatArray, place: float) -> float:
+    return float(coordinate[int(np.searchsorted(x, place, side="left")) - 1])
+
+
+# ------------------------------------------------------------------------------------------------
+# How a graded bar is cut into slices: fine where its mixture steps, coarse where it does not.
+
+
+_FINEST_MM = 0.05
+"""At a step; from there slices double, so that 0.05 to 1 mm of bleeding is resolved."""
+
+_MOST = 56
+_STEEP_MM = 0.3
+_JUMP = 0.02
+_COORDINATE_CHANGE = 0.025
+_FEWEST = 24
+_GRID = 4001
+
+
+def step_places_mm(design: ProfileDesign) -> FloatArray:
+    """Return where mixture or section steps: a place that stands twice, or a steep rise.
+
+    Points of a rise within 0.3 mm make one step, in their middle.
+    """
+    x = design.x_mm
+    jump = np.abs(np.diff(design.coordinate)) > _JUMP
+    for sizes in (design.width_mm, design.thickness_mm):
+        if sizes is not None:
+            jump |= np.abs(np.diff(np.log(sizes))) > _JUMP
+    steep = np.flatnonzero(jump & (np.diff(x) <= _STEEP_MM))
+    places: list[list[float]] = []
+    for at in steep.tolist():
+        begin, end = float(x[at]), float(x[at + 1])
+        if places and begin - places[-1][1] < 1e-9 and end - places[-1][0] <= _STEEP_MM:
+            places[-1][1] = end
+        else:
+            places.append([begin, end])
+    middle: FloatArray = np.array([0.5 * (begin + end) for begin, end in places], dtype=np.float64)
+    inside = (middle > 1e-9) & (middle < x[-1] - 1e-9)
+    return np.asarray(middle[inside])
+
+
+def slice_edges_mm(design: ProfileDesign) -> FloatArray:
+    """Return the edges of the slices, from 0 to the gauge's length; steps are among them."""
+    length = design.length_mm
+    steps = step_places_mm(design)
+    bounds = np.unique(np.concatenate([[0.0], steps, [length]]))
+    x = (np.arange(_GRID) + 0.5) * length / _GRID
+    size = np.full(_GRID, length / _FEWEST)
+    half = 0.5 * _STEEP_MM
+    slope = np.abs(design.at(np.minimum(x + half, length)) - design.at(np.maximum(x - half, 0.0)))
+    slope /= np.minimum(x + half, length) - np.maximum(x - half, 0.0)
+    if len(steps):
+        away = np.min(np.abs(x[:, None] - steps), axis=1)
+        size = np.minimum(size, np.log(2.0) * (_FINEST_MM + away))
+        slope[away < _STEEP_MM] = 0.0  # the step's own
+    size = np.minimum(size, _COORDINATE_CHANGE / np.maximum(slope, 1e-9))
+    wanted = float(np.sum(1.0 / size)) * length / _GRID
+    scale = max(1.0, wanted / (_MOST - len(bounds) + 1))
+    edges = [0.0]
+    reach = np.concatenate([[0.0], np.cumsum(length / _GRID / (scale * size))])
+    at = np.arange(_GRID + 1) * length / _GRID
+    for begin, end in pairwise(bounds):
+        low, high = np.interp([begin, end], at, reach)
+        count = max(1, round(high - low))
+        inner = np.interp(np.linspace(low, high, count + 1)[1:-1], reach, at)
+        edges += [*inner[(inner > begin) & (inner < end)].tolist(), float(end)]
+    return np.array(edges)

@@ -1,22 +1,600 @@
-"""Pull a bar and see: planner.simulate."""
+"""Pull a plan, a graded bar or a coupon, and report force, strains and what breaks."""
 
+import dataclasses
+from dataclasses import dataclass
 from pathlib import Path
+from statistics import NormalDist
+from typing import Any, Literal, get_args
 
-from planner.errors import ArgumentError
-from planner.materials.coefficients import CoefficientModel
-from planner.palette import Material, Palette
-from planner.plan import Plan
+import numpy as np
+
+from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
+from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
+from planner.materials.mixtures import CoefficientModel
+from planner.numerics import BoolArray, FloatArray
+from planner.palette import Material, Palette, load_palette
+from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer
-from planner.simulation.bar import Bar
-from planner.simulation.equilibrium import solve
-from planner.simulation.findings import findings, yield_notes
-from planner.simulation.protocol import LoadingPath, loading_path
-from planner.simulation.response import elastic_response
-from planner.simulation.result import Simulation
-from planner.simulation.source import D638_TYPE_IV, Section, open_source
-from planner.simulation.uncertainty import force_interval_N
+from planner.printers import printer as load_printer
+from planner.simulation.bar import Bar, bar_between, coupon, plan_sections, read_profile_bar
+from planner.simulation.bar_solver import (
+    FARTHEST,
+    ElasticResponse,
+    Equilibrium,
+    elastic_response,
+    solve,
+)
 
-__all__ = ["simulate", "simulate_bar"]
+__all__ = [
+    "D638_TYPE_IV",
+    "PROTOCOLS",
+    "Finding",
+    "LoadingPath",
+    "Protocol",
+    "Section",
+    "Simulation",
+    "Source",
+    "findings",
+    "force_interval_N",
+    "loading_path",
+    "open_source",
+    "simulate",
+    "simulate_bar",
+    "yield_notes",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# What the crosshead does: displacement over time.
+
+
+Protocol = Literal["monotonic", "cyclic", "relaxation"]
+PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+
+_FIRST_HOLD = 1e-3  # of the hold: relaxation is read on a logarithmic scale of time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadingPath:
+    """Displacement of the crosshead at times.
+
+    Attributes
+    ----------
+    time_s, displacement_mm : (steps,)
+        From rest at time 0; time rises, displacement is never below 0.
+    """
+
+    time_s: FloatArray
+    displacement_mm: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "displacement_mm"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+            if array.ndim != 1 or not np.isfinite(array).all():
+                raise ArgumentError(f"loading path: {name} must be finite numbers, one a step")
+        if self.time_s.shape != self.displacement_mm.shape or len(self.time_s) == 0:
+            raise ArgumentError(
+                f"loading path: {len(self.time_s)} times and {len(self.displacement_mm)} "
+                "displacements; it needs one of each a step, and at least one step"
+            )
+        if not (np.diff(self.time_s) > 0.0).all():
+            raise ArgumentError("loading path: time must rise from step to step")
+        if (self.displacement_mm < 0.0).any():
+            raise ArgumentError(
+                f"loading path: displacement of {self.displacement_mm.min():g} mm; bars are "
+                "pulled, not pressed: it must not fall below 0"
+            )
+
+
+def loading_path(
+    protocol: str,
+    *,
+    to_displacement_mm: float,
+    rate_mm_s: float,
+    steps: int = 100,
+    cycles: int = 1,
+    hold_s: float = 100.0,
+) -> LoadingPath:
+    """Return the path of a protocol.
+
+    Parameters
+    ----------
+    protocol
+        ``monotonic``: up at constant rate. ``cyclic``: up and down, `cycles` times.
+        ``relaxation``: up, then held for `hold_s` at times that are evenly spaced in their
+        logarithm.
+    steps
+        Load steps of each leg; the start is one more.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown protocol, or a figure outside what it may be.
+    """
+    for name, value in (("--rate", rate_mm_s), ("--hold-s", hold_s)):
+        if not 0.0 < value < np.inf:
+            raise ArgumentError(f"{name} {value:g}: it must be above 0 and finite")
+    for name, count in (("--steps", steps), ("--cycles", cycles)):
+        if not 1 <= count <= 10_000:
+            raise ArgumentError(f"{name} {count}: it must be a whole number from 1 to 10000")
+    up = np.linspace(0.0, to_displacement_mm, steps + 1)
+    ramp_s = up / rate_mm_s
+    if protocol == "monotonic":
+        return LoadingPath(ramp_s, up)
+    if protocol == "cyclic":
+        turns = np.concatenate([up[1:], up[-2::-1]])
+        displacement = np.concatenate([up[:1], np.tile(turns, cycles)])
+        time = np.linspace(0.0, 2.0 * cycles * float(ramp_s[-1]), len(displacement))
+        return LoadingPath(time, displacement)
+    if protocol == "relaxation":
+        held = np.geomspace(_FIRST_HOLD * hold_s, hold_s, steps)
+        return LoadingPath(
+            np.concatenate([ramp_s, ramp_s[-1] + held]),
+            np.concatenate([up, np.full(steps, up[-1])]),
+        )
+    near = nearest_names(protocol, list(PROTOCOLS))
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise ArgumentError(
+        f"--protocol {protocol}: no such protocol; {hint}it may be {', '.join(PROTOCOLS)}"
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# Where a bar breaks, cannot follow, or is stretched past what its laws know.
+
+
+_YIELD_STRAIN = 0.02
+"""Rigid photopolymers leave Hooke's line at 2 to 3 %; palettes hold only their Young's moduli."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that a print would not do as simulated, and where.
+
+    Attributes
+    ----------
+    kind
+        ``break``: a slice passes its elongation at break. ``unreachable``: the path ends early.
+    x_mm
+        Ends of the stretch of the bar that it concerns.
+    gauge_strain
+        Of the whole bar, when it happens first.
+    """
+
+    kind: str
+    message: str
+    x_mm: tuple[float, float]
+    gauge_strain: float
+
+
+def findings(
+    bar: Bar,
+    model: CoefficientModel,
+    response: ElasticResponse,
+    path: LoadingPath,
+    reached: Equilibrium,
+) -> tuple[Finding, ...]:
+    """Report every stretch of slices that breaks, the first to break first, and an early end."""
+    found = []
+    gauge_strain = path.displacement_mm / bar.gauge_mm
+    beyond = reached.strain > response.break_strain
+    for start, stop in _runs(np.asarray(beyond.any(axis=0))):
+        step = int(np.argmax(beyond[:, start:stop].any(axis=1)))
+        excess = reached.strain[step] / response.break_strain
+        first = start + int(np.argmax(excess[start:stop]))
+        limit = float(response.break_strain[first])
+        at = float(np.interp(limit, *_last_steps(reached.strain[:, first], gauge_strain, step)))
+        place = (float(bar.edges_mm[start]), float(bar.edges_mm[stop]))
+        found.append(
+            Finding(
+                "break",
+                f"{_called(model, bar, first)} at {bar.x_mm[first]:.4g} mm passes its elongation "
+                f"at break, {limit:.3g}, at a strain of {at:.3g} of the bar; a print would break "
+                f"there, and what follows is extrapolated{_spread(stop - start, place)}",
+                place,
+                at,
+            )
+        )
+    found.sort(key=lambda finding: finding.gauge_strain)
+    if reached.stopped_at is not None:
+        found.append(_unreachable(bar, model, response, path, reached, reached.stopped_at))
+    return tuple(found)
+
+
+def yield_notes(bar: Bar, model: CoefficientModel, reached: Equilibrium) -> tuple[str, ...]:
+    """Say which rigid grades are strained past where Hooke's law is known to hold."""
+    lower, _, _ = model.bracket(bar.coordinate)
+    most = reached.strain.max(axis=0, initial=0.0)
+    notes = []
+    for k in np.unique(lower).tolist():
+        material = model.palette.materials[k]
+        strain = float(most[lower == k].max())
+        if material.deformation == "plastic" and strain > _YIELD_STRAIN:
+            notes.append(
+                f"{material.id} is known by Young's modulus alone and is strained by {strain:.3g}; "
+                f"such grades yield from about {_YIELD_STRAIN:g}, so the force is an upper bound"
+            )
+    return tuple(notes)
+
+
+def _unreachable(
+    bar: Bar,
+    model: CoefficientModel,
+    response: ElasticResponse,
+    path: LoadingPath,
+    reached: Equilibrium,
+    at: int,
+) -> Finding:
+    wanted = float(path.displacement_mm.max()) / bar.gauge_mm
+    got = reached.end_mm / bar.gauge_mm
+    limit, breaks = float(response.strain_limit[at]), float(response.break_strain[at])
+    why = (
+        f"{FARTHEST:g} times its elongation at break, and its law is not known further"
+        if limit >= FARTHEST * breaks
+        else "where the stress of its law ceases to rise"
+    )
+    return Finding(
+        "unreachable",
+        f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {_called(model, bar, at)} at "
+        f"{bar.x_mm[at]:.4g} mm is strained by {limit:.3g}, {why}",
+        (float(bar.edges_mm[at]), float(bar.edges_mm[at + 1])),
+        got,
+    )
+
+
+def _called(model: CoefficientModel, bar: Bar, at: int) -> str:
+    m = float(bar.coordinate[at])
+    lower, upper, t = model.bracket(m)
+    softer, harder = (model.palette.materials[int(k)].id for k in (lower, upper))
+    return softer if t == 0.0 else f"the blend of {softer} and {harder} at m = {m:.4g}"
+
+
+def _last_steps(
+    strain: FloatArray, gauge_strain: FloatArray, step: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return a slice's and the bar's strain at the step before (rest, if none) and at a step."""
+    before = (strain[step - 1], gauge_strain[step - 1]) if step else (0.0, 0.0)
+    return np.array([before[0], strain[step]]), np.array([before[1], gauge_strain[step]])
+
+
+def _spread(slices: int, place: tuple[float, float]) -> str:
+    return f" (in the end for all of {place[0]:.4g} .. {place[1]:.4g} mm)" if slices > 1 else ""
+
+
+def _runs(marked: BoolArray) -> list[tuple[int, int]]:
+    """Return begin and end of every run of marked slices."""
+    turns = np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+
+
+# ------------------------------------------------------------------------------------------------
+# Simulation: what a bar does under load, and its files.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulation:
+    """Force and displacement of a bar's ends, and the strain along it.
+
+    Attributes
+    ----------
+    name
+        What was pulled: a part's file, a profile's, or a material.
+    bar
+        Its slices: ``x_mm``, ``length_mm``, ``area_mm2``, ``coordinate``, (n,) each.
+    time_s, displacement_mm, force_N : (steps,)
+        Steps that lie out of reach are left out.
+    force_interval_N : (steps, 2)
+        Holds the force of a print with probability `level`.
+    strain, stress_MPa : (steps, n)
+        Engineering strain and nominal stress of each slice.
+    break_strain : (n,)
+        Elongation at break of each slice.
+    findings
+        Where a print would break or the path ends early.
+    notes
+        What was assumed, one sentence each.
+    """
+
+    name: str
+    palette: Palette
+    bar: Bar
+    protocol: str
+    rate_mm_s: float
+    to_strain: float
+    level: float
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    force_interval_N: FloatArray
+    strain: FloatArray
+    stress_MPa: FloatArray
+    break_strain: FloatArray
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether the whole path is reached and nothing breaks on it."""
+        return not self.findings
+
+    @property
+    def gauge_strain(self) -> FloatArray:
+        """Displacement over the bar's length at rest, (steps,)."""
+        return self.displacement_mm / self.bar.gauge_mm
+
+    @property
+    def beyond_break(self) -> BoolArray:
+        """Steps from the first break on, which are extrapolated, (steps,)."""
+        broken = (self.strain > self.break_strain).any(axis=1)
+        return np.logical_or.accumulate(broken)
+
+    def document(self) -> dict[str, Any]:
+        """Return the simulation as JSON holds it."""
+        low, high = self.force_interval_N.T
+        return {
+            "schema": 1,
+            "source": self.name,
+            "palette": {"name": self.palette.name, "sha256": self.palette.sha256},
+            "protocol": self.protocol,
+            "rate_mm_s": self.rate_mm_s,
+            "to_strain": self.to_strain,
+            "gauge_mm": self.bar.gauge_mm,
+            "level": self.level,
+            "steps": {
+                "time_s": self.time_s.tolist(),
+                "displacement_mm": self.displacement_mm.tolist(),
+                "gauge_strain": self.gauge_strain.tolist(),
+                "force_N": self.force_N.tolist(),
+                "force_low_N": low.tolist(),
+                "force_high_N": high.tolist(),
+                "beyond_break": self.beyond_break.tolist(),
+            },
+            "slices": {
+                "x_mm": self.bar.x_mm.tolist(),
+                "length_mm": self.bar.length_mm.tolist(),
+                "area_mm2": self.bar.area_mm2.tolist(),
+                "coordinate": self.bar.coordinate.tolist(),
+                "break_strain": self.break_strain.tolist(),
+            },
+            "strain": self.strain.tolist(),
+            "findings": [dataclasses.asdict(finding) for finding in self.findings],
+            "notes": list(self.notes),
+        }
+
+    def json(self) -> bytes:
+        """Return the bytes of the JSON document."""
+        return encode_document(self.document())
+
+    def csv(self) -> bytes:
+        """Return the curve as CSV, one row a step."""
+        columns = {
+            "time_s": self.time_s,
+            "displacement_mm": self.displacement_mm,
+            "force_N": self.force_N,
+            "force_low_N": self.force_interval_N[:, 0],
+            "force_high_N": self.force_interval_N[:, 1],
+            "gauge_strain": self.gauge_strain,
+            "beyond_break": self.beyond_break.astype(np.float64),
+        }
+        return _csv(columns)
+
+    def field_csv(self) -> bytes:
+        """Return the strain along the bar as CSV: time_s, x_mm, strain of each step and slice."""
+        steps, n = self.strain.shape
+        columns = {
+            "time_s": np.repeat(self.time_s, n),
+            "x_mm": np.tile(self.bar.x_mm, steps),
+            "strain": self.strain.ravel(),
+        }
+        return _csv(columns)
+
+
+def _csv(columns: dict[str, FloatArray]) -> bytes:
+    row = ",".join([f"%.{SIGNIFICANT_DIGITS}g"] * len(columns))
+    values = np.stack(list(columns.values()), axis=1) + 0.0  # no -0
+    lines = [",".join(columns), *(row % tuple(figures) for figures in values.tolist())]
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+# ------------------------------------------------------------------------------------------------
+# What is to be pulled: a plan, a profile file, a material's coupon, or a bar as it is.
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Size of a bar where its source has none."""
+
+    width_mm: float
+    thickness_mm: float
+    gauge_mm: float
+
+
+D638_TYPE_IV = Section(width_mm=6.0, thickness_mm=4.0, gauge_mm=33.0)
+"""The narrow section of ASTM D638's specimen for soft materials."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A bar, and where it came from."""
+
+    name: str
+    bar: Bar
+    palette: Palette
+    notes: tuple[str, ...] = ()
+
+
+def open_source(
+    source: object,
+    *,
+    palette: str | Path | Palette | None,
+    printer: str | Printer | None,
+    slices: int,
+    section: Section,
+    between_mm: tuple[float, float] | None,
+) -> Source:
+    """Make the bar that a source describes.
+
+    Parameters
+    ----------
+    source
+        Path of a plan.json, its folder or a profile (``.csv``); a material's name; or a `Plan`,
+        `Material` or `Bar`.
+    palette, printer
+        By default those of the plan, else the Connex3 and its own palette.
+    slices
+        Slices over a plan's axis or a profile.
+    between_mm
+        Only what lies between these places along the axis.
+
+    Raises
+    ------
+    PlannerError
+        Nothing is called so, or it is no bar; the message says what to give.
+    """
+    if isinstance(source, Plan):
+        return _of_plan(source, Path(), palette, printer, slices, between_mm)
+    if isinstance(source, (str, Path)) and _is_plan(Path(source)):
+        file = plan_file(source)
+        return _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
+    chosen = _palette(palette, printer)
+    name, bar = _bar(source, chosen, slices, section)
+    return Source(name, bar_between(bar.edges_mm, bar.coordinate, bar.area_mm2, between_mm), chosen)
+
+
+def _is_plan(path: Path) -> bool:
+    return path.suffix.casefold() == ".json" or path.is_dir()
+
+
+def _bar(source: object, palette: Palette, slices: int, section: Section) -> tuple[str, Bar]:
+    if isinstance(source, Bar):
+        return "bar", source
+    if not isinstance(source, Material):
+        path = Path(str(source))
+        if path.suffix.casefold() == ".csv":
+            bar = read_profile_bar(
+                path,
+                palette,
+                slices=slices,
+                width_mm=section.width_mm,
+                thickness_mm=section.thickness_mm,
+            )
+            return path.name, bar
+        if path.is_file():
+            raise FileError(
+                f"{path}: is no plan and no profile; give a plan.json or its folder (planner grade "
+                "makes one), a profile (.csv), or a material"
+            )
+        try:
+            source = palette.resolve(str(source))
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
+    bar = coupon(
+        source.coordinate,
+        width_mm=section.width_mm,
+        thickness_mm=section.thickness_mm,
+        gauge_mm=section.gauge_mm,
+    )
+    return source.id, bar
+
+
+def _of_plan(
+    plan: Plan,
+    folder: Path,
+    palette: str | Path | Palette | None,
+    printer: str | Printer | None,
+    slices: int,
+    between_mm: tuple[float, float] | None,
+) -> Source:
+    if palette is None:
+        try:
+            chosen = _palette(plan.palette.name, plan.printer if printer is None else printer)
+        except UnknownNameError as error:
+            raise UnknownNameError(
+                f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
+                "--palette"
+            ) from error
+    else:
+        chosen = _palette(palette, printer)
+    notes = []
+    if chosen.sha256 != plan.palette.sha256:
+        notes.append(
+            f"palette {chosen.name} is not the one that the plan was made with; its laws are used"
+        )
+    edges_mm, coordinate, area_mm2 = plan_sections(folder, plan, chosen, slices=slices)
+    bar = bar_between(edges_mm, coordinate, area_mm2, between_mm)
+    if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
+        notes.append(
+            "the part is wider than it is long along the gradient: sections do not stay plane, and "
+            "forces are a rough guide"
+        )
+    return Source(plan.part.file, bar, chosen, tuple(notes))
+
+
+def _palette(palette: str | Path | Palette | None, printer: str | Printer | None) -> Palette:
+    if isinstance(palette, Palette):
+        return palette
+    if palette is not None and (str(palette).endswith(".toml") or Path(palette).is_file()):
+        return load_palette(palette)
+    machine = load_printer(printer or "connex3")
+    return machine.palette(None if palette is None else str(palette))
+
+
+# ------------------------------------------------------------------------------------------------
+# How far a print's force may lie from the predicted one, from the palette's uncertainty.
+
+
+_STRAINS = 65  # at which the variance between grades is taken; it varies slowly
+
+
+def force_interval_N(
+    bar: Bar, model: CoefficientModel, reached: Equilibrium, level: float
+) -> FloatArray:
+    """Return the interval that holds a print's force with probability `level`, (steps, 2).
+
+    Let the stress of slice i be s_i times the law's, ln s_i normal with standard deviation d_i.
+    At given displacement, to first order,
+
+        d ln F = Σ w_i d ln s_i,  w_i = l_i P_i / T_i / Σ l P / T,
+
+    with length l, nominal stress P and tangent T; the weights add up to 1. d_i is that of
+    `CoefficientModel.modulus_interval_MPa`: the grades' own, and between grades the bridge's. All
+    d_i are taken to go together, so that the standard deviation of ln F is Σ w_i d_i. Whatever
+    their correlation, it is not larger.
+
+    Raises
+    ------
+    ArgumentError
+        A level that is not between 0 and 1.
+    """
+    if not 0.0 < level < 1.0:
+        raise ArgumentError(f"--level {level:g}: it must be between 0 and 1")
+    weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
+    total = weight.sum(axis=1, keepdims=True)
+    weight = weight / np.where(total > 0.0, total, 1.0)
+    sd = np.sum(weight * _log_sd(bar, model, reached.strain), axis=1)
+    factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * sd)
+    return np.stack([reached.force_N / factor, reached.force_N * factor], axis=1)
+
+
+def _log_sd(bar: Bar, model: CoefficientModel, strain: FloatArray) -> FloatArray:
+    """Return the standard deviation of ln(stress) of each slice at each step, (steps, n)."""
+    lower, upper, t = model.bracket(bar.coordinate)
+    own = np.array([m.modulus_log_sd for m in model.palette.materials])
+    grade = (1.0 - t) * own[lower] + t * own[upper]
+    bridge = (model.coordinates[upper] - model.coordinates[lower]) * t * (1.0 - t)
+    if not bridge.any():
+        return np.broadcast_to(grade, strain.shape)
+    known = np.linspace(0.0, model.strain_limit, _STRAINS)
+    variance = np.interp(strain, known, model.wiener_variance(known))
+    return np.asarray(np.sqrt(grade**2 + variance * bridge))
+
+
+# ------------------------------------------------------------------------------------------------
+# Pull a bar and see: planner.simulate.
+
 
 _UNKNOWN_RATE_PER_S = 0.01
 _MOST_STRAIN = 10.0

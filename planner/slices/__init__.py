@@ -1,1 +1,1 @@
-"""A plan as the printer's own layers: voxels of one material each, as images."""
+"""A plan as the printer's own layers."""

@@ -1,21 +1,303 @@
-"""planner.write_slices: a plan's folder to a stack of images, one a layer of the printer."""
+"""A stack of layer images written to a folder, on this machine or on a cluster."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, OutputError
-from planner.formats.folder import check_target, new_folder
-from planner.plan import plan_file
+from planner.errors import ArgumentError, OutputError, PlannerError
+from planner.formats.files import FolderKind, check_target, encode_document, new_folder
+from planner.plan import PartGraded, plan_file
 from planner.printers import Printer
-from planner.slices.colours import distinct_colours
-from planner.slices.layer_image import ImageKind
-from planner.slices.slab import SlabImages, SlabTask, make_slab
-from planner.slices.source import PlanShells, deal_slabs, open_shells
-from planner.slices.stack import SLICES, SlicedMaterial, SliceStack, layer_file
+from planner.slices.png import NOTHING, ImageKind, Rgba, distinct_colours
+from planner.slices.slices import (
+    PlanShells,
+    SlabImages,
+    SlabTask,
+    deal_slabs,
+    make_slab,
+    open_shells,
+)
+from planner.voxels.columns import Grid
 
-__all__ = ["write_slices"]
+__all__ = ["SLICES", "SliceStack", "SlicedMaterial", "layer_file", "make_slabs_on", "write_slices"]
+
+
+# ------------------------------------------------------------------------------------------------
+# A stack of layers as written: what of each material is where, and the files that say so.
+
+
+SLICES = FolderKind("slices.json", ("slices.json", "layers.csv", "layer_*.png"))
+"""The folder of a stack."""
+
+
+def layer_file(index: int) -> str:
+    """Return the name of a layer's image."""
+    return f"layer_{index:05d}.png"
+
+
+@dataclass(frozen=True, slots=True)
+class SlicedMaterial:
+    """What of a stack is one material.
+
+    Attributes
+    ----------
+    rgba
+        Its pixels' colour, which no other material has.
+    file, sha256
+        The shell that it was made from.
+    """
+
+    material: str
+    operator_name: str
+    rgba: Rgba
+    file: str
+    sha256: str
+    voxels: int
+    volume_mm3: float
+
+
+@dataclass(frozen=True, eq=False)
+class SliceStack:
+    """The content of slices.json and layers.csv.
+
+    Attributes
+    ----------
+    voxels : (layers, materials) int64
+        Voxels of each material by layer.
+    overlapping
+        Voxels that lie in more than one shell; each was drawn once.
+    open_rows
+        Rows of voxels that enter a shell and do not leave it.
+    """
+
+    version: str
+    printer: str
+    plan_sha256: str
+    part: PartGraded
+    grid: Grid
+    indexed: bool
+    materials: tuple[SlicedMaterial, ...]
+    voxels: NDArray[np.int64]
+    overlapping: int
+    open_rows: int
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What is wrong with the plan's shells, in words."""
+        found = []
+        if self.overlapping:
+            found.append(
+                f"{self.overlapping} voxels lie in more than one shell; each is drawn once"
+            )
+        if self.open_rows:
+            found.append(f"{self.open_rows} rows of voxels enter a shell that they do not leave")
+        return tuple(f"{text}: run planner check on the plan" for text in found)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every voxel lies in one shell or in none."""
+        return not self.findings
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the images, from the lowest layer up."""
+        return tuple(layer_file(index) for index in range(self.grid.shape[2]))
+
+    def document(self) -> dict[str, Any]:
+        """Return the stack as slices.json holds it."""
+        return {
+            "schema": 1,
+            "version": self.version,
+            "printer": self.printer,
+            "plan": {"sha256": self.plan_sha256},
+            "part": {
+                "name": self.part.name,
+                "file": self.part.file,
+                "sha256": self.part.sha256,
+                "translation_mm": list(self.part.translation_mm),
+            },
+            "grid": {
+                "origin_mm": list(self.grid.origin_mm),
+                "pitch_mm": list(self.grid.pitch_mm),
+                "shape": list(self.grid.shape),
+            },
+            "images": {
+                "pixels": "indexed" if self.indexed else "rgba",
+                "column": "x",
+                "row": "y",
+                "layer": "z",
+                "nothing": list(NOTHING),
+            },
+            "materials": [
+                {
+                    "label": label,
+                    "material": each.material,
+                    "operator_name": each.operator_name,
+                    "rgba": list(each.rgba),
+                    "file": each.file,
+                    "sha256": each.sha256,
+                    "voxels": each.voxels,
+                    "volume_mm3": each.volume_mm3,
+                }
+                for label, each in enumerate(self.materials, 1)
+            ],
+            "overlapping_voxels": self.overlapping,
+            "open_rows": self.open_rows,
+            "layers": "layers.csv",
+            "files": list(self.files),
+        }
+
+    def json(self) -> bytes:
+        """Return the bytes of slices.json."""
+        return encode_document(self.document())
+
+    def csv(self) -> bytes:
+        """Return the bytes of layers.csv."""
+        return ("\n".join(self._rows()) + "\n").encode("utf-8")
+
+    def _rows(self) -> Iterator[str]:
+        yield ",".join(["layer", "z_mm", *(each.material for each in self.materials)])
+        bottom_mm, edge_mm = self.grid.origin_mm[2], self.grid.pitch_mm[2]
+        for index, counts in enumerate(self.voxels.tolist()):
+            yield ",".join(
+                [str(index), f"{bottom_mm + (index + 0.5) * edge_mm:.9g}", *map(str, counts)]
+            )
+
+
+# ------------------------------------------------------------------------------------------------
+# Slabs made by the workers of a Dask cluster, which need share no disk with this machine.
+
+
+_CONNECT_S, _SILENCE_S = 10, 30
+_SLABS_A_THREAD = 2  # in flight: one is made while the next is on its way
+_LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
+
+
+def make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabImages]:
+    """Make slabs on a cluster, and yield them as they come.
+
+    A slab carries its triangles there and its images back. When a worker dies, what it had is
+    made again by another.
+
+    Parameters
+    ----------
+    scheduler
+        Its address, ``tcp://HOST:PORT``.
+
+    Raises
+    ------
+    ArgumentError
+        No address; Dask is not installed here, or planner not there; nothing answers, or has no
+        workers.
+    OutputError
+        The cluster lost all its workers, or several over one slab.
+    """
+    if not isinstance(scheduler, str) or not re.fullmatch(
+        r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
+    ):
+        raise ArgumentError(
+            f"--scheduler {scheduler}: is no address of a scheduler; give what dask scheduler "
+            "prints, as tcp://127.0.0.1:8786"
+        )
+    try:
+        distributed: Any = import_module("distributed")
+        dask: Any = import_module("dask")
+    except ImportError as error:
+        raise ArgumentError(
+            f"--scheduler {scheduler}: Dask is not installed ({error}); "
+            "pip install 'planner[distributed]', or leave --scheduler out"
+        ) from error
+    with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
+        threads = _threads(client, scheduler)
+        submitted = _submit(client, tasks)
+        waiting = set(islice(submitted, _SLABS_A_THREAD * threads))
+        while waiting:
+            finished = _some_of(distributed, client, waiting, scheduler)
+            waiting -= finished
+            for future in finished:
+                slab = _result(distributed, future, scheduler)
+                waiting |= set(islice(submitted, 1))
+                yield slab
+
+
+def _client(distributed: Any, scheduler: str) -> Any:
+    try:
+        return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except OSError as error:  # TimeoutError is one
+        raise ArgumentError(
+            f"--scheduler {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
+            "address that dask scheduler prints"
+        ) from error
+
+
+def _threads(client: Any, scheduler: str) -> int:
+    try:
+        client.wait_for_workers(1, timeout=_CONNECT_S)
+    except TimeoutError as error:
+        raise ArgumentError(
+            f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}"
+        ) from error
+    return max(1, int(sum(client.nthreads().values())))
+
+
+def _submit(client: Any, tasks: Iterator[SlabTask]) -> Iterator[Any]:
+    from planner import __version__
+
+    for task in tasks:
+        yield client.submit(_make_elsewhere, task.alone(), __version__, pure=False)
+
+
+def _make_elsewhere(task: SlabTask, version: str) -> SlabImages:
+    """Make a slab, if this is the planner that asked: another might choose other voxels."""
+    from planner import __version__
+
+    if version != __version__:
+        raise ArgumentError(
+            f"a worker has planner {__version__}, not {version}; install planner {version} there"
+        )
+    return make_slab(task)
+
+
+def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -> set[Any]:
+    """Wait for some of the slabs for as long as there are workers."""
+    while True:
+        try:
+            with client.as_current():
+                some = distributed.wait(waiting, _SILENCE_S, return_when="FIRST_COMPLETED")
+            return set(some.done)
+        except TimeoutError as error:
+            if not client.nthreads():
+                raise OutputError(
+                    f"--scheduler {scheduler}: all its workers are gone; start some again"
+                ) from error
+
+
+def _result(distributed: Any, future: Any, scheduler: str) -> SlabImages:
+    try:
+        slab: SlabImages = future.result()
+    except PlannerError:
+        raise
+    except ImportError as error:
+        raise ArgumentError(
+            f"--scheduler {scheduler}: its workers cannot import what they need ({error}); install "
+            "planner there"
+        ) from error
+    except distributed.KilledWorker as error:
+        raise OutputError(
+            f"--scheduler {scheduler}: several workers died over one slab; give them more memory"
+        ) from error
+    return slab
+
+
+# ------------------------------------------------------------------------------------------------
+# planner.write_slices: a plan's folder to a stack of images, one a layer of the printer.
 
 
 def write_slices(
@@ -59,7 +341,7 @@ def write_slices(
     Raises
     ------
     PlannerError
-        Bad input, see `planner.slices.source.open_shells`; a folder that may not be written; a
+        Bad input, see `planner.slices.slices.open_shells`; a folder that may not be written; a
         cluster that cannot be used.
     """
     target = check_target(folder, force=force, kind=SLICES)
@@ -96,7 +378,6 @@ def write_slices(
 def _made(tasks: Iterator[SlabTask], scheduler: str | None) -> Iterator[SlabImages]:
     if scheduler is None:
         return map(make_slab, tasks)
-    from planner.slices.cluster import make_slabs_on
 
     return make_slabs_on(scheduler, tasks)
 

@@ -13,10 +13,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from planner.arrays import FloatArray
-from planner.formats.palette_toml import encode_palette
-from planner.materials.laws.ogden_thesis import literal_stress_MPa
-from planner.palette import LawParameters, Material, Palette, Reference
+from planner.materials.laws import literal_stress_MPa
+from planner.numerics import FloatArray
+from planner.palette import LawParameters, Material, Palette, Reference, encode_palette
 from printers.connex3.ogden_fit import fit_ogden
 from printers.connex3.thesis import Published, Thesis, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct

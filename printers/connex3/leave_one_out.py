@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.arrays import FloatArray
-from planner.materials.coefficients import CoefficientModel
-from planner.materials.laws.ogden_thesis import literal_stress_MPa
-from planner.materials.quadratic_fit import LiteralCurve, algorithm_one, quadratics_through
-from planner.materials.quadratics import QuadraticCoefficients
+from planner.materials.laws import literal_stress_MPa
+from planner.materials.mixtures import CoefficientModel
+from planner.numerics import FloatArray
 from planner.palette import Palette
+from printers.connex3.algorithm_one import (
+    LiteralCurve,
+    QuadraticCoefficients,
+    algorithm_one,
+    quadratics_through,
+)
 from printers.connex3.thesis import Published, Thesis
 from printers.connex3.toe import correct
 

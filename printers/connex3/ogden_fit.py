@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 
-from planner.arrays import FloatArray, IntArray
 from planner.materials.laws import Ogden
+from planner.numerics import FloatArray, IntArray
 
 __all__ = ["fit_ogden", "relative_rms"]
 

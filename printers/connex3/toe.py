@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import FloatArray
-from planner.materials.laws.ogden_thesis import literal_stress_MPa, literal_tangent_MPa
+from planner.materials.laws import literal_stress_MPa, literal_tangent_MPa
+from planner.numerics import FloatArray
 from printers.connex3.thesis import Published
 
 __all__ = ["CorrectedCurve", "correct", "flattest_tangent"]

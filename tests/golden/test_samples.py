@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.formats.stl import decode_stl
-from planner.geometry.audit import audit
+from planner.mesh.audit import audit
 
 
 @pytest.mark.parametrize("name", ["dogbone", "dogbone-thesis", "finger", "gripper"])

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.formats.tensile.units import QUANTITY_UNITS
-from planner.materials.characterise import characterise
-from planner.materials.curve import Curve
-from planner.measurement.study import read_study
+from planner.formats.tables import QUANTITY_UNITS
+from planner.materials.characterise import Curve, characterise
+from planner.materials.study import read_study
 
 SIZES = {"width_mm": 3.0, "thickness_mm": 2.0, "gauge_mm": 15.0}
 # Spellings that hold no separator of cells or headings.

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import ArgumentError, PaletteError
-from planner.materials.coefficients import CoefficientModel
+from planner.materials.mixtures import CoefficientModel
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import printer
 

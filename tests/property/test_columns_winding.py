@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.geometry.columns import Grid, dense, iterate_columns
-from planner.geometry.mesh import Mesh
+from planner.mesh.mesh import Mesh
+from planner.voxels.columns import Grid, dense, iterate_columns
 
 
 def winding_numbers(points, triangles):

@@ -6,13 +6,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from planner.cutting.pieces import shell_faces, split
 from planner.errors import PlannerError
-from planner.geometry.part import make_part
-from planner.geometry.placement import place
-from planner.geometry.shells import shell_faces, split
-from planner.grading.field_kinds import Setting
-from planner.grading.field_spec import build_field
-from planner.grading.verification import shell_checks
+from planner.fields.parse import Setting, build_field
+from planner.grading.check import shell_checks
+from planner.mesh.part import make_part, place
 
 KINDS = ("ball", "ring", "drilled", "thin walls", "pitted", "boxes")
 counted = {"shells": 0}

@@ -7,13 +7,12 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.cut import snap_distance_mm
-from planner.geometry.fields import axis_field
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import piece_volumes_mm3, shell_faces, split
-from planner.geometry.weld import weld
+from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from planner.cutting.planes import snap_distance_mm
+from planner.fields.basic import axis_field
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import place
 
 
 def solid(kind, rng):

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.campaign import Campaign
-from planner.gap.profile_design import ProfileDesign
-from planner.gap.quality import Problem, examine
-from planner.gap.quality.loading import predicted_stress_MPa
-from planner.gap.specimen import Specimen
+from planner.gap.campaign import Campaign, Specimen
+from planner.gap.quality import examine, predicted_stress_MPa
+from planner.gap.quality_records import Problem
 from planner.printers import printer
+from planner.simulation.bar import ProfileDesign
 
 PALETTE = printer("connex3").palette()
 ELASTIC = [m for m in PALETTE.materials if m.deformation == "elastic"]

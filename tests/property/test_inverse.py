@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import ArgumentError
-from planner.materials.coefficients import CoefficientModel
-from planner.materials.inverse import (
+from planner.materials.mixtures import (
     Blend,
+    CoefficientModel,
     blend_for,
     coordinate_for,
     nearest,

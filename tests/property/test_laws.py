@@ -17,8 +17,8 @@ from planner.materials.laws import (
     OgdenThesis,
     Yeoh,
     make_law,
+    secant_modulus_MPa,
 )
-from planner.materials.stiffness import secant_modulus_MPa
 from planner.palette import LawParameters
 
 Energy = Callable[[complex], complex]

@@ -7,12 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import MeshError
-from planner.geometry.audit import audit
-from planner.geometry.crossings import find_crossing
-from planner.geometry.mesh import Mesh, measure
-from planner.geometry.part import make_part
-from planner.geometry.topology import CROWDED, OPEN, Topology, consistent_winding
-from planner.geometry.weld import weld
+from planner.mesh.audit import audit
+from planner.mesh.mesh import CROWDED, OPEN, Mesh, Topology, consistent_winding, measure, weld
+from planner.mesh.part import make_part
+from planner.mesh.repair import find_crossing
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=40)
 

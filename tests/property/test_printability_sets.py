@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from scipy import ndimage
 
-from planner.geometry.inscribed import inscribed_ball
-from planner.geometry.morphology import (
+from planner.mesh.distance import inscribed_ball
+from planner.voxels.morphology import (
     ROOM,
     active_words,
     add_runs,

@@ -9,14 +9,14 @@ import pytest
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
-from planner.materials.laws.ogden_thesis import literal_stress_MPa
-from planner.materials.quadratic_fit import (
+from planner.materials.laws import literal_stress_MPa
+from printers.connex3.algorithm_one import (
     LiteralCurve,
+    QuadraticCoefficients,
     algorithm_one,
     pooled_squared_error_MPa2,
     quadratics_through,
 )
-from planner.materials.quadratics import QuadraticCoefficients
 from printers.connex3.leave_one_out import published_curve, r_squared
 from printers.connex3.thesis import load_thesis
 

@@ -5,8 +5,8 @@ import pytest
 
 from planner.errors import MeshError
 from planner.formats.mesh_file import read_mesh
-from planner.geometry.audit import audit
-from planner.geometry.part import make_part
+from planner.mesh.audit import audit
+from planner.mesh.part import make_part
 
 TRAY_MM = (490.0, 390.0, 200.0)
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from planner.materials.characterise import (
+    Curve,
     characterise,
     characterise_material,
+    deformation,
+    linear_part,
     spread,
     toe_compensated,
 )
-from planner.materials.curve import Curve
-from planner.materials.deformation import deformation
-from planner.materials.linear_part import linear_part
-from planner.measurement.characteristics_table import characteristics_csv
-from planner.measurement.study import read_study
+from planner.materials.palette_study import characteristics_csv
+from planner.materials.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 MARECHAL = ROOT.parent / "shared" / "data" / "elastomers" / "marechal" / "Tensile-Tests-Data"

@@ -9,12 +9,11 @@ import trimesh
 from manifold3d import Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.fields import axis_field
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import piece_volumes_mm3, shell_faces, split
-from planner.geometry.weld import weld
+from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
+from planner.fields.basic import axis_field
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import place
 
 
 def load(path):

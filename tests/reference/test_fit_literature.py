@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.arrays import FloatArray
-from planner.materials.curve import Curve
-from planner.materials.fit.law_choice import choose_law
-from planner.materials.fit.sample import sample_of
-from planner.materials.fit.separable import candidate_laws
+from planner.materials.characterise import Curve
+from planner.materials.fit import choose_law, sample_of
+from planner.materials.laws import candidate_laws
+from planner.numerics import FloatArray
 
 CLASSIC = Path("classic_rubber")
 HOSSAIN = CLASSIC / "micro_mechanical_model"

@@ -5,7 +5,7 @@ from statistics import NormalDist, fmean
 import numpy as np
 import pytest
 
-from planner.materials.coefficients import CoefficientModel
+from planner.materials.mixtures import CoefficientModel
 from planner.printers import printer
 from printers.connex3.leave_one_out import (
     HeldOut,

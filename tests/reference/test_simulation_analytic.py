@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from planner import simulate
-from planner.materials.coefficients import CoefficientModel
 from planner.materials.laws import make_law
+from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette
 from planner.printers import printer
 from planner.simulation.bar import Bar
-from planner.simulation.response import elastic_response
+from planner.simulation.bar_solver import elastic_response
 
 PALETTE = printer("connex3").palette()
 MODEL = CoefficientModel(PALETTE)
@@ -43,7 +43,7 @@ def test_small_strains_are_springs_in_series() -> None:
 
 @pytest.mark.parametrize("grade", range(len(GRADES)))
 def test_a_homogeneous_bar_is_its_law(grade: int) -> None:
-    """1e-10: the tables' error, see `planner.simulation.response`, is below 1e-10 of the stress."""
+    """1e-10: the tables' error, see `planner.simulation.bar_solver`, is below 1e-10 of it."""
     edges = np.linspace(0.0, 33.0, 8)
     result = simulate(Bar(edges, np.full(7, GRADES[grade]), np.full(7, 24.0)), to_strain=0.5)
     law = MODEL.laws[grade]

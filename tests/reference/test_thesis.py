@@ -9,11 +9,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from planner.arrays import FloatArray
 from planner.errors import ArgumentError
-from planner.materials.laws import Martins, OgdenThesis, Yeoh
-from planner.materials.laws.ogden_thesis import literal_stress_MPa, literal_tangent_MPa
-from planner.materials.quadratics import QuadraticCoefficients
+from planner.materials.laws import (
+    Martins,
+    OgdenThesis,
+    Yeoh,
+    literal_stress_MPa,
+    literal_tangent_MPa,
+)
+from planner.numerics import FloatArray
+from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.thesis import Published, load_thesis
 from printers.connex3.toe import correct, flattest_tangent
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.imitation import imitate, stated_effect
-from planner.gap.planned.planned_specimen import planned_specimen, planned_strain
-from planner.gap.profile_design import ProfileDesign
+from planner.gap.virtual import imitate, planned_specimen, planned_strain, stated_effect
 from planner.palette import Palette, load_palette
+from planner.simulation.bar import ProfileDesign
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
 USUAL: Mapping[str, Any] = {

@@ -3,8 +3,8 @@ import pytest
 from manifold3d import Manifold
 
 from planner.errors import MeshError
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.mesh import Mesh
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh
 
 
 def soup(solid):

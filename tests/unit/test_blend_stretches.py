@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.grading.blends.periods import laminated
-from planner.grading.blends.stretches import stretches
+from planner.grading.blends import laminated, stretches
 from planner.grading.profile import Profile
 
 LADDER = (1.0, 2.0, 4.0, 10.0)

@@ -13,24 +13,29 @@ from manifold3d import Manifold
 
 import planner
 from planner.cli import run
+from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError, FileError
+from planner.fields.basic import AxisField
 from planner.formats.threemf import read_threemf
-from planner.gap.profile_design import read_profile
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.dither.deal import deal_cells, deal_voxels
-from planner.geometry.dither.own_volume import own_volumes
-from planner.geometry.dither.tile import bayer_ranks, blue_noise_ranks, thresholds
-from planner.geometry.fields.axis import AxisField
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import piece_volumes_mm3, shell_faces, split
-from planner.grading.blends.along import dithered_profile
-from planner.grading.blends.dither import DealtField, dealt_pieces
-from planner.grading.blends.stretches import stretches
-from planner.grading.blends.tally import tally
-from planner.grading.profile import Profile
-from planner.grading.stiffness_scale import stiffness_scale
-from planner.materials.homogenisation.dithered import dithered_modulus_MPa
+from planner.grading.blends import stretches
+from planner.grading.dither import (
+    DealtField,
+    bayer_ranks,
+    blue_noise_ranks,
+    deal_cells,
+    deal_voxels,
+    dealt_pieces,
+    dithered_profile,
+    own_volumes,
+    tally,
+    thresholds,
+)
+from planner.grading.profile import Profile, stiffness_scale
+from planner.materials.homogenisation import dithered_modulus_MPa
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh
+from planner.mesh.part import place
+from planner.simulation.bar import read_profile
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 LADDER = (1.0, 2.0, 4.0, 10.0)
@@ -295,7 +300,7 @@ def test_mixtures_follow_the_target_within_a_tenth():
 
 
 def test_differences_name_the_blend(plans):
-    from planner.grading.difference import differences
+    from planner.grading.check import differences
 
     same = planner.read_plan(plans["dither"][1])
     assert differences(same, planner.read_plan(plans["dither"][1])) == ()

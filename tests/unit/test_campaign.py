@@ -9,8 +9,7 @@ import pytest
 
 from planner.errors import FileError, OutputError, PlannerError, UnknownNameError
 from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.campaign_writer import write_campaign
+from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.palette import load_palette
 
 HEAD = (

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.arrays import FloatArray
 from planner.errors import FileError
-from planner.materials.curve import Curve
-from planner.measurement.study import Study, read_study
+from planner.materials.characterise import Curve
+from planner.materials.study import Study, read_study
+from planner.numerics import FloatArray
 
 STRAIN = np.linspace(0.0, 0.8, 81)
 STRESS = 0.5 * (1.0 + STRAIN - (1.0 + STRAIN) ** -2.0)

@@ -16,10 +16,9 @@ from benchmarks.close_the_loop import (
     stretched,
     true_moduli_MPa,
 )
-from planner.gap.campaign import Campaign
-from planner.gap.planned.planned_specimen import planned_specimen
-from planner.gap.specimen import Specimen
-from planner.grading.planning import grade
+from planner.gap.campaign import Campaign, Specimen
+from planner.gap.virtual import planned_specimen
+from planner.grading.grade import grade
 from planner.palette import Palette, Reference
 from planner.printers import printer
 

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError, MeshError
-from planner.geometry.columns import Columns, Grid, dense, grid_for, iterate_columns, voxelize
-from planner.geometry.mesh import Mesh
+from planner.mesh.mesh import Mesh
+from planner.voxels.columns import Columns, Grid, dense, grid_for, iterate_columns, voxelize
 
 
 def mesh_of(body: trimesh.Trimesh) -> Mesh:

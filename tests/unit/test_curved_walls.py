@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 import planner
 from planner.cli import run
-from planner.geometry.fragments import small_bodies
-from planner.geometry.mesh import Mesh
-from planner.geometry.solid_walls import thin_solid_places, thin_space_places
+from planner.mesh.audit import small_bodies
+from planner.mesh.mesh import Mesh
+from planner.voxels.thin_places import thin_solid_places, thin_space_places
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 FEATURE = 0.42

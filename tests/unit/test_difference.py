@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from planner.grading.difference import differences
+from planner.grading.check import differences
 from planner.plan import (
     Check,
     Finding,

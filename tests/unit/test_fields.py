@@ -5,20 +5,29 @@ import pytest
 from manifold3d import CrossSection, Manifold
 
 from planner.errors import ArgumentError
-from planner.geometry.fields import Field, PlanarField
-from planner.geometry.fields.composed import BlendField, ClampField, MaximumField, MinimumField
-from planner.geometry.fields.distance import DistanceField
-from planner.geometry.fields.expression import ExpressionField, parse_expression
-from planner.geometry.fields.function import FunctionField
-from planner.geometry.fields.geodesic import geodesic_field
-from planner.geometry.fields.harmonic import harmonic_field
-from planner.geometry.fields.patch import faces_within, smooth_patch
-from planner.geometry.fields.radial import LineField, PointField
-from planner.geometry.fields.ramp import Ramp
-from planner.geometry.fields.region import Ball, Box, HalfSpace, inside_mesh
-from planner.geometry.fields.table import points_field
-from planner.geometry.fields.triangle_tree import nearest, triangle_tree
-from planner.geometry.mesh import Mesh
+from planner.fields.basic import (
+    Ball,
+    BlendField,
+    Box,
+    ClampField,
+    DistanceField,
+    Field,
+    FunctionField,
+    HalfSpace,
+    LineField,
+    MaximumField,
+    MinimumField,
+    PlanarField,
+    PointField,
+    Ramp,
+    faces_within,
+    inside_mesh,
+    smooth_patch,
+)
+from planner.fields.parse import ExpressionField, parse_expression
+from planner.fields.solved import geodesic_field, harmonic_field, points_field
+from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.mesh import Mesh
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-8, 8, (400, 3))

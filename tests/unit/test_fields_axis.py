@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from planner.errors import ArgumentError
-from planner.geometry.fields import AxisField, Field, PlanarField, axis_field
-from planner.geometry.mesh import Mesh
+from planner.fields.basic import AxisField, Field, PlanarField, axis_field
+from planner.mesh.mesh import Mesh
 
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 

@@ -9,9 +9,8 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError
-from planner.geometry.columns import MOST_VOXELS
-from planner.geometry.printability import longest_checked_mm
-from planner.geometry.thin_places import raster_for
+from planner.voxels.columns import MOST_VOXELS
+from planner.voxels.thin_places import longest_checked_mm, raster_for
 
 
 def _bar(length_mm: float) -> tuple[np.ndarray, np.ndarray]:

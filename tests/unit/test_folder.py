@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import OutputError
-from planner.formats.folder import check_target, new_folder
+from planner.formats.files import check_target, new_folder
 
 
 def names(folder):

@@ -7,15 +7,28 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.withheld.scoring import (
+    EFFECT_IDS,
+    NO_ANSWER,
+    UNKNOWN,
+    CampaignTruth,
+    Score,
+    effects_of,
+    hypothesis_count,
+    read_answer,
+    score,
+)
+from benchmarks.withheld.summary import (
+    COLUMNS,
+    Rate,
+    area_under_curve,
+    expected_calibration_error,
+    markdown,
+    summarise,
+    table_rows,
+    wilson,
+)
 from planner.errors import FileError
-from planner.gap.bench.answer import NO_ANSWER, read_answer
-from planner.gap.bench.calibration import area_under_curve, expected_calibration_error
-from planner.gap.bench.hypothesis import EFFECT_IDS, UNKNOWN, effects_of, hypothesis_count
-from planner.gap.bench.intervals import Rate, wilson
-from planner.gap.bench.score import Score, score
-from planner.gap.bench.summary import summarise
-from planner.gap.bench.table import COLUMNS, markdown, table_rows
-from planner.gap.bench.truth import CampaignTruth
 
 
 def document(verdict: str, ranking: dict[str, float] | None = None, **more: Any) -> dict[str, Any]:

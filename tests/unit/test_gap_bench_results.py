@@ -10,13 +10,11 @@ from typing import Any
 
 import pytest
 
-from planner.cli.gap_bench import bench
-from planner.cli.gap_pool import Task, diagnose_all
+from benchmarks.withheld.bench import bench
+from benchmarks.withheld.results import Outcome, Task, diagnose_all, read_documents, score_outcomes
+from benchmarks.withheld.scoring import read_truth
+from benchmarks.withheld.summary import Rate
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
-from planner.gap.bench.documents import read_documents
-from planner.gap.bench.intervals import Rate
-from planner.gap.bench.results import Outcome, score_outcomes
-from planner.gap.bench.truth import read_truth
 
 
 def document(verdict: str) -> dict[str, Any]:

@@ -9,15 +9,13 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError, PaletteError
-from planner.formats.palette_toml import encode_palette
-from planner.gap.correction import corrected_palette
-from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
-from planner.gap.diagnosis_json import encode_diagnosis
+from planner.gap.correct import corrected_palette
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, encode_diagnosis
 from planner.gap.effects import EFFECTS, effects_for
-from planner.gap.imitation.stated_effect import usual_value
-from planner.materials.coefficients import CoefficientModel
+from planner.gap.virtual import usual_value
 from planner.materials.laws import make_law
-from planner.palette import Palette, Reference, load_palette, parse_palette
+from planner.materials.mixtures import CoefficientModel
+from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
 WARM = Reference(temperature_C=33.0)

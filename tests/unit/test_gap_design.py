@@ -9,12 +9,19 @@ import pytest
 
 from planner.cli import run
 from planner.errors import ArgumentError, UnknownNameError
-from planner.gap.conditions import replicate_groups
-from planner.gap.design import BATCHES, CampaignDesign, Size, design_campaign
-from planner.gap.design.candidates import candidates_of
-from planner.gap.design.choice import filled, information
-from planner.gap.effects import EFFECTS, untestable
-from planner.gap.planned.planned_campaign import read_plan_of_campaign
+from planner.gap.campaign import replicate_groups
+from planner.gap.design import (
+    BATCHES,
+    CampaignDesign,
+    Size,
+    candidates_of,
+    design_campaign,
+    filled,
+    information,
+)
+from planner.gap.effect import untestable
+from planner.gap.effects import EFFECTS
+from planner.gap.virtual import read_plan_of_campaign
 from planner.palette import Palette, load_palette
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"

@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 
 from planner.errors import PaletteError
-from planner.gap.forward import RELAXATION_TIMES_s, Setup, law_tables, predict, predict_all
-from planner.gap.forward.law_tables import STRAIN_END
-from planner.materials.coefficients import CoefficientModel
 from planner.materials.laws import make_law
+from planner.materials.mixtures import CoefficientModel
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import Bar
-from planner.simulation.equilibrium import solve
-from planner.simulation.response import elastic_response
+from planner.simulation.bar_solver import (
+    STRAIN_END,
+    RELAXATION_TIMES_s,
+    Setup,
+    elastic_response,
+    law_tables,
+    predict,
+    predict_all,
+    solve,
+)
 
 GAUGE_MM = 40.0
 AREA_mm2 = 30.0

@@ -8,12 +8,9 @@ import pytest
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.imitation import imitate
-from planner.gap.imitation.stated_effect import stated_effect
-from planner.gap.planned.planned_campaign import read_plan_of_campaign
-from planner.gap.planned.planned_specimen import planned_strain
+from planner.gap.virtual import imitate, planned_strain, read_plan_of_campaign, stated_effect
 from planner.materials.laws import make_law
 from planner.palette import Palette, load_palette
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from planner.gap.diagnose import look_alikes
 from planner.gap.diagnosis import Untestable
 from planner.gap.effects import EFFECTS
-from planner.gap.look_alikes import look_alikes
 
 RATE = Untestable("rate", "rate_mm_s was 1 in all specimens and no specimen was held at a strain")
 

@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.campaign import Campaign
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.campaign_writer import write_campaign
-from planner.gap.features import BRANCHES
-from planner.gap.forward import law_tables, predict
-from planner.gap.forward.mount import mount
-from planner.gap.forward.slices import slice_edges_mm, step_places_mm
-from planner.gap.profile_design import ProfileDesign
-from planner.gap.specimen import Specimen, StrainField
+from planner.gap.campaign import Campaign, Specimen, StrainField
+from planner.gap.campaign_folder import read_campaign, write_campaign
+from planner.gap.observations import BRANCHES, mount
 from planner.palette import LawParameters, Material, Palette, Reference
+from planner.simulation.bar import ProfileDesign, slice_edges_mm, step_places_mm
+from planner.simulation.bar_solver import law_tables, predict
 
 PALETTE = Palette(
     "two",

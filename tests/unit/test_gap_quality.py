@@ -6,14 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.campaign import Campaign
-from planner.gap.quality import Kind, Problem, examine
-from planner.gap.quality.clipping import clipping_problems
-from planner.gap.quality.dead_cells import dead_cell_problems
-from planner.gap.quality.loading import log_load, predicted_stress_MPa
-from planner.gap.quality.motion import first_turn, speed_mm_s
-from planner.gap.quality.timing import dropouts, spikes
-from planner.gap.specimen import Protocol, Specimen, StrainField
+from planner.gap.campaign import Campaign, Protocol, Specimen, StrainField
+from planner.gap.quality import examine, log_load, predicted_stress_MPa
+from planner.gap.quality_records import (
+    Kind,
+    Problem,
+    clipping_problems,
+    dead_cell_problems,
+    dropouts,
+    first_turn,
+    speed_mm_s,
+    spikes,
+)
 from planner.printers import printer
 
 PALETTE = printer("connex3").palette()

@@ -8,21 +8,23 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from planner.arrays import FloatArray
 from planner.errors import ArgumentError
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Place
-from planner.gap.features.table import FeatureTable
-from planner.gap.profile_design import ProfileDesign
-from planner.gap.specimen import Specimen
-from planner.gap.where import Noise, localise
-from planner.gap.where.axis import share_p
-from planner.gap.where.columns import campaign_columns
-from planner.gap.where.family import tail_p
-from planner.gap.where.relabelling import SpecimenScores
-from planner.gap.where.shapes import strain_shapes
-from planner.gap.where.whitening import Whitening, orthonormal
+from planner.gap.localise import localise
+from planner.gap.localise_axes import (
+    Noise,
+    Whitening,
+    campaign_columns,
+    orthonormal,
+    share_p,
+    strain_shapes,
+)
+from planner.gap.localise_tests import SpecimenScores, tail_p
+from planner.gap.observations import FeatureTable
+from planner.numerics import FloatArray
 from planner.printers import printer
+from planner.simulation.bar import ProfileDesign
 
 PALETTE = printer("connex3").palette()
 GRADES = ("FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785")

@@ -8,22 +8,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import ArgumentError
-from planner.geometry.dither.bevelled import bevelled_fractions, blue_noise_bevelled
-from planner.geometry.dither.tile import bayer_ranks, blue_noise_ranks
-from planner.materials.homogenisation.bounds import (
-    hashin_shtrikman_MPa,
-    reuss_MPa,
-    reuss_share,
-    voigt_MPa,
+from planner.grading.dither import (
+    bayer_ranks,
+    bevelled_fractions,
+    blue_noise_bevelled,
+    blue_noise_ranks,
 )
-from planner.materials.homogenisation.dithered import (
+from planner.materials.homogenisation import (
     dither_table,
     dithered_fraction,
     dithered_modulus_MPa,
-)
-from planner.materials.homogenisation.periodic_cell import (
     effective_stiffness_MPa,
+    hashin_shtrikman_MPa,
+    reuss_MPa,
+    reuss_share,
     solve_cell,
+    voigt_MPa,
     youngs_modulus_MPa,
 )
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.geometry.fields.function import FunctionField
-from planner.geometry.level_sets.interface_area import affordable_pitch_mm, interface_area_mm2
-from planner.geometry.mesh import Mesh
+from planner.cutting.grid import affordable_pitch_mm, interface_area_mm2
+from planner.fields.basic import FunctionField
+from planner.mesh.mesh import Mesh
 
 CUBE = Mesh(
     np.array([[x, y, z] for x in (0.0, 20.0) for y in (0.0, 20.0) for z in (0.0, 20.0)]),

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import FileError
-from planner.formats.json_document import decode_document, encode_document
+from planner.formats.files import decode_document, encode_document
 
 figures = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12)
 values = st.recursive(

@@ -7,10 +7,18 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError
-from planner.geometry.columns import dense, grid_for, iterate_columns, voxelize
-from planner.geometry.fields import AxisField, axis_field
-from planner.geometry.labels import LabelledColumns, label_columns, label_volumes_mm3, layers
-from planner.geometry.mesh import Mesh
+from planner.fields.basic import AxisField, axis_field
+from planner.mesh.mesh import Mesh
+from planner.voxels.columns import (
+    LabelledColumns,
+    dense,
+    grid_for,
+    iterate_columns,
+    label_columns,
+    label_volumes_mm3,
+    layers,
+    voxelize,
+)
 
 DIRECTIONS = [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (1, 1, 0), (1, -2, 3), (-1, 0.3, -2)]
 

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError, MeshError
-from planner.geometry.columns import Grid, dense, grid_for, iterate_columns
-from planner.geometry.layer_runs import iterate_slabs, runs_along_x
-from planner.geometry.mesh import Mesh
+from planner.mesh.mesh import Mesh
+from planner.slices.slices import iterate_slabs, runs_along_x
+from planner.voxels.columns import Grid, dense, grid_for, iterate_columns
 
 
 def by_layers(mesh: Mesh, grid: Grid, slab_layers: int = 3, *, alone: bool = False) -> np.ndarray:

@@ -7,13 +7,12 @@ import trimesh
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
+from planner.cutting.intersect import volume_sign
+from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.level_sets.lattice import volume_sign
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import piece_volumes_mm3, shell_faces, split
-from planner.geometry.weld import weld
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import place
 
 
 class FunctionField:

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import OutputError, PaletteError
-from planner.formats.palette_toml import encode_palette, write_palette
 from planner.palette import (
     LAW_PARAMETERS,
     LawParameters,
@@ -18,8 +17,10 @@ from planner.palette import (
     Palette,
     Reference,
     Uncertainty,
+    encode_palette,
     load_palette,
     parse_palette,
+    write_palette,
 )
 
 figures = st.floats(-1e9, 1e9, allow_nan=False).map(lambda v: float(f"{v:.9g}") + 0.0)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from planner.errors import ArgumentError, MeshError
-from planner.geometry.part import make_part, part_from_arrays, part_from_trimesh
-from planner.geometry.topology import Topology
-from planner.geometry.weld import weld
+from planner.mesh.mesh import Topology, weld
+from planner.mesh.part import make_part, part_from_arrays, part_from_trimesh
 
 BOX_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 BOX_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -12,10 +12,9 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError
-from planner.geometry.fields import axis_field
-from planner.geometry.mesh import Mesh
-from planner.geometry.printability import thin_walls
-from planner.geometry.thin_places import Band, raster_for, thin_places
+from planner.fields.basic import axis_field
+from planner.mesh.mesh import Mesh
+from planner.voxels.thin_places import Band, raster_for, thin_places, thin_walls
 
 WALL = 0.6
 SHORT = 0.02 * WALL  # sizes are short of the true ones by at most this
@@ -219,7 +218,7 @@ def test_large_parts_get_a_coarser_grid():
 @pytest.mark.parametrize("normal", DIRECTIONS)
 @pytest.mark.parametrize("radius", [2, 3, 4])
 def test_coarser_grids_find_and_pass_what_they_promise(monkeypatch, normal, radius):
-    monkeypatch.setattr("planner.geometry.thin_places.FINEST_RADIUS", radius)
+    monkeypatch.setattr("planner.voxels.thin_places.FINEST_RADIUS", radius)
     surely_thin = {2: 0.6, 3: 0.75, 4: 0.8}[radius] * WALL
     assert len(findings(mesh_of(box((8, 6, surely_thin), normal=normal)))) == 1
     assert findings(mesh_of(box((8, 6, WALL), centre=(0.01, 0.02, 0.03), normal=normal))) == ()

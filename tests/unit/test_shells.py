@@ -3,18 +3,12 @@ import pytest
 from manifold3d import CrossSection, Error, Manifold
 from manifold3d import Mesh as SolidMesh
 
+from planner.cutting.pieces import piece_bounds_mm, piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError, MeshError
-from planner.geometry.audit import audit, interfaces_cancel
-from planner.geometry.fields import axis_field
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.shells import (
-    piece_bounds_mm,
-    piece_volumes_mm3,
-    shell_faces,
-    split,
-)
-from planner.geometry.weld import weld
+from planner.fields.basic import axis_field
+from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import place
 
 
 def part(solid):

@@ -17,10 +17,9 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.materials.laws import make_law
 from planner.palette import LawParameters, Palette
 from planner.printers import printer
-from planner.report.simulation_figure import simulation_figure
+from planner.report.svg import simulation_figure
 from planner.simulation.bar import Bar
-from planner.simulation.protocol import LoadingPath
-from planner.simulation.simulate import simulate_bar
+from planner.simulation.simulate import LoadingPath, simulate_bar
 
 PALETTE = printer("connex3").palette()
 BOX_FACES = np.array(

@@ -8,7 +8,7 @@ import pytest
 import planner
 from planner.errors import ArgumentError, FileError, PlannerError
 from planner.simulation.bar import Bar
-from planner.simulation.protocol import LoadingPath, loading_path
+from planner.simulation.simulate import LoadingPath, loading_path
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,9 @@ import planner
 from planner.cli import run
 from planner.errors import ArgumentError, FileError, OutputError, UnknownNameError
 from planner.formats.stl import decode_stl, encode_stl
-from planner.geometry.columns import Grid, iterate_columns
-from planner.geometry.mesh import Mesh
-from planner.geometry.weld import weld
-from planner.slices.colours import LEAST_DISTANCE, distinct_colours
+from planner.mesh.mesh import Mesh, weld
+from planner.slices.png import LEAST_DISTANCE, distinct_colours
+from planner.voxels.columns import Grid, iterate_columns
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
 def test_no_scheduler_at_an_address_is_said_in_one_line(
     plan: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.slices.cluster._CONNECT_S", 1)
+    monkeypatch.setattr("planner.slices.write._CONNECT_S", 1)
     address = f"tcp://127.0.0.1:{free_port()}"
     command = ["slices", str(plan), "-o", str(tmp_path / "s"), "--scheduler", address]
     assert run(command) == 2

@@ -6,7 +6,7 @@ import pytest
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.tensile import read_specimens
-from planner.measurement.study import read_study
+from planner.materials.study import read_study
 
 HEAD = "specimen,material,width_mm,thickness_mm,gauge_mm,operator\n"
 CONDITIONS = "specimen,material,temperature_C,soak_h,age_days\n"

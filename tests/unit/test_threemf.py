@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError, MeshError, OutputError
-from planner.formats.archive import canonical_archive
 from planner.formats.threemf import (
     NAMESPACE,
     ThreemfObject,
+    canonical_archive,
     decode_threemf,
     encode_threemf,
     read_threemf,

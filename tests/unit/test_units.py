@@ -3,8 +3,8 @@
 import pytest
 
 from planner.errors import FileError
-from planner.formats.tensile.headings import column_of, parse_heading
-from planner.formats.tensile.units import is_unit, unit_factor
+from planner.formats.tables import is_unit, unit_factor
+from planner.formats.tensile import column_of, parse_heading
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from planner.errors import MeshError
-from planner.geometry.mesh import Mesh
-from planner.geometry.placement import place
-from planner.geometry.weld import cancel_opposite, repeats_index, weld
+from planner.mesh.mesh import Mesh, cancel_opposite, repeats_index, weld
+from planner.mesh.part import place
 
 CUBE = Mesh(
     np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float),

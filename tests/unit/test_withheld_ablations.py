@@ -8,12 +8,10 @@ import pytest
 from benchmarks.withheld.ablated import FULL, VARIANTS, problem_of
 from benchmarks.withheld.ablations import COLUMNS, ablation_rows, main
 from benchmarks.withheld.reality.__main__ import main as reality
-from planner.gap.bench.answer import read_answer
-from planner.gap.bench.score import score
-from planner.gap.bench.truth import CampaignTruth
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.evidence.priors import Priors
+from benchmarks.withheld.scoring import CampaignTruth, read_answer, score
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.weigh import Priors
 
 
 @pytest.fixture(scope="module")

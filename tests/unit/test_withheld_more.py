@@ -14,9 +14,9 @@ from benchmarks.withheld.reality.__main__ import main
 from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.more import FurtherTest, further, read_test
 from benchmarks.withheld.reality.palette_file import read_palette
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.experiments.candidates import trials_of
-from planner.gap.forward.mount import mount
+from planner.gap.campaign_folder import read_campaign
+from planner.gap.design import trials_of
+from planner.gap.observations import mount
 
 ROOT = Path(__file__).parents[2]
 PALETTE = read_palette(

@@ -13,11 +13,10 @@ from benchmarks.withheld.naive_bic import (
     schwarz_probabilities,
 )
 from benchmarks.withheld.reality.__main__ import main
+from benchmarks.withheld.scoring import read_answer
 from planner.errors import PlannerError
-from planner.gap.bench.answer import read_answer
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.nodes import branches_of
-from planner.gap.evidence.weights import node_weights
+from planner.gap.evidence.surrogate import branches_of, node_weights
 
 
 def test_schwarz_weighs_fit_against_parameters() -> None:

@@ -11,7 +11,7 @@ from benchmarks.withheld.real.adhesive import tension_of_shear
 from benchmarks.withheld.real.coupons import coupon, fitted_palette, median_rate
 from benchmarks.withheld.real.spreadsheet import read_numbers
 from benchmarks.withheld.real.thesis import stand_in
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_folder import read_campaign
 from planner.palette import Reference
 from printers.connex3.thesis import load_thesis
 

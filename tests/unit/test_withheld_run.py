@@ -13,13 +13,11 @@ from benchmarks.withheld.leave_one_out import Case, by_effect
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.run import main
 from benchmarks.withheld.run_log import append_run, check_not_scored
+from benchmarks.withheld.scoring import NO_ANSWER, CampaignTruth, Score, read_answer, score
+from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
 from benchmarks.withheld.written import results_markdown
 from planner.errors import FileError
-from planner.gap.bench.answer import NO_ANSWER, read_answer
-from planner.gap.bench.score import Score, score
-from planner.gap.bench.summary import summarise
-from planner.gap.bench.truth import CampaignTruth
 
 
 def document(verdict: str, **gap: float | None) -> dict[str, Any]:

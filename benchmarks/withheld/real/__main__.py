@@ -15,8 +15,7 @@ from benchmarks.withheld.real.silicones import silicones
 from benchmarks.withheld.real.tape import tape
 from benchmarks.withheld.real.thesis import thesis
 from planner.errors import OutputError
-from planner.gap.campaign_reader import read_campaign
-from planner.gap.campaign_writer import write_campaign
+from planner.gap.campaign_folder import read_campaign, write_campaign
 
 __all__ = ["CAMPAIGNS", "main"]
 

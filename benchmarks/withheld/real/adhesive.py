@@ -12,9 +12,8 @@ import numpy as np
 
 from benchmarks.withheld.real.coupons import GAUGE_MM, Real, coupon, fitted_palette, median_rate
 from benchmarks.withheld.real.spreadsheet import read_numbers
-from planner.arrays import FloatArray
-from planner.gap.campaign import Campaign
-from planner.gap.specimen import Specimen
+from planner.gap.campaign import Campaign, Specimen
+from planner.numerics import FloatArray
 from planner.palette import Reference
 
 __all__ = ["adhesive_pulled", "adhesive_sheared", "tension_of_shear"]

@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from planner.arrays import FloatArray
-from planner.gap.campaign import Campaign
-from planner.gap.specimen import Specimen
-from planner.materials.curve import Curve
-from planner.measurement.palette_study import fit_study
-from planner.measurement.study import Study
+from planner.gap.campaign import Campaign, Specimen
+from planner.materials.characterise import Curve
+from planner.materials.palette_study import fit_study
+from planner.materials.study import Study
+from planner.numerics import FloatArray
 from planner.palette import Palette, Reference
 
 __all__ = [

@@ -6,13 +6,13 @@ from typing import get_args
 
 import numpy as np
 
-from planner.arrays import FloatArray
-from planner.gap.campaign import Campaign
-from planner.gap.conditions import TOLERANCES, levels
+from planner.gap.campaign import TOLERANCES, Campaign, levels
 from planner.gap.diagnosis import Diagnosis, FoundEffect
-from planner.gap.effects import Stage, effects_for
-from planner.gap.forward import law_tables, predict
-from planner.gap.forward.mount import mount
+from planner.gap.effect import Stage
+from planner.gap.effects import effects_for
+from planner.gap.observations import mount
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import law_tables, predict
 
 __all__ = ["LeftOutRate", "left_out_rates", "specimen_errors"]
 

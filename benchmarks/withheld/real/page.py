@@ -9,10 +9,10 @@ from benchmarks.withheld.real.left_out_rate import LeftOutRate
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
 from planner.palette import Palette
-from planner.report.gap.verdict_text import headline
-from planner.report.gap.wording import (
+from planner.report.gap_text import (
     axis_words,
     figure,
+    headline,
     listed,
     p_value,
     percent,

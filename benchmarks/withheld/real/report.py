@@ -12,9 +12,9 @@ from benchmarks.withheld.real.__main__ import main as make_campaigns
 from benchmarks.withheld.real.expectations import EXPECTATIONS
 from benchmarks.withheld.real.left_out_rate import left_out_rates
 from benchmarks.withheld.real.page import Answered, page
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose
-from planner.report.gap.folder import diagnosis_files, write_diagnosis
+from planner.report.gap_page import diagnosis_files, write_diagnosis
 
 __all__ = ["main"]
 

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from planner.arrays import FloatArray
+from planner.numerics import FloatArray
 
 __all__ = ["read_numbers"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from benchmarks.withheld.real.coupons import Real, coupon
-from planner.arrays import FloatArray
 from planner.gap.campaign import Campaign
+from planner.numerics import FloatArray
 from planner.printers import printer
 from printers.connex3.thesis import Published, load_thesis
 

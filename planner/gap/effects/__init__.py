@@ -1,42 +1,38 @@
-"""Effects that a palette's laws do not know, one a file."""
+"""Effects that a palette's laws do not know: of the print, of conditions, of the test."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from planner.gap.effects.ageing import EFFECT as AGEING
-from planner.gap.effects.composition_offset import EFFECT as COMPOSITION_OFFSET
-from planner.gap.effects.cross_section import EFFECT as CROSS_SECTION
-from planner.gap.effects.effect import Apply, Effect, Form, Parameter, Stage, Values
-from planner.gap.effects.force_offset import EFFECT as FORCE_OFFSET
-from planner.gap.effects.force_scale import EFFECT as FORCE_SCALE
-from planner.gap.effects.grip_slack import EFFECT as GRIP_SLACK
-from planner.gap.effects.grip_slip import EFFECT as GRIP_SLIP
-from planner.gap.effects.interface_bleed import EFFECT as INTERFACE_BLEED
-from planner.gap.effects.machine_compliance import EFFECT as MACHINE_COMPLIANCE
-from planner.gap.effects.material_law import EFFECT as MATERIAL_LAW
-from planner.gap.effects.material_law import effect_for
-from planner.gap.effects.moisture import EFFECT as MOISTURE
-from planner.gap.effects.orientation import EFFECT as ORIENTATION
-from planner.gap.effects.permanent_set import EFFECT as PERMANENT_SET
-from planner.gap.effects.rate import EFFECT as RATE
-from planner.gap.effects.skin import EFFECT as SKIN
-from planner.gap.effects.softening import EFFECT as SOFTENING
-from planner.gap.effects.strain_scale import EFFECT as STRAIN_SCALE
-from planner.gap.effects.temperature import EFFECT as TEMPERATURE
-from planner.gap.effects.testable import untestable
+from planner.gap.effect import Effect
+from planner.gap.effects.conditions import (
+    AGEING,
+    MOISTURE,
+    PERMANENT_SET,
+    RATE,
+    SOFTENING,
+    TEMPERATURE,
+)
+from planner.gap.effects.print import (
+    COMPOSITION_OFFSET,
+    CROSS_SECTION,
+    INTERFACE_BLEED,
+    MATERIAL_LAW,
+    ORIENTATION,
+    SKIN,
+    effect_for,
+)
+from planner.gap.effects.test import (
+    FORCE_OFFSET,
+    FORCE_SCALE,
+    GRIP_SLACK,
+    GRIP_SLIP,
+    MACHINE_COMPLIANCE,
+    STRAIN_SCALE,
+)
 from planner.palette import Palette
 
-__all__ = [
-    "EFFECTS",
-    "Apply",
-    "Effect",
-    "Form",
-    "Parameter",
-    "Stage",
-    "Values",
-    "effects_for",
-    "untestable",
-]
+__all__ = ["EFFECTS", "effects_for"]
+
 
 _ALL = (
     AGEING,

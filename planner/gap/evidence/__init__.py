@@ -1,1 +1,1 @@
-"""Which hypothesis the figures speak for."""
+"""Which effect causes a gap: evidence of every hypothesis."""

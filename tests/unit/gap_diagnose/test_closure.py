@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure, refutes, without_effect
-from planner.gap.closure_folds import Fold, conditions_out, held_out_words, levels_out
+from planner.gap.closure import (
+    Fold,
+    closure,
+    conditions_out,
+    held_out_words,
+    levels_out,
+    refutes,
+    without_effect,
+)
 from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.priors import Priors
+from planner.gap.evidence.posterior import without_refuted
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.ranking import without_refuted
-from planner.gap.forward.mount import mount
+from planner.gap.evidence.weigh import Priors
+from planner.gap.observations import mount
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:

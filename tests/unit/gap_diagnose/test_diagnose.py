@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from planner.errors import UnknownNameError
-from planner.gap.campaign_writer import write_campaign
+from planner.gap.campaign_folder import write_campaign
 from planner.gap.diagnose import diagnose
-from planner.gap.diagnosis import Diagnosis
-from planner.gap.diagnosis_json import encode_diagnosis
+from planner.gap.diagnosis import Diagnosis, encode_diagnosis
 from planner.gap.effects import EFFECTS
 
 SURE = 0.8

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.gap.design import next_experiments
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.candidate import Candidate
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.experiments import next_experiments
-from planner.gap.forward.mount import mount
+from planner.gap.evidence.surrogate import Candidate
+from planner.gap.observations import mount
 
 
 @pytest.fixture(scope="module")

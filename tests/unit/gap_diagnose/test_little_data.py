@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.diagnose import diagnose
+from planner.gap.diagnose import diagnose, look_alikes
 from planner.gap.diagnosis import Diagnosis
-from planner.gap.look_alikes import look_alikes
 
 SURE = 0.8
 BOTH = ("TangoPlus", "FLX9760")

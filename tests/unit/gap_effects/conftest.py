@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.effects import EFFECTS, Form, Parameter
-from planner.gap.forward.setup import RELAXATION_TIMES_s, Setup
-from planner.gap.profile_design import ProfileDesign
+from planner.gap.effect import Form, Parameter
+from planner.gap.effects import EFFECTS
 from planner.palette import Reference
+from planner.simulation.bar import ProfileDesign
+from planner.simulation.bar_solver import RELAXATION_TIMES_s, Setup
 
 REFERENCE = Reference(
     strain_rate_per_s=0.034, temperature_C=23.0, soak_h=0.0, age_days=9.0, orientation="x"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from planner.gap.effects import effects_for
-from planner.gap.forward.setup import Setup
-from planner.gap.profile_design import ProfileDesign
 from planner.printers import printer
+from planner.simulation.bar import ProfileDesign
+from planner.simulation.bar_solver import Setup
 
 Make = Callable[..., Setup]
 Apply = Callable[..., Setup]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from planner.gap.effects import EFFECTS
-from planner.gap.effects.rate import REFERENCE_STRAIN
-from planner.gap.forward.setup import SOFTENING_PEAKS, RELAXATION_TIMES_s, Setup
+from planner.gap.effects.conditions import REFERENCE_STRAIN
 from planner.palette import Reference
+from planner.simulation.bar_solver import SOFTENING_PEAKS, RELAXATION_TIMES_s, Setup
 
 Make = Callable[..., Setup]
 Apply = Callable[..., Setup]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.effects import EFFECTS, Effect, Form, Parameter, effects_for
-from planner.gap.forward.setup import SOFTENING_PEAKS, Setup
+from planner.gap.effect import Effect, Form, Parameter
+from planner.gap.effects import EFFECTS, effects_for
 from planner.printers import printer
+from planner.simulation.bar_solver import SOFTENING_PEAKS, Setup
 
 Make = Callable[..., Setup]
 Apply = Callable[..., Setup]

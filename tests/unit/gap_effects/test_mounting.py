@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from planner.gap.effects import EFFECTS
-from planner.gap.forward.setup import Setup
-from planner.gap.profile_design import ProfileDesign
+from planner.simulation.bar import ProfileDesign
+from planner.simulation.bar_solver import Setup
 
 Make = Callable[..., Setup]
 Apply = Callable[..., Setup]

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.campaign import Campaign
-from planner.gap.effects import EFFECTS, untestable
-from planner.gap.profile_design import ProfileDesign
-from planner.gap.specimen import Specimen
+from planner.gap.campaign import Campaign, Specimen
+from planner.gap.effect import untestable
+from planner.gap.effects import EFFECTS
 from planner.printers import printer
+from planner.simulation.bar import ProfileDesign
 
 PALETTE = printer("connex3").palette()
 STEP_BAR = ProfileDesign("step", np.array([0.0, 12.5, 12.5, 25.0]), np.array([0.1, 0.1, 0.9, 0.9]))

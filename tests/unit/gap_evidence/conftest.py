@@ -2,10 +2,10 @@
 
 import pytest
 
+from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.effects.testable import untestable
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.forward.mount import mount
+from planner.gap.observations import mount
 
 CONDITIONS = (
     {}, {"rate_mm_s": 8.5}, {"temperature_C": 35.0}, {"soak_h": 24.0}, {"age_days": 60.0},

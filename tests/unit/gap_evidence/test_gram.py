@@ -8,9 +8,9 @@ import pytest
 import scipy.linalg
 from scipy.stats import multivariate_normal
 
-from planner.arrays import FloatArray
-from planner.gap.evidence.gram import Whitened, whiten
+from planner.gap.evidence.surrogate import Whitened, whiten
 from planner.gap.noise import SpecimenNoise
+from planner.numerics import FloatArray
 
 COUNTS = (4, 3, 5)
 """Figures of each specimen."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from planner.gap.evidence.misfit import FORMLESS, share_given_up
+from planner.gap.evidence.posterior import FORMLESS, share_given_up
 
 
 @pytest.mark.parametrize(

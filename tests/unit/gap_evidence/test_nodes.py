@@ -5,13 +5,19 @@ from itertools import product
 import numpy as np
 import pytest
 
-from planner.arrays import FloatArray
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.candidate import Candidate
-from planner.gap.evidence.nodes import SHAPE_NODES, SIZE_NODES, Branch, branches_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.weights import figures_of, node_weights
-from planner.gap.forward import predict_all
+from planner.gap.evidence.surrogate import (
+    SHAPE_NODES,
+    SIZE_NODES,
+    Branch,
+    Candidate,
+    branches_of,
+    figures_of,
+    node_weights,
+)
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import predict_all
 
 BRANCHES = branches_of(list(EFFECTS.values()))
 PLACES = 8

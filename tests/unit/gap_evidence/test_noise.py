@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.forward.mount import mount
-from planner.gap.noise.estimate import USUAL
+from planner.gap.noise import USUAL
+from planner.gap.observations import mount
 
 
 def ready(campaign) -> Problem:

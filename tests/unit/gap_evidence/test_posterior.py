@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planner.gap.evidence.gram import Elimination
 from planner.gap.evidence.posterior import UNKNOWN, posterior, verdict_of
+from planner.gap.evidence.surrogate import Elimination
 from planner.gap.evidence.weigh import Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")

@@ -12,9 +12,9 @@ import pytest
 from scipy.integrate import nquad
 from scipy.special import logsumexp
 
-from planner.arrays import FloatArray
-from planner.gap.evidence.nodes import SHAPE_NODES, SIZE_NODES
-from planner.gap.evidence.search_kernels import best_pair, best_single, scan_pairs, weigh_single
+from planner.gap.evidence.search import best_pair, best_single, scan_pairs, weigh_single
+from planner.gap.evidence.surrogate import SHAPE_NODES, SIZE_NODES
+from planner.numerics import FloatArray
 
 LEAST = float(np.sqrt(1.0 / 40.0))
 FIGURES = 30

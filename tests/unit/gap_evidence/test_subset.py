@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from planner.arrays import FloatArray
-from planner.gap.evidence.candidate import Candidate
-from planner.gap.evidence.gram import Elimination
-from planner.gap.evidence.subset import FORCE_UNITS, SHARES, gains_of, weigh_subset_beside
-from planner.gap.noise.estimate import USUAL
+from planner.gap.evidence.search import FORCE_UNITS, SHARES, gains_of, weigh_subset_beside
+from planner.gap.evidence.surrogate import Candidate, Elimination
+from planner.gap.noise import USUAL
+from planner.numerics import FloatArray
 
 SCATTER = 0.03
 """Of specimens' levels."""

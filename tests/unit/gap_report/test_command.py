@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from planner.cli import run
-from planner.gap.axis_columns import axis_columns
-from planner.gap.campaign_reader import read_campaign
+from planner.gap.campaign import axis_columns
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnosis import Diagnosis
 
 Examples = dict[str, Diagnosis]

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from planner.gap.diagnosis import Diagnosis, Place, Traces
-from planner.report.gap.closure_figure import closure_figure
-from planner.report.gap.curves_figure import curves_figure
-from planner.report.gap.evidence_figure import evidence_figure
-from planner.report.gap.residual_figure import residual_figure
-from planner.report.gap.residual_points import points_along
-from planner.report.gap.trace_errors import error_along, error_of_tests
+from planner.report.gap_figures import (
+    closure_figure,
+    curves_figure,
+    error_along,
+    error_of_tests,
+    evidence_figure,
+    points_along,
+    residual_figure,
+)
 
 Examples = dict[str, Diagnosis]
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from planner.errors import OutputError
-from planner.gap.diagnosis import Diagnosis
-from planner.gap.diagnosis_json import read_diagnosis
-from planner.report.gap.folder import write_diagnosis
+from planner.gap.diagnosis import Diagnosis, read_diagnosis
+from planner.report.gap_page import write_diagnosis
 
 Examples = dict[str, Diagnosis]
 

@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.diagnosis import Diagnosis, Hypothesis
-from planner.gap.diagnosis_json import encode_diagnosis, of_document, read_diagnosis, to_document
-from planner.report.gap.verdict_text import verdict_text
+from planner.gap.diagnosis import (
+    Diagnosis,
+    Hypothesis,
+    encode_diagnosis,
+    of_document,
+    read_diagnosis,
+    to_document,
+)
+from planner.report.gap_text import verdict_text
 
 Examples = dict[str, Diagnosis]
 CONTRACT = {

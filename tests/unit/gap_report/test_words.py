@@ -7,8 +7,16 @@ import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.report.gap.verdict_text import headline, verdict_text
-from planner.report.gap.wording import CLAUSES, figure, listed, percent, probability, sentence
+from planner.report.gap_text import (
+    CLAUSES,
+    figure,
+    headline,
+    listed,
+    percent,
+    probability,
+    sentence,
+    verdict_text,
+)
 
 Examples = dict[str, Diagnosis]
 

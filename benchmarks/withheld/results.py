@@ -1,0 +1,267 @@
+"""A bench: diagnoses of many campaigns, made in several processes or read, and scored."""
+
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.withheld.scoring import EFFECT_IDS, NO_ANSWER, Score, Truth, read_answer, score
+from benchmarks.withheld.summary import Summary, summarise
+from planner.errors import FileError, UnknownNameError, nearest_names
+
+__all__ = [
+    "Documents",
+    "Outcome",
+    "Results",
+    "Task",
+    "check_effects",
+    "diagnose_all",
+    "read_documents",
+    "score_outcomes",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Diagnoses that were written before, to be scored again.
+
+
+Documents = Mapping[str, Mapping[str, Any]]
+"""By campaign."""
+
+_DIAGNOSIS = "diagnosis.json"
+
+
+def read_documents(path: str | Path) -> Documents:
+    """Read diagnoses from a folder, or from the results of an earlier bench.
+
+    A folder holds ``CAMPAIGN.json`` or ``CAMPAIGN/diagnosis.json``.
+
+    Raises
+    ------
+    FileError
+        Nothing there, or not JSON.
+    """
+    path = Path(path)
+    if path.is_file():
+        documents = _json(path).get("documents")
+        if not isinstance(documents, dict):
+            raise FileError(
+                f"{path}: no documents in it; give a folder of diagnoses, or a file that planner "
+                "the bench wrote with -o"
+            )
+        return documents
+    if not path.is_dir():
+        raise FileError(f"{path}: no such folder or file; give the folder of the diagnoses")
+    found = {file.stem: file for file in path.glob("*.json")}
+    found |= {file.parent.name: file for file in path.glob(f"*/{_DIAGNOSIS}")}
+    if not found:
+        raise FileError(f"{path}: no CAMPAIGN.json and no CAMPAIGN/{_DIAGNOSIS} in it")
+    return {name: _json(found[name]) for name in sorted(found)}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read as JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise FileError(f"{path}: not a JSON object but {type(document).__name__}")
+    return document
+
+
+# ------------------------------------------------------------------------------------------------
+# Diagnose many campaigns in several processes, and take the time.
+
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One campaign to diagnose without some effects."""
+
+    folder: Path
+    without: tuple[str, ...] = ()
+    seed: int = 0
+
+
+def diagnose_all(
+    tasks: Sequence[Task], *, jobs: int, stage: Callable[[str], None]
+) -> Iterator[tuple[Task, "Outcome"]]:
+    """Diagnose campaigns and yield what became of each, in the order of the tasks.
+
+    What stops one diagnosis, a bug included, is its outcome's problem and stops no other.
+
+    Parameters
+    ----------
+    jobs
+        Processes; 1 stays in this one.
+    stage
+        Told how many are done.
+    """
+    total = len(tasks)
+    if jobs == 1 or total < 2:
+        for number, task in enumerate(tasks, start=1):
+            stage(f"diagnosing {task.folder.name}, {number} of {total}")
+            yield task, _diagnosed(task)
+        return
+    for name in _ONE_THREAD:  # the processes share the cores already
+        os.environ.setdefault(name, "1")
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, total), mp_context=context)
+    try:
+        for number, (task, outcome) in enumerate(
+            zip(tasks, pool.map(_diagnosed, tasks), strict=True), start=1
+        ):
+            stage(f"diagnosed {number} of {total} campaigns")
+            yield task, outcome
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _diagnosed(task: Task) -> "Outcome":
+    from planner.errors import PlannerError
+    from planner.gap.campaign_folder import read_campaign
+    from planner.gap.diagnose import diagnose
+    from planner.gap.diagnosis import to_document
+
+    started = time.perf_counter()
+    try:
+        campaign = read_campaign(task.folder)
+        document = to_document(diagnose(campaign, seed=task.seed, without=task.without))
+    except PlannerError as error:
+        return Outcome(None, None, str(error))
+    except Exception as error:  # counted as no answer; the other campaigns go on
+        return Outcome(None, None, f"a bug in planner: {type(error).__name__}: {error}")
+    return Outcome(document, time.perf_counter() - started)
+
+
+# ------------------------------------------------------------------------------------------------
+# A bench: diagnoses of many campaigns, scored and summed up.
+
+
+_TIERS = {
+    name: place
+    for place, name in enumerate(
+        ("library", "other", "unclaimed", "none", "none-t4", "none-scatter", "pair", "cancelling",
+         "confounded")
+    )
+}  # fmt: skip
+"""The order of the rows; tiers of other benches follow by name of campaign."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one campaign: a diagnosis' document, or the problem that prevented it."""
+
+    document: Mapping[str, Any] | None
+    seconds: float | None = None
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Scores of the campaigns that were diagnosed, in the order of their names.
+
+    Attributes
+    ----------
+    problems
+        By campaign: why there is no answer to score; such count as wrong.
+    not_diagnosed
+        Campaigns of the truth of which nothing was given; they count nowhere.
+    """
+
+    truth: Truth
+    without: tuple[str, ...]
+    scores: tuple[Score, ...]
+    summary: Summary
+    problems: Mapping[str, str]
+    not_diagnosed: tuple[str, ...]
+
+    def document(self, documents: Documents | None = None) -> dict[str, Any]:
+        """Return the results for JSON, with the diagnoses themselves if given."""
+        content: dict[str, Any] = {
+            "schema": 1,
+            "kind": "gap-bench",
+            "truth": {
+                "file": self.truth.file,
+                "sha256": self.truth.sha256,
+                "made_by": dict(self.truth.made_by),
+                "campaigns": len(self.truth.campaigns),
+            },
+            "without": list(self.without),
+            **self.summary.document(),
+            "problems": dict(self.problems),
+            "not_diagnosed": list(self.not_diagnosed),
+            "scores": [asdict(s) for s in self.scores],
+        }
+        return content if documents is None else content | {"documents": dict(documents)}
+
+
+def score_outcomes(
+    outcomes: Mapping[str, Outcome], truth: Truth, *, without: Collection[str] = ()
+) -> Results:
+    """Score what became of each campaign.
+
+    Raises
+    ------
+    FileError
+        There is none, or the truth knows nothing of one.
+    UnknownNameError
+        An effect of `without` is none that a verdict may name.
+    """
+    check_effects(without)
+    if not outcomes:
+        raise FileError("no diagnosis to score")
+    stranger = next((name for name in outcomes if name not in truth.campaigns), None)
+    if stranger is not None:
+        raise FileError(
+            f"campaign {stranger}: {truth.file} knows nothing of it; give the truth that was "
+            "written with the campaigns"
+        )
+    problems: dict[str, str] = {}
+    scores = []
+    for name in sorted(outcomes, key=lambda name: (_turn(truth, name), name)):
+        outcome = outcomes[name]
+        answer = NO_ANSWER
+        if outcome.document is None:
+            problems[name] = outcome.problem or "no diagnosis"
+        else:
+            try:
+                answer = read_answer(outcome.document, name)
+            except FileError as error:
+                problems[name] = str(error)
+        scores.append(
+            score(name, answer, truth.campaigns[name], without=without, seconds=outcome.seconds)
+        )
+    return Results(
+        truth=truth,
+        without=tuple(sorted(without)),
+        scores=tuple(scores),
+        summary=summarise(scores),
+        problems=problems,
+        not_diagnosed=tuple(name for name in truth.campaigns if name not in outcomes),
+    )
+
+
+def check_effects(ids: Collection[str]) -> None:
+    """Refuse ids that no verdict may name.
+
+    Raises
+    ------
+    UnknownNameError
+        Names what is near.
+    """
+    for unknown in sorted(set(ids) - EFFECT_IDS):
+        near = nearest_names(unknown, sorted(EFFECT_IDS)) or sorted(EFFECT_IDS)
+        raise UnknownNameError(f"no effect {unknown!r}; did you mean {', '.join(near)}?")
+
+
+def _turn(truth: Truth, name: str) -> int:
+    """Return the place of a campaign's tier: single effects first, the others by name."""
+    return _TIERS.get(truth.campaigns[name].tier, len(_TIERS))

@@ -1,0 +1,625 @@
+"""planner grade, check, diff, slices and simulate: the commands that make or take a plan."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from planner.cli.output import AsJson, AtStrain, PaletteName, PrinterName, Quiet, choose
+from planner.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from planner.grading.check import Certificate
+    from planner.plan import Plan, Region
+    from planner.simulation.simulate import Simulation
+    from planner.slices.write import SliceStack
+
+__all__ = ["check", "diff", "grade", "simulate", "slices"]
+
+
+# ------------------------------------------------------------------------------------------------
+# planner grade.
+
+
+_FINDINGS_SHOWN = 10
+
+
+def grade(
+    part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
+    from_: Annotated[
+        str | None, typer.Option("--from", help="Material where the gradient begins.")
+    ] = None,
+    to: Annotated[str | None, typer.Option("--to", help="Material where it ends.")] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
+        ),
+    ] = None,
+    field: Annotated[
+        str | None,
+        typer.Option(
+            help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
+            "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
+            "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
+        ),
+    ] = None,
+    pitch: Annotated[
+        float | None,
+        typer.Option(
+            help="Grid, in mm, on which curved fields are drawn; by default 0.5, finer for parts "
+            "smaller than 25 mm, coarser for those larger than 63 mm."
+        ),
+    ] = None,
+    profile: Annotated[
+        str,
+        typer.Option(
+            help="log, linear, smooth, steps:N, or a CSV file with position (0..1) and "
+            "modulus_MPa or material."
+        ),
+    ] = "log",
+    bands: Annotated[
+        int | None,
+        typer.Option(
+            help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
+            "where the material or mixture changes."
+        ),
+    ] = None,
+    blend: Annotated[
+        str,
+        typer.Option(
+            help="How a target between two materials is met: nearest takes the nearer one; dither "
+            "deals cells of both; bands:N lets N pairs of thinner bands take turns; mix records "
+            "mixtures; see docs/how-to/blend-materials.md."
+        ),
+    ] = "nearest",
+    cell: Annotated[
+        float | None,
+        typer.Option(
+            help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
+            "default."
+        ),
+    ] = None,
+    at_strain: AtStrain = 0.1,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")
+    ] = None,
+    printer: PrinterName = "connex3",
+    palette: PaletteName = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder to write; <part>-graded by default."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier plan there.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Write nothing when something was found.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Plan and report, but write nothing.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Grade a part from one stiffness to another and write the files that print it.
+
+    Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
+    """
+    from planner.cli.output import progress
+    from planner.formats.files import check_target
+    from planner.grading.grade import grade as plan_part
+
+    machine, chosen = choose(printer, palette)
+    folder = Path(f"{part.stem}-graded") if output is None else output
+    if not dry_run:
+        check_target(folder, force=force)
+    with progress(not quiet and not as_json) as stage:
+        plan = plan_part(
+            part,
+            from_=from_,
+            to=to,
+            axis=axis,
+            field=field,
+            pitch_mm=pitch,
+            profile=profile,
+            bands=bands,
+            blend=blend,
+            cell_mm=cell,
+            at_strain=at_strain,
+            unit=unit,
+            printer=machine,
+            palette=chosen,
+            progress=stage,
+        )
+        refused = strict and not plan.ok
+        if not (dry_run or refused):
+            stage("writing the files")
+            plan.write(folder, force=force)
+    _grade_report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
+    return 0 if plan.ok else 1
+
+
+def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+    from planner.cli.output import finding, print_document, say, warn
+
+    if as_json:
+        print_document(plan.json())
+        return
+    if quiet:
+        return
+    for remark in (*plan.part.repairs, *plan.warnings):
+        warn(f"{plan.part.file}: {remark}")
+    _table(plan)
+    for missed in plan.unreachable:
+        low, high = missed.target_modulus_MPa
+        finding(
+            f"target {low:.3g} .. {high:.3g} MPa at field {missed.field[0]:.3f} .. "
+            f"{missed.field[1]:.3f} is out of reach; the nearest is {missed.nearest} with "
+            f"{missed.modulus_MPa:.3g} MPa"
+        )
+    for found in plan.findings[:_FINDINGS_SHOWN]:
+        finding(found.message)
+    if len(plan.findings) > _FINDINGS_SHOWN:
+        finding(f"{len(plan.findings) - _FINDINGS_SHOWN} more of these are in plan.json")
+    failed = [name for name, check in plan.checks.items() if not check.ok]
+    held = len(plan.checks) - len(failed)
+    say(
+        f"{held} of {len(plan.checks)} checks hold"
+        + (f"; not: {', '.join(failed)}" if failed else "")
+    )
+    if folder is None:
+        say("nothing was written")
+    else:
+        say(f"wrote {folder} (next: planner check {folder}; open {folder / 'HOWTO.md'})")
+
+
+def _mm_along(field: Mapping[str, object]) -> tuple[float, float]:
+    """Return where a field that is a length begins, and how far it goes, in mm."""
+    begin, end, span = field.get("from_mm"), field.get("to_mm"), field.get("span_mm")
+    if isinstance(begin, float) and isinstance(end, float):
+        return begin, end - begin
+    return 0.0, span if isinstance(span, float) else 1.0
+
+
+def _blend_text(region: "Region") -> str:
+    """Say in a few words what a region has to do with its neighbour."""
+    blend = region.blend or {}
+    if blend.get("kind") == "dither":
+        return f"{100 * blend['volume_fraction']:.1f} % {blend['upper']} in {blend['lower']}"
+    if blend.get("kind") == "bands":
+        return f"{100 * blend['share']:.1f} % {blend['upper']}, {blend['lower']} in turn"
+    if blend.get("kind") == "mix":
+        return f"{100 * blend['fraction']:.1f} % {blend['upper']} mixed in {blend['lower']}"
+    return ""
+
+
+def _table(plan: "Plan") -> None:
+    from planner.cli.output import figure, print_table
+
+    colours = {shell.material: shell.colour for shell in plan.shells}
+    field = plan.gradient.field
+    span = field.get("span_mm")
+    begin, way = _mm_along(field)
+    blended = plan.gradient.blend is not None
+    rows = []
+    for region in plan.regions:
+        low, high = region.target_modulus_MPa
+        start, stop = region.field
+        where = (
+            f"{begin + start * way:.2f} .. {begin + stop * way:.2f}"
+            if isinstance(span, float)
+            else f"{start:.4f} .. {stop:.4f}"
+        )
+        rows.append(
+            [
+                str(region.index),
+                region.printed,
+                *([_blend_text(region)] if blended else []),
+                where,
+                f"{figure(low)} .. {figure(high)}",
+                figure(region.modulus_MPa),
+                f"{figure(region.modulus_interval_MPa[0])} .. "
+                f"{figure(region.modulus_interval_MPa[1])}",
+                f"{100 * region.error[0]:+.0f} .. {100 * region.error[1]:+.0f} %",
+                figure(region.volume_mm3, 4),
+                figure(region.mass_g),
+            ]
+        )
+    total = sum(r.volume_mm3 for r in plan.regions), sum(r.mass_g for r in plan.regions)
+    rows.append(
+        ["", "all", *([""] if blended else []), *[""] * 5, figure(total[0], 4), figure(total[1])]
+    )
+    print_table(
+        [
+            "#",
+            "material",
+            *(["blend"] if blended else []),
+            "along mm" if isinstance(span, float) else "field",
+            "target MPa",
+            "achieved",
+            "95 % interval",
+            "error",
+            "volume mm3",
+            "mass g",
+        ],
+        rows,
+        title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
+        f"{plan.stiffness.at_strain:g}, of rigid grades the initial modulus",
+        right=["#", "achieved", "error", "volume mm3", "mass g"],
+        droppable=["95 % interval", "error", "#"],
+        swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# planner check.
+
+
+def check(
+    folder: Annotated[Path, typer.Argument(help="Folder that planner grade wrote.")],
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Verify a plan's folder anew from its files alone and print a certificate.
+
+    Exit code 1 when something does not hold.
+
+    Example: [bold]planner check finger-graded[/bold]
+    """
+    from planner.cli.output import finding, print_document, print_table, progress, say
+    from planner.grading.check import certify
+
+    with progress(not quiet and not as_json) as stage:
+        certificate = certify(folder, progress=stage)
+    if as_json:
+        print_document(certificate.document())
+    elif not quiet:
+        print_table(
+            ["check", "value", "limit", "holds"],
+            [
+                [name, f"{c.value:.3g}", f"{c.limit:.3g}", "yes" if c.ok else "NO"]
+                for name, c in certificate.checks.items()
+            ],
+            title=f"{folder}: {certificate.part} on {certificate.printer}, "
+            f"{certificate.shells} shells, {certificate.triangles} triangles",
+            right=["value", "limit"],
+        )
+        for problem in certificate.problems:
+            finding(problem)
+        for message in certificate.reported:
+            finding(f"reported by the plan: {message}")
+        say(_verdict(certificate))
+    return 0 if certificate.ok else 1
+
+
+def _verdict(certificate: "Certificate") -> str:
+    if certificate.ok:
+        return "the folder is sound"
+    failed = certificate.problems or not all(c.ok for c in certificate.checks.values())
+    return "the folder is NOT sound" if failed else "the files are sound, with the findings above"
+
+
+# ------------------------------------------------------------------------------------------------
+# planner diff.
+
+
+def diff(
+    before: Annotated[Path, typer.Argument(help="A plan.json, or the folder that holds it.")],
+    after: Annotated[Path, typer.Argument(help="The plan to compare with it.")],
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            help="Relative difference of volumes, masses and moduli that still counts as equal."
+        ),
+    ] = 1e-6,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Compare two plans by meaning: material moved, volume changed, another target.
+
+    Exit code 1 when they differ.
+
+    Example: [bold]planner diff finger-graded finger-graded-before[/bold]
+    """
+    from planner.cli.output import print_document, print_table, say
+    from planner.grading.check import differences
+    from planner.plan import read_plan
+
+    found = differences(read_plan(before), read_plan(after), tolerance)
+    if as_json:
+        rows = [
+            {"what": d.what, "where": d.where, "before": d.before, "after": d.after} for d in found
+        ]
+        print_document({"schema": 1, "equal": not found, "differences": rows})
+    elif not quiet:
+        if found:
+            print_table(
+                ["what", "where", "before", "after"],
+                [[d.what, d.where, d.before, d.after] for d in found],
+            )
+        else:
+            say("the plans mean the same")
+    return 1 if found else 0
+
+
+# ------------------------------------------------------------------------------------------------
+# planner slices.
+
+
+def slices(
+    plan: Annotated[
+        Path, typer.Argument(help="Folder that planner grade wrote, or its plan.json.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")],
+    pitch: Annotated[
+        str | None,
+        typer.Option(
+            help="Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default."
+        ),
+    ] = None,
+    indexed: Annotated[
+        bool, typer.Option("--indexed", help="Write palette images: smaller, the same colours.")
+    ] = False,
+    printer: Annotated[
+        str | None, typer.Option("--printer", help="Installed printer; by default the plan's.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier stack there.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Write a plan as the printer's own layers: one image a layer, one colour a material.
+
+    Exit code 1 when the plan's shells overlap or are open.
+
+    Example: [bold]planner slices finger-graded -o finger-slices[/bold]
+    """
+    from planner.cli.output import finding, print_document, progress_bar
+    from planner.slices.write import write_slices
+
+    pitch_mm = None if pitch is None else _lengths(pitch)
+    with progress_bar("layers", not quiet and not as_json) as advance:
+        stack = write_slices(
+            plan,
+            output,
+            pitch_mm=pitch_mm,
+            indexed=indexed,
+            printer=printer,
+            scheduler=scheduler,
+            force=force,
+            progress=advance,
+        )
+    if as_json:
+        print_document(stack.json())
+    elif not quiet:
+        _slices_report(stack, output)
+    if not quiet:
+        for message in stack.findings:
+            finding(message)
+    return 0 if stack.ok else 1
+
+
+def _lengths(text: str) -> tuple[float, ...]:
+    try:
+        lengths = tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        bare = re.sub(r"\s*(mm|um|µm|μm|m)\b|(?<=\d)\s*[x×;]\s*(?=[\d.])", _comma, text)
+        numbers = re.findall(r"\d*\.?\d+", bare)
+        if len(numbers) in (1, 3):
+            scale = 0.001 if re.search(r"[uµμ]m", text) else 1.0
+            meant = ",".join(f"{float(number) * scale:g}" for number in numbers)
+            hint = f"did you mean {meant}? "
+        else:
+            hint = ""
+        raise ArgumentError(
+            f"--pitch {text}: {hint}give lengths in mm without a unit, X,Y,Z as 0.042,0.042,0.03 "
+            "or one for all"
+        ) from error
+    if len(lengths) not in (1, 3):
+        raise ArgumentError(f"--pitch {text}: {len(lengths)} lengths; give one, or three: X,Y,Z")
+    return lengths
+
+
+def _comma(found: re.Match[str]) -> str:
+    return "" if found.group(1) else ","
+
+
+def _slices_report(stack: "SliceStack", folder: Path) -> None:
+    from planner.cli.output import figure, print_table, say
+
+    x, y, z = stack.grid.pitch_mm
+    total = sum(each.voxels for each in stack.materials)
+    rows = [
+        [each.material, _hex(each.rgba), str(each.voxels), figure(each.volume_mm3, 4)]
+        for each in stack.materials
+    ]
+    rows.append(["all", "", str(total), figure(total * stack.grid.voxel_mm3, 4)])
+    print_table(
+        ["material", "colour", "voxels", "volume mm3"],
+        rows,
+        title=f"{stack.part.file} on {stack.printer}: {stack.grid.shape[2]} layers of "
+        f"{stack.grid.shape[0]} x {stack.grid.shape[1]} pixels, {x:g} x {y:g} x {z:g} mm",
+        right=["voxels", "volume mm3"],
+        swatches=[*(_hex(each.rgba) for each in stack.materials), "default"],
+    )
+    say(f"wrote {folder} (materials and grid: {folder / 'slices.json'})")
+
+
+def _hex(rgba: tuple[int, ...]) -> str:
+    return "#" + bytes(rgba[:3]).hex().upper()
+
+
+# ------------------------------------------------------------------------------------------------
+# planner simulate.
+
+
+_ROWS = 6
+
+
+def simulate(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, "
+            "thickness_mm]), or a material."
+        ),
+    ],
+    to_strain: Annotated[
+        float, typer.Option("--to-strain", help="Largest displacement over the bar's length.")
+    ] = 0.3,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            help="Crosshead speed in mm/s, which sets the times alone; by default the palette's "
+            "reference strain rate.",
+        ),
+    ] = None,
+    protocol: Annotated[
+        str, typer.Option("--protocol", help="monotonic, cyclic or relaxation.")
+    ] = "monotonic",
+    cycles: Annotated[int, typer.Option("--cycles", help="Of the cyclic protocol.")] = 1,
+    hold_s: Annotated[
+        float, typer.Option("--hold-s", help="How long relaxation holds, in seconds.")
+    ] = 100.0,
+    steps: Annotated[int, typer.Option("--steps", help="Load steps up, and down or held.")] = 100,
+    slices: Annotated[int, typer.Option("--slices", help="Slices of a plan or a profile.")] = 400,
+    between: Annotated[
+        str | None,
+        typer.Option(
+            "--between", help="START:STOP in mm along the axis: pull only this stretch of the bar."
+        ),
+    ] = None,
+    width_mm: Annotated[
+        float, typer.Option("--width-mm", help="Width of a coupon, or of a profile without.")
+    ] = 6.0,
+    thickness_mm: Annotated[
+        float, typer.Option("--thickness-mm", help="Thickness of a coupon or such a profile.")
+    ] = 4.0,
+    gauge_mm: Annotated[float, typer.Option("--gauge-mm", help="Gauge length of a coupon.")] = 33.0,
+    level: Annotated[
+        float, typer.Option("--level", help="How probably the interval holds a print's force.")
+    ] = 0.95,
+    printer: Annotated[
+        str | None,
+        typer.Option("--printer", help="Installed printer; by default the plan's, else connex3."),
+    ] = None,
+    palette: PaletteName = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write: .csv (the curve) or .json (all)."),
+    ] = None,
+    field: Annotated[
+        Path | None,
+        typer.Option("--field", help="CSV file to write: strain along the bar at every step."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="SVG file to write: both as curves.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Pull a planned part, a graded bar or a coupon, and see its force and strains.
+
+    Slices across the axis share one force. Exit code 1 when a print would break on the way, or
+    the strain is out of reach.
+
+    Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
+    """
+    from planner.cli.output import print_document
+    from planner.errors import ArgumentError
+    from planner.formats.files import check_absent, write_whole
+    from planner.simulation.simulate import simulate as pull
+
+    if output is not None and output.suffix.casefold() not in (".csv", ".json"):
+        raise ArgumentError(f"--output {output}: its ending must be .csv or .json")
+    targets = [path for path in (output, field, figure) if path is not None]
+    if len(set(targets)) < len(targets):
+        raise ArgumentError("--output, --field and --figure name one file; give each its own")
+    for path in targets:
+        check_absent(path, force=force)
+    result = pull(
+        source,
+        to_strain=to_strain,
+        rate_mm_s=rate,
+        protocol=protocol,
+        steps=steps,
+        cycles=cycles,
+        hold_s=hold_s,
+        slices=slices,
+        between_mm=None if between is None else _between(between),
+        width_mm=width_mm,
+        thickness_mm=thickness_mm,
+        gauge_mm=gauge_mm,
+        level=level,
+        printer=printer,
+        palette=palette,
+    )
+    if output is not None:
+        csv = output.suffix.casefold() == ".csv"
+        write_whole(output, result.csv() if csv else result.json())
+    if field is not None:
+        write_whole(field, result.field_csv())
+    if figure is not None:
+        from planner.report.svg import simulation_figure
+
+        write_whole(figure, simulation_figure(result))
+    if as_json:
+        print_document(result.json())
+    elif not quiet:
+        _simulate_report(result, targets)
+    return 0 if result.ok else 1
+
+
+def _between(text: str) -> tuple[float, float]:
+    from planner.errors import ArgumentError
+
+    start, _, stop = text.partition(":")
+    try:
+        return float(start), float(stop)
+    except ValueError:
+        raise ArgumentError(
+            f"--between {text}: it must be START:STOP in mm, as in 36.5:65.9"
+        ) from None
+
+
+def _simulate_report(result: "Simulation", written: list[Path]) -> None:
+    from planner.cli.output import figure, finding, print_table, say, warn
+
+    for note in result.notes:
+        warn(note)
+    count = len(result.force_N)
+    shown = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    low, high = result.force_interval_N.T
+    bar = result.bar
+    slices = len(bar.x_mm)
+    print_table(
+        ["time s", "mm", "strain", "force N", f"{100 * result.level:g} % interval", "most strain"],
+        [
+            [
+                figure(float(result.time_s[i]), 4),
+                figure(float(result.displacement_mm[i]), 4),
+                f"{result.gauge_strain[i]:.4f}",
+                figure(float(result.force_N[i]), 4),
+                f"{figure(float(low[i]))} .. {figure(float(high[i]))}",
+                f"{result.strain[i].max():.4f} at "
+                f"{bar.x_mm[int(result.strain[i].argmax())]:.2f} mm",
+            ]
+            for i in shown
+        ],
+        title=f"{result.name}, {bar.gauge_mm:.4g} mm long, {slices} "
+        f"{'slice' if slices == 1 else 'slices'}, {result.protocol} to strain "
+        f"{result.to_strain:g}",
+        right=["time s", "mm", "strain", "force N"],
+    )
+    for found in result.findings[:_FINDINGS_SHOWN]:
+        finding(found.message)
+    if len(result.findings) > _FINDINGS_SHOWN:
+        finding(f"{len(result.findings) - _FINDINGS_SHOWN} more of these are in the JSON")
+    for path in written:
+        say(f"wrote {path}")

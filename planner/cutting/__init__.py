@@ -1,0 +1,1 @@
+"""Cut a part into shells that fit triangle for triangle."""

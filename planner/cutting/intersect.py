@@ -1,0 +1,561 @@
+"""Where a part's surface and level sets meet, decided by exact arithmetic."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.cutting.planes import LATTICE_MM
+from planner.mesh.mesh import connected, order_edges
+from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
+
+__all__ = [
+    "Edges",
+    "Lattice",
+    "Meetings",
+    "OrderedPoints",
+    "Surface",
+    "edges_of",
+    "inside_part",
+    "lattice_for",
+    "meet",
+    "order_points",
+    "piece_of_vertices",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Positions as integers, and the sign of a volume decided exactly.
+#
+# Two surfaces are compared, a part's and that of the level sets. Where a vertex of one lies in a
+# face of the other, or two edges meet, the volume is zero; the level sets then count as moved by
+# (ε, ε², ε³) with ε as small as one likes (simulation of simplicity, Edelsbrunner and Mücke 1990).
+# Every decision is that of this moved surface, so decisions never contradict each other.
+
+
+_BITS = 29  # of a coordinate: products of three differences then stay within two words
+
+
+class Lattice:
+    """Integer coordinates about an origin.
+
+    Attributes
+    ----------
+    origin_mm : (3,) float64
+        Where the integers are zero, on the lattice itself.
+    unit_mm : float
+        A power of two; `LATTICE_MM` for what fits a tray.
+    """
+
+    def __init__(self, origin_mm: FloatArray, unit_mm: float) -> None:
+        self.origin_mm = origin_mm
+        self.unit_mm = unit_mm
+
+    def integers(self, points_mm: FloatArray | Float32Array) -> NDArray[np.int64]:
+        """Round positions (n, 3) to the lattice."""
+        moved = np.asarray(points_mm, dtype=np.float64) - self.origin_mm
+        return np.rint(moved / self.unit_mm).astype(np.int64)
+
+    def rounded(self, points_mm: FloatArray) -> Float32Array:
+        """Round positions to values that both the lattice and float32 hold."""
+        return (np.rint(points_mm / self.unit_mm) * self.unit_mm + 0.0).astype(np.float32)
+
+
+def lattice_for(bounds_mm: FloatArray, margin_mm: float) -> Lattice:
+    """Return the finest lattice on which a box and a margin about it can be decided."""
+    low, high = bounds_mm[0] - margin_mm, bounds_mm[1] + margin_mm
+    unit_mm = LATTICE_MM
+    while float((high - low).max()) / unit_mm >= 2**_BITS:
+        unit_mm *= 2.0
+    return Lattice(np.floor(low / unit_mm) * unit_mm, unit_mm)
+
+
+@inner_kernel
+def volume_sign(nx: Any, ny: Any, nz: Any, dx: Any, dy: Any, dz: Any) -> Any:
+    """Sign of n . d for |n| < 2^61 and |d| < 2^30, exactly, in two words of 64 bits."""
+    low = (nx & 0x7FFFFFFF) * dx + (ny & 0x7FFFFFFF) * dy + (nz & 0x7FFFFFFF) * dz
+    high = (nx >> 31) * dx + (ny >> 31) * dy + (nz >> 31) * dz + (low >> 31)
+    if high != 0:
+        return 1 if high > 0 else -1
+    return 1 if (low & 0x7FFFFFFF) > 0 else 0
+
+
+@inner_kernel
+def first_sign(nx: Any, ny: Any, nz: Any) -> Any:
+    """Sign of n . (ε, ε², ε³)."""
+    for n in (nx, ny, nz):
+        if n != 0:
+            return 1 if n > 0 else -1
+    return 0
+
+
+@inner_kernel
+def side_of_level(level: Any, corner: Any, points: Any, at: Any, normal: Any) -> Any:
+    """Tell on which side of a face of the level sets, moved, a vertex of the part lies."""
+    nx, ny, nz = normal
+    sign = volume_sign(
+        nx, ny, nz,
+        points[at, 0] - level[corner, 0],
+        points[at, 1] - level[corner, 1],
+        points[at, 2] - level[corner, 2],
+    )  # fmt: skip
+    return sign if sign != 0 else -first_sign(nx, ny, nz)
+
+
+@inner_kernel
+def side_of_part(points: Any, corner: Any, level: Any, at: Any, normal: Any) -> Any:
+    """Tell on which side of a face of the part a vertex of the level sets, moved, lies."""
+    nx, ny, nz = normal
+    sign = volume_sign(
+        nx, ny, nz,
+        level[at, 0] - points[corner, 0],
+        level[at, 1] - points[corner, 1],
+        level[at, 2] - points[corner, 2],
+    )  # fmt: skip
+    return sign if sign != 0 else first_sign(nx, ny, nz)
+
+
+@inner_kernel
+def turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> Any:
+    """Sign of (q - p) x (v - u) . (u - p) for an edge of the part and one of the level sets."""
+    ax, ay, az = (
+        points[q, 0] - points[p, 0],
+        points[q, 1] - points[p, 1],
+        points[q, 2] - points[p, 2],
+    )
+    bx, by, bz = level[v, 0] - level[u, 0], level[v, 1] - level[u, 1], level[v, 2] - level[u, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    sign = volume_sign(
+        nx, ny, nz,
+        level[u, 0] - points[p, 0], level[u, 1] - points[p, 1], level[u, 2] - points[p, 2],
+    )  # fmt: skip
+    return sign if sign != 0 else first_sign(nx, ny, nz)
+
+
+@inner_kernel
+def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return the normal of a triangle of integer positions, twice its area long."""
+    ux, uy, uz = (
+        points[b, 0] - points[a, 0],
+        points[b, 1] - points[a, 1],
+        points[b, 2] - points[a, 2],
+    )
+    vx, vy, vz = (
+        points[c, 0] - points[a, 0],
+        points[c, 1] - points[a, 1],
+        points[c, 2] - points[a, 2],
+    )
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+# ------------------------------------------------------------------------------------------------
+# Where the surface of a part and level sets meet: points at edges, segments between them.
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Edges of a surface, each from its lower vertex to its higher one.
+
+    Attributes
+    ----------
+    ends : (e, 2) int32
+        Vertices.
+    of_face : (m, 3) int32
+        Edge from corner j to corner j + 1 of each face.
+    """
+
+    ends: NDArray[np.int32]
+    of_face: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface on the lattice.
+
+    Attributes
+    ----------
+    points : (n, 3) int64
+        Positions on the lattice.
+    faces : (m, 3) int32
+        Triangles.
+    edges : Edges
+        Of the triangles.
+    """
+
+    points: NDArray[np.int64]
+    faces: NDArray[np.int32]
+    edges: Edges
+
+
+@dataclass(frozen=True, eq=False)
+class Meetings:
+    """Points where an edge of one surface passes a face of the other, and what joins them.
+
+    Attributes
+    ----------
+    of_part : (p,) bool
+        Whether the edge is the part's, and the face of the level sets.
+    edge, face : (p,) int32
+        Which they are.
+    way : (p,) int8
+        1 where the edge, from its lower vertex to its higher one, rises past the level, or
+        enters the part; -1 where it falls, or leaves.
+    along : (p,) float64
+        Place between the edge's ends, 0 to 1.
+    segment : (s, 2) int32
+        Points that a face of the part and one of the level sets have in common begin and end
+        at: what lies above the level is left of it on the part, the part left of it on the
+        level set.
+    segment_part, segment_level : (s,) int32
+        The two faces.
+    broken : int
+        Pairs of faces that do not meet in one segment; 0 for surfaces that are what they say.
+    """
+
+    of_part: NDArray[np.bool_]
+    edge: NDArray[np.int32]
+    face: NDArray[np.int32]
+    way: NDArray[np.int8]
+    along: FloatArray
+    segment: NDArray[np.int32]
+    segment_part: NDArray[np.int32]
+    segment_level: NDArray[np.int32]
+    broken: int
+
+
+def edges_of(faces: NDArray[np.int32]) -> Edges:
+    """Find the edges of a surface and give them numbers."""
+    order, starts, count = order_edges(faces)
+    number = np.empty(faces.size, dtype=np.int32)
+    number[order] = np.repeat(np.arange(len(starts), dtype=np.int32), count)
+    first = order[starts]
+    tail, head = faces.ravel()[first], faces[:, [1, 2, 0]].ravel()[first]
+    ends = np.stack([np.minimum(tail, head), np.maximum(tail, head)], axis=1)
+    return Edges(ends, number.reshape(-1, 3))
+
+
+def meet(
+    part: Surface, level: Surface, level_cell: NDArray[np.int32],
+    offsets: NDArray[np.int64], cells: NDArray[np.int32], marked: NDArray[np.uint8],
+) -> Meetings:  # fmt: skip
+    """Find all points and segments that a part and level sets have in common.
+
+    Parameters
+    ----------
+    part, level : Surface
+        On one lattice.
+    level_cell : (m,) int32
+        The cube of each face of the level sets, rising.
+    offsets, cells
+        Cubes that each face of the part may touch.
+    marked : (cubes,) uint8
+        2 where a cube has faces of the level sets.
+    """
+    own, starts = np.unique(level_cell, return_index=True)
+    starts = np.append(starts, len(level_cell)).astype(np.int32)
+    room = 1 << 16
+    while True:
+        keys, number = np.zeros(4 * room, dtype=np.int64), np.empty(4 * room, dtype=np.int32)
+        edge, face = np.empty((2, room), dtype=np.int32)
+        kind, way = np.empty((2, room), dtype=np.int8)
+        along = np.empty(room)
+        segment = np.empty((room, 4), dtype=np.int32)
+        points, segments, broken = _meet(
+            part.points, part.faces, part.edges.ends, part.edges.of_face,
+            level.points, level.faces, level.edges.ends, level.edges.of_face,
+            own, starts, offsets, cells, marked,
+            keys, number, edge, face, kind, way, along, segment,
+        )  # fmt: skip
+        if points >= 0:
+            break
+        room *= 4
+    segment = segment[:segments]
+    return Meetings(
+        kind[:points] == 0, edge[:points], face[:points], way[:points], along[:points],
+        segment[:, :2].copy(), segment[:, 2].copy(), segment[:, 3].copy(), broken,
+    )  # fmt: skip
+
+
+@kernel
+def _meet(
+    a: Any, a_faces: Any, a_ends: Any, a_edges: Any, b: Any, b_faces: Any, b_ends: Any,
+    b_edges: Any, own: Any, starts: Any, offsets: Any, cells: Any, marked: Any,
+    keys: Any, number: Any, edge: Any, face: Any, kind: Any, way: Any, along: Any, segment: Any,
+) -> Any:  # fmt: skip
+    """Fill points and segments; return how many, or -1 where there is no room for them."""
+    made = segments = broken = 0
+    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    sides, others = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    turns = np.empty((3, 3), dtype=np.int64)
+    for t in range(a_faces.shape[0]):
+        fresh = True
+        normal = (np.int64(0), np.int64(0), np.int64(0))
+        for c in range(offsets[t], offsets[t + 1]):
+            if marked[cells[c]] != 2:
+                continue
+            if fresh:
+                fresh = False
+                a0, a1, a2 = a_faces[t, 0], a_faces[t, 1], a_faces[t, 2]
+                normal = face_normal(a, a0, a1, a2)
+                for d in range(3):
+                    low[d] = min(a[a0, d], min(a[a1, d], a[a2, d]))
+                    high[d] = max(a[a0, d], max(a[a1, d], a[a2, d]))
+            n = np.searchsorted(own, cells[c])
+            for p in range(starts[n], starts[n + 1]):
+                b0, b1, b2 = b_faces[p, 0], b_faces[p, 1], b_faces[p, 2]
+                apart = False
+                for d in range(3):
+                    x, y, z = b[b0, d], b[b1, d], b[b2, d]
+                    if min(x, min(y, z)) > high[d] or max(x, max(y, z)) < low[d]:
+                        apart = True
+                        break
+                if apart:
+                    continue
+                other_side = 0
+                for j in range(3):
+                    others[j] = side_of_part(a, a0, b, b_faces[p, j], normal)
+                    other_side += others[j]
+                if abs(other_side) == 3:
+                    continue
+                b_normal = face_normal(b, b0, b1, b2)
+                side = 0
+                for j in range(3):
+                    sides[j] = side_of_level(b, b0, a, a_faces[t, j], b_normal)
+                    side += sides[j]
+                if abs(side) == 3:
+                    continue
+                for i in range(3):
+                    for j in range(3):
+                        turns[i, j] = turn_of_edges(
+                            a, a_faces[t, i], a_faces[t, (i + 1) % 3],
+                            b, b_faces[p, j], b_faces[p, (j + 1) % 3],
+                        )  # fmt: skip
+                if made + 6 > edge.size or segments + 1 > segment.shape[0]:
+                    return -1, 0, 0
+                begin, end, found = np.int32(-1), np.int32(-1), 0
+                for i in range(3):
+                    s0, s1 = sides[i], sides[(i + 1) % 3]
+                    if s0 != s1 and turns[i, 0] == turns[i, 1] and turns[i, 1] == turns[i, 2]:
+                        e = a_edges[t, i]
+                        before = made
+                        point, made = _point(
+                            (np.int64(e) * b_faces.shape[0] + p) * 2 + 1, keys, number, made
+                        )
+                        if made > before:
+                            edge[point], face[point], kind[point] = e, p, 0
+                            forward = a_faces[t, i] == a_ends[e, 0]
+                            way[point] = 1 if (s1 > 0) == forward else -1
+                            along[point] = _along(a, a_ends, e, b, b0, b_normal)
+                        found += 1
+                        if s1 > 0:
+                            end = point
+                        else:
+                            begin = point
+                for j in range(3):
+                    s0, s1 = others[j], others[(j + 1) % 3]
+                    if s0 != s1 and turns[0, j] == turns[1, j] and turns[1, j] == turns[2, j]:
+                        e = b_edges[p, j]
+                        before = made
+                        point, made = _point(
+                            (np.int64(e) * a_faces.shape[0] + t) * 2 + 2, keys, number, made
+                        )
+                        if made > before:
+                            edge[point], face[point], kind[point] = e, t, 1
+                            forward = b_faces[p, j] == b_ends[e, 0]
+                            way[point] = 1 if (s1 < 0) == forward else -1
+                            along[point] = _along(b, b_ends, e, a, a0, normal)
+                        found += 1
+                        if s1 < 0:
+                            end = point
+                        else:
+                            begin = point
+                if found == 0:
+                    continue
+                if found != 2 or begin < 0 or end < 0:
+                    broken += 1
+                    continue
+                segment[segments, 0], segment[segments, 1] = begin, end
+                segment[segments, 2], segment[segments, 3] = t, p
+                segments += 1
+    return made, segments, broken
+
+
+@inner_kernel
+def _point(key: Any, keys: Any, number: Any, made: Any) -> Any:
+    """Find the point of an edge and a face, or give it the next number."""
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    slot = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(keys.size - 1))
+    while keys[slot] != 0:
+        if keys[slot] == key:
+            return number[slot], made
+        slot = (slot + 1) & (keys.size - 1)
+    keys[slot] = key
+    number[slot] = made
+    return np.int32(made), made + 1
+
+
+@inner_kernel
+def _along(points: Any, ends: Any, e: Any, others: Any, corner: Any, normal: Any) -> Any:
+    """Place between an edge's ends where it meets a plane."""
+    heights = (0.0, 0.0)
+    for end in range(2):
+        v = ends[e, end]
+        height = 0.0
+        for d in range(3):
+            height += float(normal[d]) * float(points[v, d] - others[corner, d])
+        heights = (heights[1], height)
+    low, high = heights
+    return min(max(low / (low - high), 0.0), 1.0) if low != high else 0.5
+
+
+# ------------------------------------------------------------------------------------------------
+# On which side of every level, and of the part's surface, each vertex lies.
+
+
+@dataclass(frozen=True, eq=False)
+class OrderedPoints:
+    """Meetings on the edges of one surface, in order along each.
+
+    Attributes
+    ----------
+    offsets : (e + 1,) int32
+        Edge i has the points ``points[offsets[i]:offsets[i + 1]]``, from its lower vertex on.
+    points : int32
+        Numbers of meetings.
+    """
+
+    offsets: NDArray[np.int32]
+    points: NDArray[np.int32]
+
+
+def order_points(meetings: Meetings, of_part: bool, edges: int) -> OrderedPoints:
+    """Order the meetings along the edges of the part, or of the level sets."""
+    own = np.flatnonzero(meetings.of_part == of_part)
+    order = np.lexsort((meetings.along[own], meetings.edge[own]))
+    points = own[order].astype(np.int32)
+    offsets = np.searchsorted(meetings.edge[points], np.arange(edges + 1)).astype(np.int32)
+    return OrderedPoints(offsets, points)
+
+
+def piece_of_vertices(
+    part: Surface, meetings: Meetings, ordered: OrderedPoints, levels: FloatArray,
+    values: FloatArray,
+) -> NDArray[np.int32]:  # fmt: skip
+    """Count the levels below each vertex of the part, (n,).
+
+    The field decides for one vertex of each body, the one farthest from any level; from there
+    on the edges' meetings do.
+    """
+    above = np.searchsorted(levels, values, side="right").astype(np.int32)
+    padded = np.concatenate([[-np.inf], levels, [np.inf]])
+    margin = np.minimum(values - padded[above], padded[above + 1] - values)
+    seeds = np.argsort(-margin, kind="stable")
+    ends = part.edges.ends
+    step = np.add.reduceat(
+        np.append(meetings.way[ordered.points], 0).astype(np.int64), ordered.offsets[:-1]
+    ) * (np.diff(ordered.offsets) > 0)
+    both = np.concatenate([ends, ends[:, ::-1]])
+    order = np.argsort(both[:, 0], kind="stable")
+    starts = np.searchsorted(both[order, 0], np.arange(len(values) + 1))
+    piece = np.full(len(values), -1, dtype=np.int32)
+    _spread(
+        starts, both[order, 1], np.concatenate([step, -step])[order].astype(np.int32), seeds,
+        above, piece, np.empty(len(values), dtype=np.int32),
+    )  # fmt: skip
+    return piece
+
+
+@kernel
+def _spread(
+    starts: Any, other: Any, step: Any, seeds: Any, above: Any, piece: Any, stack: Any
+) -> None:
+    known = np.zeros(piece.size, dtype=np.bool_)
+    for seed in seeds:
+        if known[seed]:
+            continue
+        known[seed], piece[seed] = True, above[seed]
+        stack[0], size = seed, 1
+        while size > 0:
+            size -= 1
+            v = stack[size]
+            for h in range(starts[v], starts[v + 1]):
+                w = other[h]
+                if not known[w]:
+                    known[w], piece[w] = True, piece[v] + step[h]
+                    stack[size] = w
+                    size += 1
+
+
+def inside_part(
+    part: Surface, level: Surface, meetings: Meetings, ordered: OrderedPoints,
+    level_cell: NDArray[np.int32], offsets: NDArray[np.int64], cells: NDArray[np.int32],
+    shape: tuple[int, int, int],
+) -> NDArray[np.int32]:  # fmt: skip
+    """Tell which vertices of the level sets lie in the part: 1 or 0, (n,).
+
+    Edges that do not meet the part join vertices of one answer; one edge that enters or leaves
+    settles it for all of them. Where there is none, a ray does, by the same exact decisions.
+    """
+    ends, count = level.edges.ends, np.diff(ordered.offsets)
+    free = count == 0
+    group = connected(len(level.points), ends[free, 0], ends[free, 1])
+    answer = np.full(int(group.max(initial=-1)) + 1, -1, dtype=np.int32)
+    single = np.flatnonzero(count == 1)
+    way = meetings.way[ordered.points[ordered.offsets[single]]]
+    answer[group[ends[single, 0]]] = way < 0
+    answer[group[ends[single, 1]]] = way > 0
+    open_groups = np.flatnonzero(answer < 0)
+    if len(open_groups):
+        first = np.full(len(answer), -1, dtype=np.int64)
+        corners = level.faces.ravel()
+        first[group[corners[::-1]]] = np.arange(len(corners))[::-1]
+        seed = corners[first[open_groups]]
+        cell = level_cell[first[open_groups] // 3].astype(np.int64)
+        found = np.empty(len(seed), dtype=np.int32)
+        by_cell = np.argsort(cells, kind="stable")
+        face = np.repeat(np.arange(len(part.faces), dtype=np.int32), np.diff(offsets))[by_cell]
+        top = int(max(part.points[:, 2].max(), level.points[:, 2].max())) + 2
+        _cast(
+            part.points, part.faces, np.concatenate([level.points, level.points[:1]]), seed, cell,
+            cells[by_cell].astype(np.int64), face, shape[1], shape[2], top,
+            np.full(len(part.faces), -1, dtype=np.int32), found,
+        )  # fmt: skip
+        answer[open_groups] = found
+    return answer[group]
+
+
+@kernel
+def _cast(
+    a: Any, a_faces: Any, b: Any, seed: Any, seed_cell: Any, cell: Any, face: Any,
+    ny: Any, nz: Any, top: Any, stamp: Any, found: Any,
+) -> None:  # fmt: skip
+    end = b.shape[0] - 1
+    for s in range(seed.size):
+        v = seed[s]
+        b[end, 0], b[end, 1], b[end, 2] = b[v, 0], b[v, 1], top
+        inside = 0
+        column = seed_cell[s] // nz
+        # A vertex may lie on the border of its cube: look into the neighbours as well.
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                first = (column + di * ny + dj) * nz + max(seed_cell[s] % nz - 1, 0)
+                if first < 0:
+                    continue
+                last = (column + di * ny + dj + 1) * nz
+                for n in range(np.searchsorted(cell, first), np.searchsorted(cell, last)):
+                    t = face[n]
+                    if stamp[t] == s:
+                        continue
+                    stamp[t] = s
+                    normal = face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
+                    s0 = side_of_part(a, a_faces[t, 0], b, v, normal)
+                    s1 = side_of_part(a, a_faces[t, 0], b, end, normal)
+                    if s0 == s1:
+                        continue
+                    t0 = turn_of_edges(a, a_faces[t, 0], a_faces[t, 1], b, v, end)
+                    t1 = turn_of_edges(a, a_faces[t, 1], a_faces[t, 2], b, v, end)
+                    t2 = turn_of_edges(a, a_faces[t, 2], a_faces[t, 0], b, v, end)
+                    if t0 == t1 and t1 == t2:
+                        inside += 1 if s1 > 0 else -1
+        found[s] = 1 if inside > 0 else 0

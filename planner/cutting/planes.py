@@ -1,0 +1,733 @@
+"""Cut a part by parallel planes: each edge once, one triangulation for both sides."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import MeshError
+from planner.mesh.mesh import Mesh, cancel_opposite, order_rows, row_slot
+from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+
+__all__ = [
+    "Divided",
+    "caps",
+    "divide",
+    "first_unfilled",
+    "flip_thin",
+    "side_clashes",
+    "snap_distance_mm",
+    "split_sides",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Divide the surface of a part by parallel planes, each (edge, plane) once.
+#
+# Where a plane meets a mesh edge is computed from the lower end to the upper one, so that both
+# triangles at the edge find the same bits, and rounded once. What then has equal coordinates has
+# one index: the divided surface closes wherever the mesh does.
+
+
+LATTICE_MM = 2.0**-20
+"""Readers that join positions within 1e-8 mm must not join two of ours: float32 is finer than
+that near zero, so new points are first rounded to this lattice."""
+
+
+@dataclass(frozen=True, eq=False)
+class Divided:
+    """The surface of a part, divided by planes.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float32
+        The mesh's vertices, then the points where planes meet edges, in mm.
+    faces : (k, 3) int32
+        Triangles with the orientation of those they are part of.
+    piece : (k,) int32
+        Between which planes a triangle lies: piece i has plane i - 1 below and plane i above.
+    segment : (s, 2) int32
+        Directed sides of triangles that lie in a plane.
+    segment_plane : (s,) int32
+        The plane they lie in.
+    segment_below : (s,) bool
+        Whether their triangle is of the piece below the plane.
+    """
+
+    vertices: Float32Array
+    faces: NDArray[np.int32]
+    piece: NDArray[np.int32]
+    segment: NDArray[np.int32]
+    segment_plane: NDArray[np.int32]
+    segment_below: BoolArray
+
+
+def snap_distance_mm(bounds_mm: FloatArray) -> float:
+    """Within what distance of a plane a vertex counts as lying in it.
+
+    Twice the spacing of float32 at the largest coordinate: more than rounding moves a new point
+    off its plane (at most sqrt(3)/2 of the spacing and of the lattice together), so that a new
+    point can coincide only with vertices that count as lying in the plane.
+    """
+    largest = np.float32(np.abs(bounds_mm).max())
+    return 2.0 * max(float(np.spacing(largest)), LATTICE_MM)
+
+
+def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
+    """Divide a mesh of float32 positions by the planes n . x = offset.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A closed surface; no two vertices are equal.
+    normal : (3,) float64
+        Unit normal n of the planes.
+    offsets_mm : (L,) float64
+        Increasing, more than two snap distances apart. For a normal along an axis, float32
+        values: new points then lie exactly in their plane.
+
+    Returns
+    -------
+    Divided
+        Triangles that no plane cuts keep their bits. Faces in a plane belong to the side on
+        which the material is.
+    """
+    axis = int(np.argmax(np.abs(normal))) if np.count_nonzero(normal) == 1 else -1
+    along, code = _classify(mesh.vertices, normal, offsets_mm, snap_distance_mm(mesh.bounds_mm))
+    c0, c1, c2 = (code[corner] for corner in mesh.faces.T)
+    first = (np.minimum(np.minimum(c0, c1), c2) + 1) >> 1
+    last = np.maximum(np.maximum(c0, c1), c2) >> 1
+    flat = np.flatnonzero((c0 == c1) & (c1 == c2) & (c0 & 1 == 1))
+    first[flat] = last[flat] + ~_faces_up(mesh, flat, normal)
+    cut, whole = np.flatnonzero(last > first), np.flatnonzero(last <= first)
+    crossings = int((last[cut] - first[cut]).sum())
+    # New points: at most two a crossing, as each side of an edge finds its own.
+    n, most = len(mesh.vertices), 2 * crossings
+    vertices = np.empty((n + most, 3), dtype=np.float32)
+    vertices[:n] = mesh.vertices
+    tag = np.full(n + most, -1, dtype=np.int32)
+    tag[:n][code % 2 == 1] = code[code % 2 == 1]
+    bits = max(4, int(2 * (np.count_nonzero(tag >= 0) + most)).bit_length())
+    origin = np.empty((most, 2), dtype=np.int32)
+    merged = np.zeros(n + most, dtype=np.bool_)
+    faces = np.empty((len(cut) + 2 * crossings, 3), dtype=np.int32)
+    piece, source = np.empty((2, len(faces)), dtype=np.int32)
+    made, written = _divide(
+        mesh.vertices, mesh.faces, cut, normal, axis, offsets_mm, along, code, vertices,
+        vertices.view(np.uint32), tag, origin, merged, np.full(1 << bits, -1, dtype=np.int32),
+        np.uint64(64 - bits), np.empty(5, dtype=np.int64), faces, piece, source,
+    )  # fmt: skip
+    vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
+    # Back into the order of the mesh's faces.
+    rank = np.searchsorted(whole, source[:written]) + np.arange(written)
+    other = np.ones(len(whole) + written, dtype=np.bool_)
+    other[rank] = False
+    divided, faces = faces[:written], np.empty((len(other), 3), dtype=np.int32)
+    faces[rank], faces[other] = divided, mesh.faces[whole]
+    between, piece = piece[:written], np.empty(len(other), dtype=np.int32)
+    piece[rank], piece[other] = between, first[whole]
+    t0, t1, t2 = (tag[corner] for corner in faces.T)
+    drawn = np.stack([t0 == t1, t1 == t2, t2 == t0], axis=1)
+    drawn &= np.stack([t0 >= 0, t1 >= 0, t2 >= 0], axis=1)
+    side = np.flatnonzero(drawn)
+    face, j = side // 3, side % 3
+    segment = np.stack([faces[face, j], faces[face, (j + 1) % 3]], axis=1)
+    segment_plane = tag[segment[:, 0]] >> 1
+    segment_below = segment_plane == piece[face]
+    if merged.any():
+        touched = np.flatnonzero(merged[faces].any(axis=1))
+        doubled = touched[~_cancel_in_pieces(faces[touched], piece[touched])]
+        faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
+    return Divided(vertices, faces, piece, segment, segment_plane, segment_below)
+
+
+def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> BoolArray:
+    """Tell which faces stay when those of one piece that are opposite cancel."""
+    keep = np.ones(len(faces), dtype=np.bool_)
+    for i in np.unique(piece):
+        members = piece == i
+        keep[members] = cancel_opposite(faces[members])
+    return keep
+
+
+def _classify(
+    vertices: FloatArray, normal: FloatArray, offsets_mm: FloatArray, snap_mm: float
+) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Place every vertex along the normal: code 2i in piece i, 2i + 1 in plane i."""
+    x, y, z = vertices.T
+    along = normal[0] * x + normal[1] * y + normal[2] * z
+    above = np.searchsorted(offsets_mm, along - snap_mm)
+    nearest = np.append(offsets_mm, np.inf)[above]
+    return along, (2 * above + (nearest <= along + snap_mm)).astype(np.int32)
+
+
+def _faces_up(mesh: Mesh, faces: NDArray[np.intp], normal: FloatArray) -> BoolArray:
+    """Tell which normals of faces have a positive part along the planes' normal."""
+    a, b, c = mesh.vertices[mesh.faces[faces]].transpose(1, 0, 2)
+    return np.asarray(np.cross(b - a, c - a) @ normal > 0.0)
+
+
+@kernel
+def _divide(
+    vertices: Any, faces: Any, cut: Any, normal: Any, axis: Any, offsets: Any, along: Any,
+    code: Any, pool: Any, raw: Any, tag: Any, origin: Any, merged: Any, table: Any, shift: Any,
+    polygon: Any, out_face: Any, out_piece: Any, out_source: Any,
+) -> Any:  # fmt: skip
+    """Divide the faces `cut`; return how many points and triangles there are."""
+    n = vertices.shape[0]
+    for i in range(n):
+        if tag[i] >= 0:
+            slot = row_slot(raw, i, shift)
+            while table[slot] >= 0:
+                slot = (slot + 1) & (table.size - 1)
+            table[slot] = i
+    # One integer type for indices: kernels called below are then compiled once.
+    made = written = np.int64(0)
+    for f in cut:
+        lo, mid, hi = np.int64(faces[f, 0]), np.int64(faces[f, 1]), np.int64(faces[f, 2])
+        c0, c1, c2 = code[lo], code[mid], code[hi]
+        turned = False
+        if c0 > c1:
+            lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
+        if c1 > c2:
+            mid, hi, c1, c2, turned = hi, mid, c2, c1, not turned
+        if c0 > c1:
+            lo, mid, c0, c1, turned = mid, lo, c1, c0, not turned
+        first, last = (c0 + 1) // 2, c2 // 2
+        long_below = short_below = lo
+        below = c0
+        for k in range(first, last + 1):
+            above = 2 * k + 1
+            if k == last:
+                above = c2
+                long_above = short_above = hi
+            else:
+                long_above = short_above = mid
+                for side in range(2):
+                    low, high = lo, hi
+                    if side == 1:
+                        if above == c1:
+                            continue
+                        if above < c1:
+                            high = mid
+                        else:
+                            low = mid
+                    v, made = _meet(
+                        vertices, along, low, high, offsets[k], axis, normal, pool, raw, n,
+                        made, origin, merged, table, shift,
+                    )  # fmt: skip
+                    tag[v] = above
+                    if side == 0:
+                        long_above = v
+                    else:
+                        short_above = v
+            # Counter-clockwise along lo, mid, hi; the middle corner first where it takes part.
+            corners = 0
+            if (c1 > below or k == first) and (c1 < above or k == last):
+                polygon[0] = mid
+                corners = 1
+            for v in (short_above, long_above, long_below, short_below):
+                if corners == 0 or polygon[corners - 1] != v:
+                    polygon[corners] = v
+                    corners += 1
+            while corners > 1 and polygon[corners - 1] == polygon[0]:
+                corners -= 1
+            turn = 1 if corners == 4 and _better_from_second(pool, polygon) else 0
+            for j in range(1, corners - 1):
+                a, b, c = polygon[turn], polygon[j + turn], polygon[(j + 1 + turn) % corners]
+                if turned:
+                    b, c = c, b
+                if a != b and b != c and c != a:
+                    out_face[written, 0], out_face[written, 1], out_face[written, 2] = a, b, c
+                    out_piece[written], out_source[written] = k, f
+                    written += 1
+            long_below, short_below, below = long_above, short_above, above
+    return made, written
+
+
+@inner_kernel
+def _meet(
+    vertices: Any, along: Any, low: Any, high: Any, offset: Any, axis: Any, normal: Any,
+    pool: Any, raw: Any, n: Any, made: Any, origin: Any, merged: Any, table: Any, shift: Any,
+) -> Any:  # fmt: skip
+    """Find the index of the point where the edge low-high meets a plane, or make it."""
+    t = (offset - along[low]) / (along[high] - along[low])
+    i = n + made
+    for j in range(3):
+        if j == axis:
+            value = offset * normal[j]
+        else:
+            value = vertices[low, j] + t * (vertices[high, j] - vertices[low, j])
+        pool[i, j] = np.rint(value / LATTICE_MM) * LATTICE_MM + 0.0
+    slot = row_slot(raw, i, shift)
+    while table[slot] >= 0:
+        j = table[slot]
+        if raw[j, 0] == raw[i, 0] and raw[j, 1] == raw[i, 1] and raw[j, 2] == raw[i, 2]:
+            if j < n or origin[j - n, 0] != low or origin[j - n, 1] != high:
+                merged[j] = True
+            return np.int64(j), made
+        slot = (slot + 1) & (table.size - 1)
+    table[slot] = i
+    origin[made, 0], origin[made, 1] = low, high
+    return np.int64(i), made + 1
+
+
+@inner_kernel
+def _better_from_second(pool: Any, polygon: Any) -> Any:
+    """Tell whether diagonal 1-3 of a quadrilateral leaves thicker triangles than 0-2."""
+    p0, p1, p2, p3 = polygon[0], polygon[1], polygon[2], polygon[3]
+    kept = min(squared_height(pool, p0, p1, p2), squared_height(pool, p0, p2, p3))
+    other = min(squared_height(pool, p1, p2, p3), squared_height(pool, p1, p3, p0))
+    return other > kept
+
+
+@inner_kernel
+def squared_height(pool: Any, a: Any, b: Any, c: Any) -> Any:
+    """Square of a triangle's height over its longest side; 0 where two corners coincide."""
+    ux = np.float64(pool[b, 0]) - pool[a, 0]
+    uy = np.float64(pool[b, 1]) - pool[a, 1]
+    uz = np.float64(pool[b, 2]) - pool[a, 2]
+    vx = np.float64(pool[c, 0]) - pool[a, 0]
+    vy = np.float64(pool[c, 1]) - pool[a, 1]
+    vz = np.float64(pool[c, 2]) - pool[a, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    wx, wy, wz = vx - ux, vy - uy, vz - uz
+    longest = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz)
+    longest = max(longest, wx * wx + wy * wy + wz * wz)
+    return (nx * nx + ny * ny + nz * nz) / longest if longest > 0.0 else 0.0
+
+
+# ------------------------------------------------------------------------------------------------
+# Mend a planar triangulation: thin triangles, and sides that the surface already has.
+
+
+THIN_MM = LATTICE_MM / 4
+"""Readers drop triangles lower than 1e-8 mm and so open a surface; float32 cannot promise more
+than the spacing of its values, so what is lower than this is worth a flip."""
+
+
+def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = True) -> None:
+    """Exchange, in place, the longest side of thin triangles where the neighbour gains by it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float32
+        Positions in mm.
+    faces : (m, 3) int32
+        A triangulation of flat regions, or of any surface.
+    flat : bool
+        Whether regions are flat: what a flip made may then be flipped again, thin or not.
+    """
+    a, b, c = vertices[faces].transpose(1, 0, 2).astype(np.float64)
+    u, v = b - a, c - a
+    square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
+    square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
+    doubled = (np.cross(u, v) ** 2).sum(axis=1)
+    thin = np.flatnonzero(doubled < THIN_MM**2 * np.where(square > 0.0, square, 1.0))
+    if len(thin):
+        _flip(vertices, faces, thin, np.inf if flat else THIN_MM**2)
+
+
+@kernel
+def _flip(vertices: Any, faces: Any, thin: Any, most: Any) -> Any:
+    for _ in range(8):
+        table, half = _half_edges(faces)
+        moved = np.zeros(faces.shape[0], dtype=np.bool_)
+        flips = 0
+        for i in thin:
+            if moved[i]:
+                continue
+            corner, longest = 0, -1.0
+            for j in range(3):
+                a, b = faces[i, j], faces[i, (j + 1) % 3]
+                length = 0.0
+                for k in range(3):
+                    length += (np.float64(vertices[a, k]) - vertices[b, k]) ** 2
+                if length > longest:
+                    corner, longest = j, length
+            a, b, c = faces[i, corner], faces[i, (corner + 1) % 3], faces[i, (corner + 2) % 3]
+            if squared_height(vertices, a, b, c) >= most:
+                continue
+            other = half[_find(table, b, a)]
+            if other < 0 or moved[other // 3]:
+                continue
+            f = other // 3
+            d = faces[f, (other % 3 + 2) % 3]
+            now = min(squared_height(vertices, a, b, c), squared_height(vertices, b, a, d))
+            then = min(squared_height(vertices, c, a, d), squared_height(vertices, d, b, c))
+            if (
+                then > now
+                and half[_find(table, c, d)] < 0
+                and half[_find(table, d, c)] < 0
+                and _same_side(vertices, b, a, d, c, a, d)
+                and _same_side(vertices, b, a, d, d, b, c)
+            ):
+                faces[i, 0], faces[i, 1], faces[i, 2] = c, a, d
+                faces[f, 0], faces[f, 1], faces[f, 2] = d, b, c
+                moved[i] = moved[f] = True
+                flips += 1
+        if flips == 0:
+            break
+
+
+@inner_kernel
+def _same_side(vertices: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """Tell whether the normals of triangles a-b-c and d-e-f are less than 90 degrees apart."""
+    dot = 0.0
+    for i in range(3):
+        dot += _normal(vertices, a, b, c, i) * _normal(vertices, d, e, f, i)
+    return dot > 0.0
+
+
+@inner_kernel
+def _normal(vertices: Any, a: Any, b: Any, c: Any, i: Any) -> Any:
+    j, k = (i + 1) % 3, (i + 2) % 3
+    uj = np.float64(vertices[b, j]) - vertices[a, j]
+    uk = np.float64(vertices[b, k]) - vertices[a, k]
+    vj = np.float64(vertices[c, j]) - vertices[a, j]
+    vk = np.float64(vertices[c, k]) - vertices[a, k]
+    return uj * vk - uk * vj
+
+
+@inner_kernel
+def _half_edges(faces: Any) -> Any:
+    """Hash the directed sides: face 3f + j where a slot is taken, -1 where it is free."""
+    size = 16
+    while size < 6 * faces.shape[0]:
+        size *= 2
+    table = np.zeros(size, dtype=np.int64)
+    half = np.full(size, -1, dtype=np.int32)
+    for i in range(faces.shape[0]):
+        for j in range(3):
+            a, b = faces[i, j], faces[i, (j + 1) % 3]
+            slot = _find(table, a, b)
+            table[slot] = (np.int64(a) << 32) + b + 1
+            half[slot] = 3 * i + j
+    return table, half
+
+
+@inner_kernel
+def _find(table: Any, a: Any, b: Any) -> Any:
+    """Find the slot of side a-b, or the free one where it would go; free slots hold 0."""
+    key = (np.int64(a) << 32) + b + 1
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    slot = np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(table.size - 1))
+    while table[slot] != 0 and table[slot] != key:
+        slot = (slot + 1) & (table.size - 1)
+    return slot
+
+
+def first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:
+    """Find where caps and the surface below them do not close.
+
+    Parameters
+    ----------
+    faces, segment, below
+        As for `side_clashes`.
+
+    Returns
+    -------
+    int
+        A vertex at a side that occurs more often one way than the other; -1 if there is none.
+    """
+    tails, heads = np.concatenate([_sides(faces), segment[below]]).T
+    order, starts = order_rows(np.minimum(tails, heads), np.maximum(tails, heads))
+    way = np.where(tails < heads, 1, -1)
+    odd = starts[np.add.reduceat(way[order], starts) != 0] if len(starts) else starts
+    return int(min(tails[order[odd[0]]], heads[order[odd[0]]])) if len(odd) else -1
+
+
+def side_clashes(
+    faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray
+) -> NDArray[np.intp]:
+    """Find inner sides of caps that the surface, or another cap triangle, has already.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+        Cap triangles, facing along the normal.
+    segment : (s, 2) int32
+        Directed sides of surface triangles in the planes.
+    below : (s,) bool
+        Whether their triangle lies below the plane.
+
+    Returns
+    -------
+    (r,) int
+        3f + j for side j of face f: an edge of the piece below or above would have four faces.
+    """
+    sides = _sides(faces)
+    inner = np.flatnonzero(np.isin(_key(sides[:, ::-1]), _key(sides)))
+    clash = np.zeros(len(sides), dtype=np.bool_)
+    for surface, own in ((segment[below], sides[inner]), (segment[~below], sides[inner, ::-1])):
+        both = np.concatenate([surface, own])
+        order, starts = order_rows(both[:, 0].copy(), both[:, 1].copy())
+        later = np.delete(order, starts) - len(surface)
+        clash[inner[later[later >= 0]]] = True
+    return np.flatnonzero(clash)
+
+
+def _sides(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Directed sides 3f + j, (3 m, 2)."""
+    return np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
+
+
+def _key(sides: NDArray[np.int32]) -> NDArray[np.int64]:
+    return (sides[:, 0].astype(np.int64) << 32) + sides[:, 1]
+
+
+def split_sides(
+    vertices: Float32Array,
+    faces: NDArray[np.int32],
+    level: NDArray[np.int32],
+    sides: NDArray[np.intp],
+) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Put a new vertex on each side, and divide the triangles on both sides of it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float32
+        Positions in mm.
+    faces, level : (m, 3) int32, (m,) int32
+        Cap triangles and their planes.
+    sides : (r,) int
+        Sides as `side_clashes` gives them; of a face or its neighbour at most one is divided.
+
+    Returns
+    -------
+    vertices, faces, level
+        With the new vertices and triangles; `level` stays increasing.
+    """
+    half = {
+        (int(a), int(b)): (i, j)
+        for i, face in enumerate(faces)
+        for j, (a, b) in enumerate(zip(face, np.roll(face, -1), strict=True))
+    }
+    taken = {point.tobytes() for point in vertices}
+    points = [vertices]
+    children = {}
+    count = len(vertices)
+    for side in sides.tolist():
+        i, j = divmod(side, 3)
+        a, b = int(faces[i, j]), int(faces[i, (j + 1) % 3])
+        f, k = half[b, a]
+        if i in children or f in children or i == f:
+            continue
+        ends = vertices[[a, b]].astype(np.float64)
+        for share in (1 / 2, 1 / 4, 3 / 4, 1 / 8, 7 / 8):
+            point = ends[0] * (1 - share) + ends[1] * share
+            new = (np.rint(point / LATTICE_MM) * LATTICE_MM + 0.0).astype(np.float32)
+            if new.tobytes() not in taken:
+                break
+        else:
+            continue
+        taken.add(new.tobytes())
+        points.append(new[None])
+        c, d = int(faces[i, (j + 2) % 3]), int(faces[f, (k + 2) % 3])
+        children[i] = ((a, count, c), (count, b, c))
+        children[f] = ((b, count, d), (count, a, d))
+        count += 1
+    divided = [i for i in range(len(faces)) for _ in range(2 if i in children else 1)]
+    grown = faces[divided]
+    second = False
+    for row, i in enumerate(divided):
+        if i in children:
+            grown[row] = children[i][second]
+            second = not second
+    return np.concatenate(points), grown, level[divided]
+
+
+# ------------------------------------------------------------------------------------------------
+# Close the pieces of a divided surface: one triangulation a plane, shared by both sides.
+
+
+ROUNDS = 8
+"""Splitting a side at most this often; once has been enough wherever it was needed."""
+
+
+def caps(
+    divided: Divided, normal: FloatArray
+) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
+    """Triangulate every plane's cross-section between the vertices of its outline.
+
+    A vertex is added only in the middle of a diagonal that is already an edge of the surface,
+    as at a groove whose bottom lies in the plane: no edge then has four faces.
+
+    Parameters
+    ----------
+    divided : Divided
+        The surface.
+    normal : (3,) float64
+        Unit normal of the planes.
+
+    Returns
+    -------
+    vertices : (n, 3) float32
+        Those of `divided`, then the added ones.
+    cap_faces : (c, 3) int32
+        Triangles that face along the normal: outwards for the piece below.
+    cap_level : (c,) int32
+        The plane each triangle closes, increasing.
+
+    Raises
+    ------
+    MeshError
+        An outline is not closed, because the mesh is not, or has no triangulation.
+    """
+    # Without its largest component the normal is projected, exactly, on a coordinate plane.
+    drop = int(np.argmax(np.abs(normal)))
+    u, v = (drop + 1) % 3, (drop + 2) % 3
+    if normal[drop] < 0:
+        u, v = v, u
+    outline = divided.segment[divided.segment_below]
+    plane = divided.segment_plane[divided.segment_below]
+    points = divided.vertices[:, [u, v]].astype(np.float64, order="C")
+    corners, starts, loop_plane, astray = _loops(outline, plane, points)
+    if astray >= 0:
+        raise MeshError(
+            f"the surface is open near {_place(divided, astray)}: the outline of a cut ends there; "
+            "repair the mesh so that every edge has two faces"
+        )
+    cap_faces, cap_level = _triangulate(points, corners, starts, loop_plane)
+    flip_thin(divided.vertices, cap_faces)
+    unfilled = first_unfilled(cap_faces, divided.segment, divided.segment_below)
+    if unfilled >= 0:
+        raise MeshError(
+            f"the cross-section near {_place(divided, unfilled)} cannot be divided into triangles: "
+            "its outline crosses itself; repair the mesh, or move the level"
+        )
+    vertices = divided.vertices
+    for _ in range(ROUNDS):
+        sides = side_clashes(cap_faces, divided.segment, divided.segment_below)
+        if len(sides) == 0:
+            break
+        vertices, cap_faces, cap_level = split_sides(vertices, cap_faces, cap_level, sides)
+    return vertices, cap_faces, cap_level
+
+
+def _place(divided: Divided, vertex: int) -> str:
+    """Write a vertex's position for a message."""
+    x, y, z = divided.vertices[vertex].tolist()
+    return f"({x:.6g}, {y:.6g}, {z:.6g}) mm"
+
+
+def _triangulate(
+    points: FloatArray,
+    corners: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    loop_plane: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Triangulate the loops of each plane, indices into the whole pool of vertices."""
+    from manifold3d import triangulate
+
+    faces = [np.empty((0, 3), dtype=np.int32)]
+    level = [np.empty(0, dtype=np.int32)]
+    order = np.argsort(loop_plane, kind="stable")
+    bounds = np.searchsorted(loop_plane[order], np.arange(loop_plane.max(initial=-1) + 2))
+    for i, (first, last) in enumerate(pairwise(bounds.tolist())):
+        if first == last:
+            continue
+        loops = [corners[starts[j] : starts[j + 1]] for j in order[first:last].tolist()]
+        local = triangulate([points[loop] for loop in loops], epsilon=LATTICE_MM)
+        found = np.concatenate(loops)[local]
+        a, b, c = found.T
+        found = found[(a != b) & (b != c) & (c != a)]
+        faces.append(found)
+        level.append(np.full(len(found), i, dtype=np.int32))
+    return np.concatenate(faces), np.concatenate(level)
+
+
+def _loops(
+    outline: NDArray[np.int32], plane: NDArray[np.int32], points: FloatArray
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
+    """Chain the sides in a plane, turned over, to loops with the material on their left.
+
+    Sides that occur both ways cancel.
+
+    Returns
+    -------
+    corners, starts, plane
+        Loop i has the vertices ``corners[starts[i] : starts[i + 1]]`` and lies in ``plane[i]``.
+    astray : int
+        A vertex at which no side goes on; -1 if all loops close.
+    """
+    count = len(outline)
+    corners, starts = np.empty(count, dtype=np.int32), np.zeros(count + 1, dtype=np.int32)
+    seeds, later = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
+    first = np.full(len(points), -1, dtype=np.int32)
+    alive = np.zeros(count, dtype=np.bool_)
+    loops, astray = _chain(outline, points, first, later, alive, corners, starts, seeds)
+    return corners[: starts[loops]], starts[: loops + 1], plane[seeds[:loops]], astray
+
+
+@kernel
+def _chain(
+    outline: Any, points: Any, first: Any, later: Any, alive: Any,
+    corners: Any, starts: Any, seeds: Any,
+) -> Any:  # fmt: skip
+    """Fill the loops; return how many there are, and the vertex where one ends or -1.
+
+    Each vertex has a list of the sides that leave it: first[vertex], later[side], ...; -1.
+    Where loops touch at a vertex, a side continues with the first one clockwise from where it
+    came: every corner then spans one wedge of material.
+    """
+    for e in range(outline.shape[0]):
+        tail, head = outline[e, 1], outline[e, 0]
+        back, previous = first[head], np.int32(-1)
+        while back >= 0 and outline[back, 0] != tail:
+            previous, back = back, later[back]
+        if back < 0:
+            alive[e] = True
+            later[e] = first[tail]
+            first[tail] = e
+        else:
+            alive[back] = False
+            if previous >= 0:
+                later[previous] = later[back]
+            else:
+                first[head] = later[back]
+
+    loops = filled = 0
+    for seed in range(outline.shape[0]):
+        if not alive[seed]:
+            continue
+        # The seed stays in its vertex's list until the loop comes back to it.
+        e = seed
+        while alive[seed]:
+            corners[filled] = outline[e, 1]
+            filled += 1
+            at, came = outline[e, 0], outline[e, 1]
+            best = candidate = first[at]
+            if best < 0:
+                return loops, at
+            before, previous, widest = np.int32(-1), np.int32(-1), 5.0
+            while candidate >= 0 and later[first[at]] >= 0:
+                turn = _clockwise(points, at, came, outline[candidate, 0])
+                if turn < widest:
+                    best, before, widest = candidate, previous, turn
+                previous, candidate = candidate, later[candidate]
+            if before >= 0:
+                later[before] = later[best]
+            else:
+                first[at] = later[best]
+            alive[best] = False
+            e = best
+        seeds[loops] = seed
+        loops += 1
+        starts[loops] = filled
+    return loops, np.int32(-1)
+
+
+@inner_kernel
+def _clockwise(points: Any, at: Any, came: Any, to: Any) -> Any:
+    """Measure the clockwise turn from at-came to at-to, growing with the angle, in (0, 4]."""
+    cu, cv = points[came, 0] - points[at, 0], points[came, 1] - points[at, 1]
+    tu, tv = points[to, 0] - points[at, 0], points[to, 1] - points[at, 1]
+    cosine, sine = cu * tu + cv * tv, cv * tu - cu * tv
+    size = abs(cosine) + abs(sine)
+    if size == 0.0:
+        return 4.0
+    turn = 1.0 - cosine / size if sine >= 0.0 else 3.0 + cosine / size
+    return turn if turn > 0.0 else 4.0

@@ -1,0 +1,1 @@
+"""Fields: what a gradient follows through a part."""

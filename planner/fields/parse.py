@@ -1,0 +1,735 @@
+"""Fields as a user writes them: NAME: arguments, formulas, and fields made of fields."""
+
+import ast
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.errors import ArgumentError, MeshError, nearest_names
+from planner.fields.basic import (
+    AxisField,
+    Ball,
+    BlendField,
+    Box,
+    ClampField,
+    DistanceField,
+    Field,
+    FunctionField,
+    HalfSpace,
+    LineField,
+    MaximumField,
+    MinimumField,
+    PointField,
+    Ramp,
+    Region,
+    axis_field,
+    faces_within,
+    inside_mesh,
+    smooth_patch,
+)
+from planner.fields.solved import (
+    CellValues,
+    TableField,
+    cells_of,
+    geodesic_field,
+    harmonic_field,
+    points_field,
+    solve_pitch_mm,
+)
+from planner.formats.field_file import read_grid_table, read_point_table
+from planner.formats.mesh_file import EXTENSIONS, read_mesh
+from planner.mesh.distance import TriangleTree, triangle_tree
+from planner.mesh.mesh import Mesh
+from planner.mesh.part import make_part
+from planner.numerics import FloatArray
+from planner.voxels.columns import Grid
+
+__all__ = [
+    "FUNCTIONS",
+    "KINDS",
+    "VARIABLES",
+    "ExpressionField",
+    "FieldArguments",
+    "Setting",
+    "build_field",
+    "mesh_in_place",
+    "parse_expression",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A formula of position, read by planner itself: nothing of it is run as Python.
+
+
+Value = FloatArray | float
+
+VARIABLES: Mapping[str, str] = MappingProxyType(
+    {
+        "x": "mm, in the part's own coordinates",
+        "y": "mm",
+        "z": "mm",
+        "r": "mm from the z axis of the part's file",
+        "d": "mm below the part's surface",
+        "u": "0 to 1 along the part's longest side",
+    }
+)
+_CONSTANTS = MappingProxyType({"pi": np.pi, "e": np.e})
+FUNCTIONS: Mapping[str, tuple[int, Callable[..., Value]]] = MappingProxyType(
+    {
+        "sin": (1, np.sin), "cos": (1, np.cos), "tan": (1, np.tan), "asin": (1, np.arcsin),
+        "acos": (1, np.arccos), "atan": (1, np.arctan), "atan2": (2, np.arctan2),
+        "sinh": (1, np.sinh), "cosh": (1, np.cosh), "tanh": (1, np.tanh), "exp": (1, np.exp),
+        "log": (1, np.log), "sqrt": (1, np.sqrt), "abs": (1, np.abs), "hypot": (2, np.hypot),
+        "min": (2, np.minimum), "max": (2, np.maximum), "clamp": (3, np.clip),
+    }
+)  # fmt: skip
+_BINARY: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = MappingProxyType(
+    {
+        ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.true_divide,
+        ast.Pow: np.power, ast.Mod: np.mod,
+    }
+)  # fmt: skip
+_LONGEST, _FORMULA_DEEPEST, _LARGEST = 1000, 60, 1e300
+
+Supply = Mapping[str, Callable[[FloatArray], FloatArray]]
+
+
+@dataclass(frozen=True)
+class ExpressionField:
+    """A formula; at pitch h drawn within 3 h² / 8 of its second derivative over its gradient.
+
+    Attributes
+    ----------
+    text
+        The formula.
+    origin_mm
+        Where the part's own origin lies, as placed for printing.
+    supply
+        How to find ``d`` and ``u`` at points as placed.
+    """
+
+    text: str
+    origin_mm: tuple[float, float, float]
+    supply: Supply = field(repr=False, compare=False, default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Kind of field, as a plan names it."""
+        return "expression"
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        points = np.asarray(points_mm, dtype=np.float64)
+        tree = parse_expression(self.text)
+        x, y, z = (points - np.array(self.origin_mm)).T
+        known: dict[str, Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        if "r" in used:
+            known["r"] = np.sqrt(x * x + y * y)
+        for name, find in self.supply.items():
+            if name in used:
+                known[name] = find(points)
+        with np.errstate(all="ignore"):  # what is not finite is told with its place
+            found = np.asarray(_value(tree.body, known), dtype=np.float64)
+        return np.array(np.broadcast_to(found, len(points)))
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {"name": self.name, "expression": self.text, "origin_mm": list(self.origin_mm)}
+
+
+def parse_expression(text: str) -> ast.Expression:
+    """Read a formula of numbers, variables, + - * / ** ^ %, parentheses and functions.
+
+    Raises
+    ------
+    ArgumentError
+        Anything else, with what it is and what may stand there.
+    """
+    if len(text) > _LONGEST:
+        raise ArgumentError(f"expression of {len(text)} characters; up to {_LONGEST} are read")
+    try:
+        tree = ast.parse(text.strip().replace("^", "**"), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        place = getattr(error, "offset", None)
+        where = f" near character {place}" if place else ""
+        raise ArgumentError(
+            f"expression {text!r}: it cannot be read{where}; write it like "
+            '"0.5 + 0.5*sin(2*pi*x/20)"'
+        ) from None
+    _check(tree.body, text, 0)
+    return tree
+
+
+def _check(node: ast.expr, text: str, depth: int) -> None:
+    if depth > _FORMULA_DEEPEST:
+        raise ArgumentError(f"expression {text!r}: it is nested deeper than {_FORMULA_DEEPEST}")
+    match node:
+        case ast.Constant(value=bool() | str() | bytes() | complex() | None):
+            pass
+        case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
+            return
+        case ast.Name(id=name):
+            if name in VARIABLES or name in _CONSTANTS:
+                return
+            raise ArgumentError(
+                f"expression {text!r}: {name} is unknown; {_near(name, [*VARIABLES, *_CONSTANTS])}"
+                f"variables are {', '.join([*VARIABLES, *_CONSTANTS])}"
+            )
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
+            _check(operand, text, depth + 1)
+            return
+        case ast.BinOp(op=operator, left=left, right=right) if type(operator) in _BINARY:
+            _check(left, text, depth + 1)
+            _check(right, text, depth + 1)
+            return
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            if name not in FUNCTIONS:
+                raise ArgumentError(
+                    f"expression {text!r}: there is no function {name}; "
+                    f"{_near(name, list(FUNCTIONS))}functions are {', '.join(FUNCTIONS)}"
+                )
+            if len(arguments) != FUNCTIONS[name][0]:
+                raise ArgumentError(
+                    f"expression {text!r}: {name} takes {FUNCTIONS[name][0]} arguments, and got "
+                    f"{len(arguments)}"
+                )
+            for argument in arguments:
+                _check(argument, text, depth + 1)
+            return
+        case _:
+            pass
+    part = ast.get_source_segment(text.strip().replace("^", "**"), node) or type(node).__name__
+    raise ArgumentError(
+        f"expression {text!r}: {part!r} may not stand there; numbers, variables, + - * / ** %, "
+        "parentheses and functions may"
+    )
+
+
+def _near(name: str, known: list[str]) -> str:
+    from planner.errors import nearest_names
+
+    near = nearest_names(name, known)
+    return f"did you mean {near[0]}? " if near else ""
+
+
+def _value(node: ast.expr, known: Mapping[str, Value]) -> Value:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id=name):
+            return known[name]
+        case ast.UnaryOp(op=sign, operand=operand):
+            value = _value(operand, known)
+            return -value if isinstance(sign, ast.USub) else value
+        case ast.BinOp(op=operator, left=left, right=right):
+            return _BINARY[type(operator)](_value(left, known), _value(right, known))
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return FUNCTIONS[name][1](*(_value(argument, known) for argument in arguments))
+        case _:
+            raise ArgumentError(f"{type(node).__name__} is no part of a formula")
+
+
+# ------------------------------------------------------------------------------------------------
+# The arguments of a field as text: words, key=value pairs, numbers, regions.
+
+
+_HALF = re.compile(r"^\s*([xyz])\s*([<>])=?\s*(\S+)\s*$")
+_REGIONS = (
+    "x<3, z>=20, box X0 Y0 Z0 X1 Y1 Z1, ball X Y Z RADIUS, plane PX PY PZ NX NY NZ (beyond it, "
+    "where N points), or a closed mesh file"
+)
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FieldArguments:
+    """Arguments of one field.
+
+    Attributes
+    ----------
+    kind
+        The field's name, for messages.
+    words
+        Those without a key.
+    named
+        By key.
+    origin_mm
+        Where the part's own origin lies, as placed; positions are moved by it.
+    """
+
+    kind: str
+    words: tuple[str, ...]
+    named: dict[str, str]
+    origin_mm: Point
+
+    @classmethod
+    def parse(
+        cls, kind: str, text: str, keys: Collection[str], origin_mm: Point, words: int = 0
+    ) -> "FieldArguments":
+        """Split at commas, and refuse keys that the field does not have.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown or repeated key, or more words than `words`.
+        """
+        bare, named = [], dict[str, str]()
+        for item in filter(None, (part.strip() for part in text.split(","))):
+            key, equals, value = item.partition("=")
+            key = key.strip()
+            if not equals or not key.isidentifier():
+                bare.append(item)
+                continue
+            if key not in keys:
+                near = nearest_names(key, list(keys))
+                hint = f"did you mean {near[0]}=? " if near else ""
+                raise ArgumentError(
+                    f"field {kind}: there is no {key}=; {hint}it takes {', '.join(keys) or 'none'}"
+                )
+            if key in named:
+                raise ArgumentError(f"field {kind}: {key}= is given twice")
+            named[key] = value.strip()
+        if len(bare) > words:
+            raise ArgumentError(
+                f"field {kind}: {bare[words]!r} is one too many; arguments are key=value, parted "
+                f"by commas, numbers within one by spaces, with the keys {', '.join(keys)}"
+            )
+        return cls(kind, tuple(bare), named, origin_mm)
+
+    def only(self, *keys: str) -> str | None:
+        """Return which one of some keys is given, or None.
+
+        Raises
+        ------
+        ArgumentError
+            More than one.
+        """
+        given = [key for key in keys if key in self.named]
+        if len(given) > 1:
+            raise ArgumentError(f"field {self.kind}: give {'= or '.join(given)}=, not both")
+        return given[0] if given else None
+
+    def number(self, key: str) -> float | None:
+        """Return a number, None where it is not given."""
+        return self.numbers(key, 1)[0] if key in self.named else None
+
+    def numbers(self, key: str, count: int) -> list[float]:
+        """Return so many numbers.
+
+        Raises
+        ------
+        ArgumentError
+            Another count, or none.
+        """
+        return self._numbers(self.named[key], f"{key}=", count)
+
+    def point(self, key: str) -> Point:
+        """Return a position as placed for printing."""
+        x, y, z = self.numbers(key, 3)
+        return self._placed(x, y, z)
+
+    def line(self, key: str) -> tuple[Point, Point]:
+        """Return a position as placed, and a unit direction."""
+        x, y, z, a, b, c = self.numbers(key, 6)
+        return self._placed(x, y, z), self._unit((a, b, c), f"{key}=")
+
+    def box(self, key: str) -> Box:
+        """Return a box as placed."""
+        return self._box(self.numbers(key, 6))
+
+    def region(self, key: str) -> Region:
+        """Return a region as placed.
+
+        Raises
+        ------
+        ArgumentError, FileError
+            It is none, or its mesh cannot be read.
+        """
+        text = self.named[key]
+        half = _HALF.match(text)
+        what = f"{key}="
+        if half:
+            axis = "xyz".index(half[1])
+            value = self._numbers(half[3], what, 1)[0]
+            sign = 1.0 if half[2] == ">" else -1.0
+            at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+            at[axis], normal[axis] = value + self.origin_mm[axis], sign
+            return HalfSpace((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
+        word, _, rest = text.strip().partition(" ")
+        if word == "box":
+            return self._box(self._numbers(rest, what, 6))
+        if word == "ball":
+            x, y, z, radius = self._numbers(rest, what, 4)
+            if radius <= 0.0:
+                raise ArgumentError(f"field {self.kind}: {what} has a radius of {radius:g} mm")
+            return Ball(self._placed(x, y, z), radius)
+        if word == "plane":
+            x, y, z, a, b, c = self._numbers(rest, what, 6)
+            return HalfSpace(self._placed(x, y, z), self._unit((a, b, c), what))
+        if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
+            mesh, sha256 = mesh_in_place(Path(text), self.origin_mm)
+            return inside_mesh(mesh, Path(text).name, sha256)
+        raise ArgumentError(f"field {self.kind}: {what}{text!r} is no region; it may be {_REGIONS}")
+
+    def _numbers(self, text: str, what: str, count: int) -> list[float]:
+        try:
+            found = [float(word) for word in text.split()]
+        except ValueError:
+            found = []
+        if len(found) != count or not all(map(math.isfinite, found)):
+            raise ArgumentError(
+                f"field {self.kind}: {what}{text.strip()!r} must be {count} number"
+                f"{'s, parted by spaces' if count > 1 else ''}"
+            )
+        return found
+
+    def _placed(self, x: float, y: float, z: float) -> Point:
+        a, b, c = self.origin_mm
+        return x + a, y + b, z + c
+
+    def _unit(self, direction: Point, what: str) -> Point:
+        length = math.hypot(*direction)
+        if length == 0.0:
+            raise ArgumentError(f"field {self.kind}: {what} has a direction of length zero")
+        a, b, c = direction
+        return a / length, b / length, c / length
+
+    def _box(self, corners: list[float]) -> Box:
+        low, high = np.minimum(corners[:3], corners[3:]), np.maximum(corners[:3], corners[3:])
+        return Box(self._placed(*low.tolist()), self._placed(*high.tolist()))
+
+
+def mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
+    """Read a mesh that lies in the part's own coordinates, moved to where the part is placed.
+
+    Raises
+    ------
+    FileError, MeshError
+        It cannot be read, or is not closed where it must be.
+    """
+    file = read_mesh(path)
+    triangles: FloatArray = file.triangles + np.array(origin_mm)
+    if closed:
+        return make_part(triangles, name=path.name).mesh, file.sha256
+    faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+    mesh = Mesh(triangles.reshape(-1, 3), faces)
+    if not mesh.area_mm2 > 0.0:
+        raise MeshError(f"{path}: has no area; export it again")
+    return mesh, file.sha256
+
+
+# ------------------------------------------------------------------------------------------------
+# The fields that have a name, each built from its arguments.
+
+
+_SAMPLES = 100_000  # cells of the part's box, for the range of a quantity over the part
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What fields are built over.
+
+    Attributes
+    ----------
+    mesh
+        The part as placed.
+    origin_mm
+        Where the part's own origin lies, as placed.
+    pitch_mm
+        Of the grid that level sets are drawn on.
+    """
+
+    mesh: Mesh
+    origin_mm: Point
+    pitch_mm: float
+
+    @cached_property
+    def samples_mm(self) -> FloatArray:
+        """The part's vertices and points within it."""
+        extent_mm = np.ptp(self.mesh.bounds_mm, axis=0)
+        coarse = float(np.cbrt(extent_mm.prod() / _SAMPLES))
+        grid, inside = cells_of(self.mesh, max(coarse, float(extent_mm.max()) / 4000.0))
+        return np.concatenate([self.mesh.vertices, grid.centre_mm(np.argwhere(inside))])
+
+    @cached_property
+    def surface(self) -> TriangleTree:
+        """The part's surface, for distances."""
+        return triangle_tree(self.mesh)
+
+
+def _ramp(
+    arguments: FieldArguments, setting: Setting, quantity: Callable[[FloatArray], FloatArray]
+) -> Ramp:
+    """Return where the gradient starts and ends: over all of the part if not said."""
+    start, stop = arguments.number("from"), arguments.number("to")
+    if start is None or stop is None:
+        found = quantity(setting.samples_mm)
+        start = float(found.min()) if start is None else start
+        stop = float(found.max()) if stop is None else stop
+    return Ramp(start, stop)
+
+
+def _axis(text: str, setting: Setting) -> Field:
+    words = text.replace(",", " ").split()
+    return axis_field(",".join(words) if words else None, setting.mesh)
+
+
+def _radial(text: str, setting: Setting) -> Field:
+    given = FieldArguments.parse("radial", text, ("point", "line", "from", "to"), setting.origin_mm)
+    unit = Ramp(0.0, 1.0)
+    if given.only("point", "line") == "line":
+        point, direction = given.line("line")
+        ramp = _ramp(given, setting, LineField(point, direction, unit).values)
+        return LineField(point, direction, ramp)
+    if "point" in given.named:
+        centre = given.point("point")
+    else:
+        x, y, z = setting.mesh.bounds_mm.mean(axis=0).tolist()
+        centre = (x, y, z)
+    return PointField(centre, _ramp(given, setting, PointField(centre, unit).values))
+
+
+def _distance(text: str, setting: Setting) -> Field:
+    keys = ("plane", "hole", "box", "from", "to")
+    given = FieldArguments.parse("distance", text, keys, setting.origin_mm, words=1)
+    which = given.only("plane", "hole", "box")
+    if which and given.words:
+        raise ArgumentError(f"field distance: give {given.words[0]} or {which}=, not both")
+    if which == "plane":
+        point, normal = given.line("plane")
+        offset = float(np.dot(point, normal))
+        ramp = _ramp(given, setting, AxisField(normal, offset, 1.0).values)
+        if ramp.stop > ramp.start:
+            return AxisField(normal, offset + ramp.start, ramp.stop - ramp.start)
+        back = (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
+        return AxisField(back, -(offset + ramp.start), ramp.start - ramp.stop)
+    signed = 0
+    origin: dict[str, object]
+    if which == "hole":
+        picked = given.point("hole")
+        tree = triangle_tree(smooth_patch(setting.mesh, np.array(picked)))
+        origin = {"of": "hole", "point_mm": list(picked)}
+    elif which == "box":
+        box = given.box("box")
+        patch = faces_within(setting.mesh, np.array(box.low_mm), np.array(box.high_mm))
+        if not len(patch.faces):
+            raise ArgumentError(
+                "field distance: no face of the part lies wholly in box=; make it larger"
+            )
+        tree, origin = triangle_tree(patch), {"of": "faces", **box.description()}
+    elif not given.words or given.words[0] == "surface":
+        tree, origin, signed = setting.surface, {"of": "surface"}, 1
+    else:
+        file = Path(given.words[0])
+        mesh, sha256 = mesh_in_place(file, setting.origin_mm, closed=False)
+        tree, origin = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
+    plain = DistanceField(origin, Ramp(0.0, 1.0), tree, signed)
+    if signed and "from" not in given.named:
+        given.named["from"] = "0"
+    return DistanceField(origin, _ramp(given, setting, plain.distance_mm), tree, signed)
+
+
+def _harmonic(text: str, setting: Setting) -> Field:
+    given = FieldArguments.parse("harmonic", text, ("from", "to"), setting.origin_mm)
+    if len(given.named) < 2:
+        raise ArgumentError(
+            "field harmonic: give both end regions, as in from=x<3, to=ball 40 0 5 6"
+        )
+    pitch_mm = solve_pitch_mm(setting.mesh, setting.pitch_mm)
+    start, end = given.region("from"), given.region("to")
+    return harmonic_field(setting.mesh, start, end, pitch_mm, setting.origin_mm)
+
+
+def _geodesic(text: str, setting: Setting) -> Field:
+    given = FieldArguments.parse("geodesic", text, ("start", "from", "to"), setting.origin_mm)
+    if "start" not in given.named:
+        raise ArgumentError("field geodesic: give where ways begin, as in start=x<3")
+    pitch_mm = solve_pitch_mm(setting.mesh, setting.pitch_mm)
+    return geodesic_field(
+        setting.mesh,
+        given.region("start"),
+        pitch_mm,
+        given.number("from"),
+        given.number("to"),
+        setting.origin_mm,
+    )
+
+
+def _expression(text: str, setting: Setting) -> Field:
+    text = text.strip().strip('"')
+    parse_expression(text)
+    along = axis_field(None, setting.mesh)
+
+    def depth(points_mm: FloatArray) -> FloatArray:
+        return DistanceField({}, Ramp(0.0, 1.0), setting.surface, 1).distance_mm(points_mm)
+
+    return ExpressionField(text, setting.origin_mm, {"d": depth, "u": along.values})
+
+
+def _table(text: str, setting: Setting) -> Field:
+    keys = ("array", "origin", "step", "from", "to")
+    given = FieldArguments.parse("table", text, keys, setting.origin_mm, words=1)
+    if not given.words:
+        raise ArgumentError("field table: give a file (.csv, .npy or .vti)")
+    path = Path(given.words[0])
+    first = given.numbers("origin", 3) if "origin" in given.named else None
+    step = given.numbers("step", 3) if "step" in given.named else None
+    table = read_grid_table(
+        path,
+        array=given.named.get("array"),
+        first_mm=None if first is None else (first[0], first[1], first[2]),
+        spacing_mm=None if step is None else (step[0], step[1], step[2]),
+    )
+    corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
+    x, y, z = corner.tolist()
+    nx, ny, nz = table.values.shape
+    cells = CellValues(Grid((x, y, z), table.spacing_mm, (nx, ny, nz)), table.values)
+    return TableField(path.name, table.sha256, _ramp(given, setting, cells.at), cells)
+
+
+def _points(text: str, setting: Setting) -> Field:
+    given = FieldArguments.parse("points", text, ("array", "from", "to"), setting.origin_mm, 1)
+    if not given.words:
+        raise ArgumentError("field points: give a file (.csv or .vtu)")
+    path = Path(given.words[0])
+    table = read_point_table(path, array=given.named.get("array"))
+    at = table.points_mm + np.array(setting.origin_mm)
+    return points_field(
+        path.name, table.sha256, at, table.values, given.number("from"), given.number("to")
+    )
+
+
+KINDS: Mapping[str, Callable[[str, Setting], Field]] = MappingProxyType(
+    {
+        "axis": _axis,
+        "radial": _radial,
+        "distance": _distance,
+        "harmonic": _harmonic,
+        "geodesic": _geodesic,
+        "expression": _expression,
+        "table": _table,
+        "points": _points,
+    }
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# A field as a user writes it: NAME: arguments, or min, max, blend, clamp of such.
+
+
+_COMPOSED = re.compile(r"^\s*(\w+)\s*\((.*)\)\s*$", re.DOTALL)
+_NAMED = re.compile(r"^\s*([\w-]+)\s*(?::(.*))?$", re.DOTALL)
+_FIELD_DEEPEST = 20
+
+
+def build_field(wish: object, setting: Setting) -> Field:
+    """Build a field over a placed part.
+
+    Parameters
+    ----------
+    wish
+        Text such as ``radial: point=0 0 5, to=12`` or ``min(axis: x; distance: surface)``; a
+        `Field` in the coordinates of the placed part; or a function of points (n, 3) in the
+        part's own coordinates.
+    setting
+        The part, where it was placed, and the pitch.
+
+    Raises
+    ------
+    ArgumentError
+        No such field, or arguments that it does not take; the message says what is near.
+    """
+    if isinstance(wish, str):
+        return _parse(wish, setting, 0)
+    if isinstance(wish, Field):
+        return wish
+    if callable(wish):
+        return FunctionField(wish, setting.origin_mm)
+    raise ArgumentError(
+        f"field is a {type(wish).__name__}; give text, a planner Field, or a function of points"
+    )
+
+
+def _parse(text: str, setting: Setting, depth: int) -> Field:
+    if depth > _FIELD_DEEPEST:
+        raise ArgumentError(f"--field: fields are nested deeper than {_FIELD_DEEPEST}")
+    composed = _COMPOSED.match(text)
+    if composed and composed[1] in _RULES:
+        return _RULES[composed[1]](_parts(composed[2]), text, setting, depth + 1)
+    named = _NAMED.match(text)
+    name = named[1] if named else text.split("(")[0].split(":")[0].strip()
+    if named is None or name not in KINDS:
+        known = [*KINDS, *_RULES]
+        near = nearest_names(name, known)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ArgumentError(
+            f"--field {text.strip()!r}: there is no field {name!r}; {hint}there are "
+            f"{', '.join(KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
+        )
+    return KINDS[name](named[2] or "", setting)
+
+
+def _parts(text: str) -> list[str]:
+    """Split at semicolons outside parentheses."""
+    parts, depth, last = [], 0, 0
+    for place, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter == ";" and depth == 0:
+            parts.append(text[last:place])
+            last = place + 1
+    return [*parts, text[last:]]
+
+
+def _several(parts: list[str], text: str, setting: Setting, depth: int) -> tuple[Field, ...]:
+    if len(parts) < 2:
+        raise ArgumentError(f"--field {text.strip()!r}: give two or more fields, parted by ;")
+    return tuple(_parse(part, setting, depth) for part in parts)
+
+
+def _minimum(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+    return MinimumField(_several(parts, text, setting, depth))
+
+
+def _maximum(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+    return MaximumField(_several(parts, text, setting, depth))
+
+
+def _blend(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+    if len(parts) != 3:
+        raise ArgumentError(f"--field {text.strip()!r}: blend takes (field; field; weight 0 to 1)")
+    weight = _number(parts[2], text)
+    if not 0.0 <= weight <= 1.0:
+        raise ArgumentError(f"--field {text.strip()!r}: the weight {weight:g} is not 0 to 1")
+    first, second = (_parse(part, setting, depth) for part in parts[:2])
+    return BlendField(first, second, weight)
+
+
+def _clamp(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+    if len(parts) != 3:
+        raise ArgumentError(f"--field {text.strip()!r}: clamp takes (field; lowest; highest)")
+    low, high = _number(parts[1], text), _number(parts[2], text)
+    if not low < high:
+        raise ArgumentError(f"--field {text.strip()!r}: {low:g} is not below {high:g}")
+    return ClampField(_parse(parts[0], setting, depth), low, high)
+
+
+def _number(part: str, text: str) -> float:
+    try:
+        return float(part)
+    except ValueError:
+        raise ArgumentError(
+            f"--field {text.strip()!r}: {part.strip()!r} must be a number"
+        ) from None
+
+
+_RULES: Mapping[str, Callable[[list[str], str, Setting, int], Field]] = MappingProxyType(
+    {"min": _minimum, "max": _maximum, "blend": _blend, "clamp": _clamp}
+)

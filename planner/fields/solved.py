@@ -1,0 +1,632 @@
+"""Fields computed over the part's cells: steady flow, shortest ways, tables of values."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from planner.errors import ArgumentError
+from planner.fields.basic import Ramp, Region
+from planner.mesh.mesh import Mesh
+from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.voxels.columns import Grid, dense, grid_for, voxelize
+
+__all__ = [
+    "MOST_CELLS",
+    "CellValues",
+    "GeodesicField",
+    "HarmonicField",
+    "PointsField",
+    "TableField",
+    "cells_of",
+    "geodesic_field",
+    "harmonic_field",
+    "points_field",
+    "reached_cells",
+    "solve_laplace",
+    "solve_pitch_mm",
+    "spread_values",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Values at the cells of a grid that lie in the part, as a field.
+
+
+MOST_CELLS = 3_000_000
+"""Of the part's box, for what is solved over all of it."""
+
+_CRUMB = 1e-3  # of all cells
+
+
+@dataclass(frozen=True, eq=False)
+class CellValues:
+    """Values at cell centres, linear between them along each axis.
+
+    Attributes
+    ----------
+    grid
+        Where cells lie.
+    values : (nx, ny, nz) float64
+        One for each cell.
+    """
+
+    grid: Grid
+    values: FloatArray
+
+    def at(self, points_mm: FloatArray) -> FloatArray:
+        """Interpolate at points (n, 3); beyond the outermost centres as at them."""
+        found = np.empty(len(points_mm))
+        _interpolate(
+            np.require(points_mm, np.float64, ["C", "W"]), np.array(self.grid.origin_mm),
+            np.array(self.grid.pitch_mm), self.values, found,
+        )  # fmt: skip
+        return found
+
+
+def solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
+    """Return the pitch to solve at: that of the shells, or as fine as `MOST_CELLS` allow."""
+    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    return max(pitch_mm, float(np.cbrt(extent_mm.prod() / MOST_CELLS)))
+
+
+def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
+    """Return a grid over the part and which of its cells (nx, ny, nz) have their centre in it.
+
+    Walls thinner than a cell keep one cell along z.
+    """
+    grid = grid_for(mesh.bounds_mm, pitch_mm)
+    return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
+
+
+def reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
+    """Keep the cells that are connected to seeds.
+
+    Returns
+    -------
+    reached : (nx, ny, nz) bool
+        Without crumbs: a few cells at a corner that touch no other.
+    lost : (3,) int or None
+        A cell of the largest body without a seed, where that is more than a crumb.
+    """
+    from scipy import ndimage
+
+    body, bodies = ndimage.label(inside)
+    size = np.bincount(body.ravel(), minlength=bodies + 1)
+    known = np.zeros(bodies + 1, dtype=np.bool_)
+    known[body[seeds]] = True
+    known[0] = False
+    size[known] = 0
+    size[0] = 0
+    worst = int(np.argmax(size))
+    if size[worst] > _CRUMB * np.count_nonzero(inside):
+        return inside, np.argwhere(body == worst)[0]
+    return np.asarray(known[body]), None
+
+
+def spread_values(values: FloatArray, known: BoolArray, layers: int = 3) -> None:
+    """Continue values, in place, into a few layers of cells around those that are known.
+
+    Each new cell takes the mean of its known neighbours; what lies farther takes the mean of all.
+    """
+    mean = float(values[known].mean())
+    state = known.astype(np.uint8)
+    _spread(values, state, layers)
+    values[state == 0] = mean
+
+
+@kernel
+def _spread(values: Any, state: Any, layers: Any) -> None:
+    nx, ny, nz = values.shape
+    for layer in range(2, layers + 2):
+        for i in range(nx):
+            for j in range(ny):
+                for k in range(nz):
+                    if state[i, j, k] != 0:
+                        continue
+                    total, count = 0.0, 0
+                    for a in range(max(i - 1, 0), min(i + 2, nx)):
+                        for b in range(max(j - 1, 0), min(j + 2, ny)):
+                            for c in range(max(k - 1, 0), min(k + 2, nz)):
+                                if state[a, b, c] != 0 and state[a, b, c] < layer:
+                                    total += values[a, b, c]
+                                    count += 1
+                    if count > 0:
+                        values[i, j, k] = total / count
+                        state[i, j, k] = layer
+
+
+@kernel
+def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) -> None:
+    cell, share = np.empty(3, dtype=np.int64), np.empty(3)
+    for p in range(points.shape[0]):
+        for d in range(3):
+            at = (points[p, d] - origin[d]) / pitch[d] - 0.5
+            at = min(max(at, 0.0), float(values.shape[d] - 1))
+            cell[d] = min(int(at), max(values.shape[d] - 2, 0))
+            share[d] = at - cell[d]
+        total = 0.0
+        for corner in range(8):
+            weight = 1.0
+            i, j, k = cell[0], cell[1], cell[2]
+            if corner & 1:
+                weight *= share[0]
+                i = min(i + 1, values.shape[0] - 1)
+            else:
+                weight *= 1.0 - share[0]
+            if corner & 2:
+                weight *= share[1]
+                j = min(j + 1, values.shape[1] - 1)
+            else:
+                weight *= 1.0 - share[1]
+            if corner & 4:
+                weight *= share[2]
+                k = min(k + 1, values.shape[2] - 1)
+            else:
+                weight *= 1.0 - share[2]
+            total += weight * values[i, j, k]
+        found[p] = total
+
+
+# ------------------------------------------------------------------------------------------------
+# The field of a steady flow between two regions: gradients that follow a bent part.
+
+
+Point = tuple[float, float, float]
+
+_COARSEST = 20_000  # cells; below, nothing is gained by a coarser grid
+_PRECISION = 1e-7  # of the field's range, root mean square of the residual
+
+
+@dataclass(frozen=True)
+class HarmonicField:
+    """Solution of Laplace's equation in the part: 0 in one region, 1 in another.
+
+    No flow leaves through the rest of the surface. The surface is one of cells, so a level lies
+    within about a cell of the true one, and falls with the cells at first order.
+
+    Attributes
+    ----------
+    start, end
+        Where it is 0, and where 1.
+    pitch_mm
+        Of the cells.
+    cells
+        The solution.
+    """
+
+    start: Region
+    end: Region
+    pitch_mm: float
+    cells: CellValues = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Kind of field, as a plan names it."""
+        return "harmonic"
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        return self.cells.at(points_mm)
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {
+            "name": self.name,
+            "from": self.start.description(),
+            "to": self.end.description(),
+            "cells_mm": self.pitch_mm,
+        }
+
+
+def harmonic_field(
+    mesh: Mesh, start: Region, end: Region, pitch_mm: float, origin_mm: Point = (0.0, 0.0, 0.0)
+) -> HarmonicField:
+    """Solve for the field between two regions of a part.
+
+    Messages give places as seen from `origin_mm`: where the part's own origin lies.
+
+    Raises
+    ------
+    ArgumentError
+        A region that holds no cell of the part, regions that share one, or a body of the part
+        that has none of either.
+    """
+    grid, inside = cells_of(mesh, pitch_mm)
+    index = np.argwhere(inside)
+    centres = grid.centre_mm(index)
+    first, second = start.holds(centres), end.holds(centres)
+    for which, held in (("from", first), ("to", second)):
+        if not held.any():
+            raise ArgumentError(
+                f"field harmonic: the region {which}= holds nothing of the part at {pitch_mm:.3g} "
+                f"mm; the part reaches {_box(mesh, origin_mm)}"
+            )
+    if (first & second).any():
+        x, y, z = (centres[int(np.argmax(first & second))] - origin_mm).tolist()
+        raise ArgumentError(
+            f"field harmonic: the regions from= and to= share ({x:.4g}, {y:.4g}, {z:.4g}) mm; "
+            "they must lie apart"
+        )
+    fixed = np.full(inside.shape, np.nan)
+    fixed[tuple(index[first].T)], fixed[tuple(index[second].T)] = 0.0, 1.0
+    reached, lost = reached_cells(inside, np.isfinite(fixed))
+    if lost is not None:
+        x, y, z = (grid.centre_mm(lost) - origin_mm).tolist()
+        raise ArgumentError(
+            f"field harmonic: the body at ({x:.4g}, {y:.4g}, {z:.4g}) mm touches neither region; "
+            "name a region in each body, or take a finer --pitch if a wall is thinner than a cell"
+        )
+    values = solve_laplace(reached, fixed)
+    spread_values(values, reached)
+    return HarmonicField(start, end, pitch_mm, CellValues(grid, values))
+
+
+def _box(mesh: Mesh, origin_mm: Point) -> str:
+    low, high = mesh.bounds_mm - origin_mm
+    return " to ".join(f"({p[0]:.4g}, {p[1]:.4g}, {p[2]:.4g})" for p in (low, high)) + " mm"
+
+
+def solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
+    """Solve Laplace's equation on cells, (nx, ny, nz); NaN outside.
+
+    Conjugate gradients with the diagonal as preconditioner, started from the solution on cells
+    twice as large.
+
+    Parameters
+    ----------
+    inside
+        Cells to solve on; no flow leaves them.
+    fixed
+        Given values, NaN elsewhere.
+    """
+    guess = np.full(inside.shape, 0.5)
+    if np.count_nonzero(inside) > _COARSEST:
+        guess = _from_coarser(inside, fixed)
+    number = np.full(inside.shape, -1, dtype=np.int32)
+    index = np.flatnonzero(inside)
+    number.reshape(-1)[index] = np.arange(len(index), dtype=np.int32)
+    neighbours = np.full((len(index), 6), -1, dtype=np.int32)
+    padded = np.pad(number, 1, constant_values=-1)
+    place = np.stack(np.unravel_index(index, inside.shape), axis=1) + 1
+    for way in range(6):
+        step = np.zeros(3, dtype=np.int64)
+        step[way % 3] = 1 if way < 3 else -1
+        neighbours[:, way] = padded[tuple((place + step).T)]
+    given = fixed.reshape(-1)[index]
+    free = np.isnan(given)
+    x = np.where(free, guess.reshape(-1)[index], given)
+    _conjugate_gradients(neighbours, free, x, np.empty((4, len(x))), _PRECISION)
+    values = np.full(inside.shape, np.nan)
+    values.reshape(-1)[index] = np.clip(x, np.nanmin(given), np.nanmax(given))
+    return values
+
+
+def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
+    """Solve on cells twice as large: inside where any of the eight is, fixed by their mean."""
+    shape = tuple((n + 1) // 2 for n in inside.shape)
+    room = [(0, 2 * m - n) for m, n in zip(shape, inside.shape, strict=True)]
+    blocks = (shape[0], 2, shape[1], 2, shape[2], 2)
+    any_inside: BoolArray = np.asarray(np.pad(inside, room).reshape(blocks).any(axis=(1, 3, 5)))
+    known = np.pad(np.isfinite(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
+    total = np.pad(np.nan_to_num(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
+    with np.errstate(invalid="ignore"):
+        coarse = solve_laplace(
+            any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan)
+        )
+    spread_values(coarse, any_inside, 1)
+    from scipy import ndimage
+
+    x, y, z = (
+        np.clip((np.arange(n) - 0.5) / 2.0, 0.0, m - 1.0)
+        for n, m in zip(inside.shape, shape, strict=True)
+    )
+    found = np.empty(inside.shape)
+    for i, at in enumerate(x):  # layer by layer, to save memory
+        where = np.meshgrid([at], y, z, indexing="ij")
+        found[i] = ndimage.map_coordinates(coarse, where, order=1, mode="nearest")[0]
+    return found
+
+
+@kernel
+def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precision: Any) -> Any:
+    """Improve `x` at free cells until the residual falls below the precision; return the steps.
+
+    `work` holds the residual, the way to go, its image, and one over the number of neighbours,
+    which is 0 for cells that do not move.
+    """
+    n = x.size
+    residual, way, image, inverse = work[0], work[1], work[2], work[3]
+    energy, unknowns = 0.0, 0
+    for i in range(n):
+        residual[i] = way[i] = inverse[i] = 0.0
+        if not free[i]:
+            continue
+        total, count = 0.0, 0
+        for m in range(6):
+            j = neighbours[i, m]
+            if j >= 0:
+                total += x[j] - x[i]
+                count += 1
+        if count > 0:
+            unknowns += 1
+            inverse[i] = 1.0 / count
+            residual[i] = total
+            way[i] = total * inverse[i]
+            energy += total * way[i]
+    enough = precision * precision * unknowns
+    for step in range(20000):
+        if energy <= enough:
+            return step
+        curvature = 0.0
+        for i in range(n):
+            if inverse[i] > 0.0:
+                own, total = way[i], 0.0
+                for m in range(6):
+                    j = neighbours[i, m]
+                    if j >= 0:
+                        total += own - way[j]
+                image[i] = total
+                curvature += own * total
+        if curvature <= 0.0:
+            return step
+        length = energy / curvature
+        fresh = 0.0
+        for i in range(n):
+            if inverse[i] > 0.0:
+                x[i] += length * way[i]
+                residual[i] -= length * image[i]
+                fresh += residual[i] * residual[i] * inverse[i]
+        turn = fresh / energy
+        energy = fresh
+        for i in range(n):
+            way[i] = residual[i] * inverse[i] + turn * way[i]
+    return 20000
+
+
+# ------------------------------------------------------------------------------------------------
+# The shortest way through the part from a region.
+
+
+@dataclass(frozen=True)
+class GeodesicField:
+    """Lengths of shortest ways within the part, on cells (fast sweeping, Zhao 2005).
+
+    Lengths are too long by about a cell, and a few per cent beyond corners; the error falls with
+    the cells a little slower than at first order.
+
+    Attributes
+    ----------
+    start
+        Where ways begin.
+    ramp
+        Lengths at which the gradient starts and ends.
+    pitch_mm
+        Of the cells.
+    cells
+        Lengths in mm.
+    """
+
+    start: Region
+    ramp: Ramp
+    pitch_mm: float
+    cells: CellValues = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Kind of field, as a plan names it."""
+        return "geodesic"
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        return self.ramp.share(self.cells.at(points_mm))
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {
+            "name": self.name,
+            "start": self.start.description(),
+            "cells_mm": self.pitch_mm,
+            **self.ramp.lengths(),
+        }
+
+
+def geodesic_field(
+    mesh: Mesh,
+    start: Region,
+    pitch_mm: float,
+    from_mm: float | None = None,
+    to_mm: float | None = None,
+    origin_mm: Point = (0.0, 0.0, 0.0),
+) -> GeodesicField:
+    """Measure the ways from a region of a part to all of it.
+
+    Messages give places as seen from `origin_mm`: where the part's own origin lies.
+
+    Raises
+    ------
+    ArgumentError
+        The region holds nothing of the part, or a body of the part cannot be reached from it.
+    """
+    grid, inside = cells_of(mesh, pitch_mm)
+    index = np.argwhere(inside)
+    held = start.holds(grid.centre_mm(index))
+    if not held.any():
+        low, high = (mesh.bounds_mm - origin_mm).round(3).tolist()
+        raise ArgumentError(
+            f"field geodesic: the region start= holds nothing of the part at {pitch_mm:.3g} mm; "
+            f"the part reaches from {low} to {high} mm"
+        )
+    seeds = np.zeros_like(inside)
+    seeds[tuple(index[held].T)] = True
+    reached, stray = reached_cells(inside, seeds)
+    if stray is not None:
+        x, y, z = (grid.centre_mm(stray) - origin_mm).tolist()
+        raise ArgumentError(
+            f"field geodesic: no way leads from start= to ({x:.4g}, {y:.4g}, {z:.4g}) mm within "
+            "the part; name a region in each body, or take a finer --pitch if a wall is thinner "
+            "than a cell"
+        )
+    length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests
+    length[tuple((index[held] + 1).T)] = 0.0
+    blocked = np.pad(~reached, 1, constant_values=True)
+    _sweep(length, blocked, pitch_mm)
+    cells = length[1:-1, 1:-1, 1:-1].copy()
+    ramp = Ramp(
+        0.0 if from_mm is None else from_mm,
+        float(cells[reached].max()) if to_mm is None else to_mm,
+    )
+    spread_values(cells, reached)
+    return GeodesicField(start, ramp, pitch_mm, CellValues(grid, cells))
+
+
+@kernel
+def _sweep(length: Any, blocked: Any, pitch: Any) -> None:
+    nx, ny, nz = length.shape
+    for _ in range(200):
+        change = 0.0
+        for way in range(8):
+            for i0 in range(1, nx - 1):
+                i = i0 if way & 1 else nx - 1 - i0
+                for j0 in range(1, ny - 1):
+                    j = j0 if way & 2 else ny - 1 - j0
+                    for k0 in range(1, nz - 1):
+                        k = k0 if way & 4 else nz - 1 - k0
+                        if blocked[i, j, k] or length[i, j, k] == 0.0:
+                            continue
+                        a = min(length[i - 1, j, k], length[i + 1, j, k])
+                        b = min(length[i, j - 1, k], length[i, j + 1, k])
+                        c = min(length[i, j, k - 1], length[i, j, k + 1])
+                        a, b = min(a, b), max(a, b)
+                        b, c = min(b, c), max(b, c)
+                        a, b = min(a, b), max(a, b)
+                        found = a + pitch
+                        if found > b:
+                            under = 2.0 * pitch * pitch - (a - b) ** 2
+                            found = 0.5 * (a + b + np.sqrt(max(under, 0.0)))
+                            if found > c:
+                                total = a + b + c
+                                under = total * total - 3.0 * (a * a + b * b + c * c - pitch**2)
+                                found = (total + np.sqrt(max(under, 0.0))) / 3.0
+                        if found < length[i, j, k]:
+                            if length[i, j, k] == np.inf:
+                                change = np.inf
+                            else:
+                                change = max(change, length[i, j, k] - found)
+                            length[i, j, k] = found
+        if change <= 1e-9 * pitch:
+            return
+
+
+# ------------------------------------------------------------------------------------------------
+# Values on a regular grid or at scattered points, from a file.
+
+
+@dataclass(frozen=True)
+class TableField:
+    """Values at the centres of a grid's cells, linear between them, even beyond the outermost.
+
+    The table is taken for the truth between its values; at pitch h a level is drawn within half
+    a pitch where the table is no finer than that.
+
+    Attributes
+    ----------
+    file, sha256
+        Where the table comes from.
+    ramp
+        Values of the table at which the gradient starts and ends.
+    cells
+        The table.
+    """
+
+    file: str
+    sha256: str
+    ramp: Ramp
+    cells: CellValues = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Kind of field, as a plan names it."""
+        return "table"
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        return self.ramp.share(self.cells.at(points_mm))
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {
+            "name": self.name, "file": self.file, "sha256": self.sha256, **self.ramp.numbers(),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PointsField:
+    """Values at scattered points: a mean of the nearest, those nearer weighing more.
+
+    Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
+    that the field is continuous; it keeps each point's value at the point, and never leaves the
+    range of its neighbours.
+
+    Attributes
+    ----------
+    file, sha256
+        Where the points come from.
+    ramp
+        Values at which the gradient starts and ends.
+    points_mm, quantity
+        (n, 3) and (n,).
+    """
+
+    file: str
+    sha256: str
+    ramp: Ramp
+    points_mm: FloatArray = field(repr=False, compare=False)
+    quantity: FloatArray = field(repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Kind of field, as a plan names it."""
+        return "points"
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        from scipy.spatial import KDTree
+
+        count = min(_NEAREST + 1, len(self.points_mm))
+        found = KDTree(self.points_mm).query(points_mm, k=count)
+        distance, which = np.asarray(found[0]), np.asarray(found[1])
+        reach = distance[:, -1:] * (1.0 + 1e-12) + 1e-300
+        weight = np.square(np.maximum(reach - distance, 0.0) / (reach * (distance + 1e-12)))
+        weight /= weight.sum(axis=1, keepdims=True)
+        return self.ramp.share((weight * self.quantity[which]).sum(axis=1))
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {
+            "name": self.name, "file": self.file, "sha256": self.sha256, **self.ramp.numbers(),
+        }  # fmt: skip
+
+
+_NEAREST = 8
+
+
+def points_field(
+    file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray,
+    start: float | None, stop: float | None,
+) -> PointsField:  # fmt: skip
+    """Build the field of scattered values; points that repeat a place take their mean.
+
+    Raises
+    ------
+    ArgumentError
+        Fewer than four places.
+    """
+    places, which, count = np.unique(points_mm, axis=0, return_inverse=True, return_counts=True)
+    if len(places) < 4:
+        raise ArgumentError(f"field points: {file} has {len(places)} places; it needs 4 or more")
+    mean = np.bincount(which.ravel(), weights=quantity) / count
+    ramp = Ramp(
+        float(mean.min()) if start is None else start, float(mean.max()) if stop is None else stop
+    )
+    return PointsField(file, sha256, ramp, places, mean)

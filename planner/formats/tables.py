@@ -1,0 +1,320 @@
+"""Text tables: rows of cells whatever the separator, units, and columns of numbers."""
+
+import csv
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.errors import FileError
+from planner.numerics import FloatArray
+
+__all__ = [
+    "QUANTITY_UNITS",
+    "ColumnFile",
+    "TextRow",
+    "is_unit",
+    "iterate_rows",
+    "number",
+    "read_columns",
+    "read_text",
+    "split_rows",
+    "unit_factor",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A text table as rows of cells, whatever its encoding, separator and decimal sign.
+
+
+TextRow = tuple[int, list[str]]
+"""Line number in the file, and its cells without blanks around them."""
+
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
+
+
+def read_text(path: Path) -> str:
+    """Read a text file in UTF-8, UTF-16 (with byte order mark) or Windows-1252.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, is empty, or is binary.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(
+            f"{path}: cannot be read ({error.strerror or error}); give the path of a tensile file"
+        ) from error
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = data.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")
+    if "\0" in text:
+        raise FileError(f"{path}: a binary file; export the test as CSV or text")
+    if not text.strip():
+        raise FileError(f"{path}: the file is empty; export the test again")
+    return text
+
+
+def split_rows(text: str, separator: str) -> list[TextRow]:
+    """Split a text into rows of cells; a blank `separator` means any run of blanks."""
+    return list(iterate_rows(text, separator))
+
+
+def iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
+    """Yield what `split_rows` returns, row by row, for texts too long to hold in cells."""
+    if separator == " ":
+        yield from ((n, line.split()) for n, line in enumerate(text.splitlines(), start=1))
+        return
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    start = 1
+    try:
+        for cells in reader:
+            yield start, [cell.strip() for cell in cells]
+            start = reader.line_num + 1
+    except csv.Error as error:
+        raise FileError(f"line {start}: {error}") from error
+
+
+def number(cell: str, separator: str) -> float | None:
+    """Return the number in a cell, or None where there is none.
+
+    A comma is the decimal sign where it does not separate cells; in a file separated by commas,
+    "1,234.5" in quotes is one thousand and some.
+    """
+    if "," in cell:
+        if separator == ",":
+            if not _THOUSANDS.fullmatch(cell):
+                return None
+            cell = cell.replace(",", "")
+        else:
+            if "." in cell:
+                return None
+            cell = cell.replace(",", ".")
+    try:
+        return float(cell) if "_" not in cell else None
+    except ValueError:
+        return None
+
+
+# ------------------------------------------------------------------------------------------------
+# Units that testing machines write, as factors to mm, N, MPa, s and fractions.
+#
+# Factors follow the international inch, the avoirdupois pound and standard gravity (NIST SP 811,
+# appendix B).
+
+
+_POUND_FORCE_N = 0.45359237 * 9.80665
+_PSI_MPA = _POUND_FORCE_N / 25.4**2
+
+QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "time": {
+            "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
+            "ms": 1e-3, "min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0,
+        },
+        "length": {
+            "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3,
+            "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "mil": 0.0254, "ft": 304.8,
+        },
+        "force": {
+            "N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "newton": 1.0, "newtons": 1.0,
+            "lbf": _POUND_FORCE_N, "lb": _POUND_FORCE_N, "lbs": _POUND_FORCE_N,
+            "klbf": 1e3 * _POUND_FORCE_N, "kip": 1e3 * _POUND_FORCE_N,
+            "ozf": _POUND_FORCE_N / 16, "oz": _POUND_FORCE_N / 16,
+            "kgf": 9.80665, "kg": 9.80665, "gf": 9.80665e-3, "g": 9.80665e-3,
+        },
+        "stress": {
+            "MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.1,
+            "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/m2": 1e-6, "N/m^2": 1e-6, "N/m²": 1e-6,
+            "psi": _PSI_MPA, "ksi": 1e3 * _PSI_MPA, "lbf/in2": _PSI_MPA, "lbf/in^2": _PSI_MPA,
+            "kgf/mm2": 9.80665, "kgf/mm^2": 9.80665,
+        },
+        "strain": {
+            "": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "fraction": 1.0,
+            "%": 0.01, "percent": 0.01, "per cent": 0.01, "pct": 0.01, "mm/mm %": 0.01,
+            "µε": 1e-6, "με": 1e-6, "microstrain": 1e-6,
+        },
+    }
+)  # fmt: skip
+"""Factors to s, mm, N, MPa and fractions, by quantity and unit."""
+
+_CASE_MATTERS = {"mN", "MN"}
+_FOLDED = {
+    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in _CASE_MATTERS}
+    for quantity, units in QUANTITY_UNITS.items()
+}
+
+
+def _find(quantity: str, unit: str) -> float | None:
+    unit = unit.removesuffix(".")  # "sec.", "in."
+    factor = QUANTITY_UNITS[quantity].get(unit)
+    return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
+
+
+def is_unit(text: str) -> bool:
+    """Say whether `text` is a unit of any quantity that is known here."""
+    return bool(text.strip()) and any(_find(q, text.strip()) is not None for q in QUANTITY_UNITS)
+
+
+def unit_factor(quantity: str, unit: str, *, where: str) -> float:
+    """Return the factor from a unit to planner's own unit of that quantity.
+
+    Parameters
+    ----------
+    quantity
+        A key of `QUANTITY_UNITS`.
+    unit
+        As the file writes it; case is ignored, save between mN and MN.
+    where
+        What errors call the place: file and column.
+
+    Raises
+    ------
+    FileError
+        The unit is none of that quantity.
+    """
+    factor = _find(quantity, unit.strip())
+    if factor is None:
+        known = ", ".join(repr(u) for u in QUANTITY_UNITS[quantity] if u.isascii() and u)
+        raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
+    return factor
+
+
+# ------------------------------------------------------------------------------------------------
+# Tables of numbers with known columns: profiles and strain fields.
+
+
+_BRACKETED = re.compile(r"(.+?)\s*[\(\[]\s*(.*?)\s*[\)\]]")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnFile:
+    """The columns of a file, in planner's units.
+
+    Attributes
+    ----------
+    numbers
+        Arrays of one length by column.
+    texts
+        The same of the column `specimen`, if that was asked for.
+    lines
+        Line number of each row.
+    """
+
+    numbers: Mapping[str, FloatArray]
+    texts: tuple[str, ...]
+    lines: tuple[int, ...]
+
+
+def read_columns(
+    path: Path,
+    columns: Mapping[str, str | None],
+    *,
+    optional: frozenset[str] = frozenset(),
+    with_specimen: bool = False,
+) -> ColumnFile:
+    """Read a table whose columns are known.
+
+    Parameters
+    ----------
+    columns
+        Name, with its unit as suffix, and quantity (see `unit_factor`; None for a bare number).
+        Another unit of that quantity may stand in the heading: "x_in", "x (in)".
+    optional
+        Columns that may be absent.
+    with_specimen
+        The file has a text column `specimen` besides.
+
+    Raises
+    ------
+    FileError
+        A column that is missing, double or unknown, a unit that is unknown, or a cell that is
+        no finite number; the message names file, line and column.
+    """
+    where = path.name
+    text = read_text(path)
+    first = next(line for line in text.splitlines() if line.strip())
+    separator = max(",;\t", key=first.count)
+    rows = ((line, cells) for line, cells in iterate_rows(text, separator) if any(cells))
+    headings = next(rows)[1]
+    places: dict[str, tuple[int, float]] = {}
+    named: int | None = None
+    for index, heading in enumerate(headings):
+        if heading == "specimen" and with_specimen:
+            named = index
+            continue
+        found = _column(heading, columns, where)
+        if found is None:
+            raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
+        if found[0] in places:
+            raise FileError(f"{where}: two columns {found[0]!r}; keep one")
+        places[found[0]] = (index, found[1])
+    missing = [c for c in columns if c not in places and c not in optional]
+    if with_specimen and named is None:
+        missing.insert(0, "specimen")
+    if missing:
+        raise FileError(
+            f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
+            f"{', '.join(headings)}"
+        )
+    columns_of_text: list[list[str]] = [[] for _ in headings]
+    lines: list[int] = []
+    for line, cells in rows:
+        if len(cells) != len(headings):
+            raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
+        lines.append(line)
+        for column, cell in zip(columns_of_text, cells, strict=True):
+            column.append(cell)
+    if not lines:
+        raise FileError(f"{where}: headings but no numbers below them; export the file again")
+    numbers = {
+        name: factor * _numbers(columns_of_text[i], lines, separator, where, headings[i])
+        for name, (i, factor) in places.items()
+    }
+    return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
+
+
+def _column(
+    heading: str, columns: Mapping[str, str | None], where: str
+) -> tuple[str, float] | None:
+    if heading in columns:
+        return heading, 1.0
+    bracketed = _BRACKETED.fullmatch(heading)
+    for name, quantity in columns.items():
+        base = name.rpartition("_")[0]
+        if quantity is None or not base:
+            continue
+        if heading == base:
+            raise FileError(f"{where}, column {heading!r}: no unit; head it {name!r}")
+        if bracketed and bracketed[1] == base:
+            unit = bracketed[2]
+        elif heading.rpartition("_")[0] == base:
+            unit = heading.rpartition("_")[2]
+        else:
+            continue
+        return name, unit_factor(quantity, unit, where=f"{where}, column {heading!r}")
+    return None
+
+
+def _numbers(
+    cells: Sequence[str], lines: Sequence[int], separator: str, where: str, heading: str
+) -> FloatArray:
+    values = [number(cell, separator) for cell in cells]
+    for line, cell, value in zip(lines, cells, values, strict=True):
+        if value is None or not math.isfinite(value):
+            raise FileError(
+                f"{where}, line {line}, column {heading!r}: {cell!r} is no finite number; "
+                "repair or remove the line"
+            )
+    return np.array(values, dtype=np.float64)

@@ -1,0 +1,793 @@
+"""A campaign's folder, read and written."""
+
+import contextlib
+import csv
+import io
+import json
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal, cast
+
+import msgspec
+import numpy as np
+
+from planner.errors import FileError, UnknownNameError, nearest_names
+from planner.formats.files import new_folder
+from planner.formats.tables import number, read_columns
+from planner.formats.tensile import Specimen as Row
+from planner.formats.tensile import TensileTable, read_specimens, read_tensile
+from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField, named
+from planner.materials.characterise import MINIMUM_POINTS
+from planner.numerics import FloatArray
+from planner.palette import Palette, encode_palette, load_palette
+from planner.printers import printer as load_printer
+from planner.simulation.bar import ProfileDesign, read_profile
+
+__all__ = [
+    "SIGNIFICANT_DIGITS",
+    "CampaignFile",
+    "MeasuredField",
+    "Record",
+    "Sizes",
+    "check_headings",
+    "covariates_of",
+    "palette_of",
+    "read_campaign",
+    "read_campaign_file",
+    "read_strain_fields",
+    "record_of",
+    "specimens_csv",
+    "write_campaign",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# The further columns of specimens.csv: covariates, and slips in headings.
+
+
+KNOWN = (
+    "specimen", "material", "profile", "file", "width_mm", "thickness_mm", "gauge_mm",
+    "measured_width_mm", "measured_thickness_mm", "rate_mm_s", "temperature_C", "soak_h",
+    "age_days", "orientation", "protocol", "batch",
+)  # fmt: skip
+_QUANTITIES = {
+    "width": "width_mm",
+    "thickness": "thickness_mm",
+    "gauge": "gauge_mm",
+    "gauge length": "gauge_mm",
+    "gage": "gauge_mm",
+    "gage length": "gauge_mm",
+    "measured width": "measured_width_mm",
+    "measured thickness": "measured_thickness_mm",
+    "rate": "rate_mm_s",
+    "temperature": "temperature_C",
+    "soak": "soak_h",
+    "age": "age_days",
+}
+_UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
+_PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
+
+
+def check_headings(rows: Sequence[Row], where: str) -> Iterator[str]:
+    """Refuse known quantities in other units, and note columns that look like a slip.
+
+    Raises
+    ------
+    FileError
+        A heading such as "width_in" or "Temperature (K)".
+    """
+    for heading in rows[0].covariates:
+        quantity = _quantity(heading)
+        if quantity is not None:
+            raise FileError(
+                f"{where}, column {heading!r}: its unit is not understood; give the values as "
+                f"{quantity} and head the column so"
+            )
+        near = [n for n in nearest_names(heading, list(KNOWN)) if _alike(n, heading)]
+        if near:
+            yield (
+                f"{where}: column {heading!r} is unknown and kept as a covariate; rename it if "
+                f"it means {near[0]}"
+            )
+
+
+def covariates_of(rows: Sequence[Row]) -> dict[str, Mapping[str, str | float | None]]:
+    """Return each specimen's further columns: numbers where all of a column are, None if empty."""
+    names = tuple(rows[0].covariates)
+    columns = {name: _column([row.covariates.get(name, "") for row in rows]) for name in names}
+    return {
+        row.specimen: MappingProxyType({name: columns[name][i] for name in names})
+        for i, row in enumerate(rows)
+    }
+
+
+def _column(cells: Sequence[str]) -> list[str | float | None]:
+    numbers = {cell: number(cell, ";") for cell in cells if cell}
+    if all(value is not None and math.isfinite(value) for value in numbers.values()):
+        return [numbers.get(cell) for cell in cells]
+    return [cell or None for cell in cells]
+
+
+def _quantity(heading: str) -> str | None:
+    bracketed = _UNIT.fullmatch(heading)
+    name = bracketed[1] if bracketed else heading
+    words = re.sub(r"[\s_]+", " ", name).strip().casefold()
+    stem, _, unit = words.rpartition(" ")
+    speed = _PER_TIME.fullmatch(words)
+    if speed is not None and speed[1] in _QUANTITIES:
+        return _QUANTITIES[speed[1]]
+    return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
+
+
+def _alike(known: str, heading: str) -> bool:
+    """Say whether two names differ by a letter or two, or by case."""
+    a, b = known.casefold(), heading.casefold()
+    return abs(len(a) - len(b)) <= 2 and SequenceMatcher(None, a, b).ratio() > 0.85
+
+
+# ------------------------------------------------------------------------------------------------
+# From a tensile file's table to a specimen's record of time, travel and force.
+
+
+START_SHARE = 0.02
+"""Below this share of its largest value a first force is none, and a first travel is rest."""
+
+_TURNED_RATIO = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """What turns strain and stress into travel and force, where known; and the declared rate."""
+
+    gauge_mm: float
+    area_mm2: float | None
+    rate_mm_s: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """One specimen's measurement; `notes` say what was corrected, without naming it."""
+
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    time_recorded: bool
+    notes: tuple[str, ...]
+
+
+def record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
+    """Take time, travel and force of a table.
+
+    Force that counts negative in tension is turned, travel counts from its unloaded start,
+    points of one time are averaged, and a time that was not recorded is counted from travel and
+    rate; each is noted.
+
+    Raises
+    ------
+    FileError
+        A channel is missing, the record is too short, or time falls; the message names file,
+        specimen and line.
+    """
+    if len(table.lines) < MINIMUM_POINTS:
+        raise FileError(
+            f"{where}: the curve has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
+            "needed: export all of it, or take the specimen out of specimens.csv"
+        )
+    notes: list[str] = []
+    force = _upright(_force(table, sizes, where, notes), "force", notes)
+    travel = _upright(_travel(table, sizes, where, notes), "travel", notes)
+    if not np.any(force > 0.0):
+        raise FileError(f"{where}: no force above 0; check the load cell, its sign and the column")
+    reach = float(np.max(np.abs(travel)))
+    if reach == 0.0:
+        raise FileError(f"{where}: the crosshead never moves; check the column of travel")
+    unloaded = abs(force[0]) < START_SHARE * float(np.max(force))
+    if unloaded and abs(travel[0]) > START_SHARE * float(np.ptp(travel)):
+        notes.append("travel counts from its unloaded start, not from 0 as recorded")
+        travel = travel - travel[0]
+    time, recorded = _time(table, travel, sizes, where, notes)
+    same = np.flatnonzero(np.diff(time) == 0.0)
+    if len(same):
+        notes.append("several points of one time, averaged; log time with more digits")
+        starts = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
+        counts = np.diff(np.append(starts, len(time)))
+        time = time[starts]
+        travel = np.add.reduceat(travel, starts) / counts
+        force = np.add.reduceat(force, starts) / counts
+        if len(time) < MINIMUM_POINTS:
+            raise FileError(
+                f"{where}: only {len(time)} different times; check the unit and digits of time"
+            )
+    return Record(time, travel, force, recorded, (*notes, *table.notes))
+
+
+def _force(table: TensileTable, sizes: Sizes, where: str, notes: list[str]) -> FloatArray:
+    if "force_N" in table.columns:
+        return table.columns["force_N"]
+    if "stress_MPa" not in table.columns:
+        raise FileError(f"{where}: no column of force; export it, headed 'force_N'")
+    if sizes.area_mm2 is None:
+        raise FileError(
+            f"{where}: a stress but no force, and the section is unknown; give width_mm and "
+            "thickness_mm in specimens.csv"
+        )
+    notes.append("force is stress times the section in specimens.csv; it was not recorded")
+    return table.columns["stress_MPa"] * sizes.area_mm2
+
+
+def _travel(table: TensileTable, sizes: Sizes, where: str, notes: list[str]) -> FloatArray:
+    if "displacement_mm" in table.columns:
+        return table.columns["displacement_mm"]
+    if "strain" not in table.columns:
+        raise FileError(f"{where}: no column of travel; export it, headed 'displacement_mm'")
+    notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
+    return table.columns["strain"] * sizes.gauge_mm
+
+
+def _upright(values: FloatArray, what: str, notes: list[str]) -> FloatArray:
+    """Turn a channel that counts negative in tension."""
+    if float(-values.min()) <= _TURNED_RATIO * abs(float(values.max())):
+        return values
+    notes.append(f"{what} is negative in tension; its sign was turned")
+    return -values
+
+
+def _time(
+    table: TensileTable, travel: FloatArray, sizes: Sizes, where: str, notes: list[str]
+) -> tuple[FloatArray, bool]:
+    if "time_s" not in table.columns:
+        if sizes.rate_mm_s is None:
+            raise FileError(
+                f"{where}: no column of time and no rate_mm_s; export the time, headed 'time_s', "
+                "or give the rate in specimens.csv"
+            )
+        notes.append("time was not recorded; it is counted from travel and rate_mm_s")
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
+        return path / sizes.rate_mm_s, False
+    time = table.columns["time_s"]
+    fall = np.flatnonzero(np.diff(time) < 0.0)
+    if len(fall):
+        at = int(fall[0])
+        reversed_ = len(fall) == len(time) - 1
+        what = "the rows stand in reversed order" if reversed_ else "sort or repair the rows"
+        raise FileError(
+            f"{where}, line {table.lines[at + 1]}: time falls from {time[at]:g} s to "
+            f"{time[at + 1]:g} s; {what}"
+        )
+    if time[0] < 0.0:
+        notes.append(f"time counts from its first value, {time[0]:g} s")
+        time = time - time[0]
+    return time, True
+
+
+# ------------------------------------------------------------------------------------------------
+# fields.csv: strain along the axis from image correlation.
+
+
+_COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None}
+
+SLACK_SHARE = 0.02
+FACET_SHARE = 0.05
+"""Of the gauge: how far beyond its ends a place may lie. Its ends are known no better than to the
+first, and a facet whose middle is beyond may still touch it; no useful facet is above the second.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredField:
+    """One specimen's strain field as it stands in a file.
+
+    Attributes
+    ----------
+    lines : (p,)
+        Line of each place's first row.
+    note
+        What was left out, "" for nothing.
+    """
+
+    field: StrainField
+    file: str
+    lines: tuple[int, ...]
+    note: str
+
+    def on_gauge(self, gauge_mm: float) -> StrainField:
+        """Return the field, whose places are on the gauge.
+
+        Raises
+        ------
+        FileError
+            A place lies beyond an end of the gauge by more than a facet and 2 % of the gauge.
+        """
+        x = self.field.x_mm
+        facet = min(float(np.median(np.diff(x))), FACET_SHARE * gauge_mm)
+        slack = max(facet, SLACK_SHARE * gauge_mm)
+        outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
+        if len(outside):
+            at = int(outside[0])
+            raise FileError(
+                f"{self.file}, line {self.lines[at]}: x_mm is {x[at]:g}; the gauge goes from 0 to "
+                f"{gauge_mm:g} mm; count x_mm along the undeformed gauge from its end, and leave "
+                "out what is beyond"
+            )
+        return self.field
+
+
+def read_strain_fields(path: Path) -> dict[str, MeasuredField]:
+    """Read strain fields by specimen.
+
+    Only places that were seen at every time are kept.
+
+    Raises
+    ------
+    FileError
+        A bad column or cell, one place twice at one time, or too few places; the message names
+        file and line or specimen.
+    """
+    file = read_columns(path, _COLUMNS, with_specimen=True)
+    rows: dict[str, list[int]] = {}
+    for row, specimen in enumerate(file.texts):
+        rows.setdefault(specimen, []).append(row)
+    fields: dict[str, MeasuredField] = {}
+    for specimen, at in rows.items():
+        where = f"{path.name}, specimen {specimen}"
+        times, t = np.unique(file.numbers["time_s"][at], return_inverse=True)
+        places, first, p = np.unique(
+            file.numbers["x_mm"][at], return_index=True, return_inverse=True
+        )
+        count = np.zeros((len(times), len(places)), dtype=np.int64)
+        np.add.at(count, (t, p), 1)
+        if count.max() > 1:
+            double = int(np.flatnonzero(count[t, p] > 1)[1])
+            raise FileError(
+                f"{path.name}, line {file.lines[at[double]]}: specimen {specimen} has a strain at "
+                "this time and place already; keep one"
+            )
+        strain = np.zeros(count.shape)
+        strain[t, p] = file.numbers["strain"][at]
+        whole = count.all(axis=0)
+        if whole.sum() < 2 or 2 * whole.sum() < len(places):
+            raise FileError(
+                f"{where}: only {whole.sum()} of {len(places)} places were seen at all "
+                f"{len(times)} times; export the strains on the same places at each time"
+            )
+        fields[specimen] = MeasuredField(
+            field=StrainField(times, places[whole], strain[:, whole]),
+            file=path.name,
+            lines=tuple(file.lines[at[k]] for k in first[whole].tolist()),
+            note="" if whole.all() else "places along the axis not seen at every time are left out",
+        )
+    return fields
+
+
+# ------------------------------------------------------------------------------------------------
+# campaign.toml: the campaign's name, its printer and its palette.
+
+
+CAMPAIGN = "campaign.toml"
+
+
+class CampaignFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The content of campaign.toml."""
+
+    schema: Literal[1]
+    name: str
+    printer: str
+    palette: str | None = None
+    notes: str = ""
+
+
+def read_campaign_file(folder: Path) -> CampaignFile:
+    """Read campaign.toml in a folder.
+
+    Raises
+    ------
+    FileError
+        The folder or file is missing, is no TOML, or breaks the schema; the message names the
+        key.
+    """
+    path = folder / CAMPAIGN
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no such folder; give the folder of a campaign")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(
+            f"{path}: cannot be read ({error.strerror or error}); a campaign's folder has a "
+            "campaign.toml with schema, name, printer and palette"
+        ) from error
+    try:
+        return msgspec.convert(tomllib.loads(data.decode("utf-8")), CampaignFile)
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{CAMPAIGN}: not a TOML file: {error}") from error
+    except msgspec.ValidationError as error:
+        known = ", ".join(CampaignFile.__struct_fields__)
+        raise FileError(f"{CAMPAIGN}: {error}; its keys are {known}") from error
+
+
+def palette_of(file: CampaignFile, folder: Path) -> Palette:
+    """Load the palette that campaign.toml names: a file beside it, or one of the printer's.
+
+    Raises
+    ------
+    FileError
+        It names none.
+    PaletteError, UnknownNameError
+        The file breaks its schema, or the printer or its palette is not installed.
+    """
+    if file.palette is None:
+        raise FileError(
+            f'{CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
+        )
+    beside = folder / file.palette
+    if file.palette.endswith(".toml") or beside.is_file():
+        return load_palette(beside)
+    return load_printer(file.printer).palette(file.palette)
+
+
+# ------------------------------------------------------------------------------------------------
+# Read a campaign's folder.
+
+
+SPECIMENS, CURVES, FIELDS = "specimens.csv", "curves.csv", "fields.csv"
+
+
+def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaign:
+    """Read a campaign: campaign.toml, specimens.csv, curves, strain fields and profiles.
+
+    Parameters
+    ----------
+    palette
+        In place of the one that campaign.toml names.
+
+    Raises
+    ------
+    FileError
+        A file that is missing or cannot be understood, or data that nothing should rest on; the
+        message names file and line or specimen, what is wrong and what to do.
+    PaletteError, UnknownNameError
+        The palette, or a material that it does not have.
+    """
+    folder = Path(folder)
+    file = read_campaign_file(folder)
+    palette = palette_of(file, folder) if palette is None else palette
+    rows = read_specimens(folder / SPECIMENS)
+    noted = _Notes()
+    for note in check_headings(rows, SPECIMENS):
+        noted.add(note)
+    tables = _tables(folder, rows, noted)
+    fields: dict[str, MeasuredField] = {}
+    if (folder / FIELDS).is_file():
+        fields = read_strain_fields(folder / FIELDS)
+        for note, stray in _strays(fields, rows, FIELDS):
+            noted.add(note, stray)
+    covariates = covariates_of(rows)
+    place = _Place(folder, palette, noted)
+    specimens: list[Specimen] = []
+    for row in rows:
+        if row.specimen not in tables:
+            noted.add("no curve; left out", row.specimen)
+            continue
+        measured = fields.get(row.specimen), covariates[row.specimen]
+        specimens.append(_specimen(row, tables[row.specimen], *measured, place))
+    if not specimens:
+        raise FileError(
+            f"{folder}: none of the {len(rows)} specimens has a curve; the column 'specimen' of "
+            f"{CURVES} and that of {SPECIMENS} must agree"
+        )
+    return Campaign(
+        name=file.name,
+        printer=file.printer,
+        palette=palette,
+        specimens=tuple(specimens),
+        covariates=tuple(rows[0].covariates),
+        notes=file.notes,
+        remarks=tuple(noted.sentences()),
+    )
+
+
+class _Notes:
+    """Notes with the specimens that each applies to, in order of appearance."""
+
+    def __init__(self) -> None:
+        self._ids: dict[str, list[str]] = {}
+
+    def add(self, note: str, *ids: str) -> None:
+        self._ids.setdefault(note, []).extend(ids)
+
+    def sentences(self) -> Iterator[str]:
+        for note, ids in self._ids.items():
+            yield f"{named(ids)}: {note}" if ids else note
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    folder: Path
+    palette: Palette
+    noted: _Notes
+
+
+def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
+    """Read each specimen's table: from the file its row names, else from curves.csv."""
+    by_id = {row.specimen: row for row in rows}
+    files: dict[str, list[Row]] = {}
+    for row in rows:
+        files.setdefault(row.file or CURVES, []).append(row)
+    if (folder / CURVES).is_file():
+        files.setdefault(CURVES, [])
+    elif CURVES in files and len(files) > 1:
+        del files[CURVES]
+    elif CURVES in files:
+        raise FileError(
+            f"{folder}: no {CURVES}; write the curves there (specimen,time_s,displacement_mm,"
+            f"force_N), or name a file for each specimen in the column 'file' of {SPECIMENS}"
+        )
+    found: dict[str, TensileTable] = {}
+    for name, members in files.items():
+        tables = read_tensile(folder / name)
+        if len(tables) == 1 and len(members) == 1 and members[0].file:
+            found[members[0].specimen] = tables[0]
+            continue
+        if any(not table.specimen for table in tables):
+            raise FileError(
+                f"{name}: no column 'specimen', and {len(members)} specimens of {SPECIMENS} are "
+                "in it; add the column, or give each specimen its own file"
+            )
+        for table in tables:
+            listed = by_id.get(table.specimen)
+            if listed is not None and (listed.file or CURVES) == name:
+                found[table.specimen] = table
+                continue
+            hint = f"; its row names {listed.file or CURVES}" if listed else ""
+            near = [] if listed else nearest_names(table.specimen, list(by_id))
+            hint = f"; did you mean {near[0]}?" if near else hint
+            noted.add(
+                f"a curve in {name} but no row in {SPECIMENS}{hint}; left out", table.specimen
+            )
+    return found
+
+
+def _strays(
+    found: Mapping[str, object], rows: Sequence[Row], name: str
+) -> Iterator[tuple[str, str]]:
+    known = {row.specimen for row in rows}
+    for specimen in found:
+        if specimen not in known:
+            yield f"in {name} but no row in {SPECIMENS}; left out", specimen
+
+
+def _specimen(
+    row: Row,
+    table: TensileTable,
+    measured_field: MeasuredField | None,
+    covariates: Mapping[str, str | float | None],
+    place: _Place,
+) -> Specimen:
+    where = f"specimen {row.specimen} ({table.file})"
+    gauge = _size(row, table, "gauge_mm")
+    design, material = None, None
+    with _naming(f"{SPECIMENS}, specimen {row.specimen}"):
+        if row.material:
+            material = place.palette.resolve(row.material).id
+        else:
+            file = place.folder / row.profile
+            design, notes = read_profile(file, palette=place.palette, gauge_mm=gauge)
+            gauge = design.length_mm
+            for note in notes:
+                place.noted.add(note, row.specimen)
+    if gauge is None:
+        raise FileError(f"{where}: the gauge length is unknown; give gauge_mm in {SPECIMENS}")
+    width, thickness = (_size(row, table, name) for name in ("width_mm", "thickness_mm"))
+    width_known = width or row.measured_width_mm or (design and design.width_mm is not None)
+    thickness_known = (
+        thickness or row.measured_thickness_mm or (design and design.thickness_mm is not None)
+    )
+    if not (width_known and thickness_known):
+        missing = "thickness_mm" if width_known else "width_mm"
+        raise FileError(
+            f"{where}: the section is unknown, so its force cannot be predicted; give {missing} "
+            f"in {SPECIMENS}"
+        )
+    rate = _size(row, table, "rate_mm_s")
+    area = (
+        row.area_mm2
+        if width is None or thickness is None
+        else ((row.measured_width_mm or width) * (row.measured_thickness_mm or thickness))
+    )
+    record = record_of(table, Sizes(gauge, area, rate), where=where)
+    for note in record.notes:
+        place.noted.add(note, row.specimen)
+    if measured_field is not None and measured_field.note:
+        place.noted.add(measured_field.note, row.specimen)
+    return Specimen(
+        id=row.specimen,
+        time_s=record.time_s,
+        displacement_mm=record.displacement_mm,
+        force_N=record.force_N,
+        time_recorded=record.time_recorded,
+        gauge_mm=gauge,
+        material=material,
+        profile=design,
+        width_mm=width,
+        thickness_mm=thickness,
+        measured_width_mm=row.measured_width_mm,
+        measured_thickness_mm=row.measured_thickness_mm,
+        rate_mm_s=rate,
+        temperature_C=row.temperature_C,
+        soak_h=row.soak_h,
+        age_days=row.age_days,
+        orientation=cast("Orientation | None", row.orientation or None),
+        protocol=cast("Protocol | None", row.protocol or None),
+        batch=row.batch or None,
+        covariates=covariates,
+        strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
+    )
+
+
+def _size(row: Row, table: TensileTable, name: str) -> float | None:
+    """Return a size or rate: from the specimen's row, else from the head of its file."""
+    given = getattr(row, name)
+    value = table.metadata.get(name) if given is None else given
+    return value if isinstance(value, float) and value > 0.0 else None
+
+
+@contextlib.contextmanager
+def _naming(where: str) -> Iterator[None]:
+    try:
+        yield
+    except (FileError, UnknownNameError) as error:
+        raise type(error)(f"{where}: {error}") from error
+
+
+# ------------------------------------------------------------------------------------------------
+# Write a campaign's folder, as `read_campaign` reads it.
+
+
+SIGNIFICANT_DIGITS = 9
+"""Figures are rounded to this: finer than any measurement, coarser than the last bits in which
+mathematical libraries of different machines differ."""
+
+_NUMBERS = (
+    "width_mm", "thickness_mm", "measured_width_mm", "measured_thickness_mm", "gauge_mm",
+    "rate_mm_s", "temperature_C", "soak_h", "age_days",
+)  # fmt: skip
+_TEXTS = ("orientation", "protocol", "batch")
+
+
+def specimens_csv(campaign: Campaign) -> bytes:
+    """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
+    profiles, _ = _profile_files(campaign.specimens)
+    return _table(_specimen_rows(campaign, profiles)).encode()
+
+
+def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = True) -> Path:
+    """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
+
+    The folder is whole or absent. Reading it gives the campaign back, figures to
+    `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
+    reading finds them again.
+
+    Parameters
+    ----------
+    measured
+        False leaves out what is yet to be measured: curves.csv has its heading alone.
+
+    Raises
+    ------
+    OutputError
+        The folder exists and is not empty, or cannot be written.
+    """
+    _, designs = _profile_files(campaign.specimens)
+    with new_folder(folder) as scratch:
+        (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
+        _write(scratch / "campaign.toml", _campaign_toml(campaign))
+        (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))
+        curves = campaign.specimens if measured else ()
+        _write(scratch / "curves.csv", _table(_curve_rows(curves)))
+        if measured and any(s.strain_field is not None for s in campaign.specimens):
+            _write(scratch / "fields.csv", _table(_field_rows(campaign.specimens)))
+        if designs:
+            (scratch / "profiles").mkdir()
+        for name, design in designs.items():
+            _write(scratch / name, _table(_profile_rows(design)))
+    return Path(folder)
+
+
+def _campaign_toml(campaign: Campaign) -> str:
+    pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
+    if campaign.notes:
+        pairs["notes"] = campaign.notes
+    # JSON's strings are TOML's, but for DEL, which JSON lets through.
+    lines = [
+        f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
+        for key, value in pairs.items()
+    ]
+    return "\n".join(["schema = 1", *lines]) + "\n"
+
+
+def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[Sequence[str]]:
+    yield ("specimen", "material", "profile", *_NUMBERS, *_TEXTS, *campaign.covariates)
+    for s, profile in zip(campaign.specimens, profiles, strict=True):
+        yield (
+            s.id,
+            s.material or "",
+            profile,
+            *(_cell(getattr(s, name)) for name in (*_NUMBERS, *_TEXTS)),
+            *(_cell(s.covariates.get(name)) for name in campaign.covariates),
+        )
+
+
+def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
+    yield ("specimen", "time_s", "displacement_mm", "force_N")
+    for s in specimens:
+        for values in zip(s.time_s, s.displacement_mm, s.force_N, strict=True):
+            yield (s.id, *map(_number, values))
+
+
+def _field_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
+    yield ("specimen", "time_s", "x_mm", "strain")
+    for s in specimens:
+        if s.strain_field is None:
+            continue
+        places = [_number(x) for x in s.strain_field.x_mm]
+        for time, strains in zip(s.strain_field.time_s, s.strain_field.strain, strict=True):
+            at = _number(time)
+            for x, strain in zip(places, strains, strict=True):
+                yield (s.id, at, x, _number(strain))
+
+
+def _profile_files(
+    specimens: Sequence[Specimen],
+) -> tuple[list[str], dict[str, ProfileDesign]]:
+    """Name a file for each specimen's design ("" without), equal designs sharing one."""
+    names: list[str] = []
+    designs: dict[str, ProfileDesign] = {}
+    texts: dict[str, str] = {}
+    for s in specimens:
+        if s.profile is None:
+            names.append("")
+            continue
+        text = _table(_profile_rows(s.profile))
+        number, name = 1, f"profiles/{s.profile.name}.csv"
+        while texts.setdefault(name, text) != text:
+            number += 1
+            name = f"profiles/{s.profile.name}-{number}.csv"
+        designs[name] = s.profile
+        names.append(name)
+    return names, designs
+
+
+def _profile_rows(design: ProfileDesign) -> Iterable[Sequence[str]]:
+    columns: dict[str, FloatArray] = {
+        name: values
+        for name in ("x_mm", "coordinate", "width_mm", "thickness_mm")
+        if (values := getattr(design, name)) is not None
+    }
+    yield tuple(columns)
+    for values in zip(*columns.values(), strict=True):
+        yield tuple(map(_number, values))
+
+
+def _table(rows: Iterable[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _cell(value: str | float | None) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else _number(value)
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.{SIGNIFICANT_DIGITS}g}"

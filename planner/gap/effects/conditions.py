@@ -1,0 +1,542 @@
+"""Effects of conditions and history on the material: age, water, temperature, rate, strain."""
+
+import math
+
+import numpy as np
+from scipy.special import erf, expit, rgamma
+
+from planner.gap.effect import (
+    PEAK,
+    Effect,
+    Form,
+    Parameter,
+    Values,
+    condition,
+    mixture_share,
+    place_on_palette,
+    reference_condition,
+)
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import (
+    SOFTENING_PEAKS,
+    SOFTENING_SHARES,
+    RELAXATION_TIMES_s,
+    Setup,
+)
+
+__all__ = [
+    "AGEING",
+    "MOISTURE",
+    "PERMANENT_SET",
+    "RATE",
+    "REFERENCE_STRAIN",
+    "SOFTENING",
+    "TEMPERATURE",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Ageing: curing goes on after the print and stiffens; some mixtures lose stiffness instead.
+
+
+_DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", log=True, signed=True)
+
+
+def _age_decades(setup: Setup, onset_days: float) -> FloatArray:
+    """Decades of age beyond the reference, (P,), counted from a first change."""
+    age, start = condition(setup, "age_days"), reference_condition(setup, "age_days")
+    decades: FloatArray = np.log((age + onset_days) / (start + onset_days)) / math.log(10.0)
+    return decades
+
+
+def _log_time(setup: Setup, values: Values) -> Setup:
+    """All mixtures alike."""
+    return setup.stiffened(setup.on_slices(values["change"] * _age_decades(setup, values["onset"])))
+
+
+def _graded_log_time(setup: Setup, values: Values) -> Setup:
+    """One mixture most, from the first day on."""
+    change = values["change"] * mixture_share(setup, values["peak"])
+    return setup.stiffened(change * setup.on_slices(_age_decades(setup, 1.0)))
+
+
+def _saturating(setup: Setup, values: Values) -> Setup:
+    """To an end, as a reaction of first order."""
+    age, start = condition(setup, "age_days"), reference_condition(setup, "age_days")
+    gone = np.exp(-start / values["time"]) - np.exp(-age / values["time"])
+    return setup.stiffened(setup.on_slices(values["change"] * gone))
+
+
+AGEING = Effect(
+    "ageing",
+    "ageing since the print",
+    "law",
+    (
+        Form(
+            "log-time",
+            (_DECADE, Parameter("onset", 0.3, 30.0, "age of the first change", "days", log=True)),
+            _log_time,
+            "ln stress += a (log10(1 + t / t_0) - log10(1 + t_ref / t_0))",
+            "Struik, Physical Aging in Amorphous Polymers and Other Materials, 1978",
+        ),
+        Form(
+            "graded-log-time",
+            (_DECADE, PEAK),
+            _graded_log_time,
+            "ln stress += a w(m) (log10(1 + t / 1 day) - log10(1 + t_ref / 1 day))",
+            "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826",
+        ),
+        Form(
+            "saturating",
+            (
+                Parameter("change", 0.02, 0.6, "of ln stress in the end", log=True, signed=True),
+                Parameter("time", 2.0, 600.0, "of the reaction", "days", log=True),
+            ),
+            _saturating,
+            "ln stress += a (exp(-t_ref / tau) - exp(-t / tau))",
+            "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826",
+        ),
+    ),
+    where=("age_days",),
+    covariates=("age_days",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Moisture: soaked elastomer swells and softens, saturating within about a day.
+
+
+_MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated specimen")
+_SHEET = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h", log=True)
+
+
+def _soaked_h(setup: Setup) -> tuple[FloatArray, FloatArray]:
+    """Soaking of the tests and, as an array too, of the palette's own, (P,)."""
+    soak_h = condition(setup, "soak_h")
+    return soak_h, np.full_like(soak_h, reference_condition(setup, "soak_h"))
+
+
+def _sheet_uptake(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
+    """Mass taken up over its saturation: Fick's law for a sheet, short and long times joined."""
+    tau_h = saturation_h * (setup.thickness_mm / 3.0) ** 2
+    return np.sqrt(-np.expm1(-4.0 * soak_h / np.pi / tau_h))
+
+
+def _fick(setup: Setup, values: Values) -> Setup:
+    """Soften by the mass that a sheet has taken up."""
+    taken, start = (_sheet_uptake(setup, h, values["saturation"]) for h in _soaked_h(setup))
+    size = values["softening"]
+    return setup.stiffened(setup.on_slices(np.log1p(-size * taken) - np.log1p(-size * start)))
+
+
+def _graded_fick(setup: Setup, values: Values) -> Setup:
+    """Soften by the mass that a sheet has taken up, one mixture most."""
+    taken, start = (
+        setup.on_slices(_sheet_uptake(setup, h, values["saturation"])) for h in _soaked_h(setup)
+    )
+    size = values["softening"] * mixture_share(setup, values["peak"])
+    return setup.stiffened(np.log1p(-size * taken) - np.log1p(-size * start))
+
+
+def _root(setup: Setup, values: Values) -> Setup:
+    """Soften by the root of the time until saturation, whatever the thickness."""
+    taken, start = (np.tanh(np.sqrt(h / values["saturation"])) for h in _soaked_h(setup))
+    size = values["softening"]
+    return setup.stiffened(setup.on_slices(np.log1p(-size * taken) - np.log1p(-size * start)))
+
+
+MOISTURE = Effect(
+    "moisture",
+    "water uptake",
+    "law",
+    (
+        Form(
+            "fick",
+            (_MOISTURE_SIZE, _SHEET),
+            _fick,
+            "E = E0 (1 - s sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
+            "Crank, The Mathematics of Diffusion, 1975, ch. 4",
+        ),
+        Form(
+            "graded-fick",
+            (_MOISTURE_SIZE, _SHEET, PEAK),
+            _graded_fick,
+            "E = E0 (1 - s w(m) sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
+            "Crank, The Mathematics of Diffusion, 1975, ch. 4",
+        ),
+        Form(
+            "root-time",
+            (
+                _MOISTURE_SIZE,
+                Parameter("saturation", 2.0, 100.0, "time of saturation", "h", log=True),
+            ),
+            _root,
+            "E = E0 (1 - s tanh(sqrt(t / t_s)))",
+            "Crank, The Mathematics of Diffusion, 1975, ch. 4 (short times)",
+        ),
+    ),
+    where=("soak_h", "thickness_mm"),
+    covariates=("soak_h",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Temperature: mixtures soften through a glass transition that lies the higher the harder.
+
+
+_BREADTH_K = 10.0
+"""Logistic scale of the transition: 10 to 90 % within 44 K, as jetted elastomers show."""
+
+_SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K", log=True)
+
+
+def _warmer_K(setup: Setup) -> FloatArray:
+    """Kelvin above the reference, (P,)."""
+    return condition(setup, "temperature_C") - reference_condition(setup, "temperature_C")
+
+
+def _exponential(setup: Setup, values: Values) -> Setup:
+    """All mixtures alike."""
+    return setup.stiffened(setup.on_slices(-values["slope"] * _warmer_K(setup)))
+
+
+def _graded_exponential(setup: Setup, values: Values) -> Setup:
+    """One mixture most."""
+    slope = values["slope"] * mixture_share(setup, values["peak"])
+    return setup.stiffened(-slope * setup.on_slices(_warmer_K(setup)))
+
+
+def _wlf(setup: Setup, values: Values) -> Setup:
+    """Less and less per kelvin; below half the constant the tangent goes on."""
+    warmer, constant = _warmer_K(setup), values["constant"]
+    inside = np.maximum(warmer, -0.5 * constant)
+    shift = inside / (1.0 + inside / constant) + 4.0 * (warmer - inside)
+    slope = values["slope"] * mixture_share(setup, values["peak"])
+    return setup.stiffened(-slope * setup.on_slices(shift))
+
+
+def _transition(setup: Setup, values: Values) -> Setup:
+    """From glass to rubber about a temperature that rises with the coordinate."""
+    middle = values["transition"] + values["span"] * place_on_palette(setup)
+    at = reference_condition(setup, "temperature_C")
+    now = setup.on_slices(_warmer_K(setup)) + at
+    passed = expit((now - middle) / _BREADTH_K) - expit((at - middle) / _BREADTH_K)
+    return setup.stiffened(-values["drop"] * passed)
+
+
+TEMPERATURE = Effect(
+    "temperature",
+    "temperature",
+    "law",
+    (
+        Form(
+            "exponential",
+            (_SLOPE,),
+            _exponential,
+            "ln stress -= b (T - T_ref)",
+            "Reichl & Inman, Exp. Tech. 42, 2018, 19 (Objet Connex materials)",
+        ),
+        Form(
+            "graded-exponential",
+            (_SLOPE, PEAK),
+            _graded_exponential,
+            "ln stress -= b w(m) (T - T_ref)",
+            "Reichl & Inman, Exp. Tech. 42, 2018, 19 (Objet Connex materials)",
+        ),
+        Form(
+            "wlf",
+            (
+                _SLOPE,
+                Parameter("constant", 30.0, 150.0, "the second WLF constant", "K", log=True),
+                PEAK,
+            ),
+            _wlf,
+            "ln stress -= b w(m) (T - T_ref) / (1 + (T - T_ref) / C2)",
+            "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701",
+        ),
+        Form(
+            "transition",
+            (
+                Parameter("drop", 0.2, 7.0, "of ln stress from glass to rubber", log=True),
+                Parameter("transition", -10.0, 40.0, "temperature of the softest's", "°C"),
+                Parameter("span", 0.0, 60.0, "how much higher the hardest's lies", "K"),
+            ),
+            _transition,
+            "ln stress -= D (s(T) - s(T_ref)), s(T) = 1 / (1 + exp(-(T - T_g(m)) / 10 K))",
+            "Mahieux & Reifsnider, Polymer 42, 2001, 3281",
+        ),
+    ),
+    where=("temperature_C",),
+    covariates=("temperature_C",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Rate: elastomers are stiffer when strained faster, and relax when held.
+
+
+REFERENCE_STRAIN = 0.15
+"""Strain at which a relaxing law has the palette's stress, pulled at the reference's rate."""
+
+_LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
+_TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
+
+_RISE = Parameter("rise", 0.02, 0.8, "of ln stress per decade of strain rate", log=True)
+_SHARE = Parameter("share", 0.04, 0.8, "of the instantaneous stress that relaxes", log=True)
+_CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s", log=True)
+
+
+def _rate_decades(setup: Setup) -> FloatArray:
+    """Decades of strain rate above the reference, (P,)."""
+    return np.log10(condition(setup, "rate_per_s") / reference_condition(setup, "rate_per_s"))
+
+
+def _rate_power(setup: Setup, values: Values) -> Setup:
+    """All mixtures alike."""
+    return setup.stiffened(setup.on_slices(values["rise"] * _rate_decades(setup)))
+
+
+def _graded_power(setup: Setup, values: Values) -> Setup:
+    """One mixture most."""
+    rise = values["rise"] * mixture_share(setup, values["peak"])
+    return setup.stiffened(rise * setup.on_slices(_rate_decades(setup)))
+
+
+def _ramp_average(setup: Setup) -> FloatArray:
+    """Mean of each exponential over the palette's own pull up to `REFERENCE_STRAIN`, (K,)."""
+    rests = REFERENCE_STRAIN / reference_condition(setup, "rate_per_s") / RELAXATION_TIMES_s
+    return -np.expm1(-rests) / rests
+
+
+def _relaxing(setup: Setup, spectrum: FloatArray) -> Setup:
+    """Add shares that relax, (S, K) or (K,), the stress in the palette's own pull kept.
+
+    Pulled evenly, a linear law shows 1 - sum g (1 - mean of the exponential) of its
+    instantaneous stress.
+    """
+    kept = 1.0 - spectrum @ (1.0 - _ramp_average(setup))
+    return setup.with_(
+        relaxing=setup.relaxing + spectrum, log_factor=setup.log_factor - np.log(kept)
+    )
+
+
+def _spectrum(centre_s: float, breadth: float) -> FloatArray:
+    """Parts of a whole, log-normal over the relaxation times, (K,)."""
+    weights = np.exp(-0.5 * ((_LOG10_TIMES - math.log10(centre_s)) / breadth) ** 2)
+    return weights / float(np.sum(weights))
+
+
+def _prony(setup: Setup, values: Values) -> Setup:
+    """All mixtures relax alike."""
+    return _relaxing(setup, values["share"] * _spectrum(values["centre"], values["breadth"]))
+
+
+def _graded_prony(setup: Setup, values: Values) -> Setup:
+    """One mixture relaxes most, over two decades of time."""
+    share = values["share"] * mixture_share(setup, values["peak"])
+    return _relaxing(setup, share[:, None] * _spectrum(values["centre"], 1.0))
+
+
+def _fractional(setup: Setup, values: Values) -> Setup:
+    """Relax as (1 + t/onset)^-n: its spectrum's integral over ln time as a sum."""
+    n = values["exponent"] * mixture_share(setup, values["peak"])[:, None]
+    rates = values["onset"] / RELAXATION_TIMES_s
+    density = rgamma(n) * np.exp(n * np.log(rates) - rates)
+    return _relaxing(setup, density * _TIME_STEP)
+
+
+RATE = Effect(
+    "rate",
+    "strain rate and relaxation",
+    "law",
+    (
+        Form(
+            "power-law",
+            (_RISE,),
+            _rate_power,
+            "ln stress += a log10(rate / reference)",
+            "G'Sell & Jonas, J. Mater. Sci. 14, 1979, 583",
+        ),
+        Form(
+            "graded-power-law",
+            (_RISE, PEAK),
+            _graded_power,
+            "ln stress += a w(m) log10(rate / reference)",
+            "Slesarenko & Rudykh, Int. J. Eng. Sci. 123, 2018, 62",
+        ),
+        Form(
+            "prony",
+            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade", log=True)),
+            _prony,
+            "G(t) = 1 - g sum p_k (1 - exp(-t / tau_k)), p log-normal",
+            "Fung, Biomechanics, 1981, ch. 7 (quasi-linear viscoelasticity)",
+        ),
+        Form(
+            "graded-prony",
+            (_SHARE, _CENTRE, PEAK),
+            _graded_prony,
+            "G(t) = 1 - g w(m) sum p_k (1 - exp(-t / tau_k)), p log-normal of 1 decade",
+            "Fung, Biomechanics, 1981, ch. 7; Slesarenko & Rudykh, Int. J. Eng. Sci. 123, 2018, 62",
+        ),
+        Form(
+            "fractional",
+            (
+                Parameter("exponent", 0.008, 0.3, "of the decay", log=True),
+                Parameter("onset", 0.02, 5.0, "time from which it decays", "s", log=True),
+                PEAK,
+            ),
+            _fractional,
+            "G(t) = (1 + t / t_0)^(-n w(m)), as exponentials",
+            "Bagley & Torvik, J. Rheol. 27, 1983, 201",
+        ),
+    ),
+    where=("rate_mm_s", "time", "branch"),
+    covariates=("rate_mm_s|hold",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Permanent set: a material strained once stays longer, and bears no stress up to there.
+
+
+_SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays", log=True)
+_SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
+
+
+def _proportional(setup: Setup, values: Values) -> Setup:
+    """Keep a share of the largest strain, all mixtures alike."""
+    return _set(setup, np.full_like(setup.set_share, values["share"]), SOFTENING_PEAKS)
+
+
+def _graded(setup: Setup, values: Values) -> Setup:
+    """Keep a share of the largest strain, one mixture most."""
+    return _set(setup, values["share"] * mixture_share(setup, values["peak"]), SOFTENING_PEAKS)
+
+
+def _threshold(setup: Setup, values: Values) -> Setup:
+    """Hardly any up to a threshold, a share of the largest strain far beyond."""
+    beyond = (SOFTENING_PEAKS / values["threshold"]) ** 4
+    table = SOFTENING_PEAKS * beyond / (1.0 + beyond)
+    return _set(setup, np.full_like(setup.set_share, values["share"]), table)
+
+
+def _set_power(setup: Setup, values: Values) -> Setup:
+    """Faster than the largest strain."""
+    table = SOFTENING_PEAKS ** values["power"]
+    return _set(setup, np.full_like(setup.set_share, values["share"]), table)
+
+
+def _set(setup: Setup, share: FloatArray, table: FloatArray) -> Setup:
+    if not np.any(share):
+        return setup
+    return setup.with_(set_share=setup.set_share + share, set_table=table)
+
+
+PERMANENT_SET = Effect(
+    "permanent-set",
+    "permanent set",
+    "law",
+    (
+        Form("proportional", (_SET_SIZE,), _proportional, "e_p = s e_max", _SOURCE),
+        Form("graded", (_SET_SIZE, PEAK), _graded, "e_p = s w(m) e_max", _SOURCE),
+        Form(
+            "threshold",
+            (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays", log=True)),
+            _threshold,
+            "e_p = s e_max y / (1 + y), y = (e_max / e_0)^4",
+            "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
+        ),
+        Form(
+            "power",
+            (
+                Parameter("share", 0.02, 0.7, "of strain 1 that stays", log=True),
+                Parameter("power", 1.1, 3.0, "of the largest strain"),
+            ),
+            _set_power,
+            "e_p = s e_max^p",
+            "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
+        ),
+    ),
+    where=("branch", "strain"),
+    channels=("unloading",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Softening (Mullins): a material strained once is softer below the largest strain it has seen.
+
+
+_SOFTENING_SIZE = Parameter(
+    "softening", 0.02, 0.7, "stress lost near rest after a large strain", log=True
+)
+_SCALE = Parameter("scale", 0.03, 1.0, "largest strain at which two thirds are lost", log=True)
+
+_SHARES: FloatArray = SOFTENING_SHARES[:, None]
+_PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
+
+
+def _damage(setup: Setup, values: Values) -> Setup:
+    """Damage by the largest strain, felt the less the nearer to it."""
+    below = 1.0 - _SHARES ** values["power"]
+    table = below * -np.expm1(-_PEAKS / values["scale"])
+    return _softened(setup, np.full_like(setup.softening, values["softening"]), table)
+
+
+def _graded_damage(setup: Setup, values: Values) -> Setup:
+    """Damage by the largest strain, one mixture most."""
+    table = (1.0 - _SHARES) * -np.expm1(-_PEAKS / values["scale"])
+    return _softened(setup, values["softening"] * mixture_share(setup, values["peak"]), table)
+
+
+def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
+    """Error function of the energy missing to its largest, energies taken as strain squared."""
+    missing = _PEAKS**2 * (1.0 - _SHARES**2)
+    table = erf(missing / (values["scale"] ** 2 + values["reach"] * _PEAKS**2))
+    return _softened(setup, np.full_like(setup.softening, values["softening"]), table)
+
+
+def _softened(setup: Setup, size: FloatArray, table: FloatArray) -> Setup:
+    if not np.any(size):
+        return setup
+    return setup.with_(softening=setup.softening + size, softening_table=table)
+
+
+SOFTENING = Effect(
+    "softening",
+    "softening by strain (Mullins)",
+    "law",
+    (
+        Form(
+            "damage",
+            (
+                _SOFTENING_SIZE,
+                _SCALE,
+                Parameter("power", 0.4, 3.0, "of strain over the largest", log=True),
+            ),
+            _damage,
+            "stress *= 1 - s (1 - (e / e_max)^p) (1 - exp(-e_max / e_0)) below e_max",
+            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
+        ),
+        Form(
+            "graded-damage",
+            (_SOFTENING_SIZE, _SCALE, PEAK),
+            _graded_damage,
+            "stress *= 1 - s w(m) (1 - e / e_max) (1 - exp(-e_max / e_0)) below e_max",
+            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
+        ),
+        Form(
+            "pseudo-elastic",
+            (
+                _SOFTENING_SIZE,
+                Parameter("scale", 0.03, 0.6, "strain of slight softening", log=True),
+                Parameter("reach", 0.0, 1.0, "of softening at large strains"),
+            ),
+            _pseudo_elastic,
+            "stress *= 1 - s erf((e_max^2 - e^2) / (e_0^2 + b e_max^2)) below e_max",
+            "Ogden & Roxburgh, Proc. R. Soc. A 455, 1999, 2861; "
+            "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855",
+        ),
+    ),
+    where=("branch", "strain"),
+    channels=("unloading",),
+)

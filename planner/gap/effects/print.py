@@ -1,0 +1,550 @@
+"""Effects of the print: mixture, law, interfaces, orientation, section and skin."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import erfc
+
+from planner.gap.effect import (
+    PEAK,
+    Apply,
+    Effect,
+    Form,
+    Parameter,
+    Values,
+    place_on_palette,
+    section_sizes_mm,
+)
+from planner.numerics import FloatArray
+from planner.simulation.bar import ProfileDesign
+from planner.simulation.bar_solver import Setup
+
+__all__ = [
+    "COMPOSITION_OFFSET",
+    "CROSS_SECTION",
+    "INTERFACE_BLEED",
+    "MATERIAL_LAW",
+    "ORIENTATION",
+    "SKIN",
+    "effect_for",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Composition offset: the machine jets another mixture than was asked for.
+
+
+_WIDTH = 0.3
+"""Of the range over which mixtures are off that much."""
+
+
+def _shift_of(low: float, high: float, meaning: str) -> Parameter:
+    return Parameter("shift", low, high, meaning, log=True, signed=True)
+
+
+def _shifted(setup: Setup, shift: FloatArray) -> Setup:
+    """Move slices by shares of the palette's range, (S,), ever less where its end is near."""
+    place = place_on_palette(setup)
+    room = np.maximum(np.where(shift > 0.0, 1.0 - place, place), 0.0)
+    ratio = shift / np.maximum(room, 1e-12)
+    moved = shift * (1.0 + ratio**8) ** -0.125
+    low, high = setup.coordinate_range
+    coordinate = np.clip(setup.coordinate + (high - low) * moved, low, high)
+    return setup.with_(coordinate=coordinate)
+
+
+def _constant(setup: Setup, values: Values) -> Setup:
+    """All mixtures alike, but for the palette's ends."""
+    return _shifted(setup, np.full(len(setup.coordinate), values["shift"]))
+
+
+def _dot_gain(setup: Setup, values: Values) -> Setup:
+    """Mixtures, but not their pure parts: droplets of one spread over the other's."""
+    place = place_on_palette(setup)
+    return _shifted(setup, 4.0 * values["shift"] * place * (1.0 - place))
+
+
+def _hard_jets(setup: Setup, values: Values) -> Setup:
+    """Move mixtures the more, the more hard resin was asked for."""
+    return _shifted(setup, values["shift"] * place_on_palette(setup))
+
+
+def _graded(setup: Setup, values: Values) -> Setup:
+    """Most for the mixtures about one place on the palette."""
+    away = (place_on_palette(setup) - values["peak"]) / _WIDTH
+    return _shifted(setup, values["shift"] * np.exp(-(away**2)))
+
+
+COMPOSITION_OFFSET = Effect(
+    "composition-offset",
+    "mixture off the one asked for",
+    "composition",
+    (
+        Form(
+            "constant",
+            (_shift_of(0.003, 0.12, "of the palette's range"),),
+            _constant,
+            "u += a, u from 0 at the palette's softest to 1 at its hardest, within the palette",
+            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
+        ),
+        Form(
+            "dot-gain",
+            (_shift_of(0.004, 0.16, "of the palette's range, at its middle"),),
+            _dot_gain,
+            "u += 4 a u (1 - u), within the palette",
+            "Murray, J. Franklin Inst. 221, 1936, 721; Yule & Nielsen, TAGA Proc. 3, 1951, 65",
+        ),
+        Form(
+            "hard-jets",
+            (_shift_of(0.005, 0.2, "of the palette's range, at its hard end"),),
+            _hard_jets,
+            "u += a u, within the palette",
+            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
+        ),
+        Form(
+            "graded",
+            (_shift_of(0.004, 0.16, "of the palette's range, where it is most"), PEAK),
+            _graded,
+            "u += a exp(-((u - peak) / 0.3)^2), within the palette",
+            "Meisel, Dillard & Williams, Rapid Prototyping J. 24, 2018, 872",
+        ),
+    ),
+    where=("material", "position"),
+    channels=("materials",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Material law: the palette's law of one material is off, by a factor or more with strain.
+
+
+_LAW_SOURCE = "laws of one ladder disagree between tables of one thesis: see the thesis' numbers"
+
+
+def effect_for(coordinates: Sequence[float], names: Sequence[str]) -> Effect:
+    """Return the effect with two forms for each material of a palette.
+
+    Mixtures between materials feel it in part, as their laws are interpolated.
+
+    Parameters
+    ----------
+    coordinates
+        Of the materials, rising.
+    names
+        Of the materials, in the same order.
+    """
+    nodes = np.asarray(coordinates, dtype=np.float64)
+    factor = Parameter("log_factor", 0.1, 1.6, "of its stress", log=True, signed=True)
+    tilt = Parameter("log_tilt", 0.1, 1.2, "of its stress with strain", log=True, signed=True)
+    forms = []
+    for place, name in enumerate(names):
+        peak = np.zeros(len(nodes))
+        peak[place] = 1.0
+        forms += [
+            Form(
+                f"{name} factor",
+                (factor,),
+                _factor_of(nodes, peak),
+                f"ln stress += a hat(m), hat 1 at {name} and 0 at its neighbours",
+                _LAW_SOURCE,
+            ),
+            Form(
+                f"{name} tilt",
+                (tilt,),
+                _tilt_of(nodes, peak),
+                f"ln stress += a hat(m) tanh((strain - 0.15) / 0.2), hat 1 at {name}",
+                _LAW_SOURCE,
+            ),
+        ]
+    return Effect(
+        "material-law",
+        "law of one material",
+        "law",
+        tuple(forms),
+        where=("material", "strain"),
+        channels=("materials",),
+    )
+
+
+def _factor_of(nodes: FloatArray, peak: FloatArray) -> Apply:
+    def apply(setup: Setup, values: Values) -> Setup:
+        return setup.stiffened(values["log_factor"] * np.interp(setup.coordinate, nodes, peak))
+
+    return apply
+
+
+def _tilt_of(nodes: FloatArray, peak: FloatArray) -> Apply:
+    def apply(setup: Setup, values: Values) -> Setup:
+        tilt = values["log_tilt"] * np.interp(setup.coordinate, nodes, peak)
+        return setup.with_(log_tilt=setup.log_tilt + tilt)
+
+    return apply
+
+
+MATERIAL_LAW = effect_for((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
+"""Of a palette of three materials; a campaign's own palette has its own forms."""
+
+
+# ------------------------------------------------------------------------------------------------
+# Interface bleed: droplets of neighbouring mixtures run into each other before they cure.
+
+
+_FLATNESS = 1e-4
+"""How far, in the coordinate, a design may be off the straight line that stands for its points."""
+
+
+def _gaussian(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Tail, and tail's integral, of a normal density of standard deviation 1, from distances."""
+    tail = 0.5 * erfc(distance / np.sqrt(2.0))
+    density = np.exp(-0.5 * distance**2) / np.sqrt(2.0 * np.pi)
+    return tail, density - distance * tail
+
+
+def _exponential(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Tail, and tail's integral, of a two-sided exponential of mean distance 1."""
+    tail = 0.5 * np.exp(-distance)
+    return tail, tail
+
+
+def _droplet(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Tail, and tail's integral, of a parabola, the section of a cap, of half-width 1."""
+    inside = np.minimum(distance, 1.0)
+    left = 1.0 - inside
+    return 0.25 * left**2 * (2.0 + inside), left**3 * (3.0 + inside) / 16.0
+
+
+@lru_cache(maxsize=256)
+def _corners(design: ProfileDesign) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places of a design's steps and bends, with the step of its coordinate and of its slope.
+
+    Beyond the gauge a bar goes on as it ends. Points that a straight line passes within
+    `_FLATNESS` are left out.
+    """
+    x, c = _straightened(design.x_mm, design.coordinate)
+    run, rise = np.diff(x), np.diff(c)
+    step = run <= 1e-9 * x[-1]
+    slope = np.where(step, 0.0, rise / np.where(step, 1.0, run))
+    place = np.concatenate([x, x[:-1][step]])
+    bend = np.concatenate([np.diff(slope, prepend=0.0, append=0.0), np.zeros(int(step.sum()))])
+    jump = np.concatenate([np.zeros(len(x)), rise[step]])
+    used = (bend != 0.0) | (jump != 0.0)
+    return place[used], jump[used], bend[used]
+
+
+def _straightened(x: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Leave out points between the ends of straight pieces (Douglas & Peucker, 1973)."""
+    keep = np.zeros(len(x), dtype=np.bool_)
+    keep[[0, -1]] = True
+    pieces = [(0, len(x) - 1)]
+    while pieces:
+        first, last = pieces.pop()
+        if last - first < 2:
+            continue
+        run = x[last] - x[first]
+        inner = slice(first + 1, last)
+        share = (x[inner] - x[first]) / run if run > 0.0 else np.zeros(last - first - 1)
+        off = np.abs(c[inner] - c[first] - share * (c[last] - c[first]))
+        worst = int(np.argmax(off))
+        if off[worst] > _FLATNESS:
+            middle = first + 1 + worst
+            keep[middle] = True
+            pieces += [(first, middle), (middle, last)]
+    return x[keep], c[keep]
+
+
+def _bled(
+    kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+) -> Callable[[Setup, Values], Setup]:
+    """Return the form of a kernel: bars take the exact convolution of their designs with it.
+
+    Convolution turns a unit step at distance r into one that is off by the kernel's tail beyond
+    |r|, and a bend into one that is off by the tail's integral.
+    """
+
+    def apply(setup: Setup, values: Values) -> Setup:
+        length_mm = values["length"]
+        if length_mm <= 0.0:
+            return setup
+        coordinate = setup.coordinate.copy()
+        for test, design in enumerate(setup.designs):
+            if design is None:
+                continue
+            place, jump, bend = _corners(design)
+            slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
+            from_corner = setup.x_mm[slices, None] - place
+            tail, integral = kernel(np.abs(from_corner) / length_mm)
+            coordinate[slices] += (-np.sign(from_corner) * tail) @ jump
+            coordinate[slices] += length_mm * (integral @ bend)
+        return setup.with_(coordinate=np.clip(coordinate, *setup.coordinate_range))
+
+    return apply
+
+
+INTERFACE_BLEED = Effect(
+    "interface-bleed",
+    "mixing where materials meet",
+    "composition",
+    (
+        Form(
+            "gaussian",
+            (Parameter("length", 0.05, 2.0, "standard deviation", "mm", log=True),),
+            _bled(_gaussian),
+            "m = design * normal density: erf across a step",
+            "Crank, The Mathematics of Diffusion, 1975, ch. 2",
+        ),
+        Form(
+            "exponential",
+            (Parameter("length", 0.04, 1.5, "of decay", "mm", log=True),),
+            _bled(_exponential),
+            "m = design * exp(-|x| / l) / (2 l)",
+            "Crank, The Mathematics of Diffusion, 1975, ch. 14 (diffusion with reaction)",
+        ),
+        Form(
+            "droplet",
+            (Parameter("length", 0.1, 4.0, "radius of spreading", "mm", log=True),),
+            _bled(_droplet),
+            "m = design * 3 (1 - (x / l)^2) / (4 l) within l",
+            "Zorzetto et al., Sci. Rep. 10, 2020, 22285",
+        ),
+    ),
+    where=("position", "material"),
+    channels=("bar",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Orientation: swaths and layers make a part stiffer along some directions of the tray.
+
+
+_ORIENTATION_SOURCE = "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826"
+_PARTS = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
+
+
+def _change(name: str) -> Parameter:
+    return Parameter("change", 0.02, 0.5, f"of ln stress along {name}", log=True, signed=True)
+
+
+def _along(setup: Setup, x: float, y: float, z: float) -> FloatArray:
+    """Pick each test's figure by its direction, less that of the palette's own, on slices."""
+    figures = np.array([x, y, z])
+    start = figures["xyz".index(setup.reference.orientation or "x")]
+    found: FloatArray = figures[setup.orientation] - start
+    known = setup.known.get("orientation")
+    return setup.on_slices(found if known is None else np.where(known, found, 0.0))
+
+
+def _build_direction(setup: Setup, values: Values) -> Setup:
+    """Across the layers against within them."""
+    return setup.stiffened(_along(setup, 0.0, 0.0, values["change"]))
+
+
+def _head_direction(setup: Setup, values: Values) -> Setup:
+    """Along the head's way against across it."""
+    return setup.stiffened(_along(setup, values["change"], 0.0, 0.0))
+
+
+def _swath_direction(setup: Setup, values: Values) -> Setup:
+    """Across the swaths, in the plane of a layer."""
+    return setup.stiffened(_along(setup, 0.0, values["change"], 0.0))
+
+
+def _three_way(setup: Setup, values: Values) -> Setup:
+    """All three directions differ, y between x and z or a little beyond."""
+    change = values["change"]
+    return setup.stiffened(_along(setup, 0.0, values["part"] * change, change))
+
+
+def _strained_layers(setup: Setup, values: Values) -> Setup:
+    """Across the layers, the more or the less the further the strain."""
+    change = _along(setup, 0.0, 0.0, values["change"])
+    return setup.with_(
+        log_factor=setup.log_factor + change,
+        log_tilt=setup.log_tilt + values["growth"] * change,
+    )
+
+
+ORIENTATION = Effect(
+    "orientation",
+    "direction on the tray",
+    "law",
+    (
+        Form(
+            "build-direction",
+            (_change("z"),),
+            _build_direction,
+            "ln stress += a along z",
+            _ORIENTATION_SOURCE,
+        ),
+        Form(
+            "head-direction",
+            (_change("x"),),
+            _head_direction,
+            "ln stress += a cos^2 of the angle to x",
+            _PARTS,
+        ),
+        Form(
+            "swath-direction",
+            (_change("y"),),
+            _swath_direction,
+            "ln stress += a along y",
+            _PARTS,
+        ),
+        Form(
+            "three-way",
+            (_change("z"), Parameter("part", -0.5, 1.5, "of it along y")),
+            _three_way,
+            "ln stress += a along z, r a along y",
+            _ORIENTATION_SOURCE,
+        ),
+        Form(
+            "strained-layers",
+            (_change("z"), Parameter("growth", -1.0, 1.0, "of it with strain")),
+            _strained_layers,
+            "ln stress += a (1 + k tanh((strain - 0.15) / 0.2)) along z",
+            _ORIENTATION_SOURCE,
+        ),
+    ),
+    where=("orientation",),
+    covariates=("orientation",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Cross-section: jetted parts print larger or smaller than drawn, and with rounded edges.
+
+
+_SECTION_SOURCE = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
+_LEAST = 0.1
+"""No size shrinks to less than this share of the drawn one."""
+
+
+def _oversize(meaning: str) -> Parameter:
+    return Parameter("oversize", 0.02, 0.4, meaning, "mm", log=True, signed=True)
+
+
+def _grown(setup: Setup, width_mm: float, thickness_mm: float) -> Setup:
+    width, thickness = section_sizes_mm(setup)
+    ratio = _ratio(width, width_mm) * _ratio(thickness, thickness_mm)
+    return setup.with_(area_mm2=setup.area_mm2 * ratio)
+
+
+def _ratio(size_mm: FloatArray, more_mm: float) -> FloatArray:
+    return np.maximum(1.0 + more_mm / size_mm, _LEAST)
+
+
+def _both(setup: Setup, values: Values) -> Setup:
+    """All sides alike."""
+    return _grown(setup, values["oversize"], values["oversize"])
+
+
+def _thickness(setup: Setup, values: Values) -> Setup:
+    """Top and bottom."""
+    return _grown(setup, 0.0, values["oversize"])
+
+
+def _width(setup: Setup, values: Values) -> Setup:
+    """Sides alone, where resin flows out before it cures."""
+    return _grown(setup, values["oversize"], 0.0)
+
+
+def _rounded(setup: Setup, values: Values) -> Setup:
+    """Four corners rounded, at most to a half circle of the smaller size."""
+    width, thickness = section_sizes_mm(setup)
+    half = 0.5 * np.minimum(width, thickness)
+    radius = values["radius"] / (1.0 + (values["radius"] / half) ** 4) ** 0.25
+    ratio = 1.0 - (4.0 - np.pi) * radius**2 / (width * thickness)
+    return setup.with_(area_mm2=setup.area_mm2 * ratio)
+
+
+CROSS_SECTION = Effect(
+    "cross-section",
+    "section other than drawn",
+    "geometry",
+    (
+        Form(
+            "all-sides",
+            (_oversize("of width and of thickness"),),
+            _both,
+            "A = A0 (1 + d / w) (1 + d / t)",
+            "Ibrahim et al., J. Cranio-Maxillofac. Surg. 37, 2009, 167",
+        ),
+        Form(
+            "thickness",
+            (_oversize("of thickness"),),
+            _thickness,
+            "A = A0 (1 + d / t)",
+            _SECTION_SOURCE,
+        ),
+        Form("width", (_oversize("of width"),), _width, "A = A0 (1 + d / w)", _SECTION_SOURCE),
+        Form(
+            "rounded",
+            (Parameter("radius", 0.3, 2.0, "of the corners", "mm", log=True),),
+            _rounded,
+            "A = A0 - (4 - pi) r^2",
+            _SECTION_SOURCE,
+        ),
+    ),
+    where=("thickness_mm", "width_mm"),
+    channels=("section",),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Skin: a surface layer, cured or wetted otherwise, that is stiffer or softer than the inside.
+
+
+_SIZE = Parameter(
+    "log_stiffness", 0.1, 1.5, "ln of the skin's stress over the inside's", log=True, signed=True
+)
+_DEPTH = Parameter("depth", 0.04, 0.6, "of the skin", "mm", log=True)
+_SKIN_SOURCE = "Voigt, Ann. Phys. 274, 1889, 573 (layers side by side)"
+
+
+def _inside(size_mm: FloatArray, depth_mm: float) -> FloatArray:
+    """Share of a size that two skins leave; skins that meet leave nothing, smoothly."""
+    ratio = 2.0 * depth_mm / size_mm
+    return 1.0 - ratio / (1.0 + ratio**8) ** 0.125
+
+
+def _covered(setup: Setup, share: FloatArray, log_stiffness: float) -> Setup:
+    return setup.stiffened(np.log1p(math.expm1(log_stiffness) * share))
+
+
+def _all_sides(setup: Setup, values: Values) -> Setup:
+    """Around the section."""
+    width, thickness = section_sizes_mm(setup)
+    share = 1.0 - _inside(width, values["depth"]) * _inside(thickness, values["depth"])
+    return _covered(setup, share, values["log_stiffness"])
+
+
+def _faces(setup: Setup, values: Values) -> Setup:
+    """Top and bottom only."""
+    _, thickness = section_sizes_mm(setup)
+    return _covered(setup, 1.0 - _inside(thickness, values["depth"]), values["log_stiffness"])
+
+
+def _edges(setup: Setup, values: Values) -> Setup:
+    """Sides only, which support material touches."""
+    width, _ = section_sizes_mm(setup)
+    return _covered(setup, 1.0 - _inside(width, values["depth"]), values["log_stiffness"])
+
+
+SKIN = Effect(
+    "skin",
+    "surface layer",
+    "geometry",
+    (
+        Form(
+            "all-sides",
+            (_SIZE, _DEPTH),
+            _all_sides,
+            "stress *= 1 + (exp(b) - 1) (1 - (1 - 2 h / w) (1 - 2 h / t))",
+            _SKIN_SOURCE,
+        ),
+        Form("faces", (_SIZE, _DEPTH), _faces, "stress *= 1 + (exp(b) - 1) 2 h / t", _SKIN_SOURCE),
+        Form("edges", (_SIZE, _DEPTH), _edges, "stress *= 1 + (exp(b) - 1) 2 h / w", _SKIN_SOURCE),
+    ),
+    where=("thickness_mm", "width_mm"),
+)

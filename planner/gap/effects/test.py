@@ -1,0 +1,384 @@
+"""Effects of the test: grips, frame, load cell and strain measurement."""
+
+import math
+
+import numpy as np
+
+from planner.gap.effect import Apply, Effect, Form, Parameter, Values
+from planner.numerics import FloatArray
+from planner.simulation.bar_solver import Setup
+
+__all__ = [
+    "FORCE_OFFSET",
+    "FORCE_SCALE",
+    "GRIP_SLACK",
+    "GRIP_SLIP",
+    "MACHINE_COMPLIANCE",
+    "STRAIN_SCALE",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Force offset: the load cell was not zero when it should have been.
+
+
+_OFFSET = Parameter("offset", 0.01, 0.4, "shown without load", "N", log=True, signed=True)
+_WEIGHT = Parameter("offset", 0.4, 5.0, "shown without load", "N", log=True, signed=True)
+_OFFSET_RARE = 0.2
+_OFFSET_SOURCE = "ISO 376 (zero and drift of force-proving instruments)"
+
+
+def _constant(setup: Setup, values: Values) -> Setup:
+    """Throughout."""
+    return setup.with_(offset_N=setup.offset_N + values["offset"])
+
+
+def _drifting(setup: Setup, values: Values) -> Setup:
+    """From zero, in proportion to time."""
+    return setup.with_(offset_N=setup.offset_N + values["drift"] / 60.0 * setup.time_s)
+
+
+def _fading(setup: Setup, values: Values) -> Setup:
+    """Less and less, as a load cell warms up."""
+    left = np.exp(-setup.time_s / values["time"])
+    return setup.with_(offset_N=setup.offset_N + values["offset"] * left)
+
+
+FORCE_OFFSET = Effect(
+    "force-offset",
+    "zero of force",
+    "sensor",
+    (
+        Form("constant", (_OFFSET,), _constant, "shown = F + a", _OFFSET_SOURCE),
+        Form(
+            "untared",
+            (_WEIGHT,),
+            _constant,
+            "shown = F + a, a grip's weight",
+            _OFFSET_SOURCE,
+            _OFFSET_RARE,
+        ),
+        Form(
+            "drifting",
+            (Parameter("drift", 0.01, 0.6, "of the zero", "N/min", log=True, signed=True),),
+            _drifting,
+            "shown = F + a t",
+            _OFFSET_SOURCE,
+        ),
+        Form(
+            "fading",
+            (_OFFSET, Parameter("time", 3.0, 600.0, "of fading", "s", log=True)),
+            _fading,
+            "shown = F + a exp(-t / tau)",
+            _OFFSET_SOURCE,
+        ),
+    ),
+    where=("strain", "material", "specimen", "time"),
+    individual=0.35,
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Force scale: the load cell's gain, or a unit taken for another, of all or some specimens.
+
+
+_SCALE_RARE = 0.1
+"""How usual a wrong unit is, beside a gain that is a little off."""
+
+_UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
+
+
+def _gained(setup: Setup, values: Values) -> Setup:
+    """Scale what the load cell shows."""
+    return setup.with_(gain=setup.gain * math.exp(values["log_gain"]))
+
+
+def _unit(name: str, factor: float, meaning: str) -> Form:
+    """Form of a known factor, 3 % to either side left for the load cell's own."""
+    log = math.log(factor)
+    size = Parameter("log_gain", log - 0.03, log + 0.03, meaning, signed=True)
+    apply: Apply = _gained
+    return Form(name, (size,), apply, f"ln gain = +-ln {factor:.4g}", _UNITS, _SCALE_RARE)
+
+
+FORCE_SCALE = Effect(
+    "force-scale",
+    "gain or unit of force",
+    "sensor",
+    (
+        Form(
+            "gain",
+            (
+                Parameter(
+                    "log_gain", 0.02, 0.5, "ln of shown over true force", log=True, signed=True
+                ),
+            ),
+            _gained,
+            "shown = F exp(a)",
+            "ISO 7500-1 (verification of the force-measuring system)",
+        ),
+        _unit("pound-force", 4.4482216, "newtons shown as pounds-force or the reverse"),
+        _unit("kilogram-force", 9.80665, "newtons shown as kilograms-force or the reverse"),
+        Form(
+            "other-unit",
+            (
+                Parameter(
+                    "log_gain", 0.5, 7.0, "ln of shown over true force", log=True, signed=True
+                ),
+            ),
+            _gained,
+            "shown = F exp(a), |a| up to ln 1100",
+            _UNITS,
+            _SCALE_RARE,
+        ),
+    ),
+    where=("specimen", "batch"),
+    some=True,
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Grip slack: the crosshead moves before the specimen is taut.
+
+
+_SIZE = Parameter("slack", 0.02, 2.0, "travel lost", "mm", log=True)
+_SLACK_SOURCE = "ASTM D638, annex on toe compensation"
+
+
+def _taken(travel_mm: FloatArray, slack_mm: float) -> FloatArray:
+    """Return the travel while it is well below the slack, the slack when it is well above.
+
+    The corner is spread over about half the slack, as a grip does not close at once.
+    """
+    travel = np.maximum(travel_mm, 0.0)
+    square_t, square_s = travel * travel, slack_mm * slack_mm
+    sum_of_squares = square_t * square_t + square_s * square_s
+    taken: FloatArray = travel * slack_mm / np.sqrt(np.sqrt(np.maximum(sum_of_squares, 1e-40)))
+    return taken
+
+
+def _dead_travel(setup: Setup, values: Values) -> Setup:
+    """Lost first, and again on every way back."""
+    return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, values["slack"]))
+
+
+def _seating(setup: Setup, values: Values) -> Setup:
+    """Lost first and for good."""
+    furthest = np.maximum.accumulate(setup.travel_mm, axis=1)
+    return setup.with_(lost_mm=setup.lost_mm + _taken(furthest, values["slack"]))
+
+
+def _taking_up(setup: Setup, values: Values) -> Setup:
+    """Lost bit by bit over a further length."""
+    slack = values["slack"]
+    taken = -np.expm1(-np.maximum(setup.travel_mm, 0.0) / (slack + values["length"]))
+    return setup.with_(lost_mm=setup.lost_mm + slack * taken)
+
+
+GRIP_SLACK = Effect(
+    "grip-slack",
+    "slack in the grips",
+    "boundary",
+    (
+        Form(
+            "dead-travel",
+            (_SIZE,),
+            _dead_travel,
+            "lost = d s / (d^4 + s^4)^(1/4)",
+            _SLACK_SOURCE,
+        ),
+        Form(
+            "seating",
+            (_SIZE,),
+            _seating,
+            "lost = d s / (d^4 + s^4)^(1/4), d the furthest travel so far",
+            _SLACK_SOURCE,
+        ),
+        Form(
+            "taking-up",
+            (_SIZE, Parameter("length", 0.1, 5.0, "over which it is taken up", "mm", log=True)),
+            _taking_up,
+            "lost = s (1 - exp(-d / (s + l)))",
+            _SLACK_SOURCE,
+        ),
+    ),
+    where=("strain", "specimen", "gauge_mm"),
+    individual=0.35,
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Grip slip: under load the specimen creeps out of its grips, for good.
+
+
+_LOAD_N = 20.0
+"""At which slip is told where it grows as a power of the load."""
+
+
+def _threshold(setup: Setup, values: Values) -> Setup:
+    """In proportion to the load beyond what the grips hold."""
+    return _slipping(setup, values["slip"], values["hold"], 1.0)
+
+
+def _power(setup: Setup, values: Values) -> Setup:
+    """From the first load on, ever faster."""
+    power = values["power"]
+    return _slipping(setup, values["slip"] * _LOAD_N**-power, 0.0, power)
+
+
+def _slipping(setup: Setup, slip_mm_N: float, from_N: float, power: float) -> Setup:
+    if slip_mm_N == 0.0:
+        return setup
+    return setup.with_(
+        slip_mm_N=setup.slip_mm_N + slip_mm_N,
+        slip_from_N=np.full_like(setup.slip_from_N, from_N),
+        slip_power=np.full_like(setup.slip_power, power),
+    )
+
+
+GRIP_SLIP = Effect(
+    "grip-slip",
+    "slip in the grips",
+    "boundary",
+    (
+        Form(
+            "threshold",
+            (
+                Parameter("slip", 0.003, 0.5, "per newton beyond the hold", "mm/N", log=True),
+                Parameter("hold", 0.3, 60.0, "load that the grips hold", "N", log=True),
+            ),
+            _threshold,
+            "lost = k max(F_max - F_0, 0)",
+            "Coulomb friction: a grip holds up to a load",
+        ),
+        Form(
+            "power",
+            (
+                Parameter("slip", 0.01, 3.0, "at 20 N", "mm", log=True),
+                Parameter("power", 1.0, 2.5, "of the load"),
+            ),
+            _power,
+            "lost = s (F_max / 20 N)^p",
+            "ASTM D412: extension is not to be read from the grips, which slip",
+        ),
+    ),
+    where=("strain", "material", "width_mm", "specimen"),
+    individual=0.35,
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Machine compliance: frame, load cell and grips stretch with the specimen.
+
+
+def _linear(setup: Setup, values: Values) -> Setup:
+    """Add a spring in series."""
+    return _compliant(setup, values["compliance"], 1.0)
+
+
+def _stiffening(setup: Setup, values: Values) -> Setup:
+    """Add a spring in series, the stiffer the more it bears, as joints are."""
+    return _compliant(setup, values["compliance"], values["power"])
+
+
+def _compliant(setup: Setup, compliance_mm_N: float, power: float) -> Setup:
+    if compliance_mm_N == 0.0:
+        return setup
+    return setup.with_(
+        compliance_mm_N=setup.compliance_mm_N + compliance_mm_N,
+        compliance_power=np.full_like(setup.compliance_power, power),
+    )
+
+
+MACHINE_COMPLIANCE = Effect(
+    "machine-compliance",
+    "compliance of the machine",
+    "boundary",
+    (
+        Form(
+            "linear",
+            (Parameter("compliance", 0.002, 0.1, "of machine and grips", "mm/N", log=True),),
+            _linear,
+            "lost = C F",
+            "Kalidindi, Abusafieh & El-Danaf, Exp. Mech. 37, 1997, 210",
+        ),
+        Form(
+            "stiffening",
+            (
+                Parameter("compliance", 0.003, 0.4, "without load", "mm/N", log=True),
+                Parameter("power", 0.2, 0.9, "of the load"),
+            ),
+            _stiffening,
+            "lost = C ((1 + F)^p - 1) / p, F in N",
+            "Johnson, Contact Mechanics, 1985 (joints stiffen under load)",
+        ),
+    ),
+    where=("material", "strain", "width_mm", "gauge_mm"),
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# Strain scale: the length that strains is not the gauge length, or travel is read wrongly.
+
+
+_INCH = math.log(25.4)
+
+
+def _factor(setup: Setup, values: Values) -> Setup:
+    """Scale the travel of all tests alike."""
+    return setup.with_(travel_factor=setup.travel_factor * math.exp(values["log_factor"]))
+
+
+def _ends(setup: Setup, values: Values) -> Setup:
+    """Spread the travel over more than the gauge: the fillets strain as well."""
+    share = setup.gauge_mm / (setup.gauge_mm + values["length"])
+    return setup.with_(travel_factor=setup.travel_factor * share)
+
+
+STRAIN_SCALE = Effect(
+    "strain-scale",
+    "gauge length or travel",
+    "boundary",
+    (
+        Form(
+            "factor",
+            (
+                Parameter(
+                    "log_factor",
+                    0.01,
+                    0.5,
+                    "ln of true over recorded strain",
+                    log=True,
+                    signed=True,
+                ),
+            ),
+            _factor,
+            "strain = travel / gauge exp(a)",
+            "ISO 37 (strain is measured between marks, not grips)",
+        ),
+        Form(
+            "ends",
+            (Parameter("length", 0.3, 20.0, "that strains beyond the gauge", "mm", log=True),),
+            _ends,
+            "strain = travel / (gauge + l)",
+            "ISO 37 (the fillets of a dumb-bell strain as well)",
+        ),
+        Form(
+            "inch",
+            (
+                Parameter(
+                    "log_factor",
+                    _INCH - 0.03,
+                    _INCH + 0.03,
+                    "travel in inches taken for mm, or the reverse",
+                    signed=True,
+                ),
+            ),
+            _factor,
+            "ln factor = +-ln 25.4",
+            "Thompson & Taylor, NIST SP 811, 2008 (units)",
+            weight=0.1,
+        ),
+    ),
+    where=("strain", "gauge_mm"),
+)

@@ -1,0 +1,461 @@
+"""What a campaign's figures scatter by when nothing is hidden."""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+
+from planner.gap.campaign import Campaign
+from planner.gap.observations import BRANCHES, FeatureTable
+from planner.numerics import FloatArray, IntArray
+from planner.palette import Palette
+from planner.simulation.bar_solver import Setup
+
+__all__ = [
+    "USUAL",
+    "Calibration",
+    "Scatter",
+    "SpecimenNoise",
+    "calibration_columns",
+    "calibrations",
+    "course_columns",
+    "estimate_scatter",
+    "field_columns",
+    "place_on_path",
+    "specimen_block",
+    "specimen_noise",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# How much specimens made alike differ.
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Standard deviations, of the logarithm of force unless named otherwise.
+
+    Attributes
+    ----------
+    specimen, batch
+        Of the level of a whole curve.
+    slope
+        Of the change of that level from the start of a path to its end.
+    wander, wander_length
+        Of what comes and goes along a path, and the share of the path over which it lasts.
+    sensor
+        Factor on the force noise that each record shows.
+    field, field_relative
+        Of a local strain: its own, and relative to it.
+    log_sd
+        How far all of it may be off, as a standard deviation of its logarithm.
+    degrees_of_freedom
+        Of the replicates behind it; 0 where there are none.
+    """
+
+    specimen: float
+    batch: float
+    slope: float
+    wander: float
+    wander_length: float
+    sensor: float
+    field: float
+    field_relative: float
+    log_sd: float
+    degrees_of_freedom: int
+
+
+# ------------------------------------------------------------------------------------------------
+# Covariance of each specimen's own figures, and what specimens of a batch share.
+
+
+MODEL_SD = 0.003
+"""No prediction is truer than this: of discretisation and of reading a curve at a place."""
+
+_FIELD = BRANCHES.index("field")
+_ORDER = {"loading": 0.0, "unloading": 1.0, "reloading": 2.0, "hold": 1.0, "field": 0.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpecimenNoise:
+    """Noise of N figures.
+
+    Attributes
+    ----------
+    rows
+        Slices of the table's rows, one a specimen.
+    blocks
+        Covariance of each specimen's rows, (d, d).
+    factors
+        Their lower Cholesky factors.
+    batch : (N, batches)
+        What specimens of one batch share, a column of prior deviation 1 a batch; no column where
+        batches are unknown or all the same.
+    """
+
+    rows: tuple[slice, ...]
+    blocks: tuple[FloatArray, ...]
+    factors: tuple[FloatArray, ...]
+    batch: FloatArray
+
+
+def specimen_noise(
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    scatter: Scatter,
+    sensor_sd_N: FloatArray,
+    batch_of: IntArray,
+    path: FloatArray,
+) -> SpecimenNoise:
+    """Return the noise of a campaign's figures.
+
+    Parameters
+    ----------
+    sensitivity : (N,)
+        Of the transformed figures by the logarithm of force or strain.
+    sensor_sd_N : (n,)
+        Of each specimen's force.
+    batch_of : (n,)
+        Number of each specimen's batch, -1 where unknown.
+    path : (N,)
+        See `place_on_path`.
+    """
+    rows = _rows(table)
+    blocks = tuple(specimen_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
+    batches = sorted(set(batch_of.tolist()) - {-1})
+    columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
+    for column, number in enumerate(batches[: columns.shape[1]]):
+        of_batch = (batch_of[table.specimen] == number) & (table.branch != _FIELD)
+        columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
+    factors: tuple[FloatArray, ...] = tuple(
+        np.asarray(np.linalg.cholesky(block)) for block in blocks
+    )
+    return SpecimenNoise(rows, blocks, factors, columns)
+
+
+def place_on_path(table: FeatureTable, last_step: int) -> FloatArray:
+    """Return how far along its test's path each figure was read, 0 to 1."""
+    path: FloatArray = table.step / float(last_step)
+    return path
+
+
+def _rows(table: FeatureTable) -> tuple[slice, ...]:
+    edges = np.flatnonzero(np.diff(table.specimen)) + 1
+    bounds = [0, *edges.tolist(), len(table)]
+    return tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
+
+
+def specimen_block(
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    scatter: Scatter,
+    sensor_sd_N: FloatArray,
+    path: FloatArray,
+    rows: slice,
+) -> FloatArray:
+    """Return the covariance of one specimen's rows, (d, d)."""
+    force = table.branch[rows] != _FIELD
+    h = np.where(force, sensitivity[rows], 0.0)
+    place = path[rows]
+    strain = table.strain[rows]
+    travel = strain / max(float(strain.max()), 1e-12)
+    tilt = h * (travel - 0.5)
+    far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
+    block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
+    block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
+    floor = table.floor[rows]
+    # The derivative of asinh(F / 2 s) by F, where F = 2 s sinh(y): 1 / (2 s cosh y).
+    by_raw = np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8)) / (2.0 * floor)
+    own = np.where(
+        force,
+        scatter.sensor * sensor_sd_N[table.specimen[rows]] * by_raw,
+        np.hypot(scatter.field * by_raw, scatter.field_relative * sensitivity[rows]),
+    )
+    block[np.diag_indices(len(h))] += own**2 + MODEL_SD**2
+    return block
+
+
+# ------------------------------------------------------------------------------------------------
+# What the palette's own laws may be off by: columns of the figures, each of prior deviation 1.
+#
+# Every grade's level and course are uncertain, and so is what lies between grades. The columns are
+# the forward model's own derivatives, so that a graded bar feels its grades as it should.
+
+
+UNKNOWN_LOG_SD = 0.05
+"""Of a grade's modulus where the palette does not say."""
+
+TILT_SD = 0.01
+"""Of the logarithm of stress, from small strains to large ones: laws follow their tests to 1 %."""
+
+BETWEEN_SD = 0.03
+"""Of the logarithm of stress half-way between two grades: nobody measured it."""
+
+_STEP = 0.02
+
+
+class Calibration:
+    """One way in which the palette may be off.
+
+    Attributes
+    ----------
+    material
+        Its id, "" between two grades.
+    kind
+        "level", "tilt" or "between".
+    sd
+        Of its size.
+    """
+
+    __slots__ = ("kind", "material", "sd", "weight")
+
+    def __init__(self, material: str, kind: str, sd: float, weight: FloatArray) -> None:
+        self.material, self.kind, self.sd, self.weight = material, kind, sd, weight
+
+    def applied(self, setup: Setup, size: float) -> Setup:
+        """Return the setup with the laws off by `size`."""
+        if self.kind == "tilt":
+            return setup.with_(log_tilt=setup.log_tilt + size * self.weight)
+        return setup.stiffened(size * self.weight)
+
+
+def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
+    """Return the ways that matter to a setup: of grades and gaps between grades that it holds."""
+    at = np.array([m.coordinate for m in palette.materials])
+    where = np.clip(setup.coordinate, at[0], at[-1])
+    found = []
+    for k, material in enumerate(palette.materials):
+        hat = np.interp(where, at, np.eye(len(at))[k])
+        if hat.max() > 0.0:
+            sd = material.modulus_log_sd or UNKNOWN_LOG_SD
+            found.append(Calibration(material.id, "level", sd, hat))
+            found.append(Calibration(material.id, "tilt", TILT_SD, hat))
+    for low, high in itertools.pairwise(at):
+        t = np.clip((where - low) / (high - low), 0.0, 1.0)
+        bump = 4.0 * t * (1.0 - t)
+        if bump.max() > 0.01:
+            found.append(Calibration("", "between", BETWEEN_SD, bump))
+    return tuple(found)
+
+
+def calibration_columns(
+    ways: tuple[Calibration, ...], shifted: FloatArray, unshifted: FloatArray
+) -> FloatArray:
+    """Return the columns, (N, q), from the figures of setups shifted by `step`.
+
+    Parameters
+    ----------
+    shifted : (q, N)
+        Figures of ``way.applied(setup, step(way))``.
+    unshifted : (N,)
+    """
+    sizes = np.array([way.sd / step(way) for way in ways])
+    return np.ascontiguousarray(((shifted - unshifted) * sizes[:, None]).T)
+
+
+def step(way: Calibration) -> float:
+    """Return the size that a way is tried with."""
+    return _STEP
+
+
+# ------------------------------------------------------------------------------------------------
+# Estimate the scatter from specimens that were made and tested alike.
+#
+# Differences between replicates do not know what is hidden: they are fitted by restricted maximum
+# likelihood with wide physical priors, so that two replicates a condition say what they can and a
+# campaign without any still has an honest, wide answer.
+
+
+USUAL = Scatter(
+    specimen=0.03, batch=0.012, slope=0.012, wander=0.006, wander_length=0.15, sensor=1.0,
+    field=0.003, field_relative=0.02, log_sd=0.5, degrees_of_freedom=0,
+)  # fmt: skip
+"""Jetted specimens scatter by 1 to 9 % within a print."""
+
+_PRIOR_SD = {"specimen": 0.6, "batch": 0.5, "slope": 0.5, "wander": 0.5, "wander_length": 0.4,
+             "sensor": 0.4}  # fmt: skip
+_NAMES = tuple(_PRIOR_SD)
+
+
+def estimate_scatter(
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    sensor_sd_N: FloatArray,
+    batch_of: IntArray,
+    path: FloatArray,
+) -> Scatter:
+    """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
+
+    Parameters are those of `specimen_noise`.
+    """
+    groups = _groups(table)
+    field, relative = _field_scatter(table)
+    freedom = sum(len(g) - 1 for g in groups)
+    if not freedom:
+        return _with(np.zeros(len(_NAMES)), field, relative, USUAL.log_sd, 0)
+    contrasts = [_contrasts(table, rows, batch_of) for rows in groups]
+
+    def cost(logs: FloatArray) -> float:
+        scatter = _with(logs, field, relative, 0.0, freedom)
+        total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
+        for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
+            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            own = specimen_block(table, sensitivity, scatter, sensor_sd_N, path, first)
+            forces = np.flatnonzero(table.branch[rows[0]] != _FIELD)
+            own = own[np.ix_(forces, forces)]
+            h = scatter.batch * sensitivity[rows[0]][forces]
+            shared = np.outer(h, h)
+            for difference, share in zip(values, batch_share, strict=True):
+                total += _half_deviance(difference[forces], own + share * shared)
+        return total
+
+    best = scipy.optimize.minimize(
+        cost, np.zeros(len(_NAMES)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(_NAMES),
+        options={"maxiter": 25},
+    )  # fmt: skip
+    log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
+    return _with(best.x, field, relative, log_sd, freedom)
+
+
+def _with(logs: FloatArray, field: float, relative: float, log_sd: float, freedom: int) -> Scatter:
+    factor = dict(zip(_NAMES, np.exp(logs).tolist(), strict=True))
+    level = USUAL.specimen * factor["specimen"]
+    return Scatter(
+        specimen=level,
+        # Ratios to the specimens' level have priors of their own.
+        batch=level * USUAL.batch / USUAL.specimen * factor["batch"],
+        slope=level * USUAL.slope / USUAL.specimen * factor["slope"],
+        wander=level * USUAL.wander / USUAL.specimen * factor["wander"],
+        wander_length=USUAL.wander_length * factor["wander_length"],
+        sensor=USUAL.sensor * factor["sensor"],
+        field=field,
+        field_relative=relative,
+        log_sd=log_sd,
+        degrees_of_freedom=freedom,
+    )
+
+
+def _half_deviance(values: FloatArray, covariance: FloatArray) -> float:
+    factor = np.linalg.cholesky(covariance)
+    whitened = scipy.linalg.solve_triangular(factor, values, lower=True, check_finite=False)
+    return float(np.log(np.diagonal(factor)).sum() + 0.5 * whitened @ whitened)
+
+
+def _groups(table: FeatureTable) -> list[list[IntArray]]:
+    """Return, for each test with two specimens or more, the rows of each."""
+    found: dict[int, dict[int, list[int]]] = {}
+    for row, (test, specimen) in enumerate(
+        zip(table.test.tolist(), table.specimen.tolist(), strict=True)
+    ):
+        found.setdefault(test, {}).setdefault(specimen, []).append(row)
+    groups = []
+    for specimens in found.values():
+        lengths = {len(rows) for rows in specimens.values()}
+        if len(specimens) > 1 and len(lengths) == 1:
+            groups.append([np.array(rows) for rows in specimens.values()])
+    return groups
+
+
+def _contrasts(
+    table: FeatureTable, rows: list[IntArray], batch_of: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return orthonormal differences of replicates, and the share of batch variance in each."""
+    count = len(rows)
+    helmert = scipy.linalg.helmert(count)
+    values = helmert @ table.measured[np.stack(rows)]
+    batch = np.array([batch_of[table.specimen[r[0]]] for r in rows])
+    members = (batch[:, None] == np.unique(batch)).astype(np.float64)
+    if (batch < 0).any():
+        members = np.zeros((count, 1))
+    return values, np.sum((helmert @ members) ** 2, axis=1)
+
+
+def _field_scatter(table: FeatureTable) -> tuple[float, float]:
+    """Return the deviation of local strains from a smooth course over replicates or neighbours."""
+    field = table.branch == _FIELD
+    if not field.any():
+        return USUAL.field, USUAL.field_relative
+    differences, levels = [], []
+    for rows in _groups(table):
+        at = np.stack([r[table.branch[r] == _FIELD] for r in rows])
+        raw = table.measured_raw[at]
+        if raw.size:
+            middle = raw.mean(axis=0)
+            differences.append(((raw - middle) * math.sqrt(len(rows) / (len(rows) - 1.0))).ravel())
+            levels.append(np.broadcast_to(np.abs(middle), raw.shape).ravel())
+    if not differences:
+        return USUAL.field, USUAL.field_relative
+    squares = np.concatenate(differences) ** 2
+    level = np.concatenate(levels) ** 2
+    # Var = a + b level^2 by least squares on the squares, both kept positive.
+    design = np.stack([np.ones_like(level), level], axis=1)
+    scale = 1.0 / (np.median(squares) + level * 1e-3 + 1e-12)
+    a, b = scipy.optimize.nnls(design * scale[:, None], squares * scale)[0].tolist()
+    return math.sqrt(max(a, 1e-8)), math.sqrt(max(b, 1e-5))
+
+
+# ------------------------------------------------------------------------------------------------
+# What a palette's laws cannot follow, and what a camera does to strains: further nuisances.
+#
+# A law of a few parameters follows its tests to about 1 %, with an error that has a course in
+# strain. A camera's facets average over a length that nobody states, and lie a little to the side.
+
+
+COURSE_SD = 0.02
+"""Of the logarithm of stress: the misfit of a law along its curve."""
+
+FIELD_SD = 0.012
+"""Of the logarithm of a local strain: the same, seen along a bar."""
+
+FACET_SHARE = 0.6
+"""Standard deviation of the facets' averaging and of their place, in bins of the strain field."""
+_DECAYS = (0.01, 0.03, 0.09, 0.27)
+
+
+def course_columns(campaign: Campaign, table: FeatureTable, sensitivity: FloatArray) -> FloatArray:
+    """Return, of each material and each bar's design, courses in strain, (N, q)."""
+    names = [
+        s.material if s.profile is None else f"bar {s.profile.name}" for s in campaign.specimens
+    ]
+    force = np.where(table.branch == _FIELD, 0.0, sensitivity)
+    # Laws of one family miss the same bends, whatever the material.
+    columns = [COURSE_SD * force * np.exp(-table.strain / decay) for decay in _DECAYS]
+    for name in dict.fromkeys(names):
+        of_it = force * np.array([n == name for n in names])[table.specimen]
+        columns += [COURSE_SD * of_it * np.exp(-table.strain / decay) for decay in _DECAYS]
+    return np.stack(columns, axis=1)
+
+
+def field_columns(
+    table: FeatureTable, unpredicted: FloatArray, sensitivity: FloatArray
+) -> FloatArray:
+    """Return what facets and laws do to local strains, (N, q)."""
+    field = np.flatnonzero(table.branch == _FIELD)
+    if not len(field):
+        return np.zeros((len(table), 0))
+    blur = np.zeros((len(table), 1))
+    shifts, places = [], []
+    key = table.specimen[field] * 1000 + table.step[field]
+    for value in np.unique(key).tolist():
+        rows = field[key == value]
+        strain = unpredicted[rows]
+        scale = FACET_SHARE * sensitivity[rows] / np.maximum(np.abs(strain), 1e-9)
+        padded = np.concatenate([strain[:1], strain, strain[-1:]])
+        blur[rows, 0] = FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
+        shift = np.zeros(len(table))
+        shift[rows] = 0.5 * scale * (padded[2:] - padded[:-2])
+        shifts.append((int(table.specimen[rows[0]]), shift))
+    by_specimen: dict[int, FloatArray] = {}
+    for specimen, shift in shifts:
+        by_specimen[specimen] = by_specimen.get(specimen, 0.0) + shift
+    for test in np.unique(table.test[field]).tolist():
+        rows = field[table.test[field] == test]
+        for x in np.unique(np.round(table.x_mm[rows], 6)).tolist():
+            column = np.zeros(len(table))
+            here = rows[np.abs(table.x_mm[rows] - x) < 1e-3]
+            column[here] = FIELD_SD * sensitivity[here]
+            places.append(column)
+    return np.stack([blur[:, 0], *by_specimen.values(), *places], axis=1)

@@ -1,0 +1,607 @@
+"""The observation model: which features of each test are compared, measured and predicted."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.errors import FileError
+from planner.gap.campaign import Campaign, Specimen, StrainField, named, replicate_groups
+from planner.gap.segments import (
+    Leg,
+    MountedTest,
+    Path,
+    agree,
+    assemble,
+    cut,
+    feature_places,
+    forces_N,
+    mean_section_mm2,
+    mean_times_s,
+    path_of,
+    walk_of,
+)
+from planner.materials.characterise import noise_sd
+from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.palette import Palette
+from planner.simulation.bar_solver import LawTables, Prediction, Setup, law_tables, predict
+
+__all__ = [
+    "BINS_MOST",
+    "BRANCHES",
+    "FeatureTable",
+    "FieldWeights",
+    "Mounted",
+    "bin_edges_mm",
+    "bin_means",
+    "feature_table",
+    "frame_travels_mm",
+    "mount",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# The figures that specimens are compared by, one row a figure.
+
+
+BRANCHES = ("loading", "unloading", "reloading", "hold", "field")
+"""Where on its path a specimen was: first loading, any way back, any later loading, a rest at the
+end of a loading; "field" is strain along a bar, from image correlation, during the first loading.
+"""
+
+
+CLEAR = 5.0
+"""Of the floor: above it a figure is not noise."""
+
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeatureTable:
+    """N figures of all specimens, ordered by specimen.
+
+    A force F is held as ``asinh(F / (2 s))``: its logarithm where it is far above the floor s, and
+    its value over 2 s below, so that relative errors, offsets and zero crossings are all seen. The
+    local strains of a field likewise.
+
+    Attributes
+    ----------
+    specimen : (N,)
+        Place in the campaign, rising.
+    test : (N,)
+        The test of the forward model that predicts it.
+    step : (N,)
+        Its step there.
+    branch : (N,)
+        Index into `BRANCHES`.
+    strain : (N,)
+        Nominal strain of the whole gauge at that step.
+    time_s : (N,)
+        Since the test began; for "hold" since the hold began.
+    x_mm : (N,)
+        Place along the bar, NaN for forces.
+    floor : (N,)
+        The floor s, in N or a strain.
+    measured : (N,)
+        The transformed measurement.
+    measured_raw : (N,)
+        In N, or a strain.
+    """
+
+    specimen: IntArray
+    test: IntArray
+    step: IntArray
+    branch: IntArray
+    strain: FloatArray
+    time_s: FloatArray
+    x_mm: FloatArray
+    floor: FloatArray
+    measured: FloatArray
+    measured_raw: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.specimen)
+
+    @property
+    def is_field(self) -> BoolArray:
+        """Which rows are strains along a bar."""
+        return np.asarray(self.branch == BRANCHES.index("field"))
+
+    def transformed(self, raw: FloatArray) -> FloatArray:
+        """Return forces or strains of these rows, (..., N), on the scale of `measured`."""
+        return np.arcsinh(raw / (2.0 * self.floor))
+
+    def sensitivity(self, raw: FloatArray) -> FloatArray:
+        """Return the derivative of `transformed` by the logarithm of its argument."""
+        half = raw / (2.0 * self.floor)
+        return half / np.sqrt(1.0 + half**2)
+
+    def chord(self, raw: FloatArray) -> FloatArray:
+        """Return the mean of `sensitivity` from `raw` to what was measured.
+
+        With it a factor on forces is a constant times the chord, however large the factor. Where
+        either is in the noise, or their signs differ, it is the larger one's sensitivity.
+        """
+        measured = self.measured_raw
+        larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
+        found = self.sensitivity(larger)
+        clear = np.minimum(np.abs(measured), np.abs(raw)) > CLEAR * self.floor
+        clear &= np.sign(measured) == np.sign(raw)
+        ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
+        clear &= np.abs(ratio) > _SAME
+        rise = self.measured - self.transformed(raw)
+        return np.asarray(np.divide(rise, ratio, out=found, where=clear))
+
+
+# ------------------------------------------------------------------------------------------------
+# Strain fields, in bins along the bar that a camera and a model can both fill.
+
+
+BINS_MOST = 16
+
+_PLACES_LEAST = 3
+"""Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
+
+_NEAR = 0.1
+"""A frame this much of its travel away from an instant still counts, its strains scaled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldWeights:
+    """How strains of slices make up the features that are strains of bins.
+
+    Attributes
+    ----------
+    feature, slice_ : (m,)
+        Row of the feature table, and slice of the setup.
+    weight : (m,)
+        Of a feature's all sum to 1.
+    """
+
+    feature: IntArray
+    slice_: IntArray
+    weight: FloatArray
+
+
+def frame_travels_mm(field: StrainField, path: Path, end_mm: float) -> FloatArray:
+    """Return the travels, rising, of the frames taken in the first loading up to `end_mm`."""
+    leg = path.legs[0]
+    time = field.time_s - path.shift_s
+    inside = (time > leg.begin_s) & (time <= leg.end_s * (1.0 + 1e-9))
+    travel = np.interp(time[inside], path.time_s, path.travel_mm)
+    return np.asarray(travel[(travel > 0.02 * end_mm) & (travel <= end_mm * (1.0 + 1e-9))])
+
+
+def bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArray]:
+    """Return begin and end of each bin, (b, 2), and the bin of each place of the camera.
+
+    Each place stands for the stretch halfway to its neighbours.
+    """
+    middle = 0.5 * (x_mm[1:] + x_mm[:-1])
+    begin = np.concatenate([[x_mm[0] - 0.5 * (x_mm[1] - x_mm[0])], middle])
+    end = np.concatenate([middle, [x_mm[-1] + 0.5 * (x_mm[-1] - x_mm[-2])]])
+    count = max(1, min(BINS_MOST, len(x_mm) // _PLACES_LEAST))
+    bin_of = np.arange(len(x_mm)) * count // len(x_mm)
+    first = np.searchsorted(bin_of, np.arange(count))
+    last = np.searchsorted(bin_of, np.arange(count), side="right") - 1
+    edges = np.clip(np.stack([begin[first], end[last]], axis=1), 0.0, gauge_mm)
+    return edges, bin_of
+
+
+def bin_means(
+    field: StrainField, path: Path, travel_mm: float, bin_of: IntArray
+) -> FloatArray | None:
+    """Return the mean strain of each bin at a travel of the first loading; None without a frame.
+
+    The nearest frame's strains are scaled by the ratio of the travels, which is close to 1.
+    """
+    leg = path.legs[0]
+    time = field.time_s - path.shift_s
+    inside: BoolArray = (time > leg.begin_s) & (time <= leg.end_s * (1.0 + 1e-9))
+    if not inside.any():
+        return None
+    travels = np.interp(time[inside], path.time_s, path.travel_mm)
+    nearest = int(np.argmin(np.abs(travels - travel_mm)))
+    if abs(travels[nearest] - travel_mm) > _NEAR * travel_mm:
+        return None
+    strain = field.strain[inside][nearest] * (travel_mm / travels[nearest])
+    return np.asarray(np.bincount(bin_of, strain) / np.bincount(bin_of))
+
+
+# ------------------------------------------------------------------------------------------------
+# From curves on steps to the table of features.
+
+
+_FORCE_SHARE = 0.02
+_STRAIN_FLOOR = 0.01
+
+
+@dataclass(slots=True)
+class _Rows:
+    """Columns of the table, and of the weights, in the making."""
+
+    columns: dict[str, list[float]] = field(
+        default_factory=lambda: {
+            name: []
+            for name in ("specimen", "test", "step", "branch", "strain", "time_s", "x_mm",
+                         "floor", "raw")
+        }
+    )  # fmt: skip
+    feature: list[int] = field(default_factory=list)
+    slice_: list[int] = field(default_factory=list)
+    weight: list[float] = field(default_factory=list)
+
+    def add(self, **values: float) -> None:
+        for name, column in self.columns.items():
+            column.append(values[name])
+
+    def places(self, name: str) -> IntArray:
+        return np.array(self.columns[name], dtype=np.int64)
+
+
+def feature_table(
+    specimens: Sequence[Specimen],
+    tests: Sequence[MountedTest],
+    paths: Mapping[int, Path],
+    setup: Setup,
+    measured_N: FloatArray,
+    sensor_sd_N: FloatArray,
+    peak_N: FloatArray,
+) -> tuple[FeatureTable, FieldWeights]:
+    """Return the features of all specimens that a test has, and how fields are made up.
+
+    Parameters
+    ----------
+    peak_N
+        Of each test, as the palette's laws predict it.
+    """
+    rows = _Rows()
+    test_of = {place: number for number, test in enumerate(tests) for place in test.places}
+    for place in sorted(test_of):
+        number = test_of[place]
+        test = tests[number]
+        travel = setup.travel_mm[number]
+        floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
+        common = {"specimen": place, "test": number}
+        for step in _feature_steps(test):
+            leg = test.walk.legs[test.walk.leg[step]]
+            begin_s = test.time_s[_leg_start(test, step)] if leg.kind == "hold" else 0.0
+            rows.add(
+                **common,
+                step=step,
+                branch=BRANCHES.index(leg.kind),
+                strain=travel[step] / setup.gauge_mm[number],
+                time_s=test.time_s[step] - begin_s,
+                x_mm=np.nan,
+                floor=floor,
+                raw=measured_N[place, step],
+            )
+        seen = specimens[place].strain_field
+        if seen is not None and setup.designs[number] is not None:
+            edges, bin_of = bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
+            for step in field_steps(test):
+                means = bin_means(seen, paths[place], float(travel[step]), bin_of)
+                if means is None:
+                    continue
+                for (begin, end), mean in zip(edges.tolist(), means.tolist(), strict=True):
+                    _weigh(rows, setup, number, begin, end)
+                    rows.add(
+                        **common,
+                        step=step,
+                        branch=BRANCHES.index("field"),
+                        strain=travel[step] / setup.gauge_mm[number],
+                        time_s=test.time_s[step],
+                        x_mm=0.5 * (begin + end),
+                        floor=_STRAIN_FLOOR,
+                        raw=mean,
+                    )
+    raw = np.array(rows.columns["raw"])
+    floors = np.array(rows.columns["floor"])
+    table = FeatureTable(
+        specimen=rows.places("specimen"),
+        test=rows.places("test"),
+        step=rows.places("step"),
+        branch=rows.places("branch"),
+        strain=np.array(rows.columns["strain"]),
+        time_s=np.array(rows.columns["time_s"]),
+        x_mm=np.array(rows.columns["x_mm"]),
+        floor=floors,
+        measured=np.arcsinh(raw / (2.0 * floors)),
+        measured_raw=raw,
+    )
+    weights = FieldWeights(
+        np.array(rows.feature, dtype=np.int64),
+        np.array(rows.slice_, dtype=np.int64),
+        np.array(rows.weight, dtype=np.float64),
+    )
+    return table, weights
+
+
+def field_steps(test: MountedTest) -> list[int]:
+    """Return the steps of the test that are frames of its strain field."""
+    return [_step_at(test, 0, fraction) for fraction in test.frames]
+
+
+def _feature_steps(test: MountedTest) -> list[int]:
+    return [
+        _step_at(test, leg, fraction)
+        for leg, places in enumerate(feature_places(test.walk.legs))
+        for fraction in places
+    ]
+
+
+def _step_at(test: MountedTest, leg: int, fraction: float) -> int:
+    here = np.flatnonzero((test.walk.leg == leg) & (np.arange(len(test.walk.leg)) > 0))
+    return int(here[np.argmin(np.abs(test.walk.fraction[here] - fraction))])
+
+
+def _leg_start(test: MountedTest, step: int) -> int:
+    """Return the step at which the leg of a step begins, the last one of the leg before."""
+    return int(np.flatnonzero(test.walk.leg == test.walk.leg[step])[0]) - 1
+
+
+def _weigh(rows: _Rows, setup: Setup, number: int, begin: float, end: float) -> None:
+    """Note the slices that a bin covers, each by the share it has of it."""
+    first, stop = int(setup.first_slice[number]), int(setup.first_slice[number + 1])
+    middle, half = setup.x_mm[first:stop], 0.5 * setup.length_mm[first:stop]
+    overlap = np.minimum(middle + half, end) - np.maximum(middle - half, begin)
+    covered = np.flatnonzero(overlap > 0.0)
+    feature = len(rows.columns["raw"])
+    rows.feature += [feature] * len(covered)
+    rows.slice_ += (first + covered).tolist()
+    rows.weight += (overlap[covered] / overlap[covered].sum()).tolist()
+
+
+# ------------------------------------------------------------------------------------------------
+# Mount a campaign: its specimens as tests of the forward model, its curves as features.
+
+
+STRAIN_MOST = 2.5
+BREAK_SHARE = 1.3
+"""A test counts up to a strain of `STRAIN_MOST` and to this many times the elongation at break."""
+
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mounted:
+    """A campaign as the forward model sees it: n specimens in P tests of T steps.
+
+    Attributes
+    ----------
+    setup
+        With no effect.
+    laws
+        The palette's.
+    tests
+        Places in the campaign of each test's specimens.
+    test_of : (n,)
+        The other way about; -1 for a specimen that is left out.
+    legs
+        Of each test, the mean of its specimens'.
+    leg_of_step : (P, T)
+        Index into `legs`.
+    table
+        The features of all specimens.
+    field_weights
+        How features that are strains of a bar are made up.
+    measured_N : (n, T)
+        Force of each specimen on its test's steps, times the test's section over its own; NaN
+        for one that is left out.
+    sensor_sd_N : (n,)
+        Noise of the force, point to point.
+    limitations
+        What was left out, a sentence each.
+    """
+
+    setup: Setup
+    laws: LawTables
+    tests: tuple[tuple[int, ...], ...]
+    test_of: np.ndarray[tuple[int], np.dtype[np.int64]]
+    legs: tuple[tuple[Leg, ...], ...]
+    leg_of_step: np.ndarray[tuple[int, int], np.dtype[np.int64]]
+    table: FeatureTable
+    field_weights: FieldWeights
+    measured_N: FloatArray
+    sensor_sd_N: FloatArray
+    limitations: tuple[str, ...]
+
+    def predicted(self, prediction: Prediction) -> FloatArray:
+        """Return what a prediction says of every feature, in N or as a strain, (N,)."""
+        table, weights = self.table, self.field_weights
+        raw = prediction.force_N[table.test, table.step]
+        if len(weights.feature):
+            strain = prediction.strain[table.step[weights.feature], weights.slice_]
+            sums = np.bincount(weights.feature, weights.weight * strain, minlength=len(table))
+            raw = np.where(table.is_field, sums, raw)
+        return np.asarray(raw)
+
+
+def mount(campaign: Campaign) -> Mounted:
+    """Mount a campaign.
+
+    Replicates that went the same way, whatever their batch, share one test.
+
+    Raises
+    ------
+    FileError
+        No specimen loads over enough rows to be compared.
+    PaletteError
+        A law that nothing can be predicted with.
+    """
+    laws = law_tables(campaign.palette)
+    specimens = campaign.specimens
+    found = {place: path_of(s) for place, s in enumerate(specimens)}
+    paths = {place: path for place, path in found.items() if path is not None}
+    limits = {place: _coupon_limit_mm(specimens[place], campaign.palette) for place in paths}
+    past: set[int] = set()
+    for _ in range(_ROUNDS):
+        short = {place: cut(path, limits[place]) for place, path in paths.items()}
+        past |= {place for place in paths if _shorter(short[place], paths[place])}
+        paths = {place: path for place, path in short.items() if path.legs}
+        if not paths:
+            raise FileError(
+                f"campaign {campaign.name}: no specimen loads over enough points to be compared; "
+                "check the columns of travel and force"
+            )
+        tests = _tests(specimens, paths)
+        setup = assemble(campaign, tests, paths)
+        prediction = predict(setup, laws)
+        ends = _bar_limits_mm(setup, prediction, campaign.palette)
+        if not ends:
+            break
+        limits.update(
+            (place, end) for number, end in ends.items() for place in tests[number].places
+        )
+    measured, sensor = _measured(specimens, tests, paths)
+    table, weights = feature_table(
+        specimens, tests, paths, setup, measured, sensor, prediction.force_N.max(axis=1)
+    )
+    test_of = np.full(len(specimens), -1)
+    for number, test in enumerate(tests):
+        test_of[list(test.places)] = number
+    return Mounted(
+        setup=setup,
+        laws=laws,
+        tests=tuple(test.places for test in tests),
+        test_of=test_of,
+        legs=tuple(test.walk.legs for test in tests),
+        leg_of_step=np.stack([test.walk.leg for test in tests]),
+        table=table,
+        field_weights=weights,
+        measured_N=measured,
+        sensor_sd_N=sensor,
+        limitations=tuple(_limitations(specimens, paths, past)),
+    )
+
+
+def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[MountedTest]:
+    """Gather replicates that went the same way; each with the first that it agrees with."""
+    tests: list[MountedTest] = []
+    for group in replicate_groups(specimens):
+        alike: list[list[int]] = []
+        for place in group:
+            if place not in paths:
+                continue
+            for others in alike:
+                first = others[0]
+                same_gauge = np.isclose(
+                    specimens[place].gauge_mm, specimens[first].gauge_mm, rtol=2e-3
+                )
+                if same_gauge and agree(paths[first], paths[place]):
+                    others.append(place)
+                    break
+            else:
+                alike.append([place])
+        tests += [_test(specimens, paths, places) for places in alike]
+    return sorted(tests, key=lambda test: test.places[0])
+
+
+def _test(
+    specimens: Sequence[Specimen], paths: Mapping[int, Path], places: Sequence[int]
+) -> MountedTest:
+    members = [paths[place] for place in places]
+    end = min(path.legs[0].end_mm for path in members)
+    frames: tuple[float, ...] = ()
+    for place in places:
+        seen = specimens[place].strain_field
+        if seen is not None and specimens[place].profile is not None:
+            travels = frame_travels_mm(seen, paths[place], end)
+            if len(travels):
+                middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
+                frames = tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))
+                break
+    walk = walk_of(members, frames)
+    return MountedTest(tuple(places), walk, mean_times_s(members, walk), frames)
+
+
+def _measured(
+    specimens: Sequence[Specimen], tests: Iterable[MountedTest], paths: Mapping[int, Path]
+) -> tuple[FloatArray, FloatArray]:
+    """Return each specimen's force on its test's steps, and the noise of its record."""
+    tests = list(tests)
+    forces = np.full((len(specimens), len(tests[0].time_s)), np.nan)
+    sensor = np.zeros(len(specimens))
+    for test in tests:
+        group = [specimens[place] for place in test.places]
+        at = np.linspace(0.0, group[0].gauge_mm, 65)
+        mean = mean_section_mm2(group, at)
+        for place, specimen in zip(test.places, group, strict=True):
+            own = specimen.section_mm2(at)
+            # In series the compliances add up, so the ratio that counts is of 1 / area.
+            ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
+            forces[place] = ratio * forces_N(paths[place], test.walk)
+    for place, specimen in enumerate(specimens):
+        sensor[place] = _sensor_sd_N(specimen.force_N)
+    return forces, sensor
+
+
+def _sensor_sd_N(force_N: FloatArray) -> float:
+    """Return the noise of a force; of a coarse one, that of rounding, if more."""
+    noise = noise_sd(force_N)
+    steps = np.diff(np.unique(force_N))
+    if not len(steps):
+        return noise
+    digit = float(np.min(steps))
+    multiples = steps / digit
+    rounded = np.abs(multiples - np.round(multiples)) < 1e-3 * multiples
+    return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
+
+
+def _break_strain(palette: Palette, coordinate: FloatArray) -> FloatArray:
+    return np.interp(
+        coordinate,
+        [m.coordinate for m in palette.materials],
+        [m.elongation_at_break for m in palette.materials],
+    )
+
+
+def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
+    strain = STRAIN_MOST
+    if specimen.material is not None:
+        strain = min(strain, BREAK_SHARE * palette.resolve(specimen.material).elongation_at_break)
+    return strain * specimen.gauge_mm
+
+
+def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
+    """Return, of bars in which a slice is strained too far, the travel up to which none is."""
+    most = np.minimum(STRAIN_MOST, BREAK_SHARE * _break_strain(palette, setup.coordinate))
+    over = prediction.strain > most * (1.0 + 1e-6)
+    limits = {}
+    for number in np.flatnonzero(setup.is_bar).tolist():
+        here = slice(int(setup.first_slice[number]), int(setup.first_slice[number + 1]))
+        late = np.flatnonzero(over[:, here].any(axis=1))
+        if len(late):
+            limits[number] = float(setup.travel_mm[number, : late[0]].max())
+    return limits
+
+
+def _shorter(one: Path, other: Path) -> bool:
+    return len(one.legs) < len(other.legs) or one.legs != other.legs
+
+
+def _limitations(
+    specimens: Sequence[Specimen], paths: Mapping[int, Path], past: set[int]
+) -> Iterable[str]:
+    def ids(places: Iterable[int]) -> str:
+        return named([specimens[place].id for place in sorted(places)])
+
+    lost = set(range(len(specimens))) - set(paths)
+    if lost:
+        yield f"{ids(lost)}: no loading of enough points; left out"
+    broken = {place for place, path in paths.items() if path.broken}
+    if broken:
+        yield f"{ids(broken)}: broke; only what came before is compared"
+    if past & set(paths):
+        yield (
+            f"{ids(past & set(paths))}: compared up to a strain of {STRAIN_MOST:g} and "
+            f"{BREAK_SHARE:g} times the elongation at break only, and in so many legs as steps "
+            "can resolve"
+        )
+    bare = {
+        place
+        for place in paths
+        if specimens[place].section_mm2(np.array([0.5 * specimens[place].gauge_mm])) is None
+    }
+    if bare:
+        yield f"{ids(bare)}: the section is unknown; it is taken to be 1 mm2"

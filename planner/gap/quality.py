@@ -1,0 +1,654 @@
+"""Data quality of a campaign: records held against each other and against the palette."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.gap.campaign import Campaign, Specimen, replicate_groups
+from planner.gap.quality_records import (
+    Problem,
+    amplitude_problems,
+    clipping_problems,
+    dead_cell_problems,
+    duplicate_problems,
+    first_turn,
+    protocol_problems,
+    rate_problems,
+    size_problems,
+    speed_mm_s,
+    timing_problems,
+)
+from planner.materials.laws import make_law
+from planner.numerics import FloatArray
+from planner.palette import Palette
+
+__all__ = [
+    "examine",
+    "first_loading",
+    "log_load",
+    "outlier_problems",
+    "predicted_stress_MPa",
+    "stress_at",
+    "trend_residuals",
+    "unit_problems",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# First loading of a specimen, and its load in proportion to what the palette predicts.
+
+
+def first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
+    """Return strain and mean nominal stress of the first loading, to its turn or peak load."""
+    stop = first_turn(specimen.displacement_mm) + 1
+    stop = int(np.argmax(specimen.force_N[:stop])) + 1
+    return specimen.strain[:stop], specimen.force_N[:stop] / _mean_section_mm2(specimen)
+
+
+def stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the stress at rising strains `at`, each the mean of the points half-way around it.
+
+    Where there are no such points, a line between the nearest ones has to do.
+    """
+    rising = np.maximum.accumulate(strain)
+    edges = np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]])
+    edges[0] -= edges[1] - at[0]
+    edges[-1] += at[-1] - edges[-2]
+    bounds = np.searchsorted(rising, edges)
+    sums = np.concatenate([[0.0], np.cumsum(stress_MPa)])
+    places = np.concatenate([[0.0], np.cumsum(rising)])
+    count = np.diff(bounds)
+    some = np.maximum(count, 1)
+    mean = np.diff(sums[bounds]) / some
+    middle = np.diff(places[bounds]) / some
+    line = np.interp(at, rising, stress_MPa)
+    # Points of a bin lie about its middle, not at it; the load's proportion to strain corrects it.
+    return np.where(count > 2, mean * at / np.where(middle > 0.0, middle, at), line)
+
+
+def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
+    """Return the mean nominal stress that the palette's laws give, roughly for a graded bar.
+
+    A bar's slices are taken as springs of their secant moduli at the mean strain.
+    """
+    grades = np.array([m.coordinate for m in palette.materials])
+    secants = np.stack(
+        [make_law(m.law).nominal_stress_MPa(1.0 + strain) / strain for m in palette.materials]
+    )
+    if specimen.profile is None:
+        index = palette.materials.index(palette.resolve(specimen.material or ""))
+        predicted: FloatArray = secants[index] * strain
+        return predicted
+    x = _slices(specimen)
+    coordinate = specimen.profile.at(x)
+    section = specimen.section_mm2(x)
+    share = np.ones_like(x) if section is None else section / np.mean(section)
+    logs = np.log(np.maximum(secants, 1e-12))
+    along = np.stack([np.interp(coordinate, grades, column) for column in logs.T])
+    compliance = np.mean(np.exp(-along) / share, axis=1)
+    bar: FloatArray = strain / compliance
+    return bar
+
+
+def log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -> float | None:
+    """Return ln(measured over predicted load), the median over the first loading's upper part.
+
+    Parameters
+    ----------
+    stretched
+        Factor on the strains, to see what the load would be were the travel in another unit.
+
+    Returns
+    -------
+    float or None
+        None where nothing there is above zero.
+    """
+    strain, stress = first_loading(specimen)
+    strain = strain * stretched
+    end = min(float(strain[-1]), _law_end(specimen, palette))
+    at = end * np.linspace(0.3, 0.9, 13)
+    at = at[at > 0.0]
+    if len(at) < 3:
+        return None
+    measured = stress_at(strain, stress, at)
+    predicted = predicted_stress_MPa(specimen, palette, at)
+    both = (measured > 0.0) & (predicted > 0.0)
+    if both.sum() < 3:
+        return None
+    return float(np.median(np.log(measured[both] / predicted[both])))
+
+
+def _law_end(specimen: Specimen, palette: Palette) -> float:
+    if specimen.profile is None:
+        return palette.resolve(specimen.material or "").elongation_at_break
+    return min(m.elongation_at_break for m in palette.materials)
+
+
+def _mean_section_mm2(specimen: Specimen) -> float:
+    section = specimen.section_mm2(_slices(specimen))
+    return 1.0 if section is None else float(np.mean(section))
+
+
+def _slices(specimen: Specimen) -> FloatArray:
+    middles: FloatArray = specimen.gauge_mm * (np.arange(200) + 0.5) / 200
+    return middles
+
+
+# ------------------------------------------------------------------------------------------------
+# Specimens that differ from their replicates by more than scatter.
+#
+# Each specimen is compared with the mean of its replicates. How far they may differ is told by
+# the scatter of the others, moderated by that of all other groups: the variances of groups are
+# taken as scaled inverse chi-square draws whose centre and weight the groups themselves tell
+# (Smyth, Stat. Appl. Genet. Mol. Biol. 3, 2004). So two or three replicates are judged by what the
+# whole campaign knows of scatter; where it knows nothing, by what is usual, and then only a gross
+# fault is named.
+
+
+FAMILY_WISE = 0.003
+"""Chance of any false outlier in a clean campaign, over specimens and figures."""
+
+SMALLEST = 0.08
+"""A load within 8 % of its replicates' is no fault of the data, however small their scatter."""
+
+USUAL_SCATTER, USUAL_WEIGHT = 0.06, 4.0
+"""Jetted specimens of one print scatter by 1 to 9 %: a standard deviation and its weight as
+degrees of freedom."""
+
+_GRID = np.linspace(0.3, 0.9, 13)
+_SHORT = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class _Figure:
+    """One number a specimen: a group's values by place."""
+
+    name: str
+    groups: tuple[tuple[tuple[int, ...], FloatArray], ...]
+
+
+def outlier_problems(
+    specimens: Sequence[Specimen], *, leave_out: frozenset[str] = frozenset()
+) -> tuple[Problem, ...]:
+    """Return outlying specimens, the clearest first in each round.
+
+    Two figures are judged: the load at common strains, and how it grows with strain. Levels are
+    Bonferroni's over specimens and figures; a specimen that was found is left out and the rest
+    judged again.
+
+    Parameters
+    ----------
+    leave_out
+        Specimens with another problem already.
+    """
+    kept = [s for s in specimens if s.id not in leave_out]
+    groups = _groups(kept)
+    tests = 2 * sum(len(g) for g in groups)
+    gone: set[int] = set()
+    found: list[Problem] = []
+    while True:
+        figures = _figures(kept, [tuple(i for i in g if i not in gone) for g in groups])
+        worst = min(
+            (w for figure in figures for w in _judged(figure)), key=lambda w: w[0], default=None
+        )
+        if worst is None or worst[0] >= FAMILY_WISE / max(tests, 1):
+            return tuple(found)
+        _, name, place, shift, others = worst
+        found.extend(_problems(kept, name, place, shift, others))
+        gone |= {place} if len(others) > 1 else {place, *others}
+
+
+def _groups(specimens: Sequence[Specimen]) -> tuple[tuple[int, ...], ...]:
+    """Replicates of one batch, unless that leaves less than half of what there is to compare."""
+    inside = replicate_groups(specimens, with_batch=True)
+    across = replicate_groups(specimens)
+    freedom = [sum(len(g) - 1 for g in groups) for groups in (inside, across)]
+    chosen = inside if 2 * freedom[0] >= freedom[1] else across
+    return tuple(g for g in chosen if len(g) > 1)
+
+
+def _figures(
+    specimens: Sequence[Specimen], groups: Sequence[tuple[int, ...]]
+) -> tuple[_Figure, _Figure]:
+    level: list[tuple[tuple[int, ...], FloatArray]] = []
+    growth: list[tuple[tuple[int, ...], FloatArray]] = []
+    for group in groups:
+        loadings = {i: first_loading(specimens[i]) for i in group}
+        ends = {i: float(strain[-1]) for i, (strain, _) in loadings.items()}
+        middle = float(np.median(list(ends.values()))) if ends else 0.0
+        members = tuple(i for i in group if ends[i] > _SHORT * middle)
+        if len(members) < 2:
+            continue
+        at = min(ends[i] for i in members) * _GRID
+        stress = np.stack([stress_at(*loadings[i], at) for i in members])
+        if not np.all(stress > 0.0):
+            continue
+        logs = np.log(stress)
+        level.append((members, np.mean(logs, axis=1)))
+        x = np.log(at) - np.mean(np.log(at))
+        growth.append((members, logs @ x / float(x @ x)))
+    return _Figure("load", tuple(level)), _Figure("growth", tuple(growth))
+
+
+def _judged(figure: _Figure) -> list[tuple[float, str, int, float, tuple[int, ...]]]:
+    """Return p-value, figure, specimen, shift and replicates of everyone that can be judged."""
+    from scipy.special import stdtr
+
+    judged = []
+    variances = [float(np.var(values, ddof=1)) for _, values in figure.groups]
+    freedoms = [len(members) - 1 for members, _ in figure.groups]
+    for g, (members, values) in enumerate(figure.groups):
+        n = len(members)
+        weight, centre = _prior(
+            variances[:g] + variances[g + 1 :], freedoms[:g] + freedoms[g + 1 :]
+        )
+        for k, place in enumerate(members):
+            others = np.delete(values, k)
+            shift = float(values[k] - np.mean(others))
+            freedom = weight + n - 2
+            if freedom <= 0.0 or abs(shift) < SMALLEST:
+                continue
+            own = float(np.var(others, ddof=1)) * (n - 2) if n > 2 else 0.0
+            variance = (weight * centre + own) / freedom
+            scale = math.sqrt(variance * (1.0 + 1.0 / (n - 1)))
+            p = 2.0 * float(stdtr(freedom, -abs(shift) / scale)) if scale > 0.0 else 0.0
+            rest = tuple(m for m in members if m != place)
+            judged.append((p, figure.name, place, shift, rest))
+    return judged
+
+
+def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, float]:
+    """Return weight (degrees of freedom) and centre of the groups' variances.
+
+    What is usual counts as one more group. The weight never exceeds a half of the degrees of
+    freedom that it comes from, or that of the usual.
+    """
+    from scipy.special import polygamma, psi
+
+    known = [(v, d) for v, d in zip(variances, freedoms, strict=True) if v > 0.0]
+    if not known:
+        return USUAL_WEIGHT, USUAL_SCATTER**2
+    known.append((USUAL_SCATTER**2, int(USUAL_WEIGHT)))
+    most = max(USUAL_WEIGHT, 0.5 * sum(d for _, d in known))
+    d = np.array([d for _, d in known], dtype=np.float64)
+    e = np.log([v for v, _ in known]) - psi(d / 2.0) + np.log(d / 2.0)
+    excess = float(np.var(e, ddof=1) - np.mean(polygamma(1, d / 2.0)))
+    if excess <= 0.0:
+        return most, float(np.exp(np.mean(e)))
+    weight = 2.0 * _trigamma_inverse(excess)
+    centre = math.exp(float(np.mean(e)) + float(psi(weight / 2.0)) - math.log(weight / 2.0))
+    return min(weight, most), centre
+
+
+def _trigamma_inverse(value: float) -> float:
+    """Return x with trigamma(x) = value, by bisection in log x."""
+    from scipy.special import polygamma
+
+    low, high = -20.0, 20.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        if float(polygamma(1, math.exp(middle))) > value:
+            low = middle
+        else:
+            high = middle
+    return math.exp(0.5 * (low + high))
+
+
+def _problems(
+    specimens: Sequence[Specimen], name: str, place: int, shift: float, others: Sequence[int]
+) -> list[Problem]:
+    if name == "load":
+        size = f"load is {100 * math.expm1(shift):+.0f} % off"
+    else:
+        size = f"load grows with strain to the power {shift:+.2f} apart from"
+    found = float(f"{math.exp(shift) if name == 'load' else shift:.6g}")
+    expected = 1.0 if name == "load" else 0.0
+    if len(others) > 1:
+        words = f"{size} that of its {len(others)} replicates"
+        return [Problem("outlier", specimens[place].id, words, found, expected)]
+    pair = (place, others[0])
+    return [
+        Problem(
+            "outlier",
+            specimens[one].id,
+            f"{size} that of its only replicate {specimens[other].id}, more than replicates "
+            "elsewhere; which of the two is off cannot be told",
+            found,
+            expected,
+        )
+        for one, other in (pair, pair[::-1])
+    ]
+
+
+# ------------------------------------------------------------------------------------------------
+# A smooth trend of a figure over material and conditions, that a few strays do not move.
+
+
+_ROUNDS = 60
+_SMALLEST = 1e-4
+_SCALES: Mapping[str, Callable[[FloatArray], FloatArray]] = {
+    "rate_mm_s": np.log,
+    "temperature_C": np.positive,
+    "soak_h": lambda hours: np.sqrt(np.maximum(hours, 0.0)),
+    "age_days": lambda days: np.log1p(np.maximum(days, 0.0)),
+}
+
+
+def trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
+    """Return what a least-absolute-deviations fit over the conditions leaves of each value.
+
+    Columns: one a material or design and orientation, log rate, temperature, the root of the
+    soaking time, log age; iteratively reweighted least squares.
+
+    Returns
+    -------
+    residuals
+        None where there are not twice as many specimens as columns and four more.
+    """
+    matrix = _design(specimens)
+    if len(values) < 2 * matrix.shape[1] + 4:
+        return None
+    y = np.asarray(values, dtype=np.float64)
+    residuals: FloatArray = y - np.median(y)
+    for _ in range(_ROUNDS):
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(residuals), _SMALLEST))
+        solution = np.linalg.lstsq(matrix * weight[:, None], y * weight, rcond=1e-9)[0]
+        residuals = y - matrix @ solution
+    return residuals
+
+
+def _design(specimens: Sequence[Specimen]) -> FloatArray:
+    pieces = [s.material if s.profile is None else f"design {s.profile.name}" for s in specimens]
+    columns = _indicators(pieces) + _indicators([s.orientation for s in specimens])[1:]
+    for name, scale in _SCALES.items():
+        known = [v for s in specimens if (v := getattr(s, name)) is not None]
+        if not known:
+            continue
+        usual = float(np.median(known))
+        values = [getattr(s, name) for s in specimens]
+        column = scale(np.array([usual if v is None else v for v in values], dtype=np.float64))
+        spread = float(np.ptp(column))
+        if spread > 1e-9:
+            columns.append((column - column.mean()) / spread)
+    return np.stack(columns, axis=1)
+
+
+def _indicators(labels: Sequence[str | None]) -> list[FloatArray]:
+    return [np.array([float(v == k) for v in labels]) for k in dict.fromkeys(labels)]
+
+
+# ------------------------------------------------------------------------------------------------
+# Forces and lengths off by the factor between two units, in all specimens or in some.
+
+
+@dataclass(frozen=True, slots=True)
+class _Slip:
+    factor: float
+    high: str
+    low: str
+
+
+INCH = 25.4
+_SLIPS = (
+    _Slip(4.4482216, "N taken for lbf", "lbf taken for N"),
+    _Slip(9.80665, "N taken for kgf", "kgf taken for N"),
+    _Slip(1 / 0.00980665, "gf taken for N", "N taken for gf"),
+    _Slip(1 / 0.00689475729, "psi taken for MPa", "MPa taken for psi"),
+    _Slip(1000.0, "mN taken for N, or N for kN", "kN taken for N, or N for mN"),
+)
+_INCHES = (
+    _Slip(INCH, "a size in inches taken for mm", "a size or travel in mm taken for inches"),
+    _Slip(INCH**2, "width and thickness in inches taken for mm",
+          "width and thickness in mm taken for inches"),
+)  # fmt: skip
+
+AMONG_REPLICATES = 0.25
+"""Log distance from a slip's factor; replicates scatter by up to 9 %, so 0.13 between two."""
+
+AGAINST_LAW = 0.35
+"""The same for a whole campaign against the laws: they may be off by a third and more."""
+
+BEYOND_EFFECTS = 1.9
+"""No effect of test or print softens or stiffens a whole campaign e^1.9 = 6.7 times."""
+
+NEAR_K = 5.0
+
+SPLIT = 1.0
+"""Replicates whose loads differ by a factor of e differ by more than scatter."""
+
+STEADY = 0.15
+"""Robust log deviation of the others from a trend in the conditions, for a single to be judged."""
+
+
+def unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[Problem, ...]:
+    """Return what looks like another unit of force, travel or size.
+
+    The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
+    their replicates by a unit's factor are named first; then singles apart from the trend of
+    all the others over their conditions; then a material apart from the others; last the whole
+    campaign. What is aligned with a condition cannot be told from an effect and is not named.
+    """
+    loads = {i: v for i, s in enumerate(specimens) if (v := log_load(s, palette)) is not None}
+    if not loads:
+        return ()
+    off = _among_replicates(specimens, loads)
+    off |= _apart_from_trend(specimens, {i: v for i, v in loads.items() if i not in off})
+    rest = {i: v for i, v in loads.items() if i not in off}
+    materials = _materials_apart(specimens, rest)
+    problems = [_single(specimens, palette, i, shift, loads[i]) for i, shift in sorted(off.items())]
+    problems += [
+        _problem(specimens[i].id, shift, "other materials' (or its law is off by as much)")
+        for i, shift in sorted(materials.items())
+    ]
+    rest = {i: v for i, v in rest.items() if i not in materials}
+    whole = _whole(specimens, palette, rest)
+    return (*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole]))
+
+
+def _among_replicates(
+    specimens: Sequence[Specimen], loads: Mapping[int, float]
+) -> dict[int, float]:
+    """Specimens on the wrong side of a group that a unit's factor splits, with their shift."""
+    split: list[tuple[list[int], list[int], float]] = []
+    whole: list[float] = []
+    for group in replicate_groups(specimens):
+        members = sorted((i for i in group if i in loads), key=lambda i: loads[i])
+        values = np.array([loads[i] for i in members])
+        gaps = np.diff(values)
+        if not len(gaps) or gaps.max() < SPLIT:
+            whole.extend(values)
+            continue
+        cut = int(np.argmax(gaps)) + 1
+        shift = float(np.median(values[cut:]) - np.median(values[:cut]))
+        tight = max(np.ptp(values[:cut]), np.ptp(values[cut:])) < 0.5 * SPLIT
+        if tight and _slip(shift, AMONG_REPLICATES) is not None:
+            split.append((members[:cut], members[cut:], shift))
+    reference = float(np.median(whole)) if len(whole) > 2 else 0.0
+    off: dict[int, float] = {}
+    by_factor: dict[float, list[tuple[list[int], list[int], float]]] = {}
+    for one in split:
+        slip = _slip(one[2], AMONG_REPLICATES)
+        by_factor.setdefault(slip.factor if slip else 0.0, []).append(one)
+    for groups in by_factor.values():
+        # One decision for all groups of a factor: which side lies nearer to everything else.
+        low = [abs(loads[i] - reference) for lower, _, _ in groups for i in lower]
+        high = [abs(loads[i] - reference) for _, upper, _ in groups for i in upper]
+        lower_is_right = float(np.median(low)) <= float(np.median(high))
+        for lower, upper, shift in groups:
+            for i in upper if lower_is_right else lower:
+                off[i] = shift if lower_is_right else -shift
+    return off
+
+
+def _apart_from_trend(
+    specimens: Sequence[Specimen], loads: Mapping[int, float]
+) -> dict[int, float]:
+    """Single specimens that a smooth trend over material and conditions leaves off by a factor."""
+    places = sorted(loads)
+    residuals = trend_residuals([specimens[i] for i in places], [loads[i] for i in places])
+    if residuals is None:
+        return {}
+    single = {group[0] for group in replicate_groups(specimens) if len(group) == 1}
+    if float(np.median(np.abs(residuals))) * 1.4826 > STEADY:
+        return {}
+    return {
+        i: float(r)
+        for i, r in zip(places, residuals, strict=True)
+        if i in single and _slip(float(r), AMONG_REPLICATES) is not None
+    }
+
+
+def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) -> dict[int, float]:
+    """All specimens of one material that lies off the others, which agree, by a factor."""
+    by_material: dict[str, list[int]] = {}
+    for i in sorted(loads):
+        by_material.setdefault(specimens[i].material or "", []).append(i)
+    medians = {m: float(np.median([loads[i] for i in at])) for m, at in by_material.items()}
+    off: dict[int, float] = {}
+    for material, median in medians.items():
+        others = [v for m, v in medians.items() if m != material]
+        if len(others) < 3 or np.ptp(others) > SPLIT:
+            continue
+        shift = median - float(np.median(others))
+        if _slip(shift, AMONG_REPLICATES) is not None:
+            off |= dict.fromkeys(by_material[material], shift)
+    return off
+
+
+def _whole(
+    specimens: Sequence[Specimen], palette: Palette, loads: Mapping[int, float]
+) -> Problem | None:
+    near = _near_reference(specimens, palette, loads)
+    if not near:
+        return None
+    values = np.array([loads[i] for i in near])
+    shift = float(np.median(values))
+    spread = float(np.median(np.abs(values - shift))) * 1.4826
+    if spread > max(0.5 * SPLIT, 0.25 * abs(shift)):
+        return None
+    travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
+    if 2 * len(travel) > len(near):
+        return Problem("units", None, travel[0], math.exp(shift), 1.0)
+    tolerance = AGAINST_LAW if abs(shift) < BEYOND_EFFECTS else 2.0 * AGAINST_LAW
+    if _slip(shift, tolerance) is None:
+        return None
+    return _problem(None, shift, "the laws'")
+
+
+def _near_reference(
+    specimens: Sequence[Specimen], palette: Palette, loads: Mapping[int, float]
+) -> list[int]:
+    """Specimens near the reference temperature, whose effect is the largest; all if none is."""
+    reference = palette.reference.temperature_C
+    near = [
+        i
+        for i in loads
+        if reference is not None
+        and (t := specimens[i].temperature_C) is not None
+        and abs(t - reference) <= NEAR_K
+    ]
+    return near or list(loads)
+
+
+def _single(
+    specimens: Sequence[Specimen], palette: Palette, i: int, shift: float, load: float
+) -> Problem:
+    travel = _travel_slip(specimens[i], palette, load)
+    if travel is not None:
+        return Problem("units", specimens[i].id, travel, math.exp(shift), 1.0)
+    return _problem(specimens[i].id, shift, "its replicates' or neighbours'")
+
+
+def _problem(specimen: str | None, shift: float, whose: str) -> Problem:
+    slip = _slip(shift, math.inf)
+    assert slip is not None
+    ratio = math.exp(abs(shift))
+    way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
+    return Problem(
+        "units",
+        specimen,
+        f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
+        float(f"{math.exp(shift):.6g}"),
+        1.0,
+    )
+
+
+def _slip(shift: float, tolerance: float) -> _Slip | None:
+    nearest = min((*_SLIPS, *_INCHES), key=lambda s: abs(abs(shift) - math.log(s.factor)))
+    return nearest if abs(abs(shift) - math.log(nearest.factor)) < tolerance else None
+
+
+def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | None:
+    """Say that travel is in another unit where correcting it brings the load into place.
+
+    A factor on travel is told from one on force by the declared rate.
+    """
+    if abs(load) < math.log(INCH) - 2.0 * SPLIT or specimen.rate_mm_s is None:
+        return None
+    speed = speed_mm_s(specimen.time_s, specimen.displacement_mm)
+    ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
+    if abs(abs(ratio) - math.log(INCH)) > 0.1:
+        return None
+    corrected = log_load(specimen, palette, stretched=INCH if ratio < 0.0 else 1.0 / INCH)
+    if corrected is None or abs(corrected) > abs(load) - SPLIT:
+        return None
+    words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
+    return f"travel is off by 25.4 against its declared rate and its load, as if {words}"
+
+
+def _fields_in_percent(specimens: Sequence[Specimen]) -> list[Problem]:
+    found = []
+    for s in specimens:
+        if s.strain_field is None:
+            continue
+        mean = np.mean(s.strain_field.strain, axis=1)
+        travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
+        at = int(np.argmax(travel))
+        if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
+            found.append(
+                Problem(
+                    "units",
+                    s.id,
+                    f"the strain field reaches {mean[at]:.3g} on average, travel over gauge "
+                    f"length {travel[at]:.3g}; per cent taken for fractions",
+                    float(f"{mean[at]:.6g}"),
+                    float(f"{travel[at]:.6g}"),
+                )
+            )
+    return found
+
+
+# ------------------------------------------------------------------------------------------------
+# Examine a campaign's data.
+
+
+def examine(campaign: Campaign) -> tuple[Problem, ...]:
+    """Return what is wrong with a campaign's data, problems of all of it first.
+
+    Nothing is changed or left out. Specimens are judged against their own declaration, their
+    replicates and, by the factors between units alone, the palette's laws: a load that is off by
+    any other factor is a gap to diagnose, not a fault of the data.
+    """
+    specimens = campaign.specimens
+    dead = tuple(dead_cell_problems(specimens))
+    silent = {p.specimen for p in dead}
+    live = [s for s in specimens if s.id not in silent]
+    units = unit_problems(live, campaign.palette)
+    copies = tuple(duplicate_problems(specimens))
+    named = frozenset(p.specimen for p in (*dead, *units, *copies) if p.specimen is not None)
+    problems: tuple[Problem, ...] = (
+        *dead,
+        *units,
+        *size_problems(specimens),
+        *rate_problems(specimens),
+        *protocol_problems(live),
+        *amplitude_problems(specimens),
+        *outlier_problems(specimens, leave_out=named),
+        *clipping_problems(live),
+        *copies,
+        *timing_problems(specimens),
+    )
+    order = {s.id: place for place, s in enumerate(specimens)}
+    return tuple(sorted(problems, key=lambda p: -1 if p.specimen is None else order[p.specimen]))

@@ -1,0 +1,567 @@
+"""Faults of single records: clipped force, dead cells, clocks, motion, sizes, copies."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from planner.gap.campaign import Specimen, replicate_groups
+from planner.materials.characterise import noise_sd
+from planner.numerics import FloatArray, IntArray
+
+__all__ = [
+    "Kind",
+    "Problem",
+    "amplitude_problems",
+    "blocks",
+    "clipping_problems",
+    "dead_cell_problems",
+    "dropouts",
+    "duplicate_problems",
+    "first_turn",
+    "gathered",
+    "hold_share",
+    "protocol_problems",
+    "rate_problems",
+    "size_problems",
+    "speed_mm_s",
+    "spikes",
+    "timing_problems",
+    "unloading_share",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Something about the data that a lab should look at.
+
+
+Kind = Literal[
+    "amplitude", "clipped", "dead", "dropout", "duplicate", "outlier", "protocol", "rate", "size",
+    "spike", "units",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One problem.
+
+    Attributes
+    ----------
+    specimen
+        Its id, or None where the whole campaign has it.
+    problem
+        In words, without the specimen's name: what was found against what was expected.
+    value, expected
+        The same as figures, in the unit the words give; None where there is none.
+    """
+
+    kind: Kind
+    specimen: str | None
+    problem: str
+    value: float | None = None
+    expected: float | None = None
+
+
+def gathered(problems: Sequence[Problem], of: int) -> tuple[Problem, ...]:
+    """Make one problem of the whole campaign from equal ones of all `of` specimens, if over two."""
+    if of > 2 and len(problems) == of and len({(p.kind, p.problem) for p in problems}) == 1:
+        return (replace(problems[0], specimen=None),)
+    return tuple(problems)
+
+
+# ------------------------------------------------------------------------------------------------
+# Force that stands still at its largest value while the crosshead moves on.
+
+
+SHORTEST = 5
+"""Fewer equal points than this may be chance."""
+
+RISE, RISE_SHARE = 4.0, 0.01
+"""The force should have risen by so many times noise and resolution, and by so much of its peak,
+along the plateau: a material that yields levels off before."""
+
+
+def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens whose load cell or amplifier was at its limit."""
+    for s in specimens:
+        run = _plateau(s)
+        if run is not None:
+            top = float(s.force_N[run[0]])
+            yield Problem(
+                "clipped",
+                s.id,
+                f"force stands at {top:.4g} N over {run[1] - run[0]} points from strain "
+                f"{s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
+                float(f"{top:.6g}"),
+            )
+
+
+def _plateau(s: Specimen) -> tuple[int, int] | None:
+    """First and last-but-one index of the run at the largest force, if nothing else explains it."""
+    force = s.force_N
+    top = float(np.max(force))
+    at_top = force >= top - 1e-9 * abs(top)
+    start, stop = _longest_run(at_top)
+    if stop - start < SHORTEST or start < SHORTEST:
+        return None
+    # A coarse resolution gives runs of equal values everywhere, not only at the top.
+    equal = (np.diff(force) == 0.0) & ~at_top[1:]
+    elsewhere = _longest_run(equal)
+    if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
+        return None
+    first = max(start - max(SHORTEST, (stop - start) // 5), 0)
+    travel = float(s.displacement_mm[stop - 1] - s.displacement_mm[start])
+    approach = float(s.displacement_mm[start] - s.displacement_mm[first])
+    if travel <= 0.0 or approach <= 0.0:
+        return None
+    expected = travel * float(top - force[first]) / approach
+    steps = np.abs(np.diff(force))
+    resolution = float(np.min(steps[steps > 0.0], initial=top))
+    least = max(RISE * (noise_sd(force[:start]) + resolution), RISE_SHARE * top)
+    return (start, stop) if expected > least else None
+
+
+def _longest_run(flags: np.ndarray) -> tuple[int, int]:
+    """Return begin and end of the longest run of True, (0, 0) if there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    if not len(edges):
+        return 0, 0
+    starts, stops = edges[::2], edges[1::2]
+    at = int(np.argmax(stops - starts))
+    return int(starts[at]), int(stops[at])
+
+
+# ------------------------------------------------------------------------------------------------
+# What the crosshead did: its speed, its turns and its rests.
+
+
+BLOCKS = 60
+"""A record is looked at in about so many steps, over which noise of the travel evens out."""
+
+
+def blocks(time_s: FloatArray, values: FloatArray, count: int = BLOCKS) -> tuple[FloatArray, ...]:
+    """Return times and means of `values` over about `count` runs of points of equal number."""
+    size = max(1, len(values) // count)
+    starts = np.arange(0, len(values) - size + 1, size)
+    share = 1.0 / size
+    return (
+        np.add.reduceat(time_s[: starts[-1] + size], starts) * share,
+        np.add.reduceat(values[: starts[-1] + size], starts) * share,
+    )
+
+
+def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
+    """Return the crosshead's speed: half of its way was faster, half slower.
+
+    Rests do not count, as they add no way; loading and unloading both do.
+    """
+    time, travel = blocks(time_s, displacement_mm)
+    way = np.abs(np.diff(travel))
+    speeds = way / np.diff(time)
+    order = np.argsort(speeds, kind="stable")
+    share = np.cumsum(way[order])
+    return float(speeds[order][int(np.searchsorted(share, 0.5 * share[-1]))])
+
+
+def first_turn(displacement_mm: FloatArray, share: float = 0.05) -> int:
+    """Return the index of the first peak of travel that a fall by `share` of its range follows.
+
+    The last index if there is none.
+    """
+    highest = np.maximum.accumulate(displacement_mm)
+    fallen = np.flatnonzero(highest - displacement_mm > share * float(np.ptp(displacement_mm)))
+    if not len(fallen):
+        return len(displacement_mm) - 1
+    return int(np.argmax(displacement_mm[: fallen[0] + 1]))
+
+
+def unloading_share(displacement_mm: FloatArray, force_N: FloatArray) -> float:
+    """Return the largest fall of travel while the specimen still bears load, over its range.
+
+    Load means a fifth of the peak force at the place where the fall begins, so that the way back
+    of a broken specimen's grips does not count.
+    """
+    turn = first_turn(displacement_mm)
+    if turn == len(displacement_mm) - 1 or force_N[turn] < 0.2 * float(np.max(force_N)):
+        return 0.0
+    after = displacement_mm[turn:]
+    behind = force_N[turn : turn + max(2, len(after) // 50)]
+    if float(np.min(behind)) < 0.2 * float(force_N[turn]):
+        return 0.0
+    return float(displacement_mm[turn] - np.min(after)) / float(np.ptp(displacement_mm))
+
+
+# ------------------------------------------------------------------------------------------------
+# Force that does not change while the specimen is pulled.
+
+
+STEADY_SHARE = 0.02
+"""A load that starts at rest rises by all of its peak; one that changes by less is none."""
+
+NOISE = 6.0
+"""Means of noise alone, a score of them, spread over 3.7 of their deviations on average, and over
+6 of them once in thousands."""
+
+LEAST_STRAIN, ARRIVED = 0.01, 0.98
+_BLOCKS, _FEWEST = 20, 5
+
+
+def dead_cell_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens whose force stood still, but for noise, over the first loading."""
+    for s in specimens:
+        stop = _loaded(s)
+        if stop < _FEWEST or float(s.strain[stop - 1]) < LEAST_STRAIN:
+            continue
+        time, force = blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
+        points = max(stop // len(time), 1)
+        noise = NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
+        middle = float(np.median(force))
+        if float(np.ptp(force)) <= max(STEADY_SHARE * abs(middle), noise):
+            yield Problem(
+                "dead",
+                s.id,
+                f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
+                f"{s.displacement_mm[stop - 1]:.3g} mm; a dead or unplugged load cell? Leave the "
+                "specimen out",
+                float(f"{middle:.6g}"),
+            )
+
+
+def _loaded(s: Specimen) -> int:
+    """Return how many points the first loading has, a hold at its end left out."""
+    turn = first_turn(s.displacement_mm)
+    travel = s.displacement_mm[: turn + 1]
+    return int(np.argmax(travel >= ARRIVED * float(np.max(travel)))) + 1
+
+
+# ------------------------------------------------------------------------------------------------
+# Gaps in the time channel, and single points that leap out of the record.
+
+
+GAP = 5.0
+"""A step of so many times those before and behind it is a gap; adaptive sampling changes less."""
+
+SPIKE_NOISE, SPIKE_SHARE, SPIKE_STEP = 12.0, 0.03, 5.0
+"""A spike leaps by so many noise deviations, so much of the range, so many steps nearby."""
+
+WIDEST = 3
+_AROUND = 6
+
+
+def timing_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens with lost data or with spikes."""
+    for s in specimens:
+        gaps = dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
+        if len(gaps):
+            steps = np.diff(s.time_s)
+            longest = int(gaps[np.argmax(steps[gaps])])
+            usual = float(np.median(steps))
+            yield Problem(
+                "dropout",
+                s.id,
+                f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
+                f"{s.time_s[longest]:.4g} s, where {usual:.3g} s is usual",
+                float(f"{steps[longest]:.6g}"),
+                float(f"{usual:.6g}"),
+            )
+        for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
+            found = spikes(values)
+            if len(found):
+                first = int(found[0])
+                yield Problem(
+                    "spike",
+                    s.id,
+                    f"{_times(len(found), 'spike')} in {name}, the first of {values[first]:.4g} at "
+                    f"{s.time_s[first]:.4g} s",
+                    float(f"{values[first]:.6g}"),
+                    float(f"{np.median(_around(values, first)):.6g}"),
+                )
+
+
+def dropouts(time_s: FloatArray) -> IntArray:
+    """Return the indices of steps far longer than those before and behind them."""
+    steps = np.diff(time_s)
+    if len(steps) < 7:
+        return np.zeros(0, dtype=np.int64)
+    windows = np.lib.stride_tricks.sliding_window_view(steps, 3)
+    middle = np.median(windows, axis=1)
+    inner = np.arange(3, len(steps) - 3)
+    nearby = np.maximum(middle[inner - 3], middle[inner + 1])
+    found: IntArray = inner[steps[inner] > GAP * nearby]
+    return found
+
+
+def spikes(values: FloatArray) -> IntArray:
+    """Return the indices at which up to `WIDEST` points leap out and the record comes back.
+
+    A turn of a triangle wave or a break is none: a spike leaps further than the record moves
+    nearby on both sides, and ends where it began.
+    """
+    n = len(values)
+    least = max(SPIKE_NOISE * noise_sd(values), SPIKE_SHARE * _span(values))
+    moves = np.abs(np.diff(values))
+    found: list[int] = []
+    for width in range(1, WIDEST + 1):
+        before = np.arange(_AROUND, n - _AROUND - width)
+        rise = values[before + 1] - values[before]
+        fall = values[before + width] - values[before + width + 1]
+        leap = np.minimum(np.abs(rise), np.abs(fall))
+        for i in before[(rise * fall > 0.0) & (leap > least)]:
+            if any(abs(i + 1 - f) <= WIDEST for f in found):
+                continue
+            near = np.concatenate([moves[i - _AROUND : i], moves[i + width + 1 : i + width + 6]])
+            back = abs(values[i + width + 1] - values[i])
+            this = min(
+                abs(values[i + 1] - values[i]), abs(values[i + width + 1] - values[i + width])
+            )
+            if this > SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
+                found.append(int(i) + 1)
+    return np.array(sorted(found), dtype=np.int64)
+
+
+def _span(values: FloatArray) -> float:
+    """Range of the record without what leaps out of it."""
+    low, high = np.quantile(values, [0.02, 0.98])
+    return float(high - low)
+
+
+def _around(values: FloatArray, at: int) -> FloatArray:
+    return np.concatenate([values[at - _AROUND : at], values[at + WIDEST : at + WIDEST + _AROUND]])
+
+
+def _times(count: int, what: str) -> str:
+    return f"a {what}" if count == 1 else f"{count} {what}s"
+
+
+# ------------------------------------------------------------------------------------------------
+# The declared rate against travel and time.
+
+
+TOLERANCE = 0.1
+"""Machines hold a speed to 1 %; what is 10 % off is another speed."""
+
+_SLIPS = (
+    (60.0, "mm/s and mm/min, or s and min, were mixed up"),
+    (25.4, "mm and inches were mixed up in travel or rate"),
+    (1524.0, "mm/s and in/min were mixed up"),
+    (1000.0, "s and ms were mixed up"),
+)
+
+
+def rate_problems(specimens: Sequence[Specimen]) -> tuple[Problem, ...]:
+    """Return the specimens whose crosshead moved at another speed than declared."""
+    known = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
+    return gathered(tuple(_rate_problems(known)), len(known))
+
+
+def _rate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    for s in specimens:
+        speed = speed_mm_s(s.time_s, s.displacement_mm)
+        declared = s.rate_mm_s
+        if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= TOLERANCE:
+            continue
+        reason = next(
+            (
+                f"; {words}"
+                for factor, words in _SLIPS
+                if abs(abs(math.log(speed / declared)) - math.log(factor)) < TOLERANCE
+            ),
+            "",
+        )
+        yield Problem(
+            "rate",
+            s.id,
+            f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
+            f"is declared{reason}",
+            float(f"{speed:.6g}"),
+            declared,
+        )
+
+
+# ------------------------------------------------------------------------------------------------
+# Curves that are copies of one another.
+
+
+SIGNIFICANT_DIGITS = 7
+
+
+def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens whose force and travel are another's, number for number.
+
+    Time does not count: a copy may start elsewhere.
+    """
+    seen: dict[bytes, str] = {}
+    for s in specimens:
+        digits = _rounded(s.force_N).tobytes() + _rounded(s.displacement_mm).tobytes()
+        other = seen.setdefault(digits, s.id)
+        if other != s.id:
+            yield Problem(
+                "duplicate", s.id, f"its curve is that of specimen {other}, number for number"
+            )
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    scale = float(np.max(np.abs(values))) or 1.0
+    return np.round(values / scale, SIGNIFICANT_DIGITS) * float(f"{scale:.{SIGNIFICANT_DIGITS}g}")
+
+
+# ------------------------------------------------------------------------------------------------
+# Sizes that no tensile specimen has, and measured ones far from nominal.
+
+
+PLAUSIBLE_MM = {
+    "width_mm": (0.5, 100.0),
+    "thickness_mm": (0.1, 50.0),
+    "gauge_mm": (2.0, 500.0),
+    "measured_width_mm": (0.5, 100.0),
+    "measured_thickness_mm": (0.1, 50.0),
+}
+"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
+gauges of 4 to 80 mm; labs go further, but not beyond these."""
+
+DEVIATION = 0.25
+"""Jetted parts print up to 0.3 mm oversize; a quarter of a size is none of that."""
+
+_SLACK_MM = 0.4
+
+
+def size_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield implausible sizes; one that all specimens share is the campaign's."""
+    for name, (low, high) in PLAUSIBLE_MM.items():
+        sized = [s for s in specimens if getattr(s, name) is not None]
+        yield from gathered(tuple(_implausible(sized, name, low, high)), len(sized))
+    for name in ("width_mm", "thickness_mm"):
+        yield from _against_nominal(specimens, name)
+
+
+def _implausible(
+    specimens: Sequence[Specimen], name: str, low: float, high: float
+) -> Iterator[Problem]:
+    for s in specimens:
+        size: float = getattr(s, name)
+        if low <= size <= high:
+            continue
+        inches = size * 25.4 if size < low else size / 25.4
+        reason = "; inches?" if low <= inches <= high and size < low else ""
+        yield Problem(
+            "size",
+            s.id,
+            f"{name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{reason}",
+            size,
+            low if size < low else high,
+        )
+
+
+def _against_nominal(specimens: Sequence[Specimen], name: str) -> Iterator[Problem]:
+    for s in specimens:
+        nominal: float | None = getattr(s, name)
+        measured: float | None = getattr(s, f"measured_{name}")
+        if nominal is None or measured is None:
+            continue
+        if abs(measured - nominal) > max(DEVIATION * nominal, _SLACK_MM):
+            yield Problem(
+                "size",
+                s.id,
+                f"measured {name.removesuffix('_mm')} is {measured:.4g} mm, nominal "
+                f"{nominal:.4g} mm; width and thickness swapped, or another unit?",
+                measured,
+                nominal,
+            )
+
+
+# ------------------------------------------------------------------------------------------------
+# The declared protocol and amplitude against what the crosshead did.
+
+
+UNLOADS = 0.1
+HOLDS = 0.3
+"""Shares of range and of duration from which unloading and holding are on purpose."""
+
+AMPLITUDE_TOLERANCE = 0.1
+_STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", "hold_strain")
+_TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
+
+
+def protocol_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield the specimens that were tested otherwise than their protocol says."""
+    for s in specimens:
+        back = unloading_share(s.displacement_mm, s.force_N)
+        held = hold_share(s)
+        if s.protocol == "monotonic" and back > UNLOADS:
+            yield Problem(
+                "protocol", s.id,
+                f"declared monotonic, but it is unloaded by {100 * back:.0f} % of its travel; "
+                "a cyclic test?", back, 0.0,
+            )  # fmt: skip
+        elif s.protocol == "monotonic" and held > HOLDS:
+            yield Problem(
+                "protocol", s.id,
+                f"declared monotonic, but it is held for {100 * held:.0f} % of its time; "
+                "a relaxation test?", held, 0.0,
+            )  # fmt: skip
+        elif s.protocol == "cyclic" and back < 0.5 * UNLOADS:
+            yield Problem("protocol", s.id, "declared cyclic, but it is never unloaded", back)
+        elif s.protocol == "relaxation" and held < 0.5 * HOLDS:
+            yield Problem(
+                "protocol", s.id,
+                f"declared relaxation, but it is held for {100 * held:.0f} % of its time only",
+                held,
+            )  # fmt: skip
+
+
+def hold_share(specimen: Specimen) -> float:
+    """Return the share of the duration in which the crosshead rests on a loaded specimen."""
+    time, travel = blocks(specimen.time_s, specimen.displacement_mm, 200)
+    _, force = blocks(specimen.time_s, specimen.force_N, 200)
+    way, duration = np.abs(np.diff(travel)), np.diff(time)
+    mean = float(np.sum(way)) / float(np.sum(duration))
+    rests = (way < 0.05 * mean * duration) & (force[1:] > 0.1 * float(np.max(force)))
+    return float(np.sum(duration[rests])) / float(np.sum(duration))
+
+
+def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+    """Yield specimens that were strained to another amplitude than declared, or than the others.
+
+    Declared is what a further column such as `to_strain` or `amplitude_mm` says. Without one, a
+    cyclic or relaxation specimen that stands alone among at least two replicates that agree is
+    named.
+    """
+    for s in specimens:
+        declared = _declared_mm(s)
+        peak = float(np.max(s.displacement_mm))
+        broken = s.protocol in (None, "monotonic")
+        if declared is None or (broken and peak < declared):
+            continue
+        if abs(peak / declared - 1.0) > AMPLITUDE_TOLERANCE:
+            yield _amplitude(s, peak, declared, "is declared")
+    for group in replicate_groups(specimens):
+        members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
+        peaks = np.array([float(np.max(s.displacement_mm)) for s in members])
+        if len(members) < 3 or any(_declared_mm(s) is not None for s in members):
+            continue
+        middle = float(np.median(peaks))
+        off = np.abs(peaks / middle - 1.0) > AMPLITUDE_TOLERANCE
+        if off.sum() == 1 and np.ptp(peaks[~off]) < 0.02 * middle:
+            at = int(np.argmax(off))
+            yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
+
+
+def _declared_mm(specimen: Specimen) -> float | None:
+    for names, factor in ((_STRAINS, specimen.gauge_mm), (_TRAVELS, 1.0)):
+        for name in names:
+            value = specimen.covariates.get(name)
+            if isinstance(value, float) and value > 0.0:
+                return value * factor
+    return None
+
+
+def _amplitude(specimen: Specimen, peak: float, expected: float, whose: str) -> Problem:
+    return Problem(
+        "amplitude",
+        specimen.id,
+        f"travels to {peak:.3g} mm, where {expected:.3g} mm {whose}",
+        float(f"{peak:.6g}"),
+        float(f"{expected:.6g}"),
+    )

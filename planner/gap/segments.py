@@ -1,0 +1,720 @@
+"""Segments of a test (loading, unloading, rest) and the time grid that predicts them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from planner.errors import FileError
+from planner.gap.campaign import Campaign, Specimen
+from planner.gap.quality_records import speed_mm_s
+from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
+from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.simulation.bar import slice_edges_mm
+from planner.simulation.bar_solver import RELAXATION_TIMES_s, Setup
+
+__all__ = [
+    "STEPS",
+    "Kind",
+    "Leg",
+    "MountedTest",
+    "Path",
+    "Walk",
+    "agree",
+    "assemble",
+    "cut",
+    "feature_places",
+    "forces_N",
+    "hold_scale_s",
+    "instants_s",
+    "mean_section_mm2",
+    "mean_times_s",
+    "moments_s",
+    "path_of",
+    "step_times_s",
+    "walk_of",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A specimen's path, cut at its turns and rests, as far as its record can be compared.
+
+
+Kind = Literal["loading", "unloading", "reloading", "hold", "rest"]
+
+_TURN_SHARE = 0.02
+"""A way back of less than this share of the range of travel is no turn."""
+
+_REST_SHARE = 0.004
+_REST_LENGTH = 10.0
+"""At rest is what moves less than `_REST_SHARE` of the range in `_REST_LENGTH` times the time
+that the crosshead takes for it."""
+
+_LOOKS = np.linspace(0.125, 1.0, 8)
+MINIMUM_ROWS = 4
+"""Of a first loading, unless it is but the way to a hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Rows `first` to `last` of a record, both included: one way, or one rest.
+
+    Attributes
+    ----------
+    kind
+        "loading" is the first one; "hold" a rest behind a loading, "rest" any other.
+    """
+
+    kind: Kind
+    first: int
+    last: int
+    begin_s: float
+    end_s: float
+    begin_mm: float
+    end_mm: float
+
+    @property
+    def rows(self) -> int:
+        """Their number."""
+        return self.last - self.first + 1
+
+    @property
+    def moves(self) -> bool:
+        """Whether the crosshead does."""
+        return self.kind not in ("hold", "rest")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """The legs of one specimen, times counted from where travel 0 was left.
+
+    Attributes
+    ----------
+    time_s, travel_mm, force_N
+        The record, on that clock.
+    shift_s
+        What was taken off the record's time.
+    broken
+        Whether the legs end at the specimen's break.
+    """
+
+    legs: tuple[Leg, ...]
+    time_s: FloatArray
+    travel_mm: FloatArray
+    force_N: FloatArray
+    shift_s: float
+    broken: bool
+
+    @property
+    def speed_mm_s(self) -> float:
+        """Of the first loading."""
+        leg = self.legs[0]
+        return (leg.end_mm - leg.begin_mm) / (leg.end_s - leg.begin_s)
+
+
+def path_of(specimen: Specimen) -> Path | None:
+    """Return a specimen's path up to its break; None where it never loads over enough rows."""
+    time, travel, force = specimen.time_s, specimen.displacement_mm, specimen.force_N
+    spread = float(np.ptp(travel))
+    noise = noise_sd(travel)
+    if spread <= 10.0 * noise:
+        return None
+    spans = _spans(time, travel, spread, noise)
+    while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
+        spans.pop(0)
+    named = _named(spans, travel)
+    kept, broken = _unbroken(named, force)
+    if not kept:
+        return None
+    held = len(kept) > 1 and kept[1][0] == "hold"
+    if kept[0][2] - kept[0][1] + 1 < (2 if held else MINIMUM_ROWS):
+        return None
+    start = kept[0][1]
+    reach = kept[0][2]
+    speed = (travel[reach] - travel[start]) / (time[reach] - time[start])
+    zero_s = float(time[start] - max(travel[start], 0.0) / speed)
+    legs: list[Leg] = []
+    begin_s, begin_mm = 0.0, 0.0
+    for at, (kind, first, last) in enumerate(kept):
+        next_kind = kept[at + 1][0] if at + 1 < len(kept) else None
+        corner_s, end_mm = _corner(time, travel, first, last, next_kind)
+        if kind in ("hold", "rest"):
+            end_mm = begin_mm
+        end_s = corner_s - zero_s
+        if end_s <= begin_s:
+            continue
+        legs.append(Leg(kind, first, last, begin_s, end_s, begin_mm, end_mm))
+        begin_s, begin_mm = end_s, end_mm
+    return Path(tuple(legs), time - zero_s, travel, force, zero_s, broken)
+
+
+def _corner(
+    time: FloatArray, travel: FloatArray, first: int, last: int, next_kind: Kind | None
+) -> tuple[float, float]:
+    """Return when and where a leg ends: where its line meets the next leg's, between two rows."""
+    at, level = float(time[last]), float(travel[last])
+    if next_kind is None or last - first < 3 or last + 3 > len(time):
+        return at, level
+    into = float((travel[last - 1] - travel[last - 3]) / (time[last - 1] - time[last - 3]))
+    if next_kind in ("hold", "rest"):
+        out, after_s, after_mm = 0.0, float(time[last + 1]), float(travel[last])
+    else:
+        out = float((travel[last + 2] - travel[last + 1]) / (time[last + 2] - time[last + 1]))
+        after_s, after_mm = float(time[last + 1]), float(travel[last + 1])
+    if into == out:
+        return at, level
+    before_s, before_mm = float(time[last - 1]), float(travel[last - 1])
+    meet = (after_mm - before_mm + into * before_s - out * after_s) / (into - out)
+    if not before_s < meet < after_s:
+        return at, level
+    return meet, before_mm + into * (meet - before_s)
+
+
+def _spans(
+    time: FloatArray, travel: FloatArray, spread: float, noise: float
+) -> list[tuple[str, int, int]]:
+    """Return ("rest" or "move", first, last) one after the other, each from the last one's end."""
+    resting = _resting(time, travel, max(_REST_SHARE * spread, 5.0 * noise))
+    turn = max(_TURN_SHARE * spread, 6.0 * noise)
+    edges = np.flatnonzero(np.diff(resting.astype(np.int8))) + 1
+    spans: list[tuple[str, int, int]] = []
+    for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
+        if resting[first]:
+            a, b = _held_rows(travel, int(first), int(stop) - 1, spread, noise)
+            spans.append(("rest", a, b))
+        else:
+            first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
+            corners = _turns(travel[first:stop], turn) + first
+            spans += [("move", int(a), int(b)) for a, b in pairwise(corners)]
+    # Join: a move begins where the span before ends, and one too short to be a way is left out.
+    joined: list[tuple[str, int, int]] = []
+    for at, (kind, first, last) in enumerate(spans):
+        begin = joined[-1][2] if joined else first
+        end = last
+        if kind == "move" and at + 1 < len(spans) and spans[at + 1][0] == "rest":
+            end = spans[at + 1][1]
+        if kind == "move" and abs(travel[end] - travel[begin]) < 0.5 * turn:
+            continue
+        if kind == "rest" and joined and joined[-1][0] == "rest":
+            joined[-1] = ("rest", joined[-1][1], end)
+        elif end > begin:
+            joined.append((kind, begin, end))
+    return joined
+
+
+def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray:
+    """Return which rows lie in a time in which travel stays within `least_mm`."""
+    window = _REST_LENGTH * least_mm / max(speed_mm_s(time, travel), 1e-300)
+    still = time + window <= time[-1]
+    for share in _LOOKS:
+        ahead = np.interp(time + share * window, time, travel)
+        still &= np.abs(ahead - travel) < least_mm
+    until = np.maximum.accumulate(np.where(still, time + window, -np.inf))
+    resting = np.asarray(until >= time)
+    # The last rows have not enough ahead of them: they rest on, or they move.
+    judged = int(np.searchsorted(time, time[-1] - window, side="right")) - 1
+    if judged >= 0 and still[judged]:
+        resting[judged:] = np.abs(travel[judged:] - travel[judged]) < least_mm
+    return resting
+
+
+def _held_rows(
+    travel: FloatArray, first: int, last: int, spread: float, noise: float
+) -> tuple[int, int]:
+    """Take off a rest what still moves towards it, or begins to leave it."""
+    level = float(np.median(travel[first : last + 1]))
+    near = np.abs(travel[first : last + 1] - level) <= max(0.0005 * spread, 3.0 * noise)
+    inside = np.flatnonzero(near)
+    return first + int(inside[0]), first + int(inside[-1])
+
+
+def _turns(travel: FloatArray, least: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return the ends and the turns between them, of more than `least` each."""
+    corners = [0]
+    low = high = 0
+    rising = 0
+    for i, value in enumerate(travel.tolist()):
+        if value > travel[high]:
+            high = i
+        if value < travel[low]:
+            low = i
+        if rising >= 0 and travel[high] - value > least:
+            if rising > 0 or high > 0:
+                corners.append(high)
+            rising, low = -1, i
+            high = i
+        elif rising <= 0 and value - travel[low] > least:
+            if rising < 0 or low > 0:
+                corners.append(low)
+            rising, high = 1, i
+            low = i
+    last = len(travel) - 1
+    end = {1: high, -1: low, 0: last}[rising]
+    if end != corners[-1]:
+        corners.append(end)
+    return np.array(corners, dtype=np.int64)
+
+
+def _named(spans: list[tuple[str, int, int]], travel: FloatArray) -> list[tuple[Kind, int, int]]:
+    named: list[tuple[Kind, int, int]] = []
+    for what, first, last in spans:
+        kind: Kind
+        if what == "rest":
+            loaded = bool(named) and named[-1][0] in ("loading", "reloading")
+            kind = "hold" if loaded else "rest"
+        elif travel[last] < travel[first]:
+            kind = "unloading"
+        else:
+            kind = "reloading" if named else "loading"
+        named.append((kind, first, last))
+    return named
+
+
+def _unbroken(
+    legs: list[tuple[Kind, int, int]], force: FloatArray
+) -> tuple[list[tuple[Kind, int, int]], bool]:
+    """Keep the legs up to rupture; it shows on a way up, or as a load that is gone in a rest."""
+    kept: list[tuple[Kind, int, int]] = []
+    peak = 0.0
+    for kind, first, last in legs:
+        end = last
+        part = force[first : last + 1]
+        if kind in ("loading", "reloading"):
+            end = first + _last_before_break(part)
+        elif kind == "hold":
+            gone = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
+            end = first + int(gone[0]) - 1 if len(gone) and part[0] > 0.2 * peak else last
+        peak = max(peak, float(np.max(part)))
+        if end - first >= 1:
+            kept.append((kind, first, end))
+        if end < last:
+            return kept, True
+    return kept, False
+
+
+def _last_before_break(force: FloatArray) -> int:
+    """Return the last place before rupture of a loading's rows."""
+    rows = np.arange(len(force), dtype=np.float64)
+    try:
+        return len(without_tail(Curve("", rows, force)).strain) - 1
+    except FileError:  # too few rows, or a load that does not rise above its noise
+        return len(force) - 1
+
+
+# ------------------------------------------------------------------------------------------------
+# The steps of a test: how a path of legs is walked in a set number of strides.
+
+
+STEPS = 64
+"""Of every test, the first at rest included."""
+
+_LEAST = 6
+_MOST_LEGS = 24
+_HOLD_DECADES = 1000.0
+_TRAVEL_TOLERANCE = 0.03
+_TIME_TOLERANCE = 0.1
+_SHORTEST_SHARE = 0.6
+
+_FRACTIONS: Mapping[Kind, tuple[tuple[float, ...], ...]] = {
+    "loading": (
+        (0.06, 0.12, 0.2, 0.32, 0.46, 0.64, 0.82, 1.0),
+        (0.08, 0.18, 0.32, 0.5, 0.75, 1.0),
+        (0.1, 0.25, 0.45, 0.7, 1.0),
+    ),
+    "unloading": ((0.2, 0.45, 0.7, 0.9), (0.2, 0.45, 0.7, 0.9), (0.25, 0.6, 0.9)),
+    "reloading": ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0), (0.3, 0.65, 1.0)),
+    "hold": ((0.2, 0.4, 0.6, 0.8, 1.0), (0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0)),
+    "rest": ((), (), ()),
+}
+"""Places of features along a leg, three lists each: fewer a leg where more legs have any."""
+
+FEATURES_MOST = 18
+ROWS_LEAST = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """The steps of one test.
+
+    Attributes
+    ----------
+    legs
+        The mean of the specimens' own, rows of the first one's record.
+    leg, fraction : (T,)
+        Where each step is: its leg, and how much of it is behind it. Of a rest the fraction is
+        that of the logarithm of time, see `instants_s`.
+    """
+
+    legs: tuple[Leg, ...]
+    leg: IntArray
+    fraction: FloatArray
+
+    @property
+    def travel_mm(self) -> FloatArray:
+        """Of the crosshead at every step."""
+        begin = np.array([leg.begin_mm for leg in self.legs])[self.leg]
+        end = np.array([leg.end_mm for leg in self.legs])[self.leg]
+        fraction = np.where([not leg.moves for leg in self.legs], 1.0, 0.0)[self.leg]
+        return np.asarray(begin + np.maximum(self.fraction, fraction) * (end - begin))
+
+
+def agree(one: Path, other: Path) -> bool:
+    """Say whether two specimens went the same way, at the same pace.
+
+    Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
+    """
+    if [leg.kind for leg in one.legs] != [leg.kind for leg in other.legs]:
+        return False
+    if abs(one.speed_mm_s / other.speed_mm_s - 1.0) > _TIME_TOLERANCE:
+        return False
+    if len(one.legs) == 1:
+        ends = one.legs[0].end_mm, other.legs[0].end_mm
+        return min(ends) > _SHORTEST_SHARE * max(ends)
+    spread = max(leg.end_mm for leg in one.legs)
+    return all(
+        abs(a.end_mm - b.end_mm) <= _TRAVEL_TOLERANCE * spread
+        and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
+        for a, b in zip(one.legs, other.legs, strict=True)
+    )
+
+
+def cut(path: Path, most_mm: float) -> Path:
+    """Return a path up to where its travel passes `most_mm` first."""
+    for at, leg in enumerate(path.legs):
+        if leg.end_mm > most_mm * (1.0 + 1e-9):
+            begin = max(leg.begin_mm, 0.0)
+            if begin >= most_mm:
+                return replace(path, legs=path.legs[:at])
+            when = float(moments_s(path, leg, np.array([most_mm]))[0])
+            return replace(path, legs=(*path.legs[:at], replace(leg, end_mm=most_mm, end_s=when)))
+    return replace(path, legs=path.legs[:_MOST_LEGS])
+
+
+def moments_s(path: Path, leg: Leg, travel_mm: FloatArray) -> FloatArray:
+    """Return when a specimen's travel was at these places of a moving leg."""
+    sign = 1.0 if leg.end_mm > leg.begin_mm else -1.0
+    inside = (path.time_s > leg.begin_s) & (path.time_s < leg.end_s)
+    rows = sign * path.travel_mm[inside]
+    even = 0.5 * (np.maximum.accumulate(rows) + np.minimum.accumulate(rows[::-1])[::-1])
+    low, high = sign * leg.begin_mm, sign * leg.end_mm
+    places = np.concatenate([[low], np.clip(even, low, high), [high]])
+    times = np.concatenate([[leg.begin_s], path.time_s[inside], [leg.end_s]])
+    return np.asarray(np.interp(sign * travel_mm, places, times))
+
+
+def instants_s(leg: Leg, fraction: FloatArray, first_s: float) -> FloatArray:
+    """Return times since a rest began, even in the logarithm of `first_s` and them."""
+    length = leg.end_s - leg.begin_s
+    return np.asarray(first_s * np.expm1(fraction * np.log1p(length / first_s)))
+
+
+def hold_scale_s(leg: Leg) -> float:
+    """Return the time from which on a rest is looked at evenly in the logarithm of time."""
+    return (leg.end_s - leg.begin_s) / _HOLD_DECADES
+
+
+def feature_places(legs: Sequence[Leg]) -> list[tuple[float, ...]]:
+    """Return where along each leg features are taken: () on most.
+
+    The first loading, the first and the last unloading, the last reloading and the longest hold
+    have some, `FEATURES_MOST` in all at most. A leg of few rows has its end only.
+    """
+    kinds = [leg.kind for leg in legs]
+    chosen: set[int] = {0}
+    down = [i for i, kind in enumerate(kinds) if kind == "unloading"]
+    up = [i for i, kind in enumerate(kinds) if kind == "reloading"]
+    held = [i for i, kind in enumerate(kinds) if kind == "hold"]
+    chosen.update(down[:1] + down[-1:] + up[-1:])
+    if held:
+        chosen.add(max(held, key=lambda i: legs[i].end_s - legs[i].begin_s))
+    for level in range(3):
+        places = [_FRACTIONS[kind][level] if i in chosen else () for i, kind in enumerate(kinds)]
+        if sum(map(len, places)) <= FEATURES_MOST:
+            break
+    return [
+        some if leg.rows >= ROWS_LEAST else some[-1:]
+        for some, leg in zip(places, legs, strict=True)
+    ]
+
+
+def walk_of(paths: Sequence[Path], extra: Sequence[float] = ()) -> Walk:
+    """Return the steps of a test whose specimens went these ways.
+
+    Parameters
+    ----------
+    extra
+        Fractions of the first loading that must be steps, beside the features' own.
+    """
+    if len(paths[0].legs) == 1:
+        shortest = min(path.legs[0].end_mm for path in paths)
+        paths = [cut(path, shortest) for path in paths]
+    legs = tuple(
+        replace(
+            together[0],
+            **{
+                name: float(np.mean([getattr(leg, name) for leg in together]))
+                for name in ("begin_s", "end_s", "begin_mm", "end_mm")
+            },
+        )
+        for together in zip(*(path.legs for path in paths), strict=True)
+    )
+    wanted = [sorted({*places, 1.0}) for places in feature_places(legs)]
+    wanted[0] = sorted({*wanted[0], *extra})
+    counts = _counts(legs, [len(places) for places in wanted])
+    leg = np.concatenate([[0], np.repeat(np.arange(len(legs)), counts)])
+    fraction = np.concatenate(
+        [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
+    )
+    return Walk(legs, leg, fraction)
+
+
+def _counts(legs: Sequence[Leg], least: Sequence[int]) -> list[int]:
+    """Share `STEPS` but one out among legs by their way, a rest's as half of the longest."""
+    all_ = STEPS - 1
+    ways = np.array([abs(leg.end_mm - leg.begin_mm) if leg.moves else 0.0 for leg in legs])
+    ways[[not leg.moves for leg in legs]] = 0.5 * float(ways.max())
+    floor = min(_LEAST, all_ // len(legs))
+    counts = np.maximum(least, floor)
+    while counts.sum() > all_:
+        floor -= 1
+        counts = np.maximum(least, floor)
+    while counts.sum() < all_:
+        counts[int(np.argmax(ways / counts))] += 1
+    return [int(n) for n in counts]
+
+
+def _filled(places: Sequence[float], count: int) -> FloatArray:
+    """Add places between 0 and 1, each halving the widest gap, up to `count`."""
+    found = [0.0, *places]
+    while len(found) <= count:
+        at = int(np.argmax(np.diff(found)))
+        found.insert(at + 1, 0.5 * (found[at] + found[at + 1]))
+    return np.array(found[1:])
+
+
+# ------------------------------------------------------------------------------------------------
+# A specimen's time, travel and force at the steps of its test, its sensors' noise evened out.
+
+
+_FEWEST = 7
+"""Rows that a parabola is laid through at least, so that it evens out some noise."""
+
+_MANY = 200
+
+
+def step_times_s(path: Path, walk: Walk) -> FloatArray:
+    """Return when a specimen came by each step, (T,)."""
+    times = np.zeros(len(walk.leg))
+    for number, (own, mean) in enumerate(zip(path.legs, walk.legs, strict=True)):
+        here = (walk.leg == number) & (np.arange(len(times)) > 0)
+        fraction = walk.fraction[here]
+        if own.moves:
+            end = min(own.end_mm, mean.end_mm) if len(walk.legs) == 1 else own.end_mm
+            places = own.begin_mm + fraction * (end - own.begin_mm)
+            times[here] = moments_s(path, own, places)
+        else:
+            times[here] = own.begin_s + instants_s(own, fraction, hold_scale_s(mean))
+    return times
+
+
+def forces_N(path: Path, walk: Walk) -> FloatArray:
+    """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
+
+    A parabola through the rows of the same leg within a quarter of a stride to either side, or
+    the nearest few, is taken where the step is.
+    """
+    forces = np.zeros(len(walk.leg))
+    travel = walk.travel_mm
+    for number, (own, mean) in enumerate(zip(path.legs, walk.legs, strict=True)):
+        here = np.flatnonzero(walk.leg == number)
+        inside = (path.time_s >= own.begin_s - 1e-9) & (path.time_s <= own.end_s + 1e-9)
+        inside &= np.arange(len(inside)) <= own.last
+        if own.moves:
+            rows = path.travel_mm[inside]
+            places = travel[here]
+        else:
+            scale = hold_scale_s(mean)
+            since = np.maximum(path.time_s[inside] - own.begin_s, 0.0)
+            rows = np.log1p(since / scale)
+            length = own.end_s - own.begin_s
+            places = walk.fraction[here] * np.log1p(length / scale)
+        if not inside.any():
+            forces[here] = np.interp(_middle_s(own), path.time_s, path.force_N)
+            continue
+        stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
+        forces[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
+    return forces
+
+
+def _middle_s(leg: Leg) -> float:
+    return 0.5 * (leg.begin_s + leg.end_s)
+
+
+def _fewer(values: FloatArray) -> FloatArray:
+    """Return the means of runs of points where there are very many."""
+    size = len(values) // _MANY
+    if size < 2:
+        return values
+    whole = values[: len(values) // size * size].reshape(-1, size).mean(axis=1)
+    rest = values[len(values) // size * size :]
+    return np.append(whole, rest.mean()) if len(rest) else whole
+
+
+def _smooth(
+    rows: FloatArray, values: FloatArray, places: FloatArray, reach: FloatArray
+) -> FloatArray:
+    """Return local parabolas at `places`, of the rows within `reach`, at least `_FEWEST`."""
+    rows, values = _fewer(rows), _fewer(values)
+    away = np.abs(rows[None, :] - places[:, None])
+    if len(rows) > _FEWEST:
+        width = np.maximum(reach, np.partition(away, _FEWEST, axis=1)[:, _FEWEST])
+        width = np.maximum(width, 1e-12)
+        # Fading to nothing at the ends, so that no row's place decides all or nothing.
+        weight = np.maximum(1.0 - (away / width[:, None]) ** 2, 0.0)
+    else:
+        width = np.maximum(away.max(axis=1), 1e-12)
+        weight = np.ones_like(away)
+    powers = np.arange(3 if len(rows) >= 5 else min(2, len(rows)))
+    basis = ((rows[None, :] - places[:, None]) / width[:, None])[..., None] ** powers
+    normal = np.einsum("pr,pri,prj->pij", weight, basis, basis)
+    # Rows that stand at one place decide no slope; the least of a ridge leaves it at none.
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.diag(powers > 0)
+    right = np.einsum("pr,pri,r->pi", weight, basis, values)
+    return np.asarray(np.linalg.solve(normal, right[..., None])[:, 0, 0])
+
+
+# ------------------------------------------------------------------------------------------------
+# The setup of a campaign's tests, with no effect.
+
+
+_ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
+_USUAL: Mapping[str, float] = {"temperature_C": 23.0, "soak_h": 0.0, "age_days": 1.0}
+"""Stand in for conditions that neither specimens nor palette tell; no test is at them then."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MountedTest:
+    """One test: the specimens that went the same way, by their place, and their steps.
+
+    Attributes
+    ----------
+    frames
+        Fractions of the first loading at which strain fields are compared.
+    """
+
+    places: tuple[int, ...]
+    walk: Walk
+    time_s: FloatArray
+    frames: tuple[float, ...]
+
+
+def mean_times_s(paths: Sequence[Path], walk: Walk) -> FloatArray:
+    """Return the mean of the times at which specimens came by each step, rising."""
+    times = np.mean([step_times_s(path, walk) for path in paths], axis=0)
+    least = 1e-9 * float(times[-1])
+    return np.asarray(np.maximum.accumulate(times) + least * np.arange(len(times)))
+
+
+def slice_bounds_mm(specimen: Specimen) -> FloatArray:
+    """Return the edges of a specimen's slices along the drawn gauge."""
+    if specimen.profile is None:
+        return np.array([0.0, specimen.gauge_mm])
+    edges = slice_edges_mm(specimen.profile)
+    return np.asarray(edges * (specimen.gauge_mm / edges[-1]))
+
+
+def assemble(campaign: Campaign, tests: Sequence[MountedTest], paths: Mapping[int, Path]) -> Setup:
+    """Return the setup: as printed, by the palette's laws, in a rigid machine."""
+    groups = [[campaign.specimens[place] for place in test.places] for test in tests]
+    bounds = [slice_bounds_mm(group[0]) for group in groups]
+    counts = [len(b) - 1 for b in bounds]
+    coordinate, area = [], []
+    for group, b in zip(groups, bounds, strict=True):
+        middle = 0.5 * (b[1:] + b[:-1])
+        coordinate.append(_coordinates(campaign, group[0], middle))
+        area.append(mean_section_mm2(group, middle))
+    reference = campaign.palette.reference
+    covariates: dict[str, FloatArray] = {}
+    known: dict[str, BoolArray] = {}
+    for name, usual in _USUAL.items():
+        stands = getattr(reference, name)
+        values = [[getattr(s, name) for s in group] for group in groups]
+        covariates[name], known[name] = _means(values, usual if stands is None else stands)
+    for name in ("width_mm", "thickness_mm"):
+        sizes = [[nominal_size_mm(s, name) for s in group] for group in groups]
+        covariates[name], known[name] = _means(sizes, 1.0)
+    orientations = [next((s.orientation for s in group if s.orientation), None) for group in groups]
+    known["orientation"] = np.array([o is not None for o in orientations])
+    always = np.ones(len(tests), dtype=np.bool_)
+    known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
+    gauge = np.array([np.mean([s.gauge_mm for s in group]) for group in groups])
+    rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
+    slices, steps = sum(counts), len(tests[0].time_s)
+    none = np.zeros(slices)
+    still = np.zeros(len(tests))
+    coordinates = [m.coordinate for m in campaign.palette.materials]
+    return Setup(
+        reference=reference,
+        coordinate_range=(coordinates[0], coordinates[-1]),
+        first_slice=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        time_s=np.stack([test.time_s for test in tests]),
+        travel_mm=np.stack([test.walk.travel_mm for test in tests]),
+        rate_per_s=rate / gauge,
+        gauge_mm=gauge,
+        orientation=np.array([_ORIENTATIONS[o or reference.orientation or "x"]
+                              for o in orientations]),
+        known=known,
+        designs=tuple(group[0].profile for group in groups),
+        x_mm=np.concatenate([0.5 * (b[1:] + b[:-1]) for b in bounds]),
+        length_mm=np.concatenate([np.diff(b) for b in bounds]),
+        coordinate=np.concatenate(coordinate),
+        log_factor=none,
+        log_tilt=none,
+        relaxing=np.zeros((slices, len(RELAXATION_TIMES_s))),
+        softening=none,
+        set_share=none,
+        area_mm2=np.concatenate(area),
+        travel_factor=np.ones(len(tests)),
+        lost_mm=np.zeros((len(tests), steps)),
+        slip_mm_N=still,
+        slip_from_N=still,
+        slip_power=np.ones(len(tests)),
+        compliance_mm_N=still,
+        compliance_power=np.ones(len(tests)),
+        gain=np.ones((len(tests), steps)),
+        offset_N=np.zeros((len(tests), steps)),
+        **covariates,
+    )  # fmt: skip
+
+
+def mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:
+    """Return the mean section of specimens along the gauge; 1 mm² where it is unknown."""
+    found = [area for s in group if (area := s.section_mm2(x_mm)) is not None]
+    return np.mean(found, axis=0) if found else np.ones_like(x_mm)
+
+
+def nominal_size_mm(specimen: Specimen, name: str) -> float | None:
+    """Return nominal `width_mm` or `thickness_mm`, else the design's mean, else the measured."""
+    own: float | None = getattr(specimen, name)
+    design = specimen.profile
+    if own is None and design is not None and getattr(design, name) is not None:
+        length = design.length_mm
+        own = float(np.trapezoid(getattr(design, name), design.x_mm)) / length
+    return getattr(specimen, f"measured_{name}") if own is None else own
+
+
+def _coordinates(campaign: Campaign, specimen: Specimen, x_mm: FloatArray) -> FloatArray:
+    if specimen.profile is None:
+        return np.full_like(x_mm, campaign.palette.resolve(specimen.material or "").coordinate)
+    return specimen.profile.at(x_mm)
+
+
+def _means(
+    groups: Sequence[Sequence[float | None]], otherwise: float
+) -> tuple[FloatArray, BoolArray]:
+    """Return the mean of what is known of each group, and whether anything is."""
+    values = [[value for value in group if value is not None] for group in groups]
+    known = np.array([bool(v) for v in values])
+    return np.array([float(np.mean(v)) if v else otherwise for v in values]), known

@@ -1,0 +1,601 @@
+"""Virtual specimens: campaigns yet to be measured, and synthetic data of stated effects."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
+from planner.formats.tensile import Specimen as Row
+from planner.formats.tensile import read_specimens
+from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField
+from planner.gap.campaign_folder import (
+    CURVES,
+    SPECIMENS,
+    check_headings,
+    covariates_of,
+    palette_of,
+    read_campaign,
+    read_campaign_file,
+)
+from planner.gap.effect import Effect, Form, Parameter, Values
+from planner.gap.effects import effects_for
+from planner.gap.segments import MountedTest, assemble, mean_times_s, path_of, walk_of
+from planner.numerics import FloatArray
+from planner.palette import Palette
+from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.bar_solver import Prediction, Setup, law_tables, predict
+from planner.simulation.simulate import loading_path
+
+__all__ = [
+    "BAR_SHARE",
+    "HOLD_S",
+    "SCATTER",
+    "FACET_mm",
+    "StatedEffect",
+    "effect_named",
+    "imitate",
+    "lone_test",
+    "nominal_record",
+    "planned_specimen",
+    "planned_strain",
+    "read_plan_of_campaign",
+    "stated_effect",
+    "usual_value",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Specimens that are yet to be tested, on the path that their protocol will take them.
+
+
+HOLD_S = 240.0
+"""How long relaxation holds."""
+
+FACET_mm = 1.0
+"""Between places at which a camera sees a bar's strain."""
+
+_PLANNED_ROWS = 160
+_FRAMES = 8
+_STRAIN = 0.3
+_BREAK_SHARE = 0.6
+BAR_SHARE = 0.5
+"""A bar is pulled less far than coupons: its soft end strains more than the bar does."""
+
+
+def planned_strain(
+    palette: Palette, materials: Sequence[str], profiles: Sequence[ProfileDesign] = ()
+) -> float:
+    """Return how far a campaign's coupons are pulled: the same strain for all, broken by none.
+
+    Bars go half as far. One strain for all keeps it from going with the material.
+    """
+    breaks = [palette.resolve(name).elongation_at_break for name in materials]
+    at = [m.coordinate for m in palette.materials]
+    for design in profiles:
+        ends = [m.elongation_at_break for m in palette.materials]
+        breaks.append(float(np.interp(design.coordinate, at, ends).min()))
+    return min([_STRAIN, *(_BREAK_SHARE * b for b in breaks)])
+
+
+def planned_specimen(
+    palette: Palette,
+    *,
+    id: str,
+    gauge_mm: float,
+    strain: float,
+    hold_s: float = HOLD_S,
+    camera: bool = False,
+    **fields: Any,
+) -> Specimen:
+    """Return a specimen with the time and travel of its test; its force is a stand-in.
+
+    The force is what keeps a record whole, rising with travel; whoever needs the truth predicts it.
+
+    Parameters
+    ----------
+    strain
+        How far a coupon is pulled; see `planned_strain`.
+    camera
+        Whether a bar's strain is seen along its axis.
+    fields
+        Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
+    """
+    rate = fields.get("rate_mm_s") or (palette.reference.strain_rate_per_s or 0.03) * gauge_mm
+    design: ProfileDesign | None = fields.get("profile")
+    protocol = fields.get("protocol") or "monotonic"
+    end_mm = strain * gauge_mm * (1.0 if design is None else BAR_SHARE)
+    path = loading_path(
+        protocol,
+        to_displacement_mm=end_mm,
+        rate_mm_s=rate,
+        steps=_PLANNED_ROWS if protocol == "monotonic" else _PLANNED_ROWS // 2,
+        hold_s=hold_s,
+    )
+    seen = None
+    if camera and design is not None:
+        x = np.arange(0.5 * FACET_mm, gauge_mm, FACET_mm)
+        last = int(np.argmax(path.displacement_mm))
+        rows = np.unique(np.linspace(1, last, _FRAMES).astype(np.int64))
+        local = np.repeat(path.displacement_mm[rows, None] / gauge_mm, len(x), axis=1)
+        seen = StrainField(path.time_s[rows], x, local)
+    return Specimen(
+        id=id,
+        time_s=path.time_s,
+        displacement_mm=path.displacement_mm,
+        force_N=path.displacement_mm / gauge_mm,
+        gauge_mm=gauge_mm,
+        strain_field=seen,
+        **fields,
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# One specimen's test on its own, at any steps: to predict whole curves.
+
+
+_LONE_ROWS = 200
+
+
+def lone_test(
+    campaign: Campaign, place: int, time_s: FloatArray, travel_mm: FloatArray
+) -> Setup | None:
+    """Return the setup of one specimen along a path of any steps, with no effect.
+
+    None where the specimen never loads over enough rows to be mounted.
+
+    Parameters
+    ----------
+    place
+        Of the specimen in the campaign.
+    time_s, travel_mm : (T,)
+        Of the crosshead, the first step at rest.
+    """
+    path = path_of(campaign.specimens[place])
+    if path is None or not path.legs:
+        return None
+    walk = walk_of([path])
+    test = MountedTest((place,), walk, mean_times_s([path], walk), ())
+    setup = assemble(campaign, [test], {place: path})
+    shape = (1, len(time_s))
+    return setup.with_(
+        time_s=np.asarray(time_s, dtype=np.float64)[None],
+        travel_mm=np.asarray(travel_mm, dtype=np.float64)[None],
+        lost_mm=np.zeros(shape),
+        gain=np.ones(shape),
+        offset_N=np.zeros(shape),
+    )
+
+
+def nominal_record(campaign: Campaign, place: int) -> tuple[FloatArray, FloatArray, float] | None:
+    """Return time and travel of a specimen's test as it was meant: corners, and lines between.
+
+    The last figure is what was taken off the record's clock: times count from the start of travel.
+
+    None where the specimen never loads over enough rows to be mounted.
+    """
+    path = path_of(campaign.specimens[place])
+    if path is None or not path.legs:
+        return None
+    corners_s = np.array([0.0, *(leg.end_s for leg in path.legs)])
+    corners_mm = np.array([0.0, *(leg.end_mm for leg in path.legs)])
+    rows = max(_LONE_ROWS // len(path.legs), 12)
+    parts = [np.zeros(1)]
+    for leg in path.legs:
+        length = leg.end_s - leg.begin_s
+        even = np.arange(1, rows + 1) / rows
+        parts.append(leg.begin_s + length * (even if leg.moves else np.geomspace(1e-3, 1.0, rows)))
+    time = np.concatenate(parts)
+    return time, np.interp(time, corners_s, corners_mm), path.shift_s
+
+
+# ------------------------------------------------------------------------------------------------
+# A campaign that is yet to be measured: its list of specimens, each on its protocol's path.
+
+
+def read_plan_of_campaign(
+    path: str | Path, palette: Palette, *, printer: str = "connex3", camera: bool = False
+) -> Campaign:
+    """Read which specimens are to be tested: a specimens.csv, or a campaign's folder.
+
+    A folder's own palette counts. Where it has curves, their specimens go the ways that they
+    went; else each goes that of its protocol, as far as a column `to_strain` says, or
+    `planned_strain`. Forces are stand-ins.
+
+    Parameters
+    ----------
+    palette, printer
+        Of a list without campaign.toml.
+    camera
+        Whether bars are seen along their axis.
+
+    Raises
+    ------
+    FileError
+        A file that is missing or cannot be understood, or a specimen without its sizes.
+    PaletteError, UnknownNameError
+        The palette, or a material that it does not have.
+    """
+    path = Path(path)
+    if path.is_file():
+        return _listed(path, path.stem, palette, printer, camera)
+    file = read_campaign_file(path)
+    own = palette_of(file, path)
+    if _has_curves(path):
+        campaign = read_campaign(path, own)
+        return replace(campaign, specimens=tuple(_retraced(campaign)))
+    return _listed(path / SPECIMENS, file.name, own, file.printer, camera)
+
+
+def _has_curves(folder: Path) -> bool:
+    if any(row.file for row in read_specimens(folder / SPECIMENS)):
+        return True
+    try:
+        lines = (folder / CURVES).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return False
+    return sum(bool(line.strip()) for line in lines) > 1
+
+
+def _retraced(campaign: Campaign) -> list[Specimen]:
+    """Return the specimens on the ways they went, without their sensors' noise."""
+    found = []
+    for place, specimen in enumerate(campaign.specimens):
+        record = nominal_record(campaign, place)
+        if record is None:
+            continue
+        time, travel, shift_s = record
+        seen = specimen.strain_field
+        found.append(
+            replace(
+                specimen,
+                time_s=time,
+                displacement_mm=travel,
+                force_N=travel / specimen.gauge_mm,
+                strain_field=None if seen is None else replace(seen, time_s=seen.time_s - shift_s),
+            )
+        )
+    if not found:
+        raise FileError(
+            f"campaign {campaign.name}: no specimen loads over enough points to be followed; "
+            f"give its {SPECIMENS} alone, and each goes the way of its protocol"
+        )
+    return found
+
+
+def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
+    rows = read_specimens(file)
+    notes = tuple(check_headings(rows, file.name))
+    covariates = covariates_of(rows)
+    designs = [_design(row, file, palette) for row in rows]
+    strain = planned_strain(
+        palette, [row.material for row in rows if row.material], [d for d in designs if d]
+    )
+    specimens = []
+    for row, design in zip(rows, designs, strict=True):
+        own = covariates[row.specimen]
+        specimens.append(
+            planned_specimen(
+                palette,
+                id=row.specimen,
+                gauge_mm=_gauge_mm(row, design, file),
+                strain=_figure(own.get("to_strain"), strain, row, file, "to_strain"),
+                hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
+                camera=camera,
+                material=palette.resolve(row.material).id if row.material else None,
+                profile=design,
+                width_mm=_size(row, "width_mm", design, file),
+                thickness_mm=_size(row, "thickness_mm", design, file),
+                measured_width_mm=row.measured_width_mm,
+                measured_thickness_mm=row.measured_thickness_mm,
+                rate_mm_s=row.rate_mm_s,
+                temperature_C=row.temperature_C,
+                soak_h=row.soak_h,
+                age_days=row.age_days,
+                orientation=cast("Orientation | None", row.orientation or None),
+                protocol=cast("Protocol | None", row.protocol or None),
+                batch=row.batch or None,
+                covariates=own,
+            )
+        )
+    return Campaign(
+        name=name,
+        printer=printer,
+        palette=palette,
+        specimens=tuple(specimens),
+        covariates=tuple(rows[0].covariates),
+        remarks=notes,
+    )
+
+
+def _design(row: Row, file: Path, palette: Palette) -> ProfileDesign | None:
+    if not row.profile:
+        return None
+    return read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
+
+
+def _gauge_mm(row: Row, design: ProfileDesign | None, file: Path) -> float:
+    gauge = row.gauge_mm if design is None else design.length_mm
+    if gauge is None:
+        raise FileError(f"{file.name}, specimen {row.specimen}: no gauge_mm; give the gauge length")
+    return gauge
+
+
+def _size(row: Row, name: str, design: ProfileDesign | None, file: Path) -> float | None:
+    size: float | None = getattr(row, name)
+    known = (
+        size or getattr(row, f"measured_{name}") or (design and getattr(design, name) is not None)
+    )
+    if not known:
+        raise FileError(f"{file.name}, specimen {row.specimen}: no {name}; give the section")
+    return size
+
+
+def _figure(value: str | float | None, otherwise: float, row: Row, file: Path, name: str) -> float:
+    if value is None:
+        return otherwise
+    if isinstance(value, str) or not value > 0.0:
+        raise FileError(
+            f"{file.name}, specimen {row.specimen}: {name} is {value!r}; it must be above 0, or "
+            "empty"
+        )
+    return value
+
+
+# ------------------------------------------------------------------------------------------------
+# An effect as a person states it: ``rate:rise=0.12,form=power-law``.
+
+
+@dataclass(frozen=True, slots=True)
+class StatedEffect:
+    """An effect in one form with its parameters' values."""
+
+    effect: Effect
+    form: Form
+    values: Values
+
+    @property
+    def text(self) -> str:
+        """As it is stated, whole."""
+        values = ",".join(f"{name}={value:.6g}" for name, value in self.values.items())
+        return f"{self.effect.id}:form={self.form.name},{values}"
+
+
+def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
+    """Return an effect by its id.
+
+    Raises
+    ------
+    UnknownNameError
+        There is none; the message names what is near.
+    """
+    if id in effects:
+        return effects[id]
+    near = nearest_names(id, list(effects))
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise UnknownNameError(f"{option} {id}: no such effect; {hint}there are {', '.join(effects)}")
+
+
+def usual_value(parameter: Parameter) -> float:
+    """Return the middle of a parameter's prior."""
+    low, high = parameter.low, parameter.high
+    return math.sqrt(low * high) if parameter.log and low > 0.0 else 0.5 * (low + high)
+
+
+def stated_effect(text: str, palette: Palette) -> StatedEffect:
+    """Read an effect: its id, then a colon and NAME=VALUE with commas between.
+
+    Parameters that are not given are at the middle of their prior; without ``form=`` the first
+    form is taken that has all the given ones.
+
+    Raises
+    ------
+    UnknownNameError
+        No such effect, form or parameter.
+    ArgumentError
+        A value that is no number, or beyond what the effect may have.
+    """
+    id, _, rest = text.partition(":")
+    effect = effect_named(id.strip(), effects_for(palette), "--effect")
+    given: dict[str, str] = {}
+    for pair in filter(None, (part.strip() for part in rest.split(","))):
+        name, equals, value = pair.partition("=")
+        if not equals or not value.strip():
+            raise ArgumentError(
+                f"--effect {text}: {pair!r} is no NAME=VALUE; write it as rate:rise=0.12"
+            )
+        given[name.strip()] = value.strip()
+    form = _form(effect, given.pop("form", None), given, text)
+    values = {p.name: usual_value(p) for p in form.parameters}
+    for parameter in form.parameters:
+        if parameter.name in given:
+            size = parameter is form.size
+            values[parameter.name] = _value(parameter, given[parameter.name], size, text)
+    return StatedEffect(effect, form, values)
+
+
+def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str) -> Form:
+    forms = {form.name: form for form in effect.forms}
+    if name is not None and name not in forms:
+        near = nearest_names(name, list(forms))
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise UnknownNameError(
+            f"--effect {text}: {effect.id} has no form {name!r}; {hint}its forms are "
+            f"{', '.join(forms)}"
+        )
+    candidates = list(forms.values()) if name is None else [forms[name]]
+    for form in candidates:
+        if set(given) <= {p.name for p in form.parameters}:
+            return form
+    which = "no form" if name is None else f"form {name} does not"
+    owns = "; ".join(f"{f.name}: {', '.join(p.name for p in f.parameters)}" for f in candidates)
+    raise UnknownNameError(
+        f"--effect {text}: {which} take{'s' if name is None else ''} {', '.join(given)} ({owns})"
+    )
+
+
+def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    low, high = parameter.low, parameter.high
+    if size:
+        low = -high if parameter.signed else 0.0
+    if not low <= value <= high:
+        raise ArgumentError(
+            f"--effect {whole}: {parameter.name} is {text}; it must be from {low:g} to {high:g}"
+            + (f" {parameter.unit}" if parameter.unit != "1" else "")
+        )
+    return value
+
+
+# ------------------------------------------------------------------------------------------------
+# A campaign with stated effects, made by planner's own forward model: to teach and to practise.
+#
+# What planner makes by its own formulas proves nothing about what it can find in measurements;
+# every file says where it comes from.
+
+
+SCATTER = 0.03
+"""Standard deviation of specimens' levels, of the logarithm of force; the rest goes with it."""
+
+_BATCH = 0.4
+_SLOPE = 0.4
+_WANDER = 0.2
+_WANDER_LENGTH = 0.15
+"""Of a path. Batches, slopes and wandering in shares of the specimens' scatter."""
+
+_SENSOR = 0.001
+_SENSOR_LEAST_N = 0.002
+_FIELD, _FIELD_RELATIVE = 0.003, 0.02
+_STAGES = ("composition", "law", "geometry", "boundary", "sensor")
+
+
+def imitate(
+    plan: Campaign,
+    effects: Sequence[StatedEffect],
+    rng: np.random.Generator,
+    *,
+    scatter: float = SCATTER,
+    seed_text: str = "",
+) -> Campaign:
+    """Return a campaign as if its specimens had been measured with these effects at work.
+
+    Ids begin with "SIM-", a column `simulated` and the notes say how it was made.
+
+    Parameters
+    ----------
+    plan
+        Its specimens' time and travel are followed; their forces do not matter.
+    scatter
+        0 leaves the sensors' noise alone.
+    seed_text
+        How the generator was made, for the notes.
+
+    Raises
+    ------
+    ArgumentError
+        A scatter below 0 or above 0.3.
+    FileError
+        A specimen that never loads.
+    PaletteError
+        A law that nothing can be predicted with.
+    """
+    if not 0.0 <= scatter <= 0.3:
+        raise ArgumentError(f"--scatter {scatter:g}: it must be from 0 to 0.3")
+    laws = law_tables(plan.palette)
+    batches = {
+        name: _BATCH * scatter * float(rng.standard_normal())
+        for name in dict.fromkeys(s.batch for s in plan.specimens)
+    }
+    told = ", ".join(e.text for e in effects) or "no effect"
+    how = f"SIMULATED by planner gap simulate with {told}; scatter {scatter:g}"
+    how += f"; {seed_text}" if seed_text else ""
+    specimens = []
+    for place, specimen in enumerate(plan.specimens):
+        setup = lone_test(plan, place, specimen.time_s, specimen.displacement_mm)
+        if setup is None:
+            raise FileError(
+                f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "
+                "leave it out"
+            )
+        prediction = predict(_with(setup, effects, rng), laws)
+        level = batches[specimen.batch] + _course(specimen, scatter, rng)
+        specimens.append(_measured(specimen, setup, prediction, level, rng, how))
+    return replace(
+        plan,
+        name=f"{plan.name} (simulated)",
+        specimens=tuple(specimens),
+        covariates=(*plan.covariates, "simulated"),
+        notes=f"{how}. Nothing was measured.",
+        remarks=(),
+    )
+
+
+def _with(setup: Setup, effects: Sequence[StatedEffect], rng: np.random.Generator) -> Setup:
+    """Return the setup with every effect, sizes that are each specimen's own drawn."""
+    for one in sorted(effects, key=lambda e: _STAGES.index(e.effect.stage)):
+        own = 1.0 + one.effect.individual * float(rng.standard_normal())
+        size = one.form.size.name
+        values = {**one.values, size: one.values[size] * max(own, 0.1)}
+        setup = one.form.apply(setup, values)
+    return setup
+
+
+def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:
+    """Return what is a specimen's own, of ln force along its record: level, slope, wandering."""
+    level, slope = rng.standard_normal(2)
+    travel = specimen.displacement_mm / float(specimen.displacement_mm.max())
+    place = np.arange(len(travel)) / (len(travel) - 1)
+    kept = np.exp(-np.diff(place) / _WANDER_LENGTH)
+    wander = rng.standard_normal(len(travel))
+    for k, share in enumerate(kept):
+        wander[k + 1] = share * wander[k] + np.sqrt(1.0 - share**2) * wander[k + 1]
+    course: FloatArray = scatter * (level + _SLOPE * slope * (travel - 0.5) + _WANDER * wander)
+    return course
+
+
+def _measured(
+    specimen: Specimen,
+    setup: Setup,
+    prediction: Prediction,
+    level: FloatArray,
+    rng: np.random.Generator,
+    how: str,
+) -> Specimen:
+    force = prediction.force_N[0] * np.exp(level)
+    noise = max(_SENSOR * float(np.abs(force).max()), _SENSOR_LEAST_N)
+    force = force + noise * rng.standard_normal(len(force))
+    seen = specimen.strain_field
+    return replace(
+        specimen,
+        id=f"SIM-{specimen.id}",
+        force_N=force,
+        strain_field=None if seen is None else _seen(seen, specimen, setup, prediction, rng),
+        covariates={**specimen.covariates, "simulated": how.partition(";")[0]},
+        time_recorded=True,
+    )
+
+
+def _seen(
+    seen: StrainField,
+    specimen: Specimen,
+    setup: Setup,
+    prediction: Prediction,
+    rng: np.random.Generator,
+) -> StrainField:
+    """Return the strains that a camera sees when it looked, means over the way between places."""
+    half = 0.5 * float(np.median(np.diff(seen.x_mm))) if len(seen.x_mm) > 1 else 0.5
+    edges = np.concatenate([[0.0], setup.x_mm + 0.5 * setup.length_mm])
+    ends = np.stack([seen.x_mm - half, seen.x_mm + half]).clip(0.0, edges[-1])
+    moved = np.cumsum(prediction.strain * setup.length_mm, axis=1)
+    moved = np.concatenate([np.zeros((len(moved), 1)), moved], axis=1)
+    along = np.stack([np.diff(np.interp(ends, edges, row), axis=0)[0] for row in moved])
+    along = along / np.diff(ends, axis=0)[0]
+    strain = np.stack([np.interp(seen.time_s, specimen.time_s, at) for at in along.T], axis=1)
+    sd = np.hypot(_FIELD, _FIELD_RELATIVE * strain)
+    return replace(seen, strain=strain + sd * rng.standard_normal(strain.shape))

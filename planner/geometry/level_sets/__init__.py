@@ -1,1 +1,0 @@
-"""Division of a part along curved level sets: marching tetrahedra met exactly with the surface."""

@@ -1,1 +1,0 @@
-"""How a target between two catalogue materials is met: dithered cells, bands in turn, mixtures."""

@@ -1,0 +1,507 @@
+"""Plans checked and compared: from a folder's files alone, and one against another."""
+
+import hashlib
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import ArgumentError, FileError, MeshError, PlannerError
+from planner.formats.stl import decode_stl
+from planner.formats.threemf import ThreemfObject, read_threemf
+from planner.mesh.audit import Measured, audit, audit_welded, interfaces_cancel
+from planner.mesh.mesh import Mesh, weld
+from planner.numerics import Float32Array, FloatArray
+from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
+from planner.voxels.columns import grid_for, iterate_columns
+
+__all__ = [
+    "VOLUME_ERROR_LIMIT",
+    "Certificate",
+    "Difference",
+    "certify",
+    "differences",
+    "region_problems",
+    "shell_checks",
+    "shell_problems",
+    "threemf_problems",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Whether shells are sound, and fill the part without gap or overlap, as readers find them.
+
+
+VOLUME_ERROR_LIMIT = 1e-6
+"""Of the shells' volumes against the part's: what rounding to float32 leaves on a part of any
+shape that fits a tray."""
+
+OVERLAP_LIMIT = 1e-9
+_COLUMNS_ACROSS = 512  # of the longest side: 2e5 columns over a cube, a fraction of a second
+
+
+def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) -> dict[str, Check]:
+    """Verify a part's shells as they stand in their files.
+
+    Parameters
+    ----------
+    shells
+        Triangles (k, 3, 3) of each, at least one.
+    part
+        The part they were cut from; its volume is above 0.
+
+    Returns
+    -------
+    dict
+        ``shells_unsound``: shells that are not closed, each edge used exactly once each way,
+        without degenerate or duplicate triangles, the right way out, and taken by manifold3d.
+        ``volume_error``: sum of the shells' volumes against the part's, relative.
+        ``interfaces_unmatched``: 0 when all opposite triangles of neighbours cancel exactly and
+        the part's own surface, by area and volume, is what remains.
+        ``overlap``: volume that two shells share, of the part's. Shells whose boundaries cancel
+        have winding numbers that add up to the part's, so it can differ from 0 only where a
+        shell is turned inside out in places; it is measured on columns of voxels.
+    """
+    meshes = [_welded(shell) for shell in shells]
+    audits = [audit_welded(mesh) for mesh in meshes]
+    unsound = sum(
+        not (found.sound and _accepted(mesh)) for found, mesh in zip(audits, meshes, strict=True)
+    )
+    fit = interfaces_cancel(meshes, part)
+    total = sum(found.volume_mm3 for found in audits)
+    error = abs(total / part.volume_mm3 - 1.0)
+    shared = _shared_mm3(meshes) / part.volume_mm3
+    return {
+        "shells_unsound": Check(unsound, 0, unsound == 0),
+        "volume_error": Check(error, VOLUME_ERROR_LIMIT, error <= VOLUME_ERROR_LIMIT),
+        "interfaces_unmatched": Check(int(not fit.ok), 0, fit.ok),
+        "overlap": Check(shared, OVERLAP_LIMIT, shared <= OVERLAP_LIMIT),
+    }
+
+
+def _shared_mm3(meshes: Sequence[Mesh]) -> float:
+    """Measure on columns what lies in more than one shell."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    together = Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+    )
+    extent_mm = together.bounds_mm[1] - together.bounds_mm[0]
+    grid = grid_for(together.bounds_mm, float(extent_mm.max()) / _COLUMNS_ACROSS)
+    voxels = [
+        sum(columns.voxels for columns in iterate_columns(mesh, grid))
+        for mesh in (together, *meshes)
+    ]
+    return abs(sum(voxels[1:]) - voxels[0]) * grid.voxel_mm3
+
+
+def _welded(soup: Float32Array | FloatArray) -> Mesh:
+    vertices, faces = weld(soup.astype(np.float32))
+    return Mesh(vertices.astype(np.float64), faces)
+
+
+def _accepted(mesh: Mesh) -> bool:
+    """Tell whether manifold3d takes a shell as a manifold."""
+    import manifold3d
+
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh(
+            vert_properties=mesh.vertices.astype(np.float32),
+            tri_verts=mesh.faces.astype(np.uint32),
+        )
+    )
+    return bool(solid.status() == manifold3d.Error.NoError)
+
+
+# ------------------------------------------------------------------------------------------------
+# Whether a plan's files say what its plan.json says.
+
+
+Shells = Mapping[str, Float32Array | FloatArray]
+
+_VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
+_PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
+
+
+def region_problems(plan: Plan) -> Iterator[str]:
+    """Hold a plan's regions against one another and against the part."""
+    if not plan.regions:
+        yield "plan.json: it has no regions"
+        return
+    total = sum(region.volume_mm3 for region in plan.regions)
+    if not math.isclose(total, plan.part.volume_mm3, rel_tol=_VOLUME_ERROR):
+        yield (
+            f"plan.json: its regions have {total:.9g} mm3 in all, the part "
+            f"{plan.part.volume_mm3:.9g} mm3"
+        )
+    for before, after in itertools.pairwise(plan.regions):
+        together = before.field == after.field and _dealt(before) and _dealt(after)
+        if before.field[1] > after.field[0] + 1e-9 and not together:
+            yield f"plan.json: region {after.index} begins before region {before.index} ends"
+    low, high = _union([region.bounds_mm for region in plan.regions])
+    shift = np.array(plan.part.translation_mm)
+    if not _near((low, high), np.array(plan.part.bounds_mm) + shift):
+        yield "plan.json: its regions do not fill the part's bounds"
+
+
+def shell_problems(plan: Plan, shells: Shells) -> Iterator[str]:
+    """Hold each shell against the regions that the plan puts into it."""
+    for number, file in enumerate(sorted(shells), start=1):
+        regions = _of(plan, file)
+        materials = sorted({region.printed for region in regions})
+        if not all(file.endswith(f"_{material}.stl") for material in materials):
+            yield f"{file}: the plan puts {', '.join(materials)} into it, its name says otherwise"
+        if f"__{number:02d}_" not in file:
+            yield f"{file}: its number is not its place from soft to hard, {number:02d}"
+        found = audit(shells[file])
+        volume = sum(region.volume_mm3 for region in regions)
+        if not math.isclose(found.volume_mm3, volume, rel_tol=_VOLUME_ERROR):
+            yield f"{file}: it has {found.volume_mm3:.9g} mm3, the plan says {volume:.9g} mm3"
+        if any(region.triangles != found.triangles for region in regions):
+            yield f"{file}: it has {found.triangles} triangles, the plan says otherwise"
+        if not _near(found.bounds_mm, _union([region.bounds_mm for region in regions])):
+            yield f"{file}: it does not lie where the plan says"
+    softest_first = [_of(plan, file)[0].coordinate for file in sorted(shells)]
+    if softest_first != sorted(softest_first):
+        yield "stl/: the files' numbers do not run from soft to hard"
+
+
+def threemf_problems(path: Path, plan: Plan, shells: Shells) -> Iterator[str]:
+    """Hold the 3MF against the STL files, triangle for triangle, and its materials."""
+    if not path.is_file():
+        return  # told as missing
+    try:
+        model = read_threemf(path)
+    except PlannerError as error:
+        yield str(error)
+        return
+    for remark in model.remarks:
+        yield f"{path.name}: {remark}"
+    objects = {item.name: item for item in model.objects}
+    for file, shell in shells.items():
+        item = objects.pop(Path(file).stem, None)
+        if item is None:
+            yield f"{path.name}: it has no object {Path(file).stem}"
+        else:
+            yield from _object_problems(path.name, item, shell, _of(plan, file))
+    for name in objects:
+        yield f"{path.name}: object {name} has no STL"
+
+
+def _object_problems(
+    name: str, item: ThreemfObject, shell: Float32Array | FloatArray, regions: list[Region]
+) -> Iterator[str]:
+    triangles = np.asarray(item.vertices, dtype=np.float32)[item.faces]
+    # Text keeps each coordinate to about one unit in the last place of float32.
+    if triangles.shape != shell.shape or not np.allclose(triangles, shell, rtol=3e-7, atol=1e-9):
+        yield f"{name}: object {item.name} is not the shell in its STL"
+    materials = {region.printed for region in regions}
+    if materials != {item.material_name}:
+        yield (
+            f"{name}: object {item.name} is of {item.material_name or 'no material'}, the plan "
+            f"says {', '.join(sorted(str(m) for m in materials))}"
+        )
+
+
+def _dealt(region: Region) -> bool:
+    """Tell whether a region is one of two whose cells lie among each other."""
+    return (region.blend or {}).get("kind") == "dither"
+
+
+def _of(plan: Plan, file: str) -> list[Region]:
+    return [region for region in plan.regions if region.file == file]
+
+
+def _union(boxes: list[Box]) -> FloatArray:
+    corners = np.array(boxes)
+    return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+
+
+def _near(box: object, other: object) -> bool:
+    return bool(np.allclose(np.array(box), np.array(other), rtol=0.0, atol=_PLACE_ERROR_MM))
+
+
+# ------------------------------------------------------------------------------------------------
+# A plan's folder verified anew, from its files alone.
+
+
+_EXTRA = {"report.html", "HOWTO.md"}
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What was verified, and what does not hold.
+
+    Attributes
+    ----------
+    checks
+        By name; each with its value and limit.
+    problems
+        In words, with the file.
+    reported
+        What the plan itself reported when it was made: findings and targets out of reach.
+    """
+
+    part: str
+    printer: str
+    shells: int
+    triangles: int
+    checks: Mapping[str, Check]
+    problems: tuple[str, ...]
+    reported: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether everything holds, and the plan reported nothing."""
+        held = all(check.ok for check in self.checks.values())
+        return held and not self.problems and not self.reported
+
+    def document(self) -> dict[str, Any]:
+        """Return the certificate as JSON holds it."""
+        return {
+            "schema": 1,
+            "ok": self.ok,
+            "part": self.part,
+            "printer": self.printer,
+            "shells": self.shells,
+            "triangles": self.triangles,
+            "checks": {
+                name: {"value": c.value, "limit": c.limit, "ok": c.ok}
+                for name, c in self.checks.items()
+            },
+            "problems": list(self.problems),
+            "reported": list(self.reported),
+        }
+
+
+def certify(
+    folder: str | Path, *, progress: Callable[[str], None] = lambda stage: None
+) -> Certificate:
+    """Verify a plan's folder: nothing missing, nothing altered, and every shell sound.
+
+    Each shell is verified as a reader finds it, and held against what the plan says of it: its
+    material, volume, triangles and place. Where bands share a file, their volumes are verified
+    together.
+
+    Raises
+    ------
+    FileError
+        There is no plan to verify, or it cannot be read.
+    """
+    file = plan_file(folder)
+    root = file.parent
+    plan = read_plan(file)
+    problems = list(_misplaced(root, plan))
+    disagreements = list(region_problems(plan))
+    progress("reading the shells")
+    altered, shells = 0, dict[str, Float32Array | FloatArray]()
+    for name, expected in {region.file: region.sha256 for region in plan.regions}.items():
+        try:
+            data = _inside(root, name).read_bytes()
+            if hashlib.sha256(data).hexdigest() != expected:
+                altered += 1
+                problems.append(f"{name}: its content is not what the plan was written with")
+            shells[name] = decode_stl(data, name)
+        except FileNotFoundError:
+            continue  # told as missing already
+        except (OSError, FileError) as error:
+            problems.append(str(error))
+    progress("verifying the shells")
+    checks = {"files_altered": Check(altered, 0, altered == 0)}
+    if shells and plan.part.volume_mm3 > 0.0:
+        checks |= shell_checks(list(shells.values()), plan.part)
+        disagreements += shell_problems(plan, shells)
+    else:
+        problems.append("there is no shell that can be verified")
+    progress("comparing the 3MF")
+    mismatches = list(threemf_problems(root / f"{plan.name}.3mf", plan, shells))
+    checks["plan_disagreements"] = Check(len(disagreements), 0, not disagreements)
+    checks["threemf_mismatches"] = Check(len(mismatches), 0, not mismatches)
+    return Certificate(
+        part=plan.part.file,
+        printer=plan.printer,
+        shells=len(shells),
+        triangles=sum(map(len, shells.values())),
+        checks=checks,
+        problems=(*problems, *disagreements, *mismatches),
+        reported=tuple(_reported(plan)),
+    )
+
+
+def _inside(root: Path, name: str) -> Path:
+    path = (root / name).resolve()
+    if not path.is_relative_to(root.resolve() / "stl"):
+        raise MeshError(
+            f"{name}: the plan names a shell outside the folder's stl/; it was not read"
+        )
+    return path
+
+
+def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
+    expected = {region.file for region in plan.regions} | {"plan.json", f"{plan.name}.3mf"}
+    found = {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
+    for name in sorted(expected - found):
+        yield f"{name}: the plan names it, but it is missing"
+    for name in sorted(found - expected - _EXTRA):
+        yield f"{name}: no part of the plan; remove it"
+
+
+def _reported(plan: Plan) -> Iterator[str]:
+    for finding in plan.findings:
+        yield finding.message
+    for missed in plan.unreachable:
+        low, high = missed.target_modulus_MPa
+        yield f"target {low:.3g} .. {high:.3g} MPa is out of reach of {missed.nearest}"
+    for name, check in plan.checks.items():
+        if not check.ok and not plan.findings:  # findings say it better
+            yield f"check {name} did not hold: {check.value:.3g}, limit {check.limit:.3g}"
+
+
+# ------------------------------------------------------------------------------------------------
+# Two plans compared by meaning: what is printed differently, not which bytes differ.
+
+
+_NEAREST = {"kind": "nearest"}  # of plans that say nothing of it
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One difference in words: what differs, where, and how it was and is."""
+
+    what: str
+    where: str
+    before: str
+    after: str
+
+
+def differences(before: Plan, after: Plan, tolerance: float = 1e-6) -> tuple[Difference, ...]:
+    """Compare two plans.
+
+    Parameters
+    ----------
+    tolerance
+        Relative difference of figures that still counts as equal; places along the field are
+        compared with the same tolerance, absolutely.
+
+    Raises
+    ------
+    ArgumentError
+        The tolerance is not a number from 0 to 1.
+
+    Returns
+    -------
+    tuple of Difference
+        Empty when the plans mean the same. File hashes and version numbers do not count: they
+        differ whenever anything else does, and sometimes when nothing does.
+    """
+    if not 0.0 <= tolerance <= 1.0:
+        raise ArgumentError(f"--tolerance {tolerance:g}: it must be a number from 0 to 1")
+    return tuple(_compare(before, after, tolerance))
+
+
+def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
+    pairs: list[tuple[str, Any, Any]] = [
+        ("printer", before.printer, after.printer),
+        ("palette", before.palette.name, after.palette.name),
+        ("part", before.part.file, after.part.file),
+        ("part volume mm3", before.part.volume_mm3, after.part.volume_mm3),
+        ("part bounds mm", before.part.bounds_mm, after.part.bounds_mm),
+        ("field", before.gradient.field, after.gradient.field),
+        ("profile", before.gradient.profile, after.gradient.profile),
+        ("gradient from", before.gradient.start, after.gradient.start),
+        ("gradient to", before.gradient.end, after.gradient.end),
+        ("blend", before.gradient.blend or _NEAREST, after.gradient.blend or _NEAREST),
+        ("working strain", before.stiffness.at_strain, after.stiffness.at_strain),
+    ]
+    for what, a, b in pairs:
+        if not _equal(a, b, tolerance):
+            yield Difference(what, "plan", _text(a), _text(b))
+    if before.palette.name == after.palette.name and before.palette.sha256 != after.palette.sha256:
+        yield Difference(
+            "palette content", "plan", before.palette.sha256[:12], after.palette.sha256[:12]
+        )
+    yield from _compare_materials(before, after, tolerance)
+    yield from _compare_regions(before, after, tolerance)
+    for name in sorted({*before.checks, *after.checks}):
+        a, b = before.checks.get(name), after.checks.get(name)
+        if (a is None or a.ok) != (b is None or b.ok):
+            yield Difference("check", name, _holds(a), _holds(b))
+    a_found = sorted(found.message for found in before.findings)
+    b_found = sorted(found.message for found in after.findings)
+    if a_found != b_found:
+        yield Difference("findings", "plan", str(len(a_found)), str(len(b_found)))
+    if not _equal(_targets(before), _targets(after), tolerance):
+        yield Difference(
+            "unreachable targets", "plan", _text(_targets(before)), _text(_targets(after))
+        )
+
+
+def _compare_materials(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
+    volumes = [_volume_by_material(plan) for plan in (before, after)]
+    for material in [*volumes[0], *(m for m in volumes[1] if m not in volumes[0])]:
+        a, b = volumes[0].get(material), volumes[1].get(material)
+        if a is None:
+            yield Difference("material added", material, "", f"{_text(b)} mm3")
+        elif b is None:
+            yield Difference("material removed", material, f"{_text(a)} mm3", "")
+        elif not _equal(a, b, tolerance):
+            yield Difference("material volume mm3", material, _text(a), _text(b))
+
+
+def _compare_regions(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:
+    if len(before.regions) != len(after.regions):
+        yield Difference("regions", "plan", str(len(before.regions)), str(len(after.regions)))
+        return
+    for a, b in zip(before.regions, after.regions, strict=True):
+        where = f"region {a.index}"
+        if a.printed != b.printed:
+            yield Difference("material", where, a.printed, b.printed)
+        for what, x, y in (
+            ("place along the field", a.field, b.field),
+            ("target modulus MPa", a.target_modulus_MPa, b.target_modulus_MPa),
+            ("achieved modulus MPa", a.modulus_MPa, b.modulus_MPa),
+            ("blend", a.blend or {}, b.blend or {}),
+            ("volume mm3", a.volume_mm3, b.volume_mm3),
+            ("mass g", a.mass_g, b.mass_g),
+        ):
+            if not _equal(x, y, tolerance):
+                yield Difference(what, where, _text(x), _text(y))
+
+
+def _volume_by_material(plan: Plan) -> dict[str, float]:
+    volumes: dict[str, float] = {}
+    for region in plan.regions:
+        volumes[region.printed] = volumes.get(region.printed, 0.0) + region.volume_mm3
+    return volumes
+
+
+def _targets(plan: Plan) -> list[Any]:
+    return [[missed.field, missed.target_modulus_MPa] for missed in plan.unreachable]
+
+
+def _holds(check: Any) -> str:
+    return "absent" if check is None else "holds" if check.ok else "fails"
+
+
+def _equal(a: Any, b: Any, tolerance: float) -> bool:
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_equal(a[k], b[k], tolerance) for k in a)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(_equal(x, y, tolerance) for x, y in zip(a, b, strict=True))
+    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
+        return math.isclose(a, b, rel_tol=tolerance, abs_tol=tolerance)
+    return bool(a == b)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (list, tuple)):
+        return " .. ".join(_text(v) for v in value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_text(v)}" for k, v in value.items())
+    return str(value)

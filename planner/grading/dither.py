@@ -1,0 +1,764 @@
+"""Dither: cells of two materials along a gradient, and what they come to."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from itertools import permutations
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.cutting.level_sets import FIRST_SHIFT
+from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3
+from planner.errors import ArgumentError, FileError
+from planner.fields.basic import Field
+from planner.grading.blends import Stretch, blend_interval_MPa
+from planner.grading.profile import Band, Profile, StiffnessScale
+from planner.grading.regions import Printed, files_of, region_of
+from planner.materials.homogenisation import (
+    dither_table,
+    dithered_fraction,
+    dithered_modulus_MPa,
+    hashin_shtrikman_MPa,
+    reuss_MPa,
+    voigt_MPa,
+)
+from planner.mesh.mesh import Mesh
+from planner.numerics import Float32Array, FloatArray, IntArray, kernel
+from planner.palette import Palette
+from planner.plan import Check, Finding, Plan, Region, Shell
+from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
+
+__all__ = [
+    "MOST_TRIANGLES",
+    "BevelledTile",
+    "DealtField",
+    "DealtPiece",
+    "Tally",
+    "bayer_ranks",
+    "bevelled_fractions",
+    "blue_noise_bevelled",
+    "blue_noise_ranks",
+    "check_size",
+    "deal_cells",
+    "deal_voxels",
+    "dealt_pieces",
+    "dealt_regions",
+    "dithered_profile",
+    "estimated_triangles",
+    "fraction_checks",
+    "is_dithered",
+    "own_volumes",
+    "tally",
+    "thresholds",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# What cells come to once their corners are bevelled.
+#
+# Shells of dealt cells are level sets on the lattice of the cells' centres, in the six tetrahedra
+# between eight of them. So two materials meet half-way between centres, cells that touch along an
+# edge or at a corner are joined or parted by one rule everywhere, and no edge ever has four faces.
+# But a cell alone among others keeps half of its volume. Which fraction of the volume a dealt
+# fraction comes to is counted here, exactly, on the very tile.
+
+
+# Of a tetrahedron with 0 to 4 hard corners: hard volume, and triangles between.
+_VOLUME = np.array([0.0, 0.125, 0.5, 0.875, 1.0])
+_TRIANGLES = np.array([0, 1, 2, 1, 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BevelledTile:
+    """How a tile's cells come out, from all soft to all hard.
+
+    Attributes
+    ----------
+    dealt : (n,)
+        Fractions of cells, 0 to 1.
+    volume : (n,)
+        Fraction of the volume that is hard; rises strictly from 0 to 1.
+    triangles_per_cell : (n,)
+        Of the surface between both.
+    """
+
+    dealt: FloatArray
+    volume: FloatArray
+    triangles_per_cell: FloatArray
+
+    def dealt_for(self, volume: FloatArray) -> FloatArray:
+        """Return the fraction of cells to deal for a volume fraction."""
+        return np.asarray(np.interp(volume, self.volume, self.dealt))
+
+
+def bevelled_fractions(hard: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the volume fraction of a periodic block of cells, and the triangles a cell.
+
+    Parameters
+    ----------
+    hard : (nx, ny, nz) bool
+        Which cells are hard.
+    """
+    volume, triangles = 0.0, 0.0
+    for order in permutations(range(3)):
+        corner, count = hard, hard.astype(np.int8)
+        for axis in order:
+            corner = np.roll(corner, -1, axis)
+            count = count + corner
+        of = np.bincount(count.ravel(), minlength=5)
+        volume += float(_VOLUME @ of) / 6.0
+        triangles += float(_TRIANGLES @ of)
+    return volume / hard.size, triangles / hard.size
+
+
+@cache
+def blue_noise_bevelled() -> BevelledTile:
+    """Return the table of the tile that cells are dealt by.
+
+    Of 129 fractions; between them the volume is off by 2e-4 at most. `bevelled_fractions` of the
+    tile gives the same; `benchmarks/calibrate_dither.py` keeps it.
+    """
+    data = (files("planner.grading") / "bevelled.json").read_bytes()
+    columns = msgspec.json.decode(data, type=dict[str, list[float]])
+    return BevelledTile(**{name: np.array(values) for name, values in columns.items()})
+
+
+# ------------------------------------------------------------------------------------------------
+# Dealing at the scale of single voxels.
+
+
+def deal_voxels(fraction: Float32Array, thresholds: FloatArray) -> NDArray[np.uint8]:
+    """Tell which voxels of a block are hard.
+
+    Parameters
+    ----------
+    fraction : (nx, ny, nz) float32
+        Of the harder material, wanted at each voxel.
+    thresholds : (n, n, n)
+        See `planner.grading.dither.thresholds`; repeated over the block from its corner.
+
+    Returns
+    -------
+    (nx, ny, nz) uint8
+        1 where the fraction exceeds the threshold.
+
+    Raises
+    ------
+    ArgumentError
+        The tile's sides are not one power of two.
+    """
+    n = thresholds.shape[0]
+    if thresholds.shape != (n, n, n) or n & (n - 1):
+        raise ArgumentError(f"a tile of {thresholds.shape}: its sides must be one power of two")
+    found = np.empty(fraction.shape, dtype=np.uint8)
+    _deal(np.asarray(fraction, np.float32), np.asarray(thresholds, np.float32), found)
+    return found
+
+
+def deal_cells(
+    fraction: FloatArray, cell: NDArray[np.int64], thresholds: FloatArray
+) -> NDArray[np.bool_]:
+    """Tell which of some cells are hard.
+
+    Parameters
+    ----------
+    fraction : (n,)
+        Wanted at each.
+    cell : (n, 3) int64
+        Its place in the lattice of cells.
+    """
+    i, j, k = (cell % thresholds.shape[0]).T
+    return np.asarray(fraction > thresholds[i, j, k])
+
+
+@kernel
+def _deal(fraction: Any, thresholds: Any, found: Any) -> None:
+    nx, ny, nz = fraction.shape
+    n = thresholds.shape[0]
+    for i in range(nx):
+        for j in range(ny):
+            row = thresholds[i & (n - 1), j & (n - 1)]
+            wanted, dealt = fraction[i, j], found[i, j]
+            for first in range(0, nz, n):
+                for k in range(min(n, nz - first)):
+                    dealt[first + k] = wanted[first + k] > row[k]
+
+
+# ------------------------------------------------------------------------------------------------
+# How much of the volume each cell of a lattice keeps, its corners bevelled.
+
+
+# A cube's tetrahedra, along its edges from corner 0 to corner 7; corner c is at
+# (c & 1, c >> 1 & 1, c >> 2).
+_CELL_CORNERS = np.array(
+    [[0, 1, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 4, 6, 7]]
+)
+# Volume for each of 1 to 4 corners of one label in a tetrahedron of volume 1/6.
+_SHARE = np.array([0.0, 0.125, 0.25, 0.875 / 3.0, 0.25]) / 6.0
+
+
+def own_volumes(label: NDArray[np.int16]) -> Float32Array:
+    """Return the volume that each cell's centre comes to have around it, as a share of a cell.
+
+    Parameters
+    ----------
+    label : (nx, ny, nz) int16
+        What each cell belongs to; -1 where there is none, which counts as its neighbours' own.
+    """
+    found = np.zeros(tuple(n + 2 for n in label.shape), dtype=np.float32)
+    padded = np.pad(label, 1, constant_values=-1)
+    _spread(padded, _CELL_CORNERS, _SHARE, found)
+    return found[1:-1, 1:-1, 1:-1]
+
+
+@kernel
+def _spread(label: Any, corners: Any, share: Any, found: Any) -> None:
+    nx, ny, nz = label.shape
+    for i in range(nx - 1):
+        for j in range(ny - 1):
+            for k in range(nz - 1):
+                for t in range(6):
+                    for c in range(4):
+                        at = corners[t, c]
+                        x, y, z = i + (at & 1), j + (at >> 1 & 1), k + (at >> 2)
+                        own = label[x, y, z]
+                        if own < 0:
+                            continue
+                        same = 0
+                        for d in range(4):
+                            to = corners[t, d]
+                            other = label[i + (to & 1), j + (to >> 1 & 1), k + (to >> 2)]
+                            if other == own or other < 0:
+                                same += 1
+                        found[x, y, z] += share[same]
+
+
+# ------------------------------------------------------------------------------------------------
+# Tiles of thresholds: a cell turns hard where the fraction exceeds its own.
+
+
+_TILE_CORNERS = np.array([[[0, 6], [5, 3]], [[4, 2], [1, 7]]])
+
+
+@cache
+def blue_noise_ranks() -> IntArray:
+    """Return the ranks of a periodic cube of 32^3 cells, each of 0 to 32767 once.
+
+    By void and cluster (Ulichney 1993): at every fraction the hard cells lie evenly but without a
+    pattern. Power at wavelengths above 8 cells is about 1 % of white noise's.
+    `benchmarks/blue_noise_tile.py` makes it.
+    """
+    with (files("planner.grading") / "blue-noise-32.npy").open("rb") as file:
+        ranks: IntArray = np.load(file).astype(np.int32)
+    ranks.setflags(write=False)
+    return ranks
+
+
+def bayer_ranks(size: int = 8) -> IntArray:
+    """Return the ordered ranks of a cube of size^3 cells, a power of two.
+
+    At fractions of a multiple of 1/8 the pattern repeats within a few cells, the same way along
+    all axes; between, it has strong periods of 8 cells.
+    """
+    ranks = np.zeros((1, 1, 1), dtype=np.int32)
+    while ranks.shape[0] < size:
+        blocks = [
+            [[8 * ranks + c for c in row] for row in plane] for plane in _TILE_CORNERS.tolist()
+        ]
+        ranks = np.block(blocks).astype(np.int32)
+    return ranks
+
+
+def thresholds(ranks: IntArray) -> FloatArray:
+    """Return the fraction above which each cell is hard, evenly over 0 to 1, neither included."""
+    return np.asarray((ranks + 0.5) / ranks.size)
+
+
+# ------------------------------------------------------------------------------------------------
+# Cells of two materials dealt along a gradient, as levels on one lattice.
+#
+# Every cell centre gets the number of the piece it belongs to, and levels half-way between numbers,
+# drawn on the lattice of the centres, are the shells' interfaces. They never touch, so shells are
+# manifolds. Pieces are numbered by material from soft to hard, so that cells of one material are
+# joined wherever they are neighbours; between cells of materials further apart the materials
+# between them make thin sheets. Where the target jumps, numbers begin anew: nothing but the
+# materials on both sides of the jump comes to lie there.
+
+
+@dataclass(frozen=True, slots=True)
+class DealtPiece:
+    """All cells of one material, `grade` its place from soft to hard, between two jumps.
+
+    `run` counts the parts of the field over which the target does not jump.
+    """
+
+    run: int
+    grade: int
+
+
+def dealt_pieces(along: Sequence[Stretch]) -> tuple[DealtPiece, ...]:
+    """Return the pieces of all stretches in the order of their numbers.
+
+    The materials of a run stand from soft to hard or from hard to soft, such that it begins near
+    the material that it has at the jump.
+    """
+    pieces: list[DealtPiece] = []
+    for run in range(along[-1].run + 1):
+        own = [stretch for stretch in along if stretch.run == run]
+        low, high = min(s.lower for s in own), max(s.upper for s in own)
+        grades = list(range(low, high + 1))
+        from_low, from_high = own[0].lower - low, high - own[0].upper
+        if from_high < from_low or (from_high == from_low and not own[0].rising):
+            grades.reverse()
+        pieces += [DealtPiece(run, grade) for grade in grades]
+    return tuple(pieces)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DealtField:
+    """The number of the piece that each cell belongs to, scaled to 0..1.
+
+    It is meant for the corners of a grid whose pitch is the cell: these are the cells' centres.
+
+    Attributes
+    ----------
+    field
+        What the gradient follows.
+    corner_mm : (3,)
+        Where the lattice of cells begins.
+    """
+
+    field: Field
+    profile: Profile
+    moduli_MPa: tuple[float, ...]
+    along: tuple[Stretch, ...]
+    pieces: tuple[DealtPiece, ...]
+    corner_mm: FloatArray
+    cell_mm: float
+
+    @property
+    def name(self) -> str:
+        """Kind of field: that which the gradient follows."""
+        return self.field.name
+
+    @property
+    def levels(self) -> FloatArray:
+        """Values between pieces."""
+        return np.arange(1, len(self.pieces)) / len(self.pieces)
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field of the gradient again."""
+        return self.field.description()
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Return the cells' pieces at points (n, 3): (n,), each half-way between levels."""
+        _, _, piece = self.deal(points_mm)
+        return np.asarray((piece + 0.5) / len(self.pieces))
+
+    def deal(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray, IntArray]:
+        """Return stretch, wanted volume fraction of the harder material, and piece of each cell."""
+        stretch, fraction = self.wanted(points_mm)
+        dealt = blue_noise_bevelled().dealt_for(fraction)
+        cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
+        hard = deal_cells(dealt, cell, thresholds(blue_noise_ranks()))
+        place = {(piece.run, piece.grade): n for n, piece in enumerate(self.pieces)}
+        of_soft = np.array([place[s.run, s.lower] for s in self.along])
+        of_hard = np.array([place[s.run, s.upper] for s in self.along])
+        return stretch, fraction, np.where(hard, of_hard[stretch], of_soft[stretch])
+
+    def wanted(self, points_mm: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return each point's stretch, and the volume fraction wanted of its harder material."""
+        u = np.clip(np.asarray(self.field.values(points_mm), dtype=np.float64), 0.0, 1.0)
+        if u.shape != (len(points_mm),) or not np.isfinite(u).all():
+            raise ArgumentError(
+                f"field {self.name!r}: it must give one finite number for each of {len(u)} points "
+                "over the part and a cell around it"
+            )
+        starts = np.array([stretch.start for stretch in self.along[1:]])
+        number = np.searchsorted(starts, u, side="right")
+        target = self.profile.modulus_MPa(u)
+        fraction = np.zeros(len(u))
+        for index in np.unique(number).tolist():
+            stretch = self.along[index]
+            if stretch.lower < stretch.upper:
+                own = number == index
+                pair = self.moduli_MPa[stretch.lower], self.moduli_MPa[stretch.upper]
+                fraction[own] = dithered_fraction(*pair, target[own])
+        return number, fraction
+
+
+# ------------------------------------------------------------------------------------------------
+# Where dealt cells are: how much of each material lies in each stretch of the gradient.
+
+
+_PARTS = 3  # of a cell's edge, to tell how much of it is inside
+_CHUNK = 1 << 18
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tally:
+    """What lies in each of S stretches, by piece of P.
+
+    Attributes
+    ----------
+    volume_mm3 : (S, P)
+        From the cells, corners bevelled, each as far as it is inside the part.
+    bounds_mm : (S, P, 2, 3)
+        Of the cells' centres, and a cell more; inside out where there is none.
+    cells, wanted : (S,)
+        Number of cells, and the mean volume fraction of the harder material that they should have.
+    """
+
+    volume_mm3: FloatArray
+    bounds_mm: FloatArray
+    cells: FloatArray
+    wanted: FloatArray
+
+
+def tally(mesh: Mesh, dealt: DealtField) -> Tally:
+    """Count the cells of a part."""
+    cell_mm = dealt.cell_mm
+    first = mesh.bounds_mm[0] - (1.5 + FIRST_SHIFT) * cell_mm
+    shape = tuple(np.ceil((mesh.bounds_mm[1] - first) / cell_mm).astype(int).tolist())
+    inside = _inside(mesh, first, cell_mm, shape)
+    used = np.flatnonzero(inside)
+    stretch, piece = np.empty((2, len(used)), dtype=np.int64)
+    fraction = np.empty(len(used))
+    centre = np.empty((len(used), 3))
+    for begin in range(0, len(used), _CHUNK):
+        own = slice(begin, begin + _CHUNK)
+        index = np.stack(np.unravel_index(used[own], shape), axis=1)
+        centre[own] = first + (index + 0.5) * cell_mm
+        stretch[own], fraction[own], piece[own] = dealt.deal(centre[own])
+    label = np.full(shape, -1, dtype=np.int16)
+    label.reshape(-1)[used] = piece
+    share = inside.reshape(-1)[used] / _PARTS**3
+    volume = share * own_volumes(label).reshape(-1)[used] * cell_mm**3
+    stretches, pieces = len(dealt.along), len(dealt.pieces)
+    key = stretch * pieces + piece
+    bounds = np.empty((stretches * pieces, 2, 3))
+    bounds[:, 0], bounds[:, 1] = np.inf, -np.inf
+    np.minimum.at(bounds[:, 0], key, centre - cell_mm)
+    np.maximum.at(bounds[:, 1], key, centre + cell_mm)
+    cells = np.asarray(np.bincount(stretch, weights=share, minlength=stretches), np.float64)
+    wanted = np.bincount(stretch, weights=share * fraction, minlength=stretches)
+    volumes = np.bincount(key, weights=volume, minlength=stretches * pieces)
+    return Tally(
+        np.asarray(volumes, np.float64).reshape(stretches, pieces),
+        bounds.reshape(stretches, pieces, 2, 3),
+        cells,
+        np.divide(wanted, cells, out=np.full(stretches, np.nan), where=cells > 0.0),
+    )
+
+
+def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...]) -> FloatArray:
+    """Return how many of a cell's parts are inside, all of them being `_PARTS` cubed."""
+    parts = _PARTS if _PARTS * max(shape) < MOST_VOXELS else 1
+    x, y, z = first.tolist()
+    nx, ny, nz = (n * parts for n in shape)
+    fine_mm = cell_mm / parts
+    grid = Grid((x, y, z), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
+    count = np.zeros(shape)
+    for columns in iterate_columns(mesh, grid):
+        index = np.argwhere(dense(columns))
+        index[:, 1] += columns.first_row
+        key, several = np.unique(
+            np.ravel_multi_index(tuple((index // parts).T), shape), return_counts=True
+        )
+        count.reshape(-1)[key] += several * (_PARTS // parts) ** 3
+    return count
+
+
+# ------------------------------------------------------------------------------------------------
+# How many triangles dealt cells come to, before they are cut.
+
+
+MOST_TRIANGLES = 8_000_000
+"""Of all shells together: files of 400 MB, a minute or two and some GB to make."""
+
+_SAMPLES = 200_000
+_SURFACE_TRIANGLES = 20.0  # a square of the part's surface, at half the cells; measured
+
+
+def check_size(mesh: Mesh, dealt: DealtField) -> None:
+    """Refuse cells that are too small for a part.
+
+    Raises
+    ------
+    ArgumentError
+        There would be more than `MOST_TRIANGLES`; a cell that gives fewer is named.
+    """
+    inner, surface = estimated_triangles(mesh, dealt)
+    triangles = inner + surface
+    if triangles <= MOST_TRIANGLES:
+        return
+    larger = 1.0  # times the cell: inner ones fall with its cube, others with its square
+    while inner / larger**3 + surface / larger**2 > MOST_TRIANGLES:
+        larger *= 1.01
+    coarser = math.ceil(dealt.cell_mm * larger * 20.0) / 20.0
+    raise ArgumentError(
+        f"--cell {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} cells "
+        f"of that size, whose shells would have some {triangles:.2g} triangles; up to "
+        f"{MOST_TRIANGLES:.2g} are possible: take --cell {coarser:g} or larger, or --blend bands:4"
+    )
+
+
+def estimated_triangles(mesh: Mesh, dealt: DealtField) -> tuple[float, float]:
+    """Estimate the triangles of all shells from a sample: inside the part, and at its surface."""
+    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
+    pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
+    table = blue_noise_bevelled()
+    count, drawn = 0, 0.0
+    grid = grid_for(mesh.bounds_mm, pitch_mm)
+    for columns in iterate_columns(mesh, grid):
+        index = np.argwhere(dense(columns)).astype(np.float64)
+        index[:, 1] += columns.first_row
+        points_mm = np.array(grid.origin_mm) + (index + 0.5) * pitch_mm
+        share = table.dealt_for(dealt.wanted(points_mm)[1])
+        drawn += float(np.interp(share, table.dealt, table.triangles_per_cell).sum())
+        count += len(points_mm)
+    if count == 0:  # walls thinner than the sample's pitch
+        drawn, count = float(table.triangles_per_cell.max()), 1
+    drawn /= count
+    inner = 2.0 * drawn * mesh.volume_mm3 / dealt.cell_mm**3
+    busy = drawn / float(table.triangles_per_cell.max())
+    return inner, _SURFACE_TRIANGLES * busy * mesh.area_mm2 / dealt.cell_mm**2
+
+
+# ------------------------------------------------------------------------------------------------
+# What a dithered plan comes to along its field: its blend as one material at every place.
+
+
+_POINTS = 65  # of a stretch; the coordinate between them is off by 1e-4 of a grade at most
+
+
+def is_dithered(plan: Plan) -> bool:
+    """Tell whether cells of two materials lie among each other in a plan."""
+    return (plan.gradient.blend or {}).get("kind") == "dither"
+
+
+def dithered_profile(plan: Plan, palette: Palette) -> tuple[FloatArray, FloatArray]:
+    """Return field values from 0 to 1 and the coordinate at each, linear between.
+
+    Cells are small against the part, so a place behaves as the mixture does, whose modulus is the
+    target: it is given the coordinate between its two materials at which a homogeneous mixture has
+    this modulus, by their moduli when the plan was made. A value that stands twice is a step.
+
+    Raises
+    ------
+    FileError
+        The plan's blends or profile are not what planner writes.
+    UnknownNameError
+        The palette lacks a material of the plan.
+    """
+    profile = _profile(plan.gradient.profile)
+    by_stretch = {region.field: region for region in plan.regions}
+    field, coordinate = [], []
+    for (start, stop), region in sorted(by_stretch.items()):
+        u = np.linspace(start, stop, _POINTS)
+        field.append(u)
+        coordinate.append(_coordinates(region, u, profile, palette))
+    if not field:
+        raise FileError("plan.json: it has no regions; grade the part again")
+    return np.concatenate(field), np.concatenate(coordinate)
+
+
+def _coordinates(region: Region, u: FloatArray, profile: Profile, palette: Palette) -> FloatArray:
+    blend = region.blend
+    if blend is None:
+        return np.full(len(u), palette.resolve(region.printed).coordinate)
+    try:
+        lower, upper = (palette.resolve(str(blend[name])).coordinate for name in ("lower", "upper"))
+        soft, hard = (float(modulus) for modulus in blend["moduli_MPa"])
+        if not 0.0 < soft < hard < np.inf:
+            raise ValueError(
+                f"moduli_MPa are {soft:g} and {hard:g}, not the softer's and the harder's"
+            )
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"plan.json: region {region.index}: its blend is not that of dithered cells "
+            f"({error!r}); grade the part again"
+        ) from error
+    # At a jump the profile has the value after it: keep within the stretch.
+    inner = np.clip(u, u[0] + 1e-9 * (u[-1] - u[0]), u[-1] - 1e-9 * (u[-1] - u[0]))
+    t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / np.log(hard / soft), 0.0, 1.0)
+    return np.asarray(lower + t * (upper - lower))
+
+
+def _profile(description: Mapping[str, Any]) -> Profile:
+    try:
+        return Profile(
+            str(description["name"]),
+            tuple(description["positions"]),
+            tuple(description["moduli_MPa"]),
+            description["shape"],
+        )
+    except (KeyError, TypeError) as error:
+        raise FileError(
+            f"plan.json: gradient.profile is not one that planner writes ({error!r}); grade the "
+            "part again"
+        ) from error
+
+
+# ------------------------------------------------------------------------------------------------
+# Regions of a part whose cells were dealt, and what they come to.
+
+
+_SHARE_ERROR = 0.01  # of the volume: cells of a gradient against those of an even fraction
+
+
+@dataclass(frozen=True, slots=True)
+class _Share:
+    """Volume fraction of the harder material in a stretch."""
+
+    achieved: float
+    wanted: float
+    cells: float
+
+    @property
+    def off(self) -> float:
+        """How far it is off, over what few cells may be."""
+        limit = _SHARE_ERROR + max(self.cells, 1.0) ** (-2.0 / 3.0)
+        return float(abs(self.achieved - self.wanted) / limit)
+
+
+def dealt_regions(
+    pieces: Pieces, printed: Sequence[Printed], shells: Sequence[Shell], dealt: DealtField,
+    counted: Tally, scale: StiffnessScale,
+) -> tuple[Region, ...]:  # fmt: skip
+    """Report what of each material lies in each stretch.
+
+    A piece's volume is exact; its stretches share in it as its cells do. The modulus is that of
+    the stretch at its mean fraction; the error is the estimate's alone, because the fraction
+    follows the target within the stretch.
+    """
+    volumes, bounds = _volumes_mm3(pieces, dealt, counted), piece_bounds_mm(pieces)
+    files = files_of(shells)
+    shares = _shares(volumes, dealt, counted)
+    regions: list[Region] = []
+    for number, stretch in enumerate(dealt.along):
+        for grade in sorted({stretch.lower, stretch.upper}):
+            piece = _piece(dealt, stretch.run, grade)
+            volume_mm3 = float(volumes[number, piece])
+            if volume_mm3 <= 0.0:
+                continue
+            band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
+            low = np.maximum(counted.bounds_mm[number, piece, 0], bounds[piece, 0])
+            high = np.minimum(counted.bounds_mm[number, piece, 1], bounds[piece, 1])
+            box = np.stack([low, high]) if (low < high).all() else bounds[piece]
+            index = len(regions) + 1
+            region = region_of(index, band, printed[piece], volume_mm3, box, files)
+            if stretch.lower < stretch.upper:
+                region = _blended(region, number, dealt, shares[number], scale)
+            regions.append(region)
+    return tuple(regions)
+
+
+def fraction_checks(
+    pieces: Pieces, dealt: DealtField, counted: Tally, scale: StiffnessScale
+) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+    """Hold achieved volume fractions against those wanted, over each stretch.
+
+    Returns
+    -------
+    checks : dict
+        ``volume_fraction_error``: of the worst stretch, as a share of what may be: 0.01, and more
+        where cells are few.
+    findings : tuple of Finding
+        What to do about stretches that are off.
+    """
+    shares = _shares(_volumes_mm3(pieces, dealt, counted), dealt, counted)
+    worst = max((share.off for share in shares.values()), default=0.0)
+    findings = []
+    for number, share in shares.items():
+        if share.off > 1.0:
+            stretch = dealt.along[number]
+            lower, upper = (
+                scale.palette.materials[grade].id for grade in (stretch.lower, stretch.upper)
+            )
+            findings.append(
+                Finding(
+                    kind="cell",
+                    message=f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
+                    f"{stretch.stop:.4g}, {100 * share.achieved:.1f} % is {upper} where "
+                    f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells "
+                    f"of {dealt.cell_mm:g} mm; take a smaller --cell or a gentler profile",
+                    material=upper,
+                    size_mm=dealt.cell_mm,
+                )
+            )
+    return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
+
+
+def _volumes_mm3(pieces: Pieces, dealt: DealtField, counted: Tally) -> FloatArray:
+    """Share each piece's exact volume among its stretches, (stretches, pieces)."""
+    exact = np.maximum(piece_volumes_mm3(pieces), 0.0)
+    shares = counted.volume_mm3.copy()
+    for piece in np.flatnonzero((shares.sum(axis=0) <= 0.0) & (exact > 0.0)).tolist():
+        # A sliver that no cell's centre is near to, or a sheet where the target is too steep.
+        wanted = dealt.pieces[piece]
+        own = [
+            n for n, s in enumerate(dealt.along)
+            if s.run == wanted.run and wanted.grade in (s.lower, s.upper)
+        ]  # fmt: skip
+        shares[own[0] if own else 0, piece] = 1.0
+    total = shares.sum(axis=0)
+    return np.asarray(np.divide(shares, total, out=np.zeros_like(shares), where=total > 0) * exact)
+
+
+def _shares(volumes_mm3: FloatArray, dealt: DealtField, counted: Tally) -> dict[int, _Share]:
+    found = {}
+    for number, stretch in enumerate(dealt.along):
+        soft, hard = (
+            float(volumes_mm3[number, _piece(dealt, stretch.run, grade)])
+            for grade in (stretch.lower, stretch.upper)
+        )
+        if stretch.lower < stretch.upper and soft + hard > 0.0:
+            achieved, wanted = hard / (soft + hard), float(counted.wanted[number])
+            wanted = achieved if math.isnan(wanted) else wanted
+            found[number] = _Share(achieved, wanted, float(counted.cells[number]))
+    return found
+
+
+def _piece(dealt: DealtField, run: int, grade: int) -> int:
+    places = [(piece.run, piece.grade) for piece in dealt.pieces]
+    return places.index((run, grade))
+
+
+def _blended(
+    region: Region, number: int, dealt: DealtField, share: _Share, scale: StiffnessScale
+) -> Region:
+    stretch = dealt.along[number]
+    soft, hard = scale.moduli_MPa[stretch.lower], scale.moduli_MPa[stretch.upper]
+    modulus = float(dithered_modulus_MPa(soft, hard, share.achieved))
+    low, high = hashin_shtrikman_MPa(soft, hard, share.achieved)
+    ends = dithered_fraction(soft, hard, np.array(stretch.ends_MPa))
+    error = dither_table().error_at(hard / soft)
+    blend: dict[str, Any] = {
+        "kind": "dither",
+        "lower": scale.palette.materials[stretch.lower].id,
+        "upper": scale.palette.materials[stretch.upper].id,
+        "moduli_MPa": [soft, hard],
+        "fraction": [round(float(f), 6) for f in ends],
+        "volume_fraction": share.achieved,
+        "volume_fraction_wanted": share.wanted,
+        "cell_mm": dealt.cell_mm,
+        "bounds_MPa": [float(low), float(high)],
+        "voigt_MPa": float(voigt_MPa(soft, hard, share.achieved)),
+        "reuss_MPa": float(reuss_MPa(soft, hard, share.achieved)),
+        "estimate_error": error,
+    }
+    return replace(
+        region,
+        modulus_MPa=modulus,
+        modulus_interval_MPa=blend_interval_MPa(
+            scale, stretch.lower, stretch.upper, modulus, error
+        ),
+        error=(-error, error),
+        blend=blend,
+    )

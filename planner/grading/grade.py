@@ -1,0 +1,635 @@
+"""The main job: part + gradient + palette -> Plan."""
+
+import hashlib
+import math
+import unicodedata
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from planner import __version__
+from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
+from planner.cutting.pieces import Pieces, piece_volumes_mm3, split
+from planner.errors import ArgumentError, as_count, as_number, nearest_names, positive
+from planner.fields.basic import Field, PlanarField, axis_field
+from planner.fields.parse import Setting, build_field
+from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
+from planner.formats.stl import decode_stl
+from planner.grading.blends import (
+    MIXTURES_UNCALIBRATED,
+    Period,
+    laminated,
+    mixed_bands,
+    stretches,
+    with_periods,
+)
+from planner.grading.check import shell_checks
+from planner.grading.dither import (
+    DealtField,
+    Tally,
+    check_size,
+    dealt_pieces,
+    dealt_regions,
+    fraction_checks,
+    tally,
+)
+from planner.grading.printability import (
+    Divided,
+    interface_checks,
+    print_checks,
+    voxel_checks,
+    wall_checks,
+)
+from planner.grading.profile import (
+    Band,
+    Profile,
+    StiffnessScale,
+    between,
+    equal_bands,
+    natural_bands,
+    read_profile,
+    shortfalls,
+    stiffness_scale,
+)
+from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
+from planner.mesh.mesh import Mesh
+from planner.mesh.part import Part, make_part, part_from_arrays, place
+from planner.numerics import FloatArray, IntArray
+from planner.palette import Material, Palette
+from planner.plan import (
+    Check,
+    Finding,
+    Gradient,
+    PaletteUsed,
+    PartGraded,
+    Plan,
+    Point,
+    Region,
+    Shell,
+    Stiffness,
+    Unreachable,
+)
+from planner.printers import Printer, palette_of
+from planner.printers import printer as load_printer
+
+__all__ = [
+    "BLENDS",
+    "MOST_PERIODS",
+    "BlendChoice",
+    "Design",
+    "PartSource",
+    "blend_choice",
+    "design_pieces",
+    "grade",
+    "open_part",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Where a part comes from: a file, or a mesh in memory.
+
+
+@dataclass(frozen=True, slots=True)
+class PartSource:
+    """A validated part and what a plan says of its origin."""
+
+    part: Part
+    name: str
+    file: str
+    sha256: str
+    unit: str
+    warnings: tuple[str, ...]
+
+
+def open_part(
+    part: object,
+    *,
+    unit: str | None = None,
+    name: str | None = None,
+    tray_mm: tuple[float, float, float] | None = None,
+) -> PartSource:
+    """Read and validate a part.
+
+    Parameters
+    ----------
+    part
+        Path, mesh with ``vertices`` and ``faces``, or pair (vertices, faces).
+
+    Raises
+    ------
+    MeshError, FileError
+        The file or the mesh cannot be used; the message says where and what to do.
+    ArgumentError
+        Not a path, mesh or pair; or an unknown unit.
+    """
+    if isinstance(part, (str, PathLike)):
+        path = Path(fspath(part))
+        file = read_mesh(path, unit)
+        called = _safe(path.stem if name is None else name)
+        made = make_part(file.triangles, name=called, tray_mm=tray_mm)
+        warnings = (*file.notes, *made.warnings)
+        shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
+        return PartSource(made, called, shown, file.sha256, file.unit, warnings)
+    vertices, faces = _arrays(part)
+    used = canonical_unit(unit or MILLIMETRES)
+    called = _safe(name or "part")
+    made = part_from_arrays(vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm)
+    digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
+    return PartSource(made, called, called, digest, used, made.warnings)
+
+
+def _arrays(part: object) -> tuple[FloatArray, IntArray]:
+    vertices = getattr(part, "vertices", None)
+    faces = getattr(part, "faces", None)
+    if vertices is None and isinstance(part, tuple) and len(part) == 2:
+        vertices, faces = part
+    try:
+        return (
+            np.ascontiguousarray(vertices, dtype=np.float64),
+            np.ascontiguousarray(faces, dtype=np.int64),
+        )
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            "a part must be a path, a mesh with vertices (n, 3) and faces (m, 3), or a pair of "
+            f"these arrays; got {type(part).__name__}"
+        ) from None
+
+
+def _safe(name: str) -> str:
+    """Keep what any file system and any reader of STL headers takes."""
+    plain = unicodedata.normalize("NFKD", name)  # an accent becomes a mark of its own
+    bare = (c for c in plain if not unicodedata.combining(c))
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in bare)
+    return kept.strip(".-") or "part"
+
+
+# ------------------------------------------------------------------------------------------------
+# What ``--blend`` says.
+
+
+BLENDS = ("nearest", "dither", "bands:N", "mix")
+MOST_PERIODS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class BlendChoice:
+    """A way to meet a target between two materials.
+
+    Attributes
+    ----------
+    periods
+        Of ``bands:N``, in each transition; else 0.
+    """
+
+    kind: Literal["nearest", "dither", "bands", "mix"]
+    periods: int = 0
+
+
+def blend_choice(text: object) -> BlendChoice:
+    """Read what a user wrote.
+
+    Raises
+    ------
+    ArgumentError
+        No such blend, or N out of range.
+    """
+    if text == "nearest" or text == "dither" or text == "mix":
+        return BlendChoice(text)
+    if isinstance(text, str) and text.startswith("bands:"):
+        try:
+            periods = int(text.removeprefix("bands:"))
+        except ValueError:
+            periods = 0
+        if not 1 <= periods <= MOST_PERIODS:
+            raise ArgumentError(
+                f"--blend {text}: N must be a whole number from 1 to {MOST_PERIODS}, as in bands:4"
+            )
+        return BlendChoice("bands", periods)
+    near = nearest_names(str(text), ["nearest", "dither", "bands:4", "mix"])
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise ArgumentError(f"--blend {text}: no such blend; {hint}it takes {', '.join(BLENDS)}")
+
+
+# ------------------------------------------------------------------------------------------------
+# What to cut a part along, at which levels, and what each piece is printed in.
+
+
+_MOST_BANDS = 10_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """Pieces along a gradient.
+
+    Attributes
+    ----------
+    bands
+        Field and target of each piece; empty where cells are dealt.
+    printed
+        What each piece is printed in.
+    periods
+        Of each band, where two materials take turns; else empty.
+    dealt, counted
+        Where cells of two materials lie among each other, their lattice and what they come to; else
+        None.
+    mean_wall_mm
+        Twice the part's volume over its area: its thickness were it a plate.
+    """
+
+    choice: BlendChoice
+    bands: tuple[Band, ...]
+    printed: tuple[Printed, ...]
+    periods: tuple[Period | None, ...] = ()
+    dealt: DealtField | None = None
+    counted: Tally | None = None
+    mean_wall_mm: float = math.inf
+
+    @property
+    def levels(self) -> FloatArray:
+        """Values of the field that is cut along, between pieces."""
+        if self.dealt is not None:
+            return self.dealt.levels
+        return np.array([band.start for band in self.bands[1:]])
+
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report what was cut, with what it comes to together."""
+        if self.dealt is not None and self.counted is not None:
+            return dealt_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
+        regions = regions_of(pieces, self.bands, self.printed, shells)
+        if self.periods:
+            return with_periods(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
+        return regions
+
+    def checks(
+        self, pieces: Pieces, scale: StiffnessScale, machine: Printer
+    ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+        """Hold dealt cells against what was wanted and what the printer can do."""
+        if self.dealt is None or self.counted is None:
+            return {}, ()
+        checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale)
+        cell_mm = self.dealt.cell_mm
+        if cell_mm < machine.minimum_feature_mm * (1.0 - 1e-9):
+            message = (
+                f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
+                f"undistorted, {machine.minimum_feature_mm:g} mm: their volumes will be off; take "
+                "--cell "
+                f"{machine.minimum_feature_mm:g}"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        if cell_mm > self.mean_wall_mm:
+            message = (
+                f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
+                f"{self.mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
+                "be there, and stretches of the gradient may have none; take a smaller --cell"
+            )
+            findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
+        return checks, findings
+
+    def document(self) -> dict[str, object] | None:
+        """Return what plan.json says of the choice; None of the nearest material."""
+        if self.choice.kind == "nearest":
+            return None
+        found: dict[str, object] = {"kind": self.choice.kind}
+        if self.choice.kind == "bands":
+            found["periods"] = self.choice.periods
+        if self.dealt is not None:
+            found["cell_mm"] = self.dealt.cell_mm
+            found["tile"] = "blue-noise-32"
+        return found
+
+
+def design_pieces(
+    choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
+    machine: Printer, *, bands: int | None, cell_mm: float | None,
+) -> Design:  # fmt: skip
+    """Decide what each place of a part is printed in.
+
+    Parameters
+    ----------
+    bands
+        Equal steps of the field, with ``nearest`` and ``mix``.
+    cell_mm
+        Edge of a cell, with ``dither``; the printer's minimum feature by default.
+
+    Raises
+    ------
+    ArgumentError
+        Options that do not go together or are out of range; too many cells.
+    """
+    if bands is not None and choice.kind in ("dither", "bands"):
+        raise ArgumentError(
+            f"--bands {bands}: it goes with --blend nearest or mix"
+            + ("; write --blend bands:N for N periods" if choice.kind == "bands" else "")
+        )
+    if bands is not None and not 1 <= bands <= _MOST_BANDS:
+        raise ArgumentError(f"--bands {bands}: it must be a whole number from 1 to {_MOST_BANDS}")
+    if cell_mm is not None and choice.kind != "dither":
+        raise ArgumentError(f"--cell {cell_mm:g}: it goes with --blend dither")
+    moduli = scale.moduli_MPa
+    if choice.kind == "mix":
+        return Design(choice, *mixed_bands(target, scale, bands, machine))
+    if choice.kind == "bands":
+        laminate = laminated(target, stretches(target, moduli), moduli, choice.periods)
+        steps = tuple(band for band, _ in laminate)
+        return Design(
+            choice, steps, _materials(steps, scale, machine), tuple(p for _, p in laminate)
+        )
+    if choice.kind == "dither":
+        return _dithered(choice, mesh, field, target, scale, machine, cell_mm)
+    steps = natural_bands(target, moduli) if bands is None else equal_bands(target, moduli, bands)
+    return Design(choice, steps, _materials(steps, scale, machine))
+
+
+def _materials(
+    steps: Sequence[Band], scale: StiffnessScale, machine: Printer
+) -> tuple[Printed, ...]:
+    return tuple(catalogue_material(scale, band.grade, machine) for band in steps)
+
+
+def _dithered(
+    choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
+    machine: Printer, cell_mm: float | None,
+) -> Design:  # fmt: skip
+    along = stretches(target, scale.moduli_MPa)
+    pieces = dealt_pieces(along)
+    dealt = DealtField(
+        field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0],
+        machine.minimum_feature_mm if cell_mm is None else cell_mm,
+    )  # fmt: skip
+    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
+    check_size(mesh, dealt)
+    mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2
+    return Design(
+        choice, (), printed, dealt=dealt, counted=tally(mesh, dealt), mean_wall_mm=mean_wall_mm
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# The main job: part + gradient + palette -> Plan.
+
+
+Progress = Callable[[str], None]
+
+
+def grade(
+    part: object,
+    *,
+    from_: str | Material | None = None,
+    to: str | Material | None = None,
+    axis: str | tuple[float, float, float] | None = None,
+    profile: str | Path | Profile = "log",
+    bands: int | None = None,
+    field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
+    pitch_mm: float | None = None,
+    blend: str = "nearest",
+    cell_mm: float | None = None,
+    at_strain: float = 0.1,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    unit: str | None = None,
+    name: str | None = None,
+    progress: Progress = lambda stage: None,
+) -> Plan:
+    """Plan the print of a part whose stiffness follows a gradient.
+
+    Parameters
+    ----------
+    part
+        Path of a mesh file, a mesh with ``vertices`` and ``faces`` (such as ``trimesh.Trimesh``),
+        or a pair (vertices, faces) in `unit`.
+    from_, to
+        Materials at the beginning and the end of the gradient, by id, alias or unique prefix.
+        Not needed with a profile file, which names its own targets.
+    axis
+        Direction of the gradient: ``x``, ``-z``, ``"1,0,1"`` or three numbers; the part's longest
+        extent by default.
+    profile
+        ``log``, ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
+    bands
+        Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
+        the cuts lie where the nearest material, or the mixture, changes.
+    field
+        What the gradient follows instead of an axis: text as for ``--field``, such as
+        ``"radial: point=0 0 5, to=12"``; a function of points (n, 3) in the part's coordinates
+        that returns values from 0 to 1; or any `Field` over the part as placed for printing.
+    pitch_mm
+        Of the grid on which curved level sets are drawn; by default 0.5 mm, finer for parts smaller
+        than 25 mm and coarser for those larger than 63 mm.
+    blend
+        How a target between two materials is met: ``nearest`` takes the nearer one; ``dither``
+        deals cells of both, as many of each as the target needs; ``bands:N`` lets N pairs of
+        thinner bands take turns from one material to the next; ``mix`` records mixtures, for
+        printers that jet them.
+    cell_mm
+        Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
+    at_strain
+        Working strain of the secant modulus.
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+    unit
+        Unit of the part's figures; mm unless the file says otherwise.
+    name
+        Name of the part; its file's stem by default.
+    progress
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Plan
+        `Plan.write` puts it on disk. `Plan.ok` is false when something was found.
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+    """
+    machine = load_printer(printer)
+    if field is not None and axis is not None:
+        raise ArgumentError("give --axis or --field, not both; --field 'axis: z' is an axis too")
+    pitch_mm = None if pitch_mm is None else positive(pitch_mm, "--pitch")
+    bands = None if bands is None else as_count(bands, "--bands")
+    at_strain = as_number(at_strain, "--at-strain")
+    cell_mm = None if cell_mm is None else positive(cell_mm, "--cell")
+    choice = blend_choice(blend)
+    scale = stiffness_scale(palette_of(machine, palette), at_strain)
+    target, start, end = _target(profile, from_, to, scale)
+
+    progress("reading the part")
+    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    mesh, translation = place(source.part.mesh)
+    given, pitch_mm = pitch_mm, default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
+    if field is None:
+        along: Field = axis_field(axis, mesh)
+    else:
+        progress("building the field")
+        along = build_field(field, Setting(mesh, point(translation), pitch_mm))
+
+    progress("cutting the shells")
+    design = design_pieces(
+        choice, mesh, along, target, scale, machine, bands=bands, cell_mm=cell_mm
+    )
+    if design.dealt is None:
+        _check_thickness(along, design.bands, machine, source.warnings)
+        if given is None and not isinstance(along, PlanarField):
+            pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
+        pieces = split(mesh, along, design.levels, pitch_mm=pitch_mm)
+    else:
+        pieces = split(mesh, design.dealt, design.levels, pitch_mm=design.dealt.cell_mm)
+    shells = shells_of(pieces, design.printed, at_strain, machine, source.name)
+    regions = design.regions(pieces, shells, scale)
+
+    progress("verifying the shells")
+    checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
+    progress("looking for what will not print")
+    dealing, dealt = design.checks(pieces, scale, machine)
+    printing, findings, unsure = _printing(mesh, along, design, pieces, shells, pitch_mm, machine)
+    described = dict(along.description())
+    if not isinstance(along, PlanarField):
+        described["pitch_mm"] = pitch_mm
+    return Plan(
+        schema=1,
+        version=__version__,
+        printer=machine.name,
+        palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
+        part=_part_graded(source, point(translation)),
+        gradient=Gradient(described, target.description(), start, end, bands, design.document()),
+        stiffness=Stiffness("secant-nominal", at_strain),
+        regions=regions,
+        checks={**checks, **dealing, **printing},
+        findings=(*dealt, *findings),
+        warnings=(*source.warnings, *unsure),
+        unreachable=_unreachable(target, scale),
+        shells=shells,
+        notes=machine.job_notes(),
+    )
+
+
+def _target(
+    profile: str | Path | Profile,
+    from_: str | Material | None,
+    to: str | Material | None,
+    scale: StiffnessScale,
+) -> tuple[Profile, str | None, str | None]:
+    """Return the target along the field and the ids of the materials at its ends."""
+    palette = scale.palette
+    start, end = _material_id(from_, palette), _material_id(to, palette)
+    if isinstance(profile, Profile):
+        return profile, start, end
+    if not isinstance(profile, (str, Path)):
+        raise ArgumentError(
+            f"profile is a {type(profile).__name__}; give a name, a CSV file or a planner.Profile"
+        )
+    if isinstance(profile, Path) or profile.casefold().endswith(".csv"):
+        if start is not None or end is not None:
+            raise ArgumentError(
+                f"--profile {profile} names its own targets; leave out --from and --to"
+            )
+        moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
+        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
+    if start is None or end is None:
+        ids = ", ".join(material.id for material in palette.materials)
+        raise ArgumentError(
+            "give both ends of the gradient, as in --from Tango --to Vero; palette "
+            f"{palette.name} has {ids}"
+        )
+    if start == end:
+        raise ArgumentError(
+            f"--from {from_} and --to {to} are one material, {start}; a gradient needs two"
+        )
+    return between(profile, scale.modulus_of(start), scale.modulus_of(end)), start, end
+
+
+def _material_id(material: str | Material | None, palette: Palette) -> str | None:
+    if material is None:
+        return None
+    if not isinstance(material, (str, Material)):
+        raise ArgumentError(
+            f"an end of the gradient is a {type(material).__name__}; give the name of a material"
+        )
+    return palette.resolve(material if isinstance(material, str) else material.id).id
+
+
+def _printing(
+    mesh: Mesh, along: Field, design: Design, pieces: Pieces, shells: tuple[Shell, ...],
+    pitch_mm: float, machine: Printer,
+) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:  # fmt: skip
+    """Hold the pieces against the printer; also say what is not sure."""
+    volumes_mm3 = piece_volumes_mm3(pieces)
+    if design.dealt is not None:
+        # Walls of the part as a whole: cells of two materials hold each other.
+        whole = axis_field(None, mesh)
+        checks, findings = print_checks(
+            mesh, whole, (), ("the part",), volumes_mm3.sum(keepdims=True), machine
+        )
+        cell_mm, least_mm = design.dealt.cell_mm, machine.minimum_feature_mm
+        checks["cell_mm"] = Check(cell_mm, least_mm, cell_mm >= least_mm * (1.0 - 1e-9))
+        return {**checks, **voxel_checks(pieces, mesh, volumes_mm3, machine)}, findings, ()
+    levels = design.levels
+    materials = [what.name for what in design.printed]
+    checks, findings = print_checks(mesh, along, levels.tolist(), materials, volumes_mm3, machine)
+    unsure: tuple[str, ...] = ()
+    if any(what.material is None for what in design.printed):
+        unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
+    if isinstance(along, PlanarField):
+        return checks, findings, unsure
+    drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
+    fewer = "periods" if design.choice.kind == "bands" else "bands"
+    cure = f"take fewer {fewer}, a gentler profile there"
+    divided = Divided(mesh, along, levels, pieces, materials, shells, pitch_mm, cure)
+    walls, thin = wall_checks(divided, machine)
+    return {**checks, **walls, **drawn}, (*findings, *thin, *more), unsure
+
+
+def _check_thickness(
+    field: Field, steps: tuple[Band, ...], machine: Printer, warnings: tuple[str, ...]
+) -> None:
+    """Refuse bands thinner than the printer's layer, where the field has a length."""
+    span_mm = field.description().get("span_mm")
+    if not isinstance(span_mm, float):
+        return
+    thinnest = min(steps, key=lambda band: band.stop - band.start)
+    thickness_mm = (thinnest.stop - thinnest.start) * span_mm
+    if thickness_mm < machine.layer_mm:
+        fit = int(span_mm / machine.layer_mm)
+        unit = next((warning for warning in warnings if "--unit" in warning), None)
+        raise ArgumentError(
+            f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
+            f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
+            f"{span_mm:.4g} mm; "
+            + (unit or f"use fewer bands (up to {fit} can fit) or a gentler profile")
+        )
+
+
+def _part_graded(source: PartSource, translation_mm: Point) -> PartGraded:
+    mesh = source.part.mesh
+    low, high = mesh.bounds_mm
+    return PartGraded(
+        name=source.name,
+        file=source.file,
+        sha256=source.sha256,
+        unit=source.unit,
+        volume_mm3=mesh.volume_mm3,
+        area_mm2=mesh.area_mm2,
+        bounds_mm=(point(low), point(high)),
+        triangles=len(mesh.faces),
+        translation_mm=translation_mm,
+        repairs=source.part.repairs,
+    )
+
+
+def _unreachable(target: Profile, scale: StiffnessScale) -> tuple[Unreachable, ...]:
+    return tuple(
+        Unreachable(
+            field=(missed.start, missed.stop),
+            target_modulus_MPa=missed.target_MPa,
+            nearest=scale.palette.materials[missed.grade].id,
+            modulus_MPa=scale.moduli_MPa[missed.grade],
+        )
+        for missed in shortfalls(target, scale.moduli_MPa)
+    )

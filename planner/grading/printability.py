@@ -1,0 +1,606 @@
+"""What of a plan will not print as drawn, with its place, size and cure."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.cutting.pieces import Pieces, shell_faces
+from planner.fields.basic import Field, PlanarField
+from planner.mesh.audit import Fragments, small_bodies
+from planner.mesh.mesh import Mesh
+from planner.numerics import FloatArray
+from planner.plan import Check, Finding, Shell
+from planner.printers import Printer
+from planner.voxels.columns import (
+    MOST_VOXELS,
+    grid_for,
+    iterate_columns,
+    label_columns,
+    label_volumes_mm3,
+)
+from planner.voxels.thin_places import (
+    SOUND,
+    ThinPlace,
+    longest_checked_mm,
+    room_mm,
+    thin_solid_places,
+    thin_space_places,
+    thin_walls,
+)
+from planner.voxels.thin_places import Finding as Place
+
+__all__ = [
+    "BandThickness",
+    "Divided",
+    "band_thicknesses",
+    "band_words",
+    "bits_words",
+    "gap_words",
+    "interface_checks",
+    "interface_error_mm",
+    "print_checks",
+    "voxel_check",
+    "voxel_checks",
+    "voxel_mm",
+    "wall_checks",
+    "wall_words",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Findings about walls, layers, bits and gaps, in words.
+
+
+def wall_words(place: ThinPlace, material: str, machine: Printer, unlisted: int) -> Finding:
+    """Say where the part as a whole is thinner than the minimum wall."""
+    message = (
+        f"{material}: a wall of {place.size_mm:.2f} mm{_at(place)} is below the minimum wall of "
+        f"{machine.minimum_wall_mm:g} mm; thicken the part there{_more(unlisted, 'walls')}"
+    )
+    return Finding("thin-wall", message, material, place.place_mm, place.size_mm)
+
+
+def band_words(
+    place: ThinPlace, material: str, field: float, machine: Printer, cure: str, unlisted: int
+) -> Finding:
+    """Say where a layer of one material is thinner than the minimum feature."""
+    limit_mm = machine.minimum_feature_mm
+    # Rounded up, so that it is enough
+    larger = math.ceil(10.0 * limit_mm / max(place.size_mm, machine.layer_mm)) / 10.0
+    message = (
+        f"{material}: a layer of {place.size_mm:.2f} mm{_at(place)}, field {field:.3f}, is below "
+        f"the smallest feature of {limit_mm:g} mm: it blurs into its neighbours and will not have "
+        f"its stiffness; {cure}, or a part {larger:.1f} times as large"
+        f"{_more(unlisted, f'places of {material}')}"
+    )
+    return Finding("thin-band", message, material, place.place_mm, place.size_mm)
+
+
+def bits_words(bits: Fragments, material: str, machine: Printer, cure: str) -> Finding:
+    """Say how many separate bits of a material are smaller than the minimum feature."""
+    what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
+    message = (
+        f"{material}: {what} of {_size(bits.extent_mm)} mm and {bits.volume_mm3:.2g} mm3 at "
+        f"{_place(bits.place_mm)} mm, smaller than the smallest feature of "
+        f"{machine.minimum_feature_mm:g} mm, will not print as drawn; {cure}"
+    )
+    return Finding("fragment", message, material, bits.place_mm, max(bits.extent_mm))
+
+
+def gap_words(place: ThinPlace, machine: Printer, unlisted: int) -> Finding:
+    """Say where empty space is narrower than the minimum feature."""
+    message = (
+        f"a gap of {place.size_mm:.2f} mm{_at(place)} is narrower than the smallest feature of "
+        f"{machine.minimum_feature_mm:g} mm: it will fuse or hold support; widen or close it"
+        f"{_more(unlisted, 'gaps')}"
+    )
+    return Finding("gap", message, None, place.place_mm, place.size_mm)
+
+
+def _at(place: ThinPlace) -> str:
+    return f" at {_place(place.place_mm)} mm over {_size(place.extent_mm)} mm"
+
+
+def _place(place_mm: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{coordinate:.2f}" for coordinate in place_mm) + ")"
+
+
+def _size(extent_mm: Sequence[float]) -> str:
+    return " x ".join(f"{length:.2f}" for length in extent_mm)
+
+
+def _more(unlisted: int, what: str) -> str:
+    return f"; and {unlisted} more {what}" if unlisted else ""
+
+
+# ------------------------------------------------------------------------------------------------
+# What of a plan will not print as drawn, with its place and size.
+
+
+def print_checks(
+    mesh: Mesh,
+    field: Field,
+    levels: Sequence[float],
+    materials: Sequence[str],
+    volumes_mm3: FloatArray,
+    machine: Printer,
+) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+    """Hold a placed part against the printer: tray, minimum wall, native voxels.
+
+    `levels` divide it into pieces of `materials` and `volumes_mm3`.
+
+    Returns
+    -------
+    checks : dict
+        ``tray_excess_mm``: how far the part reaches beyond the tray at worst.
+        ``places_too_thin``: walls and fragments below the minimum wall.
+        ``voxel_volume_error``: volume of each piece in the printer's own voxels against
+        `volumes_mm3`, of the part's volume, at worst. A voxel is counted wrongly only where the
+        surface passes within half its diagonal, which is the limit. Voxels are coarser than the
+        printer's where a part over the tray would need more than can be numbered.
+
+        Walls and voxels of a curved field are not checked here, see
+        `planner.grading.printability`, nor are those of a part that is far over the tray; the
+        findings then say so: its unit is wrong.
+    findings : tuple of Finding
+        In words, the tray first. Places are in the coordinates of the files.
+    """
+    checks, findings = {}, []
+    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
+    checks["tray_excess_mm"] = Check(max(excess_mm, 0.0), 0.0, excess_mm <= 0.0)
+    if excess_mm > 0.0:
+        findings.append(_too_large(extent_mm, machine))
+    longest_mm = longest_checked_mm(machine.minimum_wall_mm)
+    if excess_mm > max(machine.tray_mm) or (excess_mm > 0.0 and extent_mm.max() > longest_mm):
+        findings.append(_unchecked(machine))
+        return checks, tuple(findings)
+    if not isinstance(field, PlanarField):
+        return checks, tuple(findings)
+    places = thin_walls(mesh, field, levels, materials, machine.minimum_wall_mm)
+    count = sum(1 + place.more for place in places)
+    checks["places_too_thin"] = Check(count, 0, count == 0)
+    findings += [_too_thin(place, materials[place.label], machine) for place in places]
+    checks["voxel_volume_error"] = _voxel_check(mesh, field, levels, volumes_mm3, machine)
+    return checks, tuple(findings)
+
+
+def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
+    size = " x ".join(f"{length:.1f}" for length in extent_mm)
+    tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
+    turned = (np.sort(extent_mm) <= np.sort(np.array(machine.tray_mm))).all()
+    cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
+    return Finding(
+        kind="tray",
+        message=f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; "
+        f"{cure}",
+        size_mm=float(extent_mm.max()),
+    )
+
+
+def _unchecked(machine: Printer) -> Finding:
+    return Finding(
+        kind="unchecked",
+        message=f"walls and voxels were not checked: the part is far over the tray of "
+        f"{machine.title}; check its unit",
+    )
+
+
+def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
+    where = ", ".join(f"{coordinate:.2f}" for coordinate in place.place_mm)
+    extent = " x ".join(f"{length:.2f}" for length in place.extent_mm)
+    what = "a wall" if place.kind == "thin-wall" else "a separate fragment"
+    more = f"; and {place.more} more places of {material}" if place.more else ""
+    return Finding(
+        kind=place.kind,
+        message=f"{material}: {what} of {place.size_mm:.2f} mm at ({where}) mm over {extent} mm is "
+        f"below the minimum wall of {machine.minimum_wall_mm:g} mm{more}",
+        material=material,
+        place_mm=place.place_mm,
+        size_mm=place.size_mm,
+    )
+
+
+def _voxel_check(
+    mesh: Mesh, field: Field, levels: Sequence[float], volumes_mm3: FloatArray, machine: Printer
+) -> Check:
+    pitch_mm = voxel_mm(mesh, machine)
+    counted_mm3 = np.zeros(len(levels) + 1)
+    for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
+        labelled = label_columns(columns, field, levels)
+        counted_mm3 += label_volumes_mm3(labelled, len(levels) + 1)
+    return voxel_check(counted_mm3, volumes_mm3, mesh, pitch_mm)
+
+
+def voxel_mm(mesh: Mesh, machine: Printer) -> FloatArray:
+    """Return the printer's voxel, or a larger one where the part has too many to number."""
+    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
+    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
+    return native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
+
+
+def voxel_check(
+    counted_mm3: FloatArray, volumes_mm3: FloatArray, mesh: Mesh, pitch_mm: FloatArray
+) -> Check:
+    """Hold volumes counted in voxels against those of the pieces."""
+    error = float(np.abs(counted_mm3 - volumes_mm3).max()) / mesh.volume_mm3
+    limit = mesh.area_mm2 * float(np.linalg.norm(pitch_mm)) / mesh.volume_mm3
+    return Check(error, limit, error <= limit)
+
+
+# ------------------------------------------------------------------------------------------------
+# How far the interfaces of a curved field lie from its true level sets.
+
+
+_INTERFACE_SAMPLES = 20_000
+_KEPT = 0.9
+
+
+def interface_error_mm(pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float) -> float:
+    """Measure the distance from their level sets that 90 % of the interfaces' area keeps.
+
+    Along the normals at the centres of up to 20000 triangles, which lie farther off than their
+    corners. Where the level set does not pass within half a pitch, as at the edges of a distance
+    field, the distance is estimated from the field's slope, and counts as a pitch at most.
+
+    Parameters
+    ----------
+    pieces
+        The divided part.
+    levels
+        Of the interfaces.
+    """
+    count = len(pieces.cap_faces)
+    if count == 0:
+        return 0.0
+    chosen = np.arange(0, count, max(1, -(-count // _INTERFACE_SAMPLES)))
+    corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    centre = corners.mean(axis=1)
+    half = 0.5 * pitch_mm * normal
+    level = levels[pieces.cap_level[chosen]]
+    off = field.values(centre) - level
+    below, above = field.values(centre - half) - level, field.values(centre + half) - level
+    towards = np.where((off > 0.0) == (below > 0.0), above, below)
+    slope = np.abs(off - towards)
+    crossed = (towards > 0.0) != (off > 0.0)
+    steep = np.maximum(slope, np.abs(above - below) / 2.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(crossed, np.abs(off) / slope, np.abs(off) / steep + 1.0)
+    share = np.where(off == 0.0, 0.0, np.nan_to_num(share, nan=2.0, posinf=2.0))
+    order = np.argsort(share)
+    area = np.cumsum(length[order, 0])
+    last = min(int(np.searchsorted(area, _KEPT * area[-1])), len(order) - 1)
+    return float(min(share[order[last]], 2.0)) * 0.5 * pitch_mm
+
+
+# ------------------------------------------------------------------------------------------------
+# How thick bands between two curved interfaces are.
+
+
+_THICKNESS_SAMPLES = 200  # of an interface
+_STEPS = 5
+_NEAR = 0.02  # of a band: how near to the other interface a way has to end
+
+
+@dataclass(frozen=True, eq=False)
+class BandThickness:
+    """A band of one material between two interfaces, measured at points spread over them.
+
+    Attributes
+    ----------
+    first, last
+        Its pieces, neighbours of one material being one band.
+    thickness_mm, area_mm2 : (n,)
+        Length of the way from one interface to the other along the normal, and how much of the
+        interfaces it stands for.
+    middle_mm : (n, 3)
+        Half-way.
+    """
+
+    first: int
+    last: int
+    thickness_mm: FloatArray
+    area_mm2: FloatArray
+    middle_mm: FloatArray
+
+    def kept_mm(self, share: float) -> float:
+        """Return the thickness that all but a share of the area keeps."""
+        order = np.argsort(self.thickness_mm, kind="stable")
+        area = np.cumsum(self.area_mm2[order])
+        at = min(int(np.searchsorted(area, share * area[-1])), len(order) - 1)
+        return float(self.thickness_mm[order[at]])
+
+
+def band_thicknesses(
+    pieces: Pieces, field: Field, levels: FloatArray, names: Sequence[str], pitch_mm: float
+) -> tuple[BandThickness, ...]:
+    """Measure the bands that have an interface on both sides, in the order of the field.
+
+    From the centres of up to 200 triangles of either interface along their normals to where the
+    field has the other level. Ways that do not end there, as beyond an edge of the field, are
+    left out.
+
+    Parameters
+    ----------
+    names
+        What each piece is made of.
+    """
+    found = []
+    corners = pieces.vertices.T
+    longest_mm = float(np.linalg.norm([np.ptp(corners[axis]) for axis in range(3)]))
+    for _, group in itertools.groupby(range(pieces.count), key=names.__getitem__):
+        own = list(group)
+        if own[0] == 0 or own[-1] == pieces.count - 1:
+            continue
+        band = _measured(pieces, field, levels, own[0], own[-1], pitch_mm, longest_mm)
+        if band is not None:
+            found.append(band)
+    return tuple(found)
+
+
+def _measured(
+    pieces: Pieces,
+    field: Field,
+    levels: FloatArray,
+    first: int,
+    last: int,
+    pitch_mm: float,
+    longest_mm: float,
+) -> BandThickness | None:
+    low, high = float(levels[first - 1]), float(levels[last])
+    at, way, area, target = [], [], [], []
+    for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
+        members = np.flatnonzero(pieces.cap_level == level)
+        chosen = members[:: max(1, -(-len(members) // _THICKNESS_SAMPLES))]
+        corners = pieces.vertices[pieces.cap_faces[chosen]].astype(np.float64)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normal, axis=1)
+        flat = ~(length > 0.0)
+        at.append(corners.mean(axis=1)[~flat])
+        way.append(sign * (normal / np.where(flat, 1.0, length)[:, None])[~flat])
+        area.append(0.5 * length[~flat])
+        target.append(np.full(int((~flat).sum()), end))
+    start, towards, goal = np.concatenate(at), np.concatenate(way), np.concatenate(target)
+    if not len(start):
+        return None
+    own = np.where(goal == high, low, high)
+    begin = field.values(start)  # centres of triangles lie off their level by a chord's height
+    reached = np.full(len(start), 0.25 * pitch_mm)
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            value = field.values(start + reached[:, None] * towards)
+            slope = (value - begin) / (goal - begin) / reached  # of the band, per mm
+            better = np.where(slope > 0.0, 1.0 / slope, 2.0 * reached)
+            reached = np.minimum(np.clip(better, 0.2 * reached, 8.0 * reached), longest_mm)
+        value = field.values(start + reached[:, None] * towards)
+        good = (np.abs(value - goal) <= _NEAR * (high - low)) & (begin != goal)
+    if not good.any():
+        return None
+    middle = start + 0.5 * reached[:, None] * towards
+    thickness = reached * (goal - own) / np.where(good, goal - begin, 1.0)
+    return BandThickness(first, last, thickness[good], np.concatenate(area)[good], middle[good])
+
+
+# ------------------------------------------------------------------------------------------------
+# Checks of a plan along a curved field: where its interfaces lie, and its voxels.
+
+
+def interface_checks(
+    pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float, mesh: Mesh,
+    volumes_mm3: FloatArray, machine: Printer,
+) -> tuple[dict[str, Check], tuple[Finding, ...]]:  # fmt: skip
+    """Measure interfaces against the field, and pieces against the printer's voxels.
+
+    Returns
+    -------
+    checks : dict
+        ``interface_error_mm``: distance from their level sets that 90 % of the interfaces' area
+        keeps; at most half a pitch is wanted. ``voxel_volume_error``: see
+        `planner.grading.printability.print_checks`.
+    findings : tuple of Finding
+        What to do where an interface is too far off.
+    """
+    error_mm = interface_error_mm(pieces, field, levels, pitch_mm)
+    checks = {"interface_error_mm": Check(error_mm, pitch_mm / 2, error_mm <= pitch_mm / 2)}
+    findings: list[Finding] = []
+    if error_mm > pitch_mm / 2:
+        findings.append(
+            Finding(
+                kind="pitch",
+                message=f"interfaces lie {error_mm:.2g} mm or more from where the field has them: "
+                f"the field bends within a pitch of {pitch_mm:g} mm; take a finer --pitch",
+                size_mm=error_mm,
+            )
+        )
+    checks |= voxel_checks(pieces, mesh, volumes_mm3, machine)
+    return checks, tuple(findings)
+
+
+def voxel_checks(
+    pieces: Pieces, mesh: Mesh, volumes_mm3: FloatArray, machine: Printer
+) -> dict[str, Check]:
+    """Hold the pieces of a part that fits the tray, nearly, against the printer's voxels."""
+    if not bool((np.ptp(mesh.bounds_mm, axis=0) <= 2.0 * np.array(machine.tray_mm)).all()):
+        return {}
+    voxel = voxel_mm(mesh, machine)
+    grid = grid_for(mesh.bounds_mm, voxel.tolist())
+    counted = np.zeros(pieces.count)
+    for number in range(pieces.count):
+        faces = shell_faces(pieces, [number])
+        if len(faces):
+            shell = Mesh(pieces.vertices.astype(np.float64), faces)
+            counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
+    counted *= grid.voxel_mm3
+    return {"voxel_volume_error": voxel_check(counted, volumes_mm3, mesh, voxel)}
+
+
+# ------------------------------------------------------------------------------------------------
+# Walls, bands, bits and gaps of a part divided along curved level sets.
+#
+# A wall stands by itself, so it is the part as a whole that has to have the minimum wall: where it
+# is of several materials, they are jetted into each other and cure as one. A band is held by what
+# it is bonded to, and has to be as thick as the smallest feature alone: below that neighbours'
+# droplets mix through all of it, and it has no stiffness of its own.
+
+
+_LISTED = 3  # findings of a kind and a material
+_LEAST = 0.05  # of a band's area may be thinner
+_PASSED = 3.0  # limits that the tapering edge of a layer may be wide
+_TRIED = 9  # points of a band that balls are put into
+
+
+@dataclass(frozen=True, eq=False)
+class Divided:
+    """A placed part, what it was divided along, and what came of it.
+
+    Attributes
+    ----------
+    names
+        What each piece is printed in.
+    cure
+        What makes bands thicker, in words.
+    """
+
+    mesh: Mesh
+    field: Field
+    levels: FloatArray
+    pieces: Pieces
+    names: Sequence[str]
+    shells: Sequence[Shell]
+    pitch_mm: float
+    cure: str
+
+
+def wall_checks(part: Divided, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+    """Hold walls, layers, separate bits and gaps of a part against the printer.
+
+    Returns
+    -------
+    checks : dict
+        ``places_too_thin``: walls of the part below the minimum wall, layers of one material below
+        the minimum feature, separate bits smaller than it. ``thinnest_band_mm``: the thickness
+        that 95 % of the thinnest band keeps, of bands with an interface on both sides and of
+        layers found too thin; left out where there is neither. ``gaps_too_narrow``: gaps below
+        the minimum feature.
+    findings : tuple of Finding
+        With place, size, limit and what to change; three of a kind and a material at most.
+    """
+    extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
+    if not bool((extent_mm <= 2.0 * np.array(machine.tray_mm)).all()):
+        return {}, ()  # print_checks says so
+    limit_mm = machine.minimum_feature_mm
+    if float(extent_mm.max()) > longest_checked_mm(limit_mm) - 8.0 * limit_mm:
+        message = "bands and gaps were not checked: the part is too long for so small a feature"
+        return {}, (Finding(kind="unchecked", message=f"{message} as {limit_mm:g} mm"),)
+    walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
+    findings = [
+        wall_words(place, _piece_name(part, place), machine, unlisted if place is walls[-1] else 0)
+        for place in walls
+    ]
+    count, thicknesses = len(walls) + unlisted, []
+    measured = band_thicknesses(part.pieces, part.field, part.levels, part.names, part.pitch_mm)
+    for shell in part.shells:
+        own = [band for band in measured if part.names[band.first] == shell.material]
+        found, number, thinnest = _layers(part, shell, own, machine, bool(walls))
+        findings += found
+        count += number
+        thicknesses += thinnest
+    checks = {"places_too_thin": Check(count, 0, count == 0)}
+    if thicknesses:
+        thick = not any(finding.kind == "thin-band" for finding in findings)
+        checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
+    gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
+    for gap in gaps:
+        findings.append(gap_words(gap, machine, unlisted if gap is gaps[-1] else 0))
+    checks["gaps_too_narrow"] = Check(len(gaps) + unlisted, 0, not gaps)
+    return checks, tuple(findings)
+
+
+def _layers(
+    part: Divided, shell: Shell, bands: Sequence[BandThickness], machine: Printer, bare: bool
+) -> tuple[list[Finding], int, list[float]]:
+    """Return findings of a material, how many places they stand for, and thicknesses in mm.
+
+    `bare` tells that walls of the part were found: they need not be told again of each material.
+    """
+    limit_mm = machine.minimum_feature_mm
+    solid = Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32))
+    bits = small_bodies(solid, limit_mm, max(machine.pixel_mm))
+    thin = [(band, _thin_band(band, solid, limit_mm)) for band in bands]
+    places, unlisted = [place for _, place in thin if place is not None], 0
+    told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
+    if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
+        drawn, unlisted = thin_solid_places(
+            solid, limit_mm, listed=_LISTED, widest_passed_mm=_PASSED * limit_mm
+        )
+        drawn = [
+            p for p in drawn if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))
+        ]
+        places, unlisted = (drawn, unlisted) if drawn else (places, 0)
+    unlisted += max(len(places) - _LISTED, 0)
+    places = places[:_LISTED]
+    findings = [
+        band_words(
+            place,
+            shell.material,
+            _field_at(part, place),
+            machine,
+            part.cure,
+            unlisted if place is places[-1] else 0,
+        )
+        for place in places
+    ]
+    if bits.count:
+        findings.append(bits_words(bits, shell.material, machine, part.cure))
+    thicknesses = [p.size_mm for p in places] or [band.kept_mm(_LEAST) for band in bands]
+    return findings, len(places) + unlisted + bits.count, thicknesses
+
+
+def _loose(place: ThinPlace, bits: Fragments) -> bool:
+    """Tell whether a place is one of the separate bits."""
+    at, slack = np.array(place.place_mm), 0.1 * np.array(place.extent_mm)
+    low, high = bits.boxes_mm[:, 0] - slack, bits.boxes_mm[:, 1] + slack
+    return place.alone and bool(((low <= at) & (at <= high)).all(axis=1).any())
+
+
+def _whole(place: ThinPlace, part: Divided, limit_mm: float) -> bool:
+    """Tell whether the part as a whole is no thicker at a place than the layer there."""
+    _, room = room_mm(part.mesh, np.array([place.place_mm]), 0.25 * limit_mm, limit_mm)
+    return float(room[0]) <= place.size_mm + 0.1 * limit_mm
+
+
+def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace | None:
+    """Return where a band is too thin by its field, if balls between its triangles confirm it."""
+    if band.kept_mm(_LEAST) >= SOUND * limit_mm:
+        return None
+    thin = np.flatnonzero(band.thickness_mm < SOUND * limit_mm)
+    thin = thin[np.argsort(band.thickness_mm[thin], kind="stable")]
+    tried = thin[np.unique(np.linspace(0, len(thin) - 1, _TRIED).astype(np.int64))]
+    points = band.middle_mm[tried]
+    centres, room = room_mm(solid, points, 0.25 * limit_mm, limit_mm)
+    sure = np.flatnonzero((room > 0.0) & (room < SOUND * limit_mm))
+    if 2 * len(sure) <= len(tried):
+        return None
+    order = sure[np.argsort(room[sure], kind="stable")]
+    middle = order[len(order) // 2]
+    x, y, z = centres[middle].tolist()
+    width, depth, height = np.ptp(band.middle_mm[thin], axis=0).tolist()
+    size_mm = float(room[middle])
+    share = float(band.area_mm2[thin].sum()) * size_mm / 2.0
+    return ThinPlace(
+        (x, y, z), size_mm, float(room[order[0]]), (width, depth, height), share, False
+    )
+
+
+def _field_at(part: Divided, place: ThinPlace) -> float:
+    return float(part.field.values(np.array([place.place_mm]))[0])
+
+
+def _piece_name(part: Divided, place: ThinPlace) -> str:
+    return part.names[int(np.searchsorted(part.levels, _field_at(part, place), side="right"))]

@@ -1,1 +1,0 @@
-"""Laws fitted to tensile tests, with intervals and a choice among them."""

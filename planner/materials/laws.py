@@ -1,0 +1,709 @@
+"""Constitutive laws in uniaxial tension, for planning and as a fit sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planner.errors import ArgumentError
+from planner.numerics import FloatArray
+from planner.palette import LAW_PARAMETERS, LawParameters
+
+__all__ = [
+    "FITTED_MODELS",
+    "LARGEST_ALPHA",
+    "Law",
+    "Linear",
+    "Martins",
+    "MartinsColumns",
+    "NeoHookean",
+    "NeoHookeanColumns",
+    "Ogden",
+    "OgdenColumns",
+    "OgdenThesis",
+    "SeparableLaw",
+    "Yeoh",
+    "YeohColumns",
+    "candidate_laws",
+    "literal_stress_MPa",
+    "literal_tangent_MPa",
+    "make_law",
+    "positive_stretch",
+    "secant_modulus_MPa",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# What every constitutive law can do, in uniaxial tension of an incompressible material.
+
+
+class Law(Protocol):
+    """A uniaxial law: nominal stress as a function of stretch.
+
+    Stretch is length over rest length, so engineering strain is ``stretch - 1``; nominal
+    (engineering) stress is force over the area at rest, Cauchy stress over ``stretch``.
+    """
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Tangent at rest; three times the shear modulus."""
+        ...
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the nominal stress, of the shape of `stretch`."""
+        ...
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the derivative of the nominal stress by the stretch, of the same shape."""
+        ...
+
+
+def positive_stretch(stretch: ArrayLike) -> FloatArray:
+    """Return stretches as an array.
+
+    Raises
+    ------
+    ArgumentError
+        A stretch is not above 0 and finite.
+    """
+    array = np.asarray(stretch, dtype=np.float64)
+    allowed = (array > 0.0) & (array < np.inf)
+    if not allowed.all():
+        raise ArgumentError(
+            f"stretch {array[~allowed].flat[0]:g}: it must be above 0 and finite; stretch is "
+            "1 at rest, 1 + engineering strain"
+        )
+    return array
+
+
+# ------------------------------------------------------------------------------------------------
+# Linear elasticity in engineering strain.
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Hooke's law, P = E (λ - 1), for grades of which only Young's modulus is known.
+
+    Its secant modulus is E at every strain.
+    """
+
+    modulus_MPa: float
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Return E."""
+        return self.modulus_MPa
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return E (λ - 1)."""
+        return self.modulus_MPa * (positive_stretch(stretch) - 1.0)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return E."""
+        return np.full_like(positive_stretch(stretch), self.modulus_MPa)
+
+
+# ------------------------------------------------------------------------------------------------
+# The Martins law.
+
+
+@dataclass(frozen=True, slots=True)
+class Martins:
+    """Exponential matrix and fibre: W = c2 (exp(c1 J) - 1) + c4 (exp(c3 (λ-1)²) - 1).
+
+    J = I1 - 3 = λ² + 2/λ - 3. With g = λ - 1/λ²,
+    P = 2 c1 c2 g exp(c1 J) + 2 c3 c4 (λ-1) exp(c3 (λ-1)²), and E0 = 6 c1 c2 + 2 c3 c4
+    (Martins, Natal Jorge & Ferreira, Strain 42, 2006, who print the Cauchy stress λ P; the
+    numbering is that of Hemleben's eq. 3.6).
+    """
+
+    c1: float
+    c2_MPa: float
+    c3: float
+    c4_MPa: float
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Return 6 c1 c2 + 2 c3 c4."""
+        return 6.0 * self.c1 * self.c2_MPa + 2.0 * self.c3 * self.c4_MPa
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return dW/dλ."""
+        stretch = positive_stretch(stretch)
+        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
+        return matrix * (stretch - stretch**-2) + fibre * (stretch - 1.0)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return d²W/dλ²."""
+        stretch = positive_stretch(stretch)
+        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
+        g = stretch - stretch**-2
+        return matrix * (1.0 + 2.0 * stretch**-3 + 2.0 * self.c1 * g**2) + fibre * (
+            1.0 + 2.0 * self.c3 * (stretch - 1.0) ** 2
+        )
+
+    def _matrix_and_fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray]:
+        j = stretch**2 + 2.0 / stretch - 3.0
+        matrix = 2.0 * self.c1 * self.c2_MPa * np.exp(self.c1 * j)
+        fibre = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * (stretch - 1.0) ** 2)
+        return matrix, fibre
+
+
+# ------------------------------------------------------------------------------------------------
+# The neo-Hookean law.
+
+
+@dataclass(frozen=True, slots=True)
+class NeoHookean:
+    """Gaussian chains: W = μ/2 (I1 - 3), P = μ (λ - 1/λ²), with I1 = λ² + 2/λ.
+
+    μ is the shear modulus, E0 = 3 μ (Treloar, The Physics of Rubber Elasticity, 1975).
+    """
+
+    mu_MPa: float
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Return 3 μ."""
+        return 3.0 * self.mu_MPa
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return μ (λ - 1/λ²)."""
+        stretch = positive_stretch(stretch)
+        return self.mu_MPa * (stretch - stretch**-2)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return μ (1 + 2/λ³)."""
+        stretch = positive_stretch(stretch)
+        return self.mu_MPa * (1.0 + 2.0 * stretch**-3)
+
+
+# ------------------------------------------------------------------------------------------------
+# The Ogden law.
+
+
+@dataclass(frozen=True, slots=True)
+class Ogden:
+    """W = Σ μi/αi (λ^αi + 2 λ^(-αi/2) - 3), P = Σ μi (λ^(αi-1) - λ^(-αi/2-1)).
+
+    Twice the shear modulus is Σ μi αi, so E0 = 3/2 Σ μi αi (Ogden, Proc. R. Soc. A 326, 1972).
+
+    Parameters
+    ----------
+    mu_MPa, alpha
+        One of each a term; no alpha is 0.
+    """
+
+    mu_MPa: tuple[float, ...]
+    alpha: tuple[float, ...]
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Return 3/2 Σ μi αi."""
+        return 1.5 * sum(mu * a for mu, a in zip(self.mu_MPa, self.alpha, strict=True))
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return Σ μi (λ^(αi-1) - λ^(-αi/2-1))."""
+        stretch = positive_stretch(stretch)
+        stress = np.zeros_like(stretch)
+        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
+            stress = stress + mu * (stretch ** (a - 1.0) - stretch ** (-a / 2.0 - 1.0))
+        return stress
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return Σ μi ((αi-1) λ^(αi-2) + (αi/2+1) λ^(-αi/2-2))."""
+        stretch = positive_stretch(stretch)
+        tangent = np.zeros_like(stretch)
+        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
+            tangent = tangent + mu * (
+                (a - 1.0) * stretch ** (a - 2.0) + (a / 2.0 + 1.0) * stretch ** (-a / 2.0 - 2.0)
+            )
+        return tangent
+
+
+# ------------------------------------------------------------------------------------------------
+# The Ogden-like expression of Hemleben's thesis, as printed; to reproduce it, not to plan.
+
+
+@dataclass(frozen=True, slots=True)
+class OgdenThesis:
+    """P = Σ c_i (x^c_j - 2^(c_j-1) x^(-c_j/2)), (i, j) = (1, 2), (3, 4), (5, 6), x the strain.
+
+    Eq. 3.8 of S. Hemleben, Modeling a Spectrum of 3D Printed Materials for Soft Robots, Oregon
+    State University, 2017. What the thesis calls λ is the engineering strain x = stretch - 1,
+    and the factor 2^(c-1) comes of (2/√λ)^c in place of 2 (1/√λ)^c in the energy. Hence the
+    stress neither vanishes nor stays finite at rest: the law holds from `strain_min` to
+    `strain_max` only, and has no initial modulus.
+    """
+
+    c: tuple[float, ...]
+    strain_min: float
+    strain_max: float
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Raise, for the expression diverges at rest.
+
+        Raises
+        ------
+        ArgumentError
+            Always.
+        """
+        raise ArgumentError(
+            "the thesis-literal law diverges at rest and has no initial modulus; "
+            "use the material's stress-free law"
+        )
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the stress as printed.
+
+        Raises
+        ------
+        ArgumentError
+            A strain outside [strain_min, strain_max].
+        """
+        return literal_stress_MPa(self.c, self._strain(stretch))
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return the derivative by the strain.
+
+        Raises
+        ------
+        ArgumentError
+            A strain outside [strain_min, strain_max].
+        """
+        return literal_tangent_MPa(self.c, self._strain(stretch))
+
+    def _strain(self, stretch: ArrayLike) -> FloatArray:
+        strain = positive_stretch(stretch) - 1.0
+        # A few roundings of 1 + strain, so that the ends themselves are within.
+        slack = 8.0 * np.finfo(np.float64).eps
+        outside = (strain < self.strain_min - slack) | (strain > self.strain_max + slack)
+        if outside.any():
+            raise ArgumentError(
+                f"strain {strain[outside].flat[0]:g}: the thesis-literal law holds from "
+                f"{self.strain_min:g} to {self.strain_max:g} only; use the material's "
+                "stress-free law elsewhere"
+            )
+        return strain
+
+
+def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
+    """Return eq. 3.8 at strains above 0, wherever they are.
+
+    Parameters
+    ----------
+    c
+        Six coefficients along the last axis; the other axes broadcast with `strain`.
+    """
+    c = np.asarray(c, dtype=np.float64)
+    x = np.asarray(strain, dtype=np.float64)
+    stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
+    for i in (0, 2, 4):
+        a, b = c[..., i], c[..., i + 1]
+        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
+    return stress
+
+
+def literal_tangent_MPa(c: ArrayLike, strain: ArrayLike, order: int = 1) -> FloatArray:
+    """Return the derivative of eq. 3.8 by the strain, of order 1 or 2.
+
+    Parameters
+    ----------
+    c, strain
+        As `literal_stress_MPa`.
+    """
+    c = np.asarray(c, dtype=np.float64)
+    x = np.asarray(strain, dtype=np.float64)
+    slope: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
+    for i in (0, 2, 4):
+        a, b = c[..., i], c[..., i + 1]
+        up, down = a * b, a * b * 2.0 ** (b - 2.0)
+        if order == 1:
+            slope = slope + up * x ** (b - 1.0) + down * x ** (-b / 2.0 - 1.0)
+        else:
+            slope = slope + up * (b - 1.0) * x ** (b - 2.0)
+            slope = slope - down * (b / 2.0 + 1.0) * x ** (-b / 2.0 - 2.0)
+    return slope
+
+
+# ------------------------------------------------------------------------------------------------
+# The Yeoh law.
+
+
+@dataclass(frozen=True, slots=True)
+class Yeoh:
+    """W = c1 J + c2 J² + c3 J³ with J = I1 - 3 = λ² + 2/λ - 3.
+
+    P = dW/dλ = 2 (λ - 1/λ²) (c1 + 2 c2 J + 3 c3 J²); the shear modulus is 2 c1, E0 = 6 c1
+    (Yeoh, Rubber Chem. Technol. 66, 1993). The form with λ² - 1/λ in front is the Cauchy stress
+    λ P of the same energy.
+    """
+
+    c_MPa: tuple[float, float, float]
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Return 6 c1."""
+        return 6.0 * self.c_MPa[0]
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W'(J) dJ/dλ."""
+        stretch = positive_stretch(stretch)
+        c1, c2, c3 = self.c_MPa
+        j = stretch**2 + 2.0 / stretch - 3.0
+        return 2.0 * (stretch - stretch**-2) * (c1 + j * (2.0 * c2 + 3.0 * c3 * j))
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
+        stretch = positive_stretch(stretch)
+        c1, c2, c3 = self.c_MPa
+        j = stretch**2 + 2.0 / stretch - 3.0
+        slope = 2.0 * (stretch - stretch**-2)
+        return (2.0 * c2 + 6.0 * c3 * j) * slope**2 + (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * (
+            2.0 + 4.0 * stretch**-3
+        )
+
+
+# ------------------------------------------------------------------------------------------------
+# Constitutive laws, one a module, and how a palette's parameters become one.
+#
+# All are uniaxial and incompressible and return the nominal stress in MPa at a stretch; see
+# `Law`. `OgdenThesis` alone is neither stress-free at rest nor valid everywhere.
+
+
+def make_law(parameters: LawParameters) -> Law:
+    """Return the law that a palette's parameters describe.
+
+    Raises
+    ------
+    ArgumentError
+        No law is called so.
+    """
+    p = parameters.parameters
+    match parameters.model:
+        case "linear":
+            return Linear(*p["modulus_MPa"])
+        case "neo-hookean":
+            return NeoHookean(*p["mu_MPa"])
+        case "yeoh":
+            c1, c2, c3 = p["c_MPa"]
+            return Yeoh((c1, c2, c3))
+        case "ogden":
+            return Ogden(p["mu_MPa"], p["alpha"])
+        case "martins":
+            return Martins(*p["c1"], *p["c2_MPa"], *p["c3"], *p["c4_MPa"])
+        case "ogden-thesis":
+            return OgdenThesis(p["c"], *p["strain_min"], *p["strain_max"])
+    raise ArgumentError(f"law {parameters.model!r}: it must be one of {', '.join(LAW_PARAMETERS)}")
+
+
+# ------------------------------------------------------------------------------------------------
+# Laws as a fit sees them: a sum of columns, each linear in one coefficient.
+#
+# Every law of the palette is ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``: linear in the
+# coefficients c, and nonlinear at most in one parameter a_j a column. Variable projection solves
+# for c exactly and searches over a alone.
+
+
+LARGEST_ALPHA = 30.0
+"""Bound of the Ogden exponents: beyond it a term is nothing but a step at the last point."""
+
+LARGEST_TERMS = 3
+"""Ogden terms tried; a fourth is never identified by one mode of deformation."""
+
+
+class SeparableLaw(Protocol):
+    """A law as columns."""
+
+    @property
+    def model(self) -> str:
+        """The law's name in a palette file."""
+        ...
+
+    @property
+    def columns(self) -> int:
+        """Number p of columns, each with one linear coefficient."""
+        ...
+
+    @property
+    def nonlinear(self) -> int:
+        """Number q of nonlinear parameters: 0, or one a column (q = p)."""
+        ...
+
+    def bounds(self, stretch_max: float) -> FloatArray:
+        """Return low and high of each nonlinear parameter, shape (q, 2)."""
+        ...
+
+    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
+        """Map points of the unit cube, shape (s, q), to starts within the bounds."""
+        ...
+
+    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return columns and their derivatives by their own parameter.
+
+        Parameters
+        ----------
+        stretch
+            Shape (n,).
+        a
+            Nonlinear parameters of s candidates, shape (s, q).
+
+        Returns
+        -------
+        tuple of ndarray
+            phi and dphi/da, shape (s, n, p) each; the latter is empty (s, n, 0) when q = 0.
+        """
+        ...
+
+    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the coefficients are divided by to give file parameters, and its slope.
+
+        Shape (s, p) each: the file's coefficient is c / divisor(a).
+        """
+        ...
+
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return the parameters under a palette file's names.
+
+        Parameters
+        ----------
+        a
+            Nonlinear parameters, shape (q,).
+        c
+            The file's coefficients, shape (p,).
+        """
+        ...
+
+
+class NeoHookeanColumns:
+    """P = mu (l - l^-2)."""
+
+    model = "neo-hookean"
+    columns = 1
+    nonlinear = 0
+
+    def bounds(self, stretch_max: float) -> FloatArray:
+        """Return no bounds: the law is linear in mu."""
+        return np.empty((0, 2))
+
+    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
+        """Return the empty start."""
+        return fraction[:, :0]
+
+    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the column l - l^-2."""
+        return _linear(_uniaxial(stretch)[:, None], a)
+
+    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return one: the file holds the coefficients themselves."""
+        shape = (len(a), self.columns)
+        return np.ones(shape), np.zeros(shape)
+
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return mu in MPa."""
+        return {"mu_MPa": (float(c[0]),)}
+
+
+class YeohColumns:
+    """P = 2 (l - l^-2) (c1 + 2 c2 (I1 - 3) + 3 c3 (I1 - 3)^2), I1 = l^2 + 2/l."""
+
+    model = "yeoh"
+    columns = 3
+    nonlinear = 0
+
+    def bounds(self, stretch_max: float) -> FloatArray:
+        """Return no bounds: the law is linear in c1, c2, c3."""
+        return np.empty((0, 2))
+
+    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
+        """Return the empty start."""
+        return fraction[:, :0]
+
+    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the columns of c1, c2 and c3."""
+        invariant = _first_invariant(stretch)[:, None] ** np.arange(3)
+        return _linear(2.0 * _uniaxial(stretch)[:, None] * np.arange(1, 4) * invariant, a)
+
+    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return one: the file holds the coefficients themselves."""
+        shape = (len(a), self.columns)
+        return np.ones(shape), np.zeros(shape)
+
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return c1, c2, c3 in MPa."""
+        return {"c_MPa": tuple(float(v) for v in c)}
+
+
+class OgdenColumns:
+    """P = sum_i mu_i (l^(alpha_i - 1) - l^(-alpha_i/2 - 1)).
+
+    The coefficients are the terms' shares E_i = 1.5 mu_i alpha_i of the initial modulus, which
+    keeps the columns finite and apart from zero where an alpha goes through zero.
+    """
+
+    model = "ogden"
+
+    def __init__(self, terms: int) -> None:
+        self.columns = self.nonlinear = terms
+
+    def bounds(self, stretch_max: float) -> FloatArray:
+        """Return -LARGEST_ALPHA, LARGEST_ALPHA for each exponent."""
+        return np.tile([-LARGEST_ALPHA, LARGEST_ALPHA], (self.nonlinear, 1))
+
+    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
+        """Spread starts denser near zero, where rubbers lie; sorted, for terms can be swapped."""
+        t = 2.0 * fraction - 1.0
+        return np.sort(LARGEST_ALPHA * t * np.abs(t), axis=1)
+
+    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (l^(a-1) - l^(-a/2-1)) / (1.5 a) and its derivative by a.
+
+        With x = ln l and h = 0.75 a x it is exp(a x / 4) x / l * sinh(h) / h.
+        """
+        x = np.log(stretch)[None, :, None]
+        quarter = 0.25 * a[:, None, :] * x
+        root = np.exp(quarter)
+        # The one exponential serves both: exp(h) is its cube.
+        h = 3.0 * quarter
+        up = root * root * root
+        down = 1.0 / up
+        square = h * h
+        small = square < 1e-4
+        safe = np.where(small, 1.0, h)
+        quotient = np.where(
+            small, 1.0 + square * (1.0 / 6.0 + square / 120.0), 0.5 * (up - down) / safe
+        )
+        slope = np.where(
+            small, h * (1.0 / 3.0 + square / 30.0), (0.5 * (up + down) - quotient) / safe
+        )
+        scale = root * (x / stretch[None, :, None])
+        phi = scale * quotient
+        return phi, x * (0.25 * phi + 0.75 * scale * slope)
+
+    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return 1.5 alpha: E_i = 1.5 mu_i alpha_i."""
+        return 1.5 * a, np.full_like(a, 1.5)
+
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return mu in MPa and alpha."""
+        return {"mu_MPa": tuple(float(v) for v in c), "alpha": tuple(float(v) for v in a)}
+
+
+class MartinsColumns:
+    """P = 2 (l - l^-2) c1 c2 exp(c1 (I1 - 3)) + 2 (l - 1) c3 c4 exp(c3 (l - 1)^2).
+
+    The coefficients are the products c1 c2 and c3 c4.
+    """
+
+    model = "martins"
+    columns = 2
+    nonlinear = 2
+    _REACH = (1e-3, 12.0)
+    """Bounds of the arguments of the two exponentials at the largest stretch."""
+
+    def bounds(self, stretch_max: float) -> FloatArray:
+        """Return the bounds of c1 and c3, both positive."""
+        invariant = _first_invariant(np.array([stretch_max]))[0]
+        largest = np.array([[invariant], [(stretch_max - 1.0) ** 2]])
+        out: FloatArray = np.array(self._REACH) / np.maximum(largest, 1e-6)
+        return out
+
+    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
+        """Spread starts evenly in the logarithm."""
+        low, high = np.log(self.bounds(stretch_max)).T
+        out: FloatArray = np.exp(low + fraction * (high - low))
+        return out
+
+    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the two columns and their derivatives by c1 and c3."""
+        front = np.stack([2.0 * _uniaxial(stretch), 2.0 * (stretch - 1.0)], axis=-1)
+        inner = np.stack([_first_invariant(stretch), (stretch - 1.0) ** 2], axis=-1)
+        phi = front * np.exp(a[:, None, :] * inner)
+        return phi, phi * inner
+
+    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return c1 and c3: the coefficients are c1 c2 and c3 c4."""
+        return a, np.ones_like(a)
+
+    def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
+        """Return c1 and c3, and c2 and c4 in MPa."""
+        return {
+            "c1": (float(a[0]),),
+            "c2_MPa": (float(c[0]),),
+            "c3": (float(a[1]),),
+            "c4_MPa": (float(c[1]),),
+        }
+
+
+FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
+    "neo-hookean": (NeoHookeanColumns(),),
+    "ogden": tuple(OgdenColumns(n) for n in range(1, LARGEST_TERMS + 1)),
+    "yeoh": (YeohColumns(),),
+    "martins": (MartinsColumns(),),
+}
+"""The laws that can be fitted, in each number of terms that is tried."""
+
+
+def candidate_laws(model: str) -> tuple[SeparableLaw, ...]:
+    """Return what ``--law`` stands for: one model in all its numbers of terms, or "all".
+
+    Raises
+    ------
+    ArgumentError
+        No such model.
+    """
+    if model == "all":
+        return tuple(law for laws in FITTED_MODELS.values() for law in laws)
+    if model not in FITTED_MODELS:
+        raise ArgumentError(
+            f"law {model!r}: no such law; choose one of {', '.join(FITTED_MODELS)}, all"
+        )
+    return FITTED_MODELS[model]
+
+
+def _uniaxial(stretch: FloatArray) -> FloatArray:
+    """Return l - l^-2, exact near one."""
+    strain = stretch - 1.0
+    out: FloatArray = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
+    return out
+
+
+def _first_invariant(stretch: FloatArray) -> FloatArray:
+    """Return I1 - 3 in uniaxial tension, exact near one."""
+    strain = stretch - 1.0
+    out: FloatArray = strain * strain * (stretch + 2.0) / stretch
+    return out
+
+
+def _linear(phi: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    shape = (len(a), *phi.shape)
+    return np.broadcast_to(phi, shape), np.empty((*shape[:2], 0))
+
+
+# ------------------------------------------------------------------------------------------------
+# One measure of stiffness for soft and rigid grades alike: the secant modulus.
+
+
+_SMALL_STRAIN = 1e-5
+
+
+def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
+    """Return nominal stress over engineering strain, P(1 + strain) / strain.
+
+    At strain 0 this is the initial modulus. A linear law's is its modulus at every strain, so
+    that a rigid grade's Young's modulus and an elastomer's secant are the same measure.
+
+    Raises
+    ------
+    ArgumentError
+        A strain is not above -1 and finite.
+    """
+    strain = np.asarray(strain, dtype=np.float64)
+    stretch = positive_stretch(1.0 + strain)
+    # Near rest the quotient loses digits; the tangent midway is the secant to second order.
+    small = np.abs(strain) < _SMALL_STRAIN
+    secant = law.nominal_stress_MPa(stretch) / np.where(small, 1.0, stretch - 1.0)
+    return np.where(small, law.tangent_MPa(1.0 + strain / 2.0), secant)

@@ -1,0 +1,493 @@
+"""From a set of tensile tests to a palette or a table of characteristics."""
+
+import csv
+import io
+import itertools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from planner.errors import ArgumentError, OutputError, PaletteError
+from planner.formats.tables import number
+from planner.formats.tensile import Specimen
+from planner.materials.characterise import MaterialCharacteristics, Spread, doubts
+from planner.materials.fit import STARTS, Candidate, Weighting
+from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
+from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
+from planner.materials.mixtures import CoefficientModel
+from planner.materials.study import Study
+from planner.palette import Material, Palette, Reference
+
+__all__ = [
+    "DEFAULT_DENSITY_G_CM3",
+    "PaletteStudy",
+    "characteristics_csv",
+    "characteristics_document",
+    "fit_study",
+    "write_characteristics",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Characteristics as files: a CSV table, one row a material, and a JSON document.
+
+
+_DIGITS = 9
+
+
+def characteristics_csv(materials: Sequence[MaterialCharacteristics]) -> str:
+    """Return the table: material, specimens, deformation, then mean, sd, cv and 95 % interval.
+
+    The columns of a figure `modulus_MPa` are modulus_MPa, modulus_sd_MPa, modulus_cv,
+    modulus_low_MPa, modulus_high_MPa and modulus_n (how many specimens have the figure: a
+    secant beyond break is none). Numbers have nine significant digits; an empty cell means unknown.
+    """
+    names = list(dict.fromkeys(name for m in materials for name in m.spreads))
+    header = ["material", "specimens", "deformation"]
+    for name in names:
+        header += _columns(name)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for material in materials:
+        row = [material.material, str(material.n), material.deformation.kind]
+        for name in names:
+            row += _cells(material.spreads.get(name))
+        writer.writerow(row)
+    return text.getvalue()
+
+
+def characteristics_document(
+    materials: Sequence[MaterialCharacteristics], notes: Sequence[str]
+) -> dict[str, Any]:
+    """Return the figures of materials and specimens as plain values, unrounded."""
+    return {
+        "schema": 1,
+        "materials": [
+            {
+                "material": m.material,
+                "deformation": m.deformation.kind,
+                "deformation_reason": m.deformation.reason,
+                "specimens_agree": m.agree,
+                "figures": {
+                    name: {
+                        "mean": s.mean,
+                        "sd": s.sd,
+                        "cv": s.cv,
+                        "interval": None if s.interval is None else [*s.interval],
+                        "n": s.n,
+                    }
+                    for name, s in m.spreads.items()
+                },
+                "specimens": [
+                    {
+                        "specimen": c.specimen,
+                        "modulus_MPa": c.modulus_MPa,
+                        "modulus_uncompensated_MPa": c.modulus_uncompensated_MPa,
+                        "linear_strain": [*c.linear_strain],
+                        "toe_strain": c.toe_strain,
+                        "toughness_MJ_m3": c.toughness_MJ_m3,
+                        "elongation_at_break": c.elongation_at_break,
+                        "strength_MPa": c.strength_MPa,
+                        "secant_MPa": {f"{k:g}": v for k, v in c.secant_MPa.items()},
+                        "yield_strain": c.yield_strain,
+                        "deformation": c.deformation.kind,
+                    }
+                    for c in m.specimens
+                ],
+            }
+            for m in materials
+        ],
+        "notes": [*notes, *(note for m in materials for c in m.specimens for note in c.notes)],
+    }
+
+
+def write_characteristics(
+    materials: Sequence[MaterialCharacteristics], path: str | Path, *, force: bool = False
+) -> None:
+    """Write the CSV table, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file is there already and `force` is false, or cannot be written.
+    """
+    path = Path(path)
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(characteristics_csv(materials), encoding="utf-8", newline="")
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror or error}); choose another place"
+        ) from error
+
+
+def _columns(name: str) -> list[str]:
+    stem, unit = name, ""
+    for ending in ("_MPa", "_MJ_m3"):
+        if name.endswith(ending):
+            stem, unit = name.removesuffix(ending), ending
+    return [name, f"{stem}_sd{unit}", f"{stem}_cv", f"{stem}_low{unit}", f"{stem}_high{unit}",
+            f"{stem}_n"]  # fmt: skip
+
+
+def _cells(figure: Spread | None) -> list[str]:
+    if figure is None:
+        return ["", "", "", "", "", "0"]
+    low, high = (None, None) if figure.interval is None else figure.interval
+    return [
+        *("" if v is None else f"{v:.{_DIGITS}g}" for v in (figure.mean, figure.sd, figure.cv)),
+        *("" if v is None else f"{v:.{_DIGITS}g}" for v in (low, high)),
+        str(figure.n),
+    ]
+
+
+# ------------------------------------------------------------------------------------------------
+# From a study's groups of curves to a palette, with a report of every law that was tried.
+
+
+DEFAULT_DENSITY_G_CM3 = 1.14
+"""Assumed where none is given: between the 1.12 to 1.13 assumed of TangoPlus and the 1.17 to
+1.18 g/cm3 of VeroWhite."""
+
+RANKING_STRAIN = 0.1
+"""Secant modulus at this strain, or at the smallest elongation at break, orders a palette."""
+
+SMALLEST_R2 = 0.9
+LARGEST_HELD_OUT_ERROR = 0.2
+"""A law that does worse than either is reported as a finding."""
+
+_RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
+_DIFFERENT = 1e-3
+"""Relative spread of a condition that counts as a difference between specimens."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaletteStudy:
+    """A palette fitted to a study.
+
+    Attributes
+    ----------
+    fits
+        By material id, from soft to hard.
+    notes
+        What was corrected, assumed or doubtful, one sentence each.
+    problem
+        Why the palette cannot be planned with as it is (its laws cross), or None.
+    findings
+        What speaks against a material's figures or its law, one sentence each; the problem is
+        not among them.
+    """
+
+    palette: Palette
+    fits: Mapping[str, MaterialFit]
+    notes: tuple[str, ...]
+    problem: str | None
+    findings: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the report as plain values."""
+        return {
+            "schema": 1,
+            "palette": self.palette.name,
+            "materials": [
+                _material_document(material, self.fits[material.id])
+                for material in self.palette.materials
+            ],
+            "notes": list(self.notes),
+            "problem": self.problem,
+            "findings": list(self.findings),
+        }
+
+
+def fit_study(
+    study: Study,
+    *,
+    name: str,
+    law: str = "all",
+    weighting: Weighting = "relative",
+    starts: int = STARTS,
+    level: float = 0.95,
+    coordinates: Mapping[str, float] | None = None,
+    densities_g_cm3: Mapping[str, float] | None = None,
+    stage: Callable[[str], None] = lambda stage: None,
+) -> PaletteStudy:
+    """Fit every material of a study and put them on the coordinate m.
+
+    Parameters
+    ----------
+    law
+        "all" or one of `planner.materials.laws.FITTED_MODELS`.
+    coordinates
+        Coordinate by material. Without it: the column ``coordinate`` of specimens.csv, else
+        0..1 evenly in the order of stiffness.
+    densities_g_cm3
+        Density by material. Without it: the column ``density_g_cm3``, else
+        `DEFAULT_DENSITY_G_CM3`, which is noted.
+    stage
+        Told which material is fitted.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown law or material, no stable law, or coordinates that do not rise with
+        stiffness.
+    FileError
+        A curve or a column that no figure can rest on.
+    """
+    laws = candidate_laws(law)
+    notes = list(study.notes)
+    fits: dict[str, MaterialFit] = {}
+    for material, curves in study.groups.items():
+        stage(f"fitting {material}")
+        fit = fit_material(material, curves, laws, weighting=weighting, starts=starts, level=level)
+        notes.extend(note for note in fit.notes if note not in notes)
+        fits[material] = fit
+    single = [material for material, fit in fits.items() if fit.characteristics.n == 1]
+    if single:
+        notes.append(
+            f"one specimen of {', '.join(single)}: that tells nothing of the scatter between "
+            f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
+            "strain left out"
+        )
+    ordered = sorted(fits, key=lambda material: _stiffness(fits[material], fits))
+    places = _coordinates(study, ordered, coordinates, notes)
+    densities = _densities(study, ordered, densities_g_cm3, notes)
+    ids = _ids(ordered)
+    materials = tuple(
+        Material(
+            id=ids[material],
+            aliases=() if ids[material] == material else (material,),
+            coordinate=places[material],
+            elongation_at_break=fits[material].elongation_at_break,
+            density_g_cm3=densities[material],
+            law=fits[material].law,
+            colour=_colour(rank / max(len(ordered) - 1, 1)),
+            source=f"fitted to {fits[material].characteristics.n} tensile specimen(s), "
+            f"{weighting} residuals",
+            deformation=fits[material].characteristics.deformation.kind,
+            modulus_log_sd=fits[material].scatter.log_sd,
+            uncertainty=fits[material].uncertainty,
+        )
+        for rank, material in enumerate(ordered)
+    )
+    palette = Palette(name, materials, _reference(study, notes), "planner fit")
+    by_id = {ids[material]: fits[material] for material in ordered}
+    findings = tuple(said for material in ordered for said in _findings(fits[material]))
+    return PaletteStudy(palette, by_id, tuple(notes), _problem(palette), findings)
+
+
+def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
+    strain = min(RANKING_STRAIN, *(f.elongation_at_break for f in fits.values()))
+    return float(secant_modulus_MPa(make_law(fit.law), strain))
+
+
+def _problem(palette: Palette) -> str | None:
+    try:
+        CoefficientModel(palette)
+    except PaletteError as error:
+        return str(error)
+    return None
+
+
+def _findings(fit: MaterialFit) -> list[str]:
+    """Return what speaks against the specimens, and against the law that was chosen."""
+    said = list(doubts(fit.characteristics))
+    chosen = None if fit.choice is None else fit.choice.chosen
+    if chosen is not None and (
+        chosen.fit.r2 < SMALLEST_R2 or chosen.held_out_error > LARGEST_HELD_OUT_ERROR
+    ):
+        said.append(
+            f"material {fit.material}: {chosen.fit.name} describes it badly (R2 "
+            f"{chosen.fit.r2:.3f}, held-out error {100 * chosen.held_out_error:.2g} %; at least "
+            f"{SMALLEST_R2:g} and at most {100 * LARGEST_HELD_OUT_ERROR:g} % are asked): look at "
+            "the specimens, or try --law all"
+        )
+    return said
+
+
+def _coordinates(
+    study: Study, ordered: Sequence[str], given: Mapping[str, float] | None, notes: list[str]
+) -> dict[str, float]:
+    found = _by_material(study, ordered, "coordinate", given)
+    if not found:
+        if len(ordered) > 1:
+            notes.append(
+                f"coordinates go from 0 to 1 evenly in the order of the secant modulus at strain "
+                f"{RANKING_STRAIN:g}; give --coordinate for others"
+            )
+        steps = np.linspace(0.0, 1.0, len(ordered))
+        return {material: float(m) for material, m in zip(ordered, steps, strict=True)}
+    missing = [material for material in ordered if material not in found]
+    if missing:
+        raise ArgumentError(
+            f"material {missing[0]}: no coordinate, though others have one; give all of them by "
+            f"--coordinate {missing[0]}=... or a column coordinate in specimens.csv, or none"
+        )
+    for softer, harder in itertools.pairwise(ordered):
+        if not found[softer] < found[harder]:
+            raise ArgumentError(
+                f"coordinate of {harder} is {found[harder]:g}, not above {found[softer]:g} of "
+                f"{softer}, which is softer; coordinates must rise with stiffness"
+            )
+    return found
+
+
+def _densities(
+    study: Study, ordered: Sequence[str], given: Mapping[str, float] | None, notes: list[str]
+) -> dict[str, float]:
+    found = _by_material(study, ordered, "density_g_cm3", given)
+    for material, value in found.items():
+        if not 0.0 < value < np.inf:
+            raise ArgumentError(f"material {material}: density_g_cm3 is {value:g}; must be above 0")
+    assumed = [material for material in ordered if material not in found]
+    if assumed:
+        notes.append(
+            f"density of {', '.join(assumed)} assumed {DEFAULT_DENSITY_G_CM3:g} g/cm3; give it by "
+            "--density or a column density_g_cm3 in specimens.csv"
+        )
+    return dict.fromkeys(assumed, DEFAULT_DENSITY_G_CM3) | found
+
+
+def _by_material(
+    study: Study, materials: Sequence[str], column: str, given: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Return a figure by material: as given, else from a column of specimens.csv."""
+    given = given or {}
+    for material in given:
+        if material not in materials:
+            raise ArgumentError(
+                f"{column} of {material!r}: the tests have no such material, but "
+                f"{', '.join(materials)}"
+            )
+    found: dict[str, float] = {}
+    for row in _rows(study):
+        cell = row.covariates.get(column, "")
+        if not cell:
+            continue
+        # A cell holds one figure, so that a comma in it can only be the decimal sign.
+        value = number(cell, ";")
+        if value is None or not np.isfinite(value):
+            raise ArgumentError(
+                f"specimen {row.specimen}: {column} is {cell!r} in specimens.csv; write a number"
+            )
+        if found.setdefault(row.material, value) != value:
+            raise ArgumentError(
+                f"material {row.material}: {column} is {found[row.material]:g} for one specimen "
+                f"and {value:g} for {row.specimen}; give one value"
+            )
+    return found | dict(given)
+
+
+def _rows(study: Study) -> list[Specimen]:
+    """Return the rows of the specimens that were fitted."""
+    used = [curve.specimen for curves in study.groups.values() for curve in curves]
+    return [study.specimens[name] for name in used if name in study.specimens]
+
+
+def _reference(study: Study, notes: list[str]) -> Reference:
+    """Return the mean conditions of the specimens; what differs between them is noted."""
+    rows = _rows(study)
+    used = [study.dimensions.get(c.specimen) for curves in study.groups.values() for c in curves]
+    values: dict[str, list[float]] = {
+        "strain_rate_per_s": [
+            d.rate_mm_s / d.gauge_mm
+            for d in used
+            if d is not None and d.rate_mm_s is not None and d.gauge_mm is not None
+        ],
+        "temperature_C": [r.temperature_C for r in rows if r.temperature_C is not None],
+        "soak_h": [r.soak_h for r in rows if r.soak_h is not None],
+        "age_days": [r.age_days for r in rows if r.age_days is not None],
+    }
+    for condition, found in values.items():
+        if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
+            notes.append(
+                f"{condition} differs between specimens ({min(found):g} to {max(found):g}); the "
+                "laws and their scatter mix these conditions, and the mean is written"
+            )
+    unknown = [condition for condition, found in values.items() if not found]
+    orientations = sorted({r.orientation for r in rows if r.orientation})
+    if len(orientations) > 1:
+        notes.append(
+            f"orientation differs between specimens ({', '.join(orientations)}); none is written"
+        )
+    if unknown:
+        notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
+    means = {condition: float(np.mean(v)) for condition, v in values.items() if v}
+    one = cast(Literal["x", "y", "z"], orientations[0]) if len(orientations) == 1 else None
+    return Reference(**means, orientation=one)
+
+
+def _ids(materials: Sequence[str]) -> dict[str, str]:
+    """Return ids that may stand in file names, by material."""
+    ids: dict[str, str] = {}
+    for material in materials:
+        identifier = re.sub(r"[^A-Za-z0-9._-]+", "-", material).strip("-") or "material"
+        if identifier in ids.values():
+            raise ArgumentError(
+                f"material {material!r}: its id would be {identifier!r}, like another's; rename it"
+            )
+        ids[material] = identifier
+    return ids
+
+
+def _colour(fraction: float) -> str:
+    """Return a colour between yellow (soft, 0) and blue (hard, 1)."""
+    at = fraction * (len(_RAMP) - 1)
+    low = min(int(at), len(_RAMP) - 2)
+    ends = [[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in _RAMP[low : low + 2]]
+    mixed = (round(a + (at - low) * (b - a)) for a, b in zip(*ends, strict=True))
+    return "#" + "".join(f"{v:02X}" for v in mixed)
+
+
+def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
+    candidates = fit.choice.candidates if fit.choice is not None else ()
+    chosen = fit.choice.chosen if fit.choice is not None else None
+    return {
+        "id": material.id,
+        "coordinate": material.coordinate,
+        "specimens": fit.characteristics.n,
+        "deformation": material.deformation,
+        "elongation_at_break": material.elongation_at_break,
+        "modulus_log_sd": material.modulus_log_sd,
+        "law": {"model": material.law.model, **_plain(material.law.parameters)},
+        "law_low": _plain(fit.uncertainty.law_low),
+        "law_high": _plain(fit.uncertainty.law_high),
+        "interval_level": fit.uncertainty.level,
+        "interval_basis": fit.uncertainty.basis,
+        "reason": fit.choice.reason if fit.choice else fit.characteristics.deformation.reason,
+        "candidates": [_candidate_document(c, c is chosen) for c in candidates],
+    }
+
+
+def _plain(parameters: Mapping[str, Sequence[float]]) -> dict[str, list[float | None]]:
+    """Return lists of figures; an open end of an interval is null."""
+    return {k: [v if np.isfinite(v) else None for v in vs] for k, vs in parameters.items()}
+
+
+def _candidate_document(candidate: Candidate, chosen: bool) -> dict[str, Any]:
+    fit = candidate.fit
+    return {
+        "law": fit.name,
+        "chosen": chosen,
+        "parameters": fit.parameter_count,
+        "held_out_error": candidate.held_out_error,
+        "r2": fit.r2,
+        "adjusted_r2": fit.adjusted_r2,
+        "nrmse": fit.nrmse,
+        "stable": candidate.stability.stable,
+        "unstable_at_strain": candidate.stability.strain,
+        "starts": fit.convergence.starts,
+        "starts_converged": fit.convergence.converged,
+        "starts_agreeing": fit.convergence.agreeing,
+        "gradient": fit.convergence.gradient,
+        "at_bound": fit.convergence.at_bound,
+    }

@@ -1,0 +1,667 @@
+"""A set of tensile tests: specimens read, converted, held against what is plausible."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.errors import ArgumentError, FileError
+from planner.formats.tensile import (
+    Specimen,
+    TensileTable,
+    is_specimens_file,
+    read_specimens,
+    read_tensile,
+)
+from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
+from planner.numerics import FloatArray
+
+__all__ = [
+    "Dimensions",
+    "Study",
+    "check_agreement",
+    "check_plausible",
+    "check_rising",
+    "curve_of",
+    "dimensions_of",
+    "materials_by_name",
+    "read_study",
+    "states_no_strain_unit",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Which files are replicates of one material, by their names alone.
+
+
+_REPLICATE = re.compile(r"(.+?)(?:_\d{1,2}|-0?[1-9]|[ _-][sS]\d{1,2}| ?\(\d{1,2}\))")
+_TENS = re.compile(r"(.+?)-[1-9]\d")
+
+
+def materials_by_name(names: Iterable[str]) -> dict[str, str]:
+    """Return a material by specimen's name: the name without the replicate's number.
+
+    A number of two digits behind a hyphen is a replicate's only where its stem has replicates
+    below ten too: "Ecoflex 00-10" and "Ecoflex 00-30" are two materials, "FLX-10" is one more of
+    "FLX-1", "FLX-2".
+    """
+    found = {name: match[1] for name in names if (match := _REPLICATE.fullmatch(name))}
+    stems = {stem for name, stem in found.items() if re.fullmatch(r"-0?[1-9]", name[len(stem) :])}
+    tens = {name: match[1] for name in names if (match := _TENS.fullmatch(name))}
+    found |= {name: stem for name, stem in tens.items() if stem in stems}
+    return {name: found.get(name, name) for name in names}
+
+
+# ------------------------------------------------------------------------------------------------
+# Signs that a column is not what its heading says: wrong unit, swapped, unloaded.
+
+
+LARGEST_STRAIN = 30.0
+"""Beyond any elastomer: the softest platinum silicones break at 12 to 20."""
+
+LARGEST_STRESS_MPA = 500.0
+"""Beyond any unreinforced polymer's nominal strength (about 150 MPa)."""
+
+STIFF_STRESS_MPA = 20.0
+"""What bears more and stretches to more than twice its length has to state its unit."""
+
+LARGEST_UNSTATED_WORK_MPA = 50.0
+"""Largest stress times strain of what need not state its unit: few rubbers come near."""
+
+_REVERSAL_SHARE = 0.05
+_EVEN = 0.05
+_JITTER_SHARE = 0.02
+"""Noise of an optically measured strain, as a share of its range."""
+
+_SLIPS = (
+    (100.0, "per cent given as fractions: write the unit '%'"),
+    (0.01, "fractions marked as '%': correct the unit"),
+    (1 / 0.00689475729, "psi given as MPa: write the unit 'psi'"),
+    (0.00689475729, "MPa marked as psi: correct the unit"),
+    (1000.0, "kPa given as MPa, or N as kN: correct the unit"),
+    (0.001, "MPa marked as kPa, or N as kN: correct the unit"),
+    (25.4, "a length in mm marked as inches, or the reverse: correct the unit"),
+    (1 / 25.4, "a length in inches marked as mm, or the reverse: correct the unit"),
+    (4.448222, "a load in N marked as lbf, or the reverse: correct the unit"),
+    (1 / 4.448222, "a load in lbf marked as N, or the reverse: correct the unit"),
+)
+
+
+def check_plausible(
+    strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, where: str
+) -> None:
+    """Refuse strains and stresses that no polymer reaches.
+
+    A strain without unit counts as a fraction. It is refused where the specimen would stretch
+    to more than twice its length under more than 20 MPa, which tells a rigid plastic's per
+    cents, or so far that stress times strain exceeds 50 MPa.
+
+    Raises
+    ------
+    FileError
+        Strain or stress out of what is possible; the message names the likely slip.
+    """
+    largest, peak = float(strain.max()), float(stress_MPa.max())
+    if largest > LARGEST_STRAIN:
+        raise FileError(
+            f"{where}: strain reaches {largest:.4g} ({100 * largest:.4g} %), more than any "
+            f"polymer's ({LARGEST_STRAIN:g}); if it is in per cent, head the column 'strain (%)'"
+        )
+    strong = peak > STIFF_STRESS_MPA or peak * largest > LARGEST_UNSTATED_WORK_MPA
+    if not unit_stated and largest > 1.0 and strong:
+        raise FileError(
+            f"{where}: strain reaches {largest:.4g} at {peak:.4g} MPa and its heading gives no "
+            "unit; per cent is likely: head the column 'strain (%)', or 'strain (mm/mm)' if it "
+            "is a fraction after all (and then check the unit of stress: psi?)"
+        )
+    if peak > LARGEST_STRESS_MPA:
+        raise FileError(
+            f"{where}: stress reaches {peak:.4g} MPa, more than any polymer's "
+            f"({LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
+        )
+
+
+def check_agreement(stated: float, derived: float, *, what: str, where: str) -> tuple[str, ...]:
+    """Compare a figure from one column with the same figure from others.
+
+    Raises
+    ------
+    FileError
+        They differ by the factor of a known slip of units (within 10 %).
+
+    Returns
+    -------
+    notes
+        One, where they differ by more than a third without a known reason.
+    """
+    if not (stated > 0.0 and derived > 0.0):
+        return ()
+    ratio = stated / derived
+    for factor, advice in _SLIPS:
+        if abs(ratio / factor - 1.0) < 0.1:
+            raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
+    if not 0.75 < ratio < 4.0 / 3.0:
+        return (f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units",)
+    return ()
+
+
+def check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> None:
+    """Refuse swapped columns and records that unload.
+
+    The crosshead moves at a constant rate, so strain is the column that never falls back and
+    has even steps; both standards (ASTM D412, D638) test so.
+
+    Raises
+    ------
+    FileError
+        Stress has even steps and strain uneven ones, or strain falls back and stress never does
+        (swapped); or strain falls back by more than 5 % of its range before the peak, or behind
+        it while the specimen still bears load (a cyclic test).
+    """
+    peak = int(np.argmax(stress_MPa)) + 1
+    span = float(np.ptp(strain))
+    if span <= 0.0:
+        raise FileError(f"{where}: strain stands at {strain[0]:g} throughout; check the column")
+    fallen = np.maximum.accumulate(strain) - strain
+    if bool(np.all(np.diff(stress_MPa) >= 0.0)):
+        # A strain measured optically jitters beside a smooth load: even steps tell it apart.
+        even = _unevenness(stress_MPa) < _EVEN
+        if float(fallen.max()) > (1e-3 if even else _JITTER_SHARE) * span:
+            raise FileError(
+                f"{where}: strain falls back and stress never does, as if the columns were "
+                "swapped; check the headings"
+            )
+        if _unevenness(stress_MPa) < 0.01 and _unevenness(strain) > 0.2:
+            raise FileError(
+                f"{where}: stress has even steps and strain uneven ones, as if the columns were "
+                "swapped (or the test was load-controlled, which is not understood here); check "
+                "the headings"
+            )
+    if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
+        raise FileError(
+            f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
+            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv"
+        )
+    bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
+    fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
+    if fall > _REVERSAL_SHARE * span:
+        raise FileError(
+            f"{where}: strain falls back by {fall:.4g} behind the peak load while the specimen "
+            "still bears load, as in loading and unloading; give the loading alone, or say "
+            "protocol 'cyclic' in specimens.csv"
+        )
+
+
+def _unevenness(values: FloatArray) -> float:
+    steps = np.diff(values)
+    mean = float(np.mean(steps))
+    return float(np.std(steps)) / mean if mean > 0.0 else np.inf
+
+
+# ------------------------------------------------------------------------------------------------
+# From a specimen's record to its curve of nominal stress against strain.
+
+
+START_SHARE = 0.02
+"""A record whose first load is below this share of its peak starts unloaded."""
+
+_LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
+
+
+@dataclass(frozen=True, slots=True)
+class Dimensions:
+    """A specimen's section and gauge length where known, and the crosshead's rate."""
+
+    area_mm2: float | None
+    gauge_mm: float | None
+    rate_mm_s: float | None
+
+
+def states_no_strain_unit(table: TensileTable) -> bool:
+    """Say whether the strain in use stands in the file under a heading without unit."""
+    used = "strain" if "strain" in table.columns else "true_strain"
+    return used in table.columns and used in table.without_unit
+
+
+def dimensions_of(specimen: Specimen | None, given: Specimen, table: TensileTable) -> Dimensions:
+    """Return a specimen's size: from its row, else as given, else from the file's head."""
+    head = table.metadata
+
+    def size(name: str) -> float | None:
+        for source in (specimen, given):
+            value = None if source is None else getattr(source, name)
+            if value is not None:
+                return float(value)
+        value = head.get(name)
+        return float(value) if isinstance(value, float) and value > 0.0 else None
+
+    area = None if specimen is None else specimen.area_mm2
+    if area is None:
+        width, thickness = size("width_mm"), size("thickness_mm")
+        area = None if width is None or thickness is None else width * thickness
+    return Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
+
+
+def curve_of(table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions) -> Curve:
+    """Turn a record into a checked loading curve; every correction is noted.
+
+    Nominal stress is force over the undeformed section, strain is displacement over gauge
+    length; stress and strain in the file go first, and the others then cross-check them.
+    True measures are turned to nominal ones for a constant volume: e = exp(e_true) - 1,
+    s = s_true / (1 + e).
+
+    Raises
+    ------
+    FileError
+        A size is missing, or the columns are implausible, swapped, cyclic or never load.
+    """
+    where = f"specimen {specimen}"
+    if Path(table.file).stem != specimen:
+        where += f" ({table.file})"
+    if len(table.lines) < MINIMUM_POINTS:
+        raise FileError(
+            f"{where}: the record has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
+            "needed to characterise it"
+        )
+    notes: list[str] = []
+    columns = _upright(table.columns, where, notes)
+    strain = _strain(columns, dimensions, where, notes)
+    stress = _stress(columns, strain, dimensions, where, notes)
+    time = _time(columns.get("time_s"), table, where, notes)
+    unit_stated = not states_no_strain_unit(table)
+    check_plausible(strain, stress, unit_stated=unit_stated, where=where)
+    notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
+    check_rising(strain, stress, where=where)
+    tension = slice(_compressed(strain, stress, where, notes), None)
+    curve = Curve(
+        specimen,
+        strain[tension],
+        stress[tension],
+        None if time is None else time[tension],
+        material,
+        (*table.notes, *notes),
+    )
+    return without_tail(curve)
+
+
+def _upright(
+    columns: Mapping[str, FloatArray], where: str, notes: list[str]
+) -> dict[str, FloatArray]:
+    """Turn a load or a length that counts tension negative; both at once are compression."""
+    negative = []
+    for name, values in columns.items():
+        # A crosshead's position may be negative throughout and yet rise.
+        change = values if name in _LOADS else values - values[0]
+        if name != "time_s" and -float(change.min()) > 5.0 * abs(float(change.max())):
+            negative.append(name)
+    if any(name in _LOADS for name in negative) and any(name not in _LOADS for name in negative):
+        raise FileError(
+            f"{where}: {' and '.join(negative)} are negative, as in compression; give a tensile "
+            "test, or turn the signs in the file if tension counts negative there"
+        )
+    notes.extend(
+        f"{where}: {name} is negative in tension; its sign was turned" for name in negative
+    )
+    return {name: -values if name in negative else values for name, values in columns.items()}
+
+
+def _compressed(strain: FloatArray, stress: FloatArray, where: str, notes: list[str]) -> int:
+    """Return how many points lie before the last strain below zero ahead of the peak."""
+    below = np.flatnonzero(strain[: int(np.argmax(stress))] < 0.0)
+    if not len(below):
+        return 0
+    count = int(below[-1]) + 1
+    notes.append(
+        f"{where}: {count} points up to strain {strain[count]:.4g} are left out, for strain is "
+        f"negative there (from {strain[:count].min():.4g})"
+    )
+    return count
+
+
+def _strain(
+    columns: dict[str, FloatArray], dimensions: Dimensions, where: str, notes: list[str]
+) -> FloatArray:
+    if "strain" in columns:
+        return columns["strain"]
+    if "true_strain" in columns:
+        notes.append(f"{where}: strain from true (logarithmic) strain")
+        return np.expm1(columns["true_strain"])
+    if dimensions.gauge_mm is None:
+        raise FileError(
+            f"{where}: the gauge length is unknown, so displacement gives no strain; add "
+            "gauge_mm to specimens.csv, or give --gauge-mm"
+        )
+    displacement = columns["displacement_mm"]
+    load = next(columns[name] for name in _LOADS if name in columns)
+    if displacement[0] != 0.0 and abs(load[0]) < START_SHARE * float(np.max(np.abs(load))):
+        notes.append(
+            f"{where}: displacement counted from its first value, {displacement[0]:.4g} mm"
+        )
+        displacement = displacement - displacement[0]
+    return displacement / dimensions.gauge_mm
+
+
+def _stress(
+    columns: dict[str, FloatArray],
+    strain: FloatArray,
+    dimensions: Dimensions,
+    where: str,
+    notes: list[str],
+) -> FloatArray:
+    if "stress_MPa" in columns:
+        return columns["stress_MPa"]
+    if "force_N" not in columns:
+        notes.append(f"{where}: nominal stress from true stress at constant volume")
+        return columns["true_stress_MPa"] / (1.0 + strain)
+    if dimensions.area_mm2 is None:
+        raise FileError(
+            f"{where}: the section is unknown, so force gives no stress; add width_mm and "
+            "thickness_mm to specimens.csv, or give --width-mm and --thickness-mm"
+        )
+    return columns["force_N"] / dimensions.area_mm2
+
+
+def _time(
+    time: FloatArray | None, table: TensileTable, where: str, notes: list[str]
+) -> FloatArray | None:
+    if time is None:
+        return None
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(back):
+        line = table.lines[back[0] + 1]
+        notes.append(
+            f"{where}: time does not rise at line {line} ({time[back[0]]:g} s to "
+            f"{time[back[0] + 1]:g} s); the time column is left out"
+        )
+        return None
+    if time[0] < 0.0:
+        notes.append(f"{where}: time starts at {time[0]:g} s; counted from there")
+        time = time - time[0]
+    return time
+
+
+def _cross_check(
+    columns: dict[str, FloatArray],
+    strain: FloatArray,
+    stress: FloatArray,
+    time: FloatArray | None,
+    dimensions: Dimensions,
+    where: str,
+) -> list[str]:
+    """Compare what the file says twice: by its own columns, and by sizes and rate."""
+    notes: list[str] = []
+    gauge, area = dimensions.gauge_mm, dimensions.area_mm2
+    if "strain" in columns and "displacement_mm" in columns and gauge is not None:
+        travel = float(np.ptp(columns["displacement_mm"])) / gauge
+        what = "range of strain against displacement over gauge length"
+        notes += check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
+    elif time is not None and dimensions.rate_mm_s is not None and gauge is not None:
+        travel = dimensions.rate_mm_s * float(time[-1] - time[0]) / gauge
+        what = "range of strain against crosshead rate times time over gauge length"
+        notes += check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
+    if "stress_MPa" in columns and "force_N" in columns and area is not None:
+        nominal = float(np.max(columns["force_N"])) / area
+        what = "peak stress against force over section"
+        notes += check_agreement(float(np.max(stress)), nominal, what=what, where=where)
+    return notes
+
+
+# ------------------------------------------------------------------------------------------------
+# A lab's tensile tests: files and list of specimens to curves grouped by material.
+
+
+SPECIMENS = "specimens.csv"
+_SUFFIXES = (".csv", ".txt", ".log", ".tsv")
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Curves by material.
+
+    Attributes
+    ----------
+    groups
+        Loading curves to break by material, in the order of specimens.csv or of the files.
+    specimens
+        Rows of specimens.csv by specimen; empty without one.
+    notes
+        What was corrected, assumed or left out, one sentence each.
+    dimensions
+        Size and crosshead rate by specimen, whichever source they come from.
+    """
+
+    groups: Mapping[str, tuple[Curve, ...]]
+    specimens: Mapping[str, Specimen]
+    notes: tuple[str, ...]
+    dimensions: Mapping[str, Dimensions] = field(default_factory=dict)
+
+
+def read_study(
+    paths: Iterable[str | Path],
+    *,
+    specimens: str | Path | None = None,
+    material: str | None = None,
+    width_mm: float | None = None,
+    thickness_mm: float | None = None,
+    gauge_mm: float | None = None,
+    columns: Sequence[str] | None = None,
+) -> Study:
+    """Read tensile tests and group them by material.
+
+    Parameters
+    ----------
+    paths
+        Tensile files, or folders of them. A list of specimens among them, or named
+        specimens.csv beside them, says what each one is.
+    specimens
+        The list of specimens, if it is elsewhere.
+    material
+        What all specimens without a row are made of; else the file's head or its name without
+        the replicate's number tells ("FLX9760-2.csv", "FLX9760_02.csv", "FLX9760 S2.csv"), which
+        is noted.
+    width_mm, thickness_mm, gauge_mm
+        Size of the specimens that neither a row nor a file's head gives.
+    columns
+        See `planner.formats.tensile.read_tensile`.
+
+    Raises
+    ------
+    FileError
+        A file that cannot be read or understood, two specimens of one id, an unknown size, or a
+        curve that no result should rest on; the message names file, line or specimen.
+    ArgumentError
+        A size that is not above 0, or no file at all.
+    """
+    given = _given(width_mm, thickness_mm, gauge_mm)
+    files, listing = _files(paths, None if specimens is None else Path(specimens))
+    notes: list[str] = []
+    rows: dict[str, Specimen] = {}
+    if listing is not None:
+        rows = {row.specimen: row for row in read_specimens(listing)}
+        files = _with_listed(files, rows.values(), listing.parent)
+    if not files:
+        raise ArgumentError("no tensile file; name files, or a folder with files in it")
+    by_file: dict[str, list[Specimen]] = {}
+    for row in rows.values():
+        by_file.setdefault(row.file, []).append(row)
+    found: dict[str, tuple[str, Curve]] = {}
+    sizes: dict[str, Dimensions] = {}
+    unstated: list[str] = []
+    for path in files:
+        own = by_file.get(_relative(path, listing), [])
+        if rows and not own and not _names_specimens(path, rows, columns):
+            notes.append(f"{path.name}: not named in {SPECIMENS}; left out")
+            continue
+        for table in read_tensile(path, columns=columns):
+            row_of_table = _row(table, path, own, rows)
+            if own and row_of_table is None:
+                notes.append(
+                    f"{path.name}: specimen {table.specimen} has no row with this file in "
+                    f"{SPECIMENS}; left out"
+                )
+                continue
+            name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
+            if name in found:
+                raise FileError(
+                    f"{path.name}: specimen {name!r} was read from {found[name][0]} already; "
+                    f"rename one, or give each its id in {SPECIMENS}"
+                )
+            if row_of_table is not None and _left_out(row_of_table, notes):
+                continue
+            sizes[name] = dimensions_of(row_of_table, given, table)
+            curve = curve_of(
+                table,
+                specimen=name,
+                material=row_of_table.material if row_of_table else material or _material(table),
+                dimensions=sizes[name],
+            )
+            found[name] = (path.name, curve)
+            if states_no_strain_unit(table):
+                unstated.append(name)
+    notes.extend(
+        f"specimen {row.specimen}: no curve among the files"
+        for row in rows.values()
+        if row.specimen not in found and not row.profile and row.protocol in ("", "monotonic")
+    )
+    if unstated:
+        largest = [float(found[name][1].strain[-1]) for name in unstated]
+        ends = list(dict.fromkeys([min(largest), max(largest)]))
+        notes.append(
+            f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
+            f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
+            f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %"
+        )
+    order = {name: place for place, name in enumerate(rows)}
+    curves = sorted((c for _, c in found.values()), key=lambda c: order.get(c.specimen, len(order)))
+    if not curves:
+        raise FileError("no curve to characterise: " + "; ".join(notes))
+    curves = _named_by_file(curves, notes)
+    groups: dict[str, tuple[Curve, ...]] = {}
+    for curve in curves:
+        groups[curve.material] = (*groups.get(curve.material, ()), curve)
+    notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
+    return Study(
+        MappingProxyType(groups), MappingProxyType(rows), tuple(notes), MappingProxyType(sizes)
+    )
+
+
+def _given(width_mm: float | None, thickness_mm: float | None, gauge_mm: float | None) -> Specimen:
+    sizes = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
+    for name, value in sizes.items():
+        if value is not None and not 0.0 < value < float("inf"):
+            raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
+    return Specimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
+
+
+def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:
+    """Tensile files in the order given, and the list of specimens."""
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            inside = sorted(p for p in path.iterdir() if p.suffix.casefold() in _SUFFIXES)
+            if path / SPECIMENS in inside and listing in (None, path / SPECIMENS):
+                listing = path / SPECIMENS
+                # The list says which of a folder's files are tensile records.
+                inside = [p for p in inside if p.name == "curves.csv"]
+            files.extend(inside)
+        elif path.name == SPECIMENS or (path.is_file() and is_specimens_file(path)):
+            if listing is not None and listing.resolve() != path.resolve():
+                raise FileError(f"{path} and {listing}: two lists of specimens; give one")
+            listing = path
+        else:
+            files.append(path)
+    if listing is None:
+        beside = {p.parent / SPECIMENS for p in files if (p.parent / SPECIMENS).is_file()}
+        if len(beside) > 1:
+            raise FileError(
+                f"{', '.join(sorted(map(str, beside)))}: several lists of specimens; read the "
+                "folders one by one, or name one list"
+            )
+        listing = next(iter(beside), None)
+    return files, listing
+
+
+def _with_listed(files: list[Path], rows: Iterable[Specimen], folder: Path) -> list[Path]:
+    """Add the files that the list names, where only the list or its folder was given."""
+    if files:
+        return files
+    named = list(dict.fromkeys(row.file for row in rows if row.file))
+    default = folder / "curves.csv"
+    return [folder / name for name in named] or ([default] if default.is_file() else [])
+
+
+def _relative(path: Path, listing: Path | None) -> str:
+    if listing is None:
+        return path.name
+    try:
+        return path.resolve().relative_to(listing.resolve().parent).as_posix()
+    except ValueError:
+        return path.name
+
+
+def _names_specimens(
+    path: Path, rows: Mapping[str, Specimen], columns: Sequence[str] | None
+) -> bool:
+    if path.stem in rows:
+        return True
+    try:
+        tables = read_tensile(path, columns=columns)
+    except FileError:
+        return False
+    return any(table.specimen in rows for table in tables)
+
+
+def _row(
+    table: TensileTable, path: Path, own: Sequence[Specimen], rows: Mapping[str, Specimen]
+) -> Specimen | None:
+    """Return the row of a record: by the file's own column of specimens, else by the file."""
+    named = "" if "specimen" in table.metadata else table.specimen
+    if not own:
+        return rows.get(table.specimen) or rows.get(path.stem)
+    if len(own) == 1 and named not in rows:
+        return own[0]
+    if not named:
+        raise FileError(
+            f"{path.name}: rows of {_some([row.specimen for row in own])} in {SPECIMENS} name this "
+            "file, and no column 'specimen' in it tells them apart; give each its own file"
+        )
+    return next((row for row in own if row.specimen == named), None)
+
+
+def _specimen_name(path: Path, table: TensileTable) -> str:
+    # A label in the file's head is often the same in all files of a batch.
+    return table.specimen if "specimen" not in table.metadata and table.specimen else path.stem
+
+
+def _material(table: TensileTable) -> str:
+    named = table.metadata.get("material")
+    return named if isinstance(named, str) else ""
+
+
+def _named_by_file(curves: Sequence[Curve], notes: list[str]) -> list[Curve]:
+    """Give the curves without a material that of their specimen's name, and note it."""
+    by_name = materials_by_name([c.specimen for c in curves if not c.material])
+    if by_name:
+        count = {m: list(by_name.values()).count(m) for m in by_name.values()}
+        groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
+        notes.append(
+            f"materials by the files' names: {groups}; give --material or a {SPECIMENS} for others"
+        )
+    return [c if c.material else replace(c, material=by_name[c.specimen]) for c in curves]
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} others"
+
+
+def _left_out(row: Specimen, notes: list[str]) -> bool:
+    if row.profile:
+        notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
+    elif row.protocol not in ("", "monotonic"):
+        notes.append(f"specimen {row.specimen}: protocol {row.protocol}; left out")
+    else:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Triangle meshes: joined, audited, repaired, placed."""

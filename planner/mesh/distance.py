@@ -1,0 +1,351 @@
+"""Distances from a surface: the nearest triangle, and the largest ball inside."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.mesh.mesh import Mesh, order_edges
+from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+
+__all__ = ["TriangleTree", "inscribed_ball", "nearest", "triangle_tree"]
+
+
+# ------------------------------------------------------------------------------------------------
+# A tree of boxes over triangles, to find the nearest one.
+
+
+_LEAF = 2
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleTree:
+    """Triangles in the order of a space-filling curve, under a complete binary tree of boxes.
+
+    Attributes
+    ----------
+    corners : (k, 3, 3) float64
+        Positions in mm; the last is repeated to fill the leaves.
+    outward : (k, 7, 3) float64
+        What tells outside at the face, its three vertices, and its three edges from corner j to
+        the next (angle-weighted pseudonormals, Baerentzen and Aanaes 2005).
+    box : (nodes, 2, 3) float64
+        Node i has the children 2 i + 1 and 2 i + 2.
+    """
+
+    corners: FloatArray
+    outward: FloatArray
+    box: FloatArray
+
+
+def triangle_tree(mesh: Mesh) -> TriangleTree:
+    """Build the tree of a mesh, or of some of its faces."""
+    corners = mesh.triangles
+    middle = corners.mean(axis=1)
+    low, extent = middle.min(axis=0), np.ptp(middle, axis=0)
+    cell = ((middle - low) / max(float(extent.max()), 1e-30) * 1023.0).astype(np.int64)
+    code = np.zeros(len(cell), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    order = np.argsort(code, kind="stable")
+    leaves = 1
+    while leaves * _LEAF < len(order):
+        leaves *= 2
+    order = np.append(order, np.full(leaves * _LEAF - len(order), order[-1]))
+    ranked = corners[order]
+    boxes = []
+    level = np.stack(
+        [
+            ranked.reshape(leaves, _LEAF * 3, 3).min(axis=1),
+            ranked.reshape(leaves, _LEAF * 3, 3).max(axis=1),
+        ],
+        axis=1,
+    )
+    boxes.append(level)
+    while len(level) > 1:
+        pairs = level.reshape(-1, 2, 2, 3)
+        level = np.stack([pairs[:, :, 0].min(axis=1), pairs[:, :, 1].max(axis=1)], axis=1)
+        boxes.append(level)
+    return TriangleTree(
+        np.ascontiguousarray(ranked),
+        np.ascontiguousarray(_outward(mesh)[order]),
+        np.concatenate(boxes[::-1]),
+    )
+
+
+def _outward(mesh: Mesh) -> FloatArray:
+    """Return what tells outside at each face, its vertices and its edges, (m, 7, 3)."""
+    corners, faces = mesh.triangles, mesh.faces
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    at_vertex = np.zeros((len(mesh.vertices), 3))
+    for j in range(3):
+        u = corners[:, (j + 1) % 3] - corners[:, j]
+        v = corners[:, (j + 2) % 3] - corners[:, j]
+        sine = np.linalg.norm(np.cross(u, v), axis=1)
+        angle = np.arctan2(sine, (u * v).sum(axis=1))
+        for axis in range(3):
+            at_vertex[:, axis] += np.bincount(
+                faces[:, j], weights=angle * normal[:, axis], minlength=len(at_vertex)
+            )
+    order, starts, count = order_edges(faces)
+    total = np.add.reduceat(normal[order // 3], starts, axis=0)
+    at_edge = np.empty((faces.size, 3))
+    at_edge[order] = np.repeat(total, count, axis=0)
+    return np.concatenate([normal[:, None], at_vertex[faces], at_edge.reshape(-1, 3, 3)], axis=1)
+
+
+def nearest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the distance from points (n, 3) to the nearest triangle, and whether it faces them.
+
+    Exact up to rounding. A point faces a closed surface where it lies outside.
+    """
+    points = np.require(points_mm, np.float64, ["C", "W"])
+    distance = np.empty(len(points))
+    faced = np.empty(len(points), dtype=np.bool_)
+    _nearest(
+        tree.corners, tree.outward, tree.box, points, distance, faced,
+        np.empty(128, dtype=np.int64), np.empty(128), np.empty(3), np.empty((2, 3)),
+    )  # fmt: skip
+    return distance, faced
+
+
+@kernel
+def _nearest(
+    corners: Any, outward: Any, box: Any, points: Any, distance: Any, faced: Any, stack: Any,
+    reach: Any, at: Any, closest: Any,
+) -> None:  # fmt: skip
+    # closest[0]: nearest point of the triangle last looked at; closest[1]: of all.
+    first_leaf = box.shape[0] // 2
+    last = 0
+    for p in range(points.shape[0]):
+        for d in range(3):
+            at[d] = points[p, d]
+        best, feature = _to_triangle(corners, last, at, closest)
+        for d in range(3):
+            closest[1, d] = closest[0, d]
+        stack[0], reach[0], size = 0, 0.0, 1
+        while size > 0:
+            size -= 1
+            node = stack[size]
+            if reach[size] >= best:
+                continue
+            # Down the nearer side, leaving the farther one for later.
+            while node < first_leaf:
+                near, far = 2 * node + 1, 2 * node + 2
+                off, other = _to_box(box, near, at), _to_box(box, far, at)
+                if other < off:
+                    near, far, off, other = far, near, other, off
+                if other < best:
+                    stack[size], reach[size] = far, other
+                    size += 1
+                if off >= best:
+                    break
+                node = near
+            else:
+                leaf = node - first_leaf
+                for t in range(leaf * _LEAF, leaf * _LEAF + _LEAF):
+                    square, kind = _to_triangle(corners, t, at, closest)
+                    if square < best:
+                        best, feature, last = square, kind, t
+                        for d in range(3):
+                            closest[1, d] = closest[0, d]
+        distance[p] = np.sqrt(best)
+        dot = 0.0
+        for d in range(3):
+            dot += (at[d] - closest[1, d]) * outward[last, feature, d]
+        faced[p] = dot >= 0.0
+
+
+@inner_kernel
+def _to_box(box: Any, node: Any, at: Any) -> Any:
+    square = 0.0
+    for d in range(3):
+        off = max(box[node, 0, d] - at[d], at[d] - box[node, 1, d])
+        if off > 0.0:
+            square += off * off
+    return square
+
+
+@inner_kernel
+def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
+    """Square of the distance to a triangle, and where: 0 face, 1 to 3 vertex, 4 to 6 edge."""
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for d in range(3):
+        ab, ac = corners[t, 1, d] - corners[t, 0, d], corners[t, 2, d] - corners[t, 0, d]
+        d1 += ab * (at[d] - corners[t, 0, d])
+        d2 += ac * (at[d] - corners[t, 0, d])
+        d3 += ab * (at[d] - corners[t, 1, d])
+        d4 += ac * (at[d] - corners[t, 1, d])
+        d5 += ab * (at[d] - corners[t, 2, d])
+        d6 += ac * (at[d] - corners[t, 2, d])
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    v = w = 0.0
+    kind = 0
+    if d1 <= 0.0 and d2 <= 0.0:
+        kind = 1
+    elif d3 >= 0.0 and d4 <= d3:
+        v, kind = 1.0, 2
+    elif d6 >= 0.0 and d5 <= d6:
+        w, kind = 1.0, 3
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v, kind = d1 / (d1 - d3), 4
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v, kind = 1.0 - w, 5
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        w, kind = d2 / (d2 - d6), 6
+    else:
+        total = va + vb + vc
+        v, w = vb / total, vc / total
+    square = 0.0
+    for d in range(3):
+        a = corners[t, 0, d]
+        closest[0, d] = a + v * (corners[t, 1, d] - a) + w * (corners[t, 2, d] - a)
+        square += (at[d] - closest[0, d]) ** 2
+    return square, kind
+
+
+# ------------------------------------------------------------------------------------------------
+# The largest ball inside a surface near a point.
+
+
+@kernel
+def inscribed_ball(
+    vertices: FloatArray,
+    faces: IntArray,
+    point: FloatArray,
+    normal: FloatArray,
+    low: float,
+    high: float,
+    step: float,
+    reach: float,
+) -> tuple[FloatArray, float]:
+    """Climb from a point to the centre of the largest ball that fits there.
+
+    The ball keeps inside the surface and between the planes normal . x = low and high. The
+    search halves its step from `step` to a sixteenth of it, which is its precision, and stays
+    within `step` of where it starts along each axis.
+
+    Parameters
+    ----------
+    reach
+        Radius in mm beyond which the size of a ball is of no interest.
+
+    Returns
+    -------
+    centre, radius_mm
+        Where no ball fits, the radius is zero.
+    """
+    near = np.empty(len(faces), np.int64)
+    around = reach + 2 * step
+    n = 0
+    for f in range(len(faces)):
+        apart = False
+        for axis in range(3):
+            a = vertices[faces[f, 0], axis] - point[axis]
+            b = vertices[faces[f, 1], axis] - point[axis]
+            c = vertices[faces[f, 2], axis] - point[axis]
+            apart |= min(a, b, c) > around or max(a, b, c) < -around
+        if not apart:
+            near[n] = f
+            n += 1
+    near = near[:n]
+    best = _depth(vertices, faces, near, point, normal, low, high, reach)
+    centre, start, trial = np.empty(3), np.empty(3), np.empty(3)
+    for axis in range(3):
+        centre[axis] = point[axis]
+    size = step / 2
+    while size >= step / 16:
+        moved = False
+        for axis in range(3):
+            start[axis] = centre[axis]
+        for neighbour in range(27):
+            strayed, digits = False, neighbour
+            for axis in range(3):
+                trial[axis] = start[axis] + (digits % 3 - 1) * size
+                strayed |= abs(trial[axis] - point[axis]) > step
+                digits //= 3
+            if strayed:
+                continue
+            depth = _depth(vertices, faces, near, trial, normal, low, high, reach)
+            if depth > best + 1e-9:
+                moved, best = True, depth
+                for axis in range(3):
+                    centre[axis] = trial[axis]
+        if not moved:
+            size /= 2
+    return centre, max(best, 0.0)
+
+
+@kernel
+def _depth(
+    vertices: FloatArray,
+    faces: IntArray,
+    near: IntArray,
+    point: FloatArray,
+    normal: FloatArray,
+    low: float,
+    high: float,
+    reach: float,
+) -> float:
+    # Distance to the surface, negative outside. Among triangles that share the nearest point
+    # (an edge, a corner) the one seen least edge-on tells the side.
+    nearest, inside, facing = reach * reach, True, 0.0
+    a, b, c = np.empty(3), np.empty(3), np.empty(3)
+    for f in near:
+        for axis in range(3):
+            a[axis] = vertices[faces[f, 0], axis] - point[axis]
+            b[axis] = vertices[faces[f, 1], axis] - point[axis]
+            c[axis] = vertices[faces[f, 2], axis] - point[axis]
+        u, v, w = _nearest_weights(a, b, c)
+        distance, height, square = 0.0, 0.0, 0.0
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            towards = u * a[axis] + v * b[axis] + w * c[axis]
+            n = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
+            distance += towards * towards
+            height += n * towards
+            square += n * n
+        if distance > nearest * (1 + 1e-9) + 1e-18 or square == 0.0:
+            continue
+        cosine = height / np.sqrt(square * max(distance, 1e-300))
+        if distance < nearest * (1 - 1e-9) - 1e-18 or abs(cosine) > facing:
+            facing = abs(cosine)
+            inside = cosine >= 0.0
+        nearest = min(nearest, distance)
+    along = point[0] * normal[0] + point[1] * normal[1] + point[2] * normal[2]
+    depth = np.sqrt(nearest) if inside else -np.sqrt(nearest)
+    return float(min(depth, along - low, high - along))
+
+
+@kernel
+def _nearest_weights(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[float, float, float]:
+    # Weights of the corners in the triangle's point nearest to the origin, by the Voronoi
+    # regions of corners, edges and face (Ericson 2004, Real-Time Collision Detection, 5.1.5).
+    d1, d2, d3, d4, d5, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for axis in range(3):
+        ab, ac = b[axis] - a[axis], c[axis] - a[axis]
+        d1, d2 = d1 - ab * a[axis], d2 - ac * a[axis]
+        d3, d4 = d3 - ab * b[axis], d4 - ac * b[axis]
+        d5, d6 = d5 - ab * c[axis], d6 - ac * c[axis]
+    if d1 <= 0 and d2 <= 0:
+        return 1.0, 0.0, 0.0
+    if d3 >= 0 and d4 <= d3:
+        return 0.0, 1.0, 0.0
+    if d6 >= 0 and d5 <= d6:
+        return 0.0, 0.0, 1.0
+    on_ab, on_ac, on_bc = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    if on_ab <= 0 and d1 >= 0 and d3 <= 0 and d1 > d3:
+        return -d3 / (d1 - d3), d1 / (d1 - d3), 0.0
+    if on_ac <= 0 and d2 >= 0 and d6 <= 0 and d2 > d6:
+        return -d6 / (d2 - d6), 0.0, d2 / (d2 - d6)
+    beyond_b, beyond_c = d4 - d3, d5 - d6
+    if on_bc <= 0 and beyond_b >= 0 and beyond_c >= 0 and beyond_b + beyond_c > 0:
+        return 0.0, beyond_c / (beyond_b + beyond_c), beyond_b / (beyond_b + beyond_c)
+    total = on_ab + on_ac + on_bc
+    if total <= 0:
+        return 1.0, 0.0, 0.0
+    return on_bc / total, on_ac / total, on_ab / total

@@ -1,0 +1,516 @@
+"""A triangle mesh in millimetres: positions joined where equal, faces that meet at edges."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
+
+__all__ = [
+    "CROWDED",
+    "OPEN",
+    "EdgeOrder",
+    "Measures",
+    "Mesh",
+    "Topology",
+    "cancel_opposite",
+    "connected",
+    "consistent_winding",
+    "measure",
+    "order_edges",
+    "order_rows",
+    "repeats_index",
+    "row_slot",
+    "sorted_corners",
+    "weld",
+    "weld_points",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A triangle mesh in millimetres.
+
+
+class Measures(NamedTuple):
+    """What `measure` finds of each part of a surface.
+
+    Attributes
+    ----------
+    volume_mm3, area_mm2 : (parts,) float64
+        The volume is negative for a surface turned inside out; both are 0 without faces.
+    bounds_mm : (parts, 2, 3) float64
+        Smallest and largest coordinates: inf and -inf without faces, NaN where one is NaN.
+    flat : int
+        Triangles of zero area, in all parts.
+    """
+
+    volume_mm3: FloatArray
+    area_mm2: FloatArray
+    bounds_mm: FloatArray
+    flat: int
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Vertices and the triangles between them, normals outwards by the right-hand rule.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Positions in mm.
+    faces : (m, 3) int32
+        Indices into `vertices`, counter-clockwise as seen from outside.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        # Kernels are compiled for one kind of array: contiguous and writable.
+        vertices = np.require(self.vertices, np.float64, ["C", "W"])
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", np.require(self.faces, np.int32, ["C", "W"]))
+
+    @cached_property
+    def triangles(self) -> FloatArray:
+        """Corner positions, (m, 3, 3) in mm."""
+        return self.vertices[self.faces]
+
+    @cached_property
+    def bounds_mm(self) -> FloatArray:
+        """Smallest and largest coordinate of the vertices that faces use, (2, 3) in mm."""
+        bounds_mm: FloatArray = self._measured.bounds_mm[0]
+        return bounds_mm
+
+    @property
+    def volume_mm3(self) -> float:
+        """Signed volume in mm³: positive where normals point outwards."""
+        return float(self._measured.volume_mm3[0])
+
+    @property
+    def area_mm2(self) -> float:
+        """Surface area in mm²."""
+        return float(self._measured.area_mm2[0])
+
+    @cached_property
+    def _measured(self) -> Measures:
+        return measure(self.vertices, self.faces)
+
+
+def measure(
+    vertices: FloatArray | Float32Array,
+    faces: NDArray[np.int32],
+    part: NDArray[np.int32] | None = None,
+    parts: int = 1,
+) -> Measures:
+    """Measure each part of a surface.
+
+    Volumes are by the divergence theorem, summed about a vertex of the part: about a distant
+    origin the terms would cancel and take the digits with them. The order of summation is fixed.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        Positions in mm.
+    faces : (m, 3) int32
+        Outward triangles.
+    part : (m,) int32
+        Which part each triangle belongs to, from 0 on; by default all to one.
+    parts : int
+        How many there are.
+    """
+    if part is None:
+        part = np.zeros(len(faces), dtype=np.int32)
+    volume, area, origin = np.zeros(parts), np.zeros(parts), np.full((parts, 3), np.nan)
+    bounds = np.empty((parts, 2, 3))
+    bounds[:, 0], bounds[:, 1] = np.inf, -np.inf
+    points = np.require(vertices, np.float64, ["C", "W"])
+    first = np.unique(part, return_index=True)[1] if parts > 1 else np.arange(min(len(part), 1))
+    origin[part[first]] = points[faces[first, 0]]
+    faces = np.require(faces, np.int32, ["C", "W"])
+    flat = _measure(points, faces, part, origin, volume, area, bounds)
+    return Measures(volume / 6.0, area / 2.0, bounds, int(flat))
+
+
+@kernel
+def _measure(
+    vertices: Any, faces: Any, part: Any, origin: Any, volume: Any, area: Any, bounds: Any
+) -> Any:
+    flat = 0
+    for i in range(faces.shape[0]):
+        p, i0, i1, i2 = part[i], faces[i, 0], faces[i, 1], faces[i, 2]
+        for j in range(3):
+            for k in range(3):
+                x = vertices[faces[i, j], k]
+                if x < bounds[p, 0, k] or x != x:  # NaN, which then stays
+                    bounds[p, 0, k] = x
+                if x > bounds[p, 1, k] or x != x:
+                    bounds[p, 1, k] = x
+        ox, oy, oz = origin[p, 0], origin[p, 1], origin[p, 2]
+        ax, ay, az = vertices[i0, 0] - ox, vertices[i0, 1] - oy, vertices[i0, 2] - oz
+        ux = vertices[i1, 0] - ox - ax
+        uy = vertices[i1, 1] - oy - ay
+        uz = vertices[i1, 2] - oz - az
+        vx = vertices[i2, 0] - ox - ax
+        vy = vertices[i2, 1] - oy - ay
+        vz = vertices[i2, 2] - oz - az
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        volume[p] += ax * nx + ay * ny + az * nz
+        area[p] += np.sqrt(nx * nx + ny * ny + nz * nz)
+        if nx == 0.0 and ny == 0.0 and nz == 0.0:
+            flat += 1
+    return flat
+
+
+# ------------------------------------------------------------------------------------------------
+# Give equal positions one index, and take out the faces that weld to nothing.
+
+
+Points = TypeVar("Points", Float32Array, FloatArray)
+
+
+def weld(triangles: Points) -> tuple[Points, NDArray[np.int32]]:
+    """Index a triangle soup by exact position: corners of equal bits share a vertex.
+
+    Minus zero counts as zero. Nothing is merged within a tolerance, no face is dropped.
+
+    Parameters
+    ----------
+    triangles : (k, 3, 3) float32 or float64
+        Corner positions.
+
+    Returns
+    -------
+    vertices : (n, 3) array of the same type
+        Distinct positions in the order of their first appearance.
+    faces : (k, 3) int32
+        Indices into `vertices`.
+    """
+    vertices, faces = weld_points(triangles.reshape(-1, 3))
+    return vertices, faces.reshape(-1, 3)
+
+
+def weld_points(points: Points) -> tuple[Points, NDArray[np.int32]]:
+    """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
+    plain = np.add(points, 0.0, order="C", dtype=points.dtype)  # no minus zero is left
+    words = plain.view(np.uint32)
+    distinct = np.empty_like(words)
+    index = np.empty(len(words), dtype=np.int32)
+    n = _weld(words, distinct, index)
+    vertices: Points = distinct[:n].copy().view(points.dtype)
+    return vertices, index
+
+
+@kernel
+def _weld(rows: Any, distinct: Any, index: Any) -> Any:
+    """Find equal rows by a hash table, open-addressed, that grows when half full."""
+    count, width = rows.shape
+    shift = np.uint64(54)
+    table = np.zeros(1024, dtype=np.int32)  # number + 1 of a distinct row; 0 where free
+    n = 0
+    for i in range(count):
+        slot = row_slot(rows, i, shift)
+        while table[slot] > 0:
+            j, same = table[slot] - 1, True
+            for k in range(width):
+                same &= distinct[j, k] == rows[i, k]
+            if same:
+                break
+            slot = (slot + 1) & (table.size - 1)
+        if table[slot] == 0:
+            for k in range(width):
+                distinct[n, k] = rows[i, k]
+            n += 1
+            table[slot] = n
+        index[i] = table[slot] - 1
+        if 2 * n > table.size:
+            shift -= np.uint64(2)
+            table = np.zeros(4 * table.size, dtype=np.int32)
+            for j in range(n):
+                slot = row_slot(distinct, j, shift)
+                while table[slot] > 0:
+                    slot = (slot + 1) & (table.size - 1)
+                table[slot] = j + 1
+    return n
+
+
+@inner_kernel
+def row_slot(rows: Any, i: Any, shift: Any) -> Any:
+    """Top bits of a product hash of a row of uint32: low bits of round coordinates are all zero."""
+    mixed = np.uint64(0)
+    for k in range(rows.shape[1]):
+        mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
+    mixed ^= mixed >> np.uint64(32)
+    mixed *= np.uint64(0xD6E8FEB86659FD93)
+    return np.int64(mixed >> shift)
+
+
+def repeats_index(faces: NDArray[np.int32]) -> BoolArray:
+    """Tell which faces, (m, 3), name a vertex twice."""
+    a, b, c = faces.T
+    return np.asarray((a == b) | (b == c) | (c == a))
+
+
+def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
+    """Tell which faces stay when faces on the same three vertices but turned over cancel.
+
+    Of a triple with p faces one way and q the other, the first |p - q| of the more frequent
+    way stay. The boundary of the surface does not change.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+        Faces without repeated index.
+
+    Returns
+    -------
+    (m,) bool
+        True where a face stays.
+    """
+    keep = np.ones(len(faces), dtype=np.bool_)
+    order, starts = order_rows(*sorted_corners(faces))
+    count = np.diff(starts, append=len(order))
+    if not (count > 1).any():
+        return keep
+    a, b, c = faces[order].T
+    way = np.where((a < b) ^ (b < c) ^ (c < a), -1, 1)
+    net = np.repeat(np.add.reduceat(way, starts), count)
+    frequent = way * net > 0
+    rank = np.cumsum(frequent)
+    rank -= np.repeat(rank[starts] - frequent[starts], count)
+    keep[order] = frequent & (rank <= np.abs(net))
+    return keep
+
+
+def sorted_corners(
+    faces: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Lowest, middle and highest vertex of each face: the same for faces on the same three."""
+    a, b, c = faces.T
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
+
+
+def order_rows(*columns: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Sort rows of small numbers, stably, so that equal ones become neighbours.
+
+    Parameters
+    ----------
+    *columns : (m,) int32
+        Numbers from 0 on, such as indices of vertices; the first column counts most.
+
+    Returns
+    -------
+    order : (m,) int32
+        Indices of the rows.
+    starts : (g,) int64
+        Where in `order` each group of equal rows begins.
+    """
+    order = np.arange(len(columns[0]), dtype=np.int32)
+    for column in columns[::-1]:
+        moved = np.empty_like(order)
+        place = np.zeros(int(column.max(initial=-1)) + 2, dtype=np.int32)
+        _count_into(column, order, place, moved)
+        order = moved
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = False
+    for column in columns:
+        ranked = column[order]
+        first[1:] |= ranked[1:] != ranked[:-1]
+    return order, np.flatnonzero(first)
+
+
+@kernel
+def _count_into(key: Any, order: Any, place: Any, moved: Any) -> None:
+    """Sort `order` stably by key[order] into `moved`: one digit of a radix sort."""
+    for i in range(key.size):
+        place[key[i] + 1] += 1
+    for i in range(place.size - 1):
+        place[i + 1] += place[i]
+    for i in range(order.size):
+        k = key[order[i]]
+        moved[place[k]] = order[i]
+        place[k] += 1
+
+
+# ------------------------------------------------------------------------------------------------
+# Which faces meet at which edges: neighbours, borders, bodies.
+
+
+OPEN, CROWDED = -1, -2
+"""In `Topology.twin`: no other face at this edge, or more than one."""
+
+
+class EdgeOrder(NamedTuple):
+    """Half-edges sorted by the edge they lie at.
+
+    Attributes
+    ----------
+    order : (3 m,) int32
+        Half-edges; those at one edge, either way, are neighbours and rise.
+    starts, faces : (e,) int64
+        Where in `order` each edge's half-edges begin, and how many there are.
+    """
+
+    order: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    faces: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Neighbourhood of the faces of a welded mesh.
+
+    Half-edge 3 f + j runs from vertex j of face f to the next.
+
+    Attributes
+    ----------
+    faces : (m, 3) int32
+        Faces without repeated index.
+    """
+
+    faces: NDArray[np.int32]
+
+    @cached_property
+    def _around(self) -> EdgeOrder:
+        """The half-edges, those at one edge next to each other."""
+        return order_edges(self.faces)
+
+    @cached_property
+    def _paired(self) -> tuple[NDArray[np.int32], int]:
+        order, starts, count = self._around
+        twin = np.full(self.faces.size, OPEN, dtype=np.int32)
+        twin[order[np.repeat(count > 2, count)]] = CROWDED
+        pairs = starts[count == 2]
+        one, other = order[pairs], order[pairs + 1]
+        twin[one], twin[other] = other, one
+        tail = self.faces.ravel()
+        return twin, int(np.count_nonzero(tail[one] == tail[other]))
+
+    @property
+    def twin(self) -> NDArray[np.int32]:
+        """The other half-edge at each half-edge's edge, (3 m,), or `OPEN` or `CROWDED`."""
+        return self._paired[0]
+
+    @property
+    def same_way(self) -> int:
+        """Edges whose two faces run the same way: one of the two is turned over."""
+        return self._paired[1]
+
+    @cached_property
+    def two_faced(self) -> bool:
+        """Whether every edge has exactly two faces."""
+        return len(self.faces) > 0 and int(self.twin.min()) >= 0
+
+    @property
+    def closed(self) -> bool:
+        """Whether every directed edge occurs once, and so does its reverse."""
+        return self.two_faced and self.same_way == 0
+
+    @cached_property
+    def body(self) -> NDArray[np.int32]:
+        """Number of the body each face belongs to, (m,), by first appearance.
+
+        Faces are of one body when steps over edges of exactly two faces connect them.
+        """
+        half = np.flatnonzero(self.twin >= 0)
+        return connected(len(self.faces), half // 3, self.twin[half] // 3)
+
+    @property
+    def bodies(self) -> int:
+        """How many bodies there are."""
+        return int(self.body.max(initial=-1)) + 1
+
+    def edges(self, kind: int) -> NDArray[np.int32]:
+        """Return the vertices (k, 2) of the half-edges that are `OPEN` or `CROWDED`."""
+        half = np.flatnonzero(self.twin == kind)
+        face, corner = np.divmod(half, 3)
+        return np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
+
+
+def order_edges(faces: NDArray[np.int32]) -> EdgeOrder:
+    """Sort half-edges 3 f + j by the two vertices they join; see `EdgeOrder`."""
+    heads = faces[:, [1, 2, 0]]
+    order, starts = order_rows(np.minimum(faces, heads).ravel(), np.maximum(faces, heads).ravel())
+    return EdgeOrder(order, starts, np.diff(starts, append=len(order)))
+
+
+def connected(
+    count: int, one: NDArray[np.integer[Any]], other: NDArray[np.integer[Any]]
+) -> NDArray[np.int32]:
+    """Find which of 0..count-1 links one[i]-other[i] join; number groups by first appearance."""
+    parent = np.arange(count, dtype=np.int32)
+    _join(parent, one.astype(np.int32), other.astype(np.int32))
+    number = np.cumsum(parent == np.arange(count), dtype=np.int32) - np.int32(1)
+    labels: NDArray[np.int32] = number[parent]
+    return labels
+
+
+@kernel
+def _join(parent: Any, one: Any, other: Any) -> None:
+    """Point each member of a group at its smallest, by links between two (union-find)."""
+    for i in range(one.size):
+        a, b = one[i], other[i]
+        while parent[a] != a:
+            parent[a] = parent[parent[a]]
+            a = parent[a]
+        while parent[b] != b:
+            parent[b] = parent[parent[b]]
+            b = parent[b]
+        if a < b:
+            parent[b] = a
+        else:
+            parent[a] = b
+    for i in range(parent.size):
+        parent[i] = parent[parent[i]]
+
+
+def consistent_winding(topology: Topology) -> BoolArray | None:
+    """Tell which faces to turn over so that neighbours agree.
+
+    Of each body the smaller part is turned.
+
+    Returns
+    -------
+    (m,) bool or None
+        None where a body has one side only, as a Möbius strip.
+    """
+    turned, ok = _flood(topology.faces, topology.twin)
+    if not ok:
+        return None
+    body = topology.body
+    most = np.bincount(body, weights=turned) * 2 > np.bincount(body)
+    result: BoolArray = turned ^ most[body]
+    return result
+
+
+@kernel
+def _flood(faces: Any, twin: Any) -> Any:
+    m = faces.shape[0]
+    turned = np.zeros(m, dtype=np.bool_)
+    seen = np.zeros(m, dtype=np.bool_)
+    stack = np.empty(m, dtype=np.int32)
+    for seed in range(m):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        stack[0], size = seed, 1
+        while size > 0:
+            size -= 1
+            f = stack[size]
+            for j in range(3):
+                e = twin[3 * f + j]
+                if e < 0:
+                    continue
+                g = e // 3
+                wanted = turned[f] ^ (faces[f, j] == faces[g, e % 3])
+                if not seen[g]:
+                    seen[g], turned[g] = True, wanted
+                    stack[size] = g
+                    size += 1
+                elif turned[g] != wanted:
+                    return turned, False
+    return turned, True

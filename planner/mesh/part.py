@@ -1,0 +1,273 @@
+"""A part to grade: a mesh checked and repaired, and where it is placed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import ArgumentError, MeshError
+from planner.mesh.mesh import Mesh, Topology, cancel_opposite, repeats_index, weld, weld_points
+from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
+from planner.numerics import FloatArray, IntArray
+
+__all__ = ["Part", "make_part", "part_from_arrays", "part_from_trimesh", "place"]
+
+
+# ------------------------------------------------------------------------------------------------
+# Move a part to where the single precision of mesh files is finest and never negative.
+
+
+def place(mesh: Mesh) -> tuple[Mesh, FloatArray]:
+    """Move a part's smallest corner to (1, 1, 1) mm and round it to float32.
+
+    Slicing programs of jetting printers want positive coordinates, and rounding before cutting
+    makes one part, and so interfaces that match, of what is cut. Vertices that round to one
+    position are joined, faces that thereby repeat a vertex are dropped, and faces that thereby
+    cover another turned over cancel.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The part, in mm.
+
+    Returns
+    -------
+    placed : Mesh
+        Vertices are float32 values; no two are equal.
+    translation_mm : (3,) float64
+        What was added to every vertex before rounding.
+
+    Raises
+    ------
+    MeshError
+        Without faces, or with a coordinate that is not finite.
+    """
+    if len(mesh.faces) == 0:
+        raise MeshError("the mesh has no triangles; export the part again as a solid")
+    if not np.isfinite(mesh.vertices).all():
+        row = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
+        raise MeshError(
+            f"vertex {row} is {tuple(mesh.vertices[row].tolist())}: coordinates must be finite "
+            "numbers of mm; export the part again"
+        )
+    translation_mm = 1.0 - mesh.bounds_mm[0]
+    rounded = (mesh.vertices + translation_mm).astype(np.float32)
+    vertices, index = weld_points(rounded)
+    faces = index[mesh.faces]
+    faces = faces[~repeats_index(faces)]
+    faces = faces[cancel_opposite(faces)]
+    if len(faces) == 0:
+        raise MeshError(
+            "nothing is left of the mesh in single precision: the part has no thickness, or its "
+            "unit is wrong; check the unit, or scale the part"
+        )
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces.ravel()] = True
+    compact = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return Mesh(vertices[used].astype(np.float64), compact[faces]), translation_mm
+
+
+# ------------------------------------------------------------------------------------------------
+# A part to grade: a mesh that was checked, and repaired where there is one way to do so.
+
+
+_FARTHEST_MM = 1e6
+_SMALL_MM = 1.0
+_LIKELY_MM = (5.0, 300.0)
+_UNITS_MM = (("inch", 25.4), ("cm", 10.0), ("m", 1000.0), ("um", 0.001))
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A closed part in mm, right side out.
+
+    Attributes
+    ----------
+    mesh
+        Every directed edge occurs once, and so does its reverse.
+    name
+        What messages and files call it.
+    repairs
+        What was changed, a sentence each; empty for a mesh taken as it was.
+    warnings
+        What looks wrong but was left: size and unit.
+    """
+
+    mesh: Mesh
+    name: str
+    repairs: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def make_part(
+    triangles: FloatArray, *, name: str, tray_mm: tuple[float, float, float] | None = None
+) -> Part:
+    """Check a triangle soup and make a part of it.
+
+    Repairs are made only where there is one way to do so, and each is told: see
+    `planner.mesh.repair.close_mesh` and `planner.mesh.repair.arrange_bodies`. Bodies
+    that touch along an edge alone are refused: such a contact has no cross-section to print,
+    and files store it as an edge of four faces, which is no solid's.
+
+    Found by rays along z (see `planner.mesh.repair.find_crossing`), not proved: a body
+    that crosses itself. Not looked for: bodies that touch at a point.
+
+    Parameters
+    ----------
+    triangles : (k, 3, 3) float64
+        Corners in mm, counter-clockwise as seen from outside.
+    name
+        What errors call the part.
+    tray_mm
+        Largest part the printer takes, for a warning.
+
+    Raises
+    ------
+    MeshError
+        Empty, not finite, open, without volume, crossing itself, or more than two faces at an
+        edge; the message says how many, where, and what to do.
+    """
+    _check_numbers(triangles, name)
+    vertices, welded = weld(np.ascontiguousarray(triangles, dtype=np.float64))
+    faces = welded[~repeats_index(welded)]
+    repairs = []
+    if len(faces) < len(welded):
+        count = len(welded) - len(faces)
+        repairs.append(f"{count} triangles with two equal corners dropped")
+    topology = Topology(faces)
+    touching = False
+    if not topology.closed:
+        repaired = close_mesh(vertices, faces)
+        if repaired is None:
+            raise MeshError(f"{name}: {describe_faults(vertices, topology)}")
+        vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
+        repairs += repaired.notes
+    try:
+        arranged = arrange_bodies(vertices, topology, touching=touching)
+    except MeshError as error:
+        raise MeshError(f"{name}: {error}") from error
+    repairs += arranged.notes
+    mesh = _used(arranged.vertices, arranged.faces)
+    _check_solid(mesh, name, reweld=arranged.vertices is not vertices or touching)
+    return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
+
+
+def part_from_arrays(
+    vertices: FloatArray,
+    faces: IntArray,
+    *,
+    name: str = "part",
+    tray_mm: tuple[float, float, float] | None = None,
+) -> Part:
+    """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
+
+    Raises
+    ------
+    ArgumentError
+        Arrays of another shape, or an index outside the vertices.
+    MeshError
+        See `make_part`.
+    """
+    points, index = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3 or index.ndim != 2 or index.shape[1] != 3:
+        raise ArgumentError(
+            f"{name}: vertices are {points.shape} and faces {index.shape}; they must be (n, 3) "
+            "and (m, 3)"
+        )
+    if index.size and not 0 <= index.min() <= index.max() < len(points):
+        raise ArgumentError(
+            f"{name}: faces name vertices {index.min()} to {index.max()}; there are {len(points)}, "
+            "counted from 0"
+        )
+    return make_part(points[index.astype(np.int64)], name=name, tray_mm=tray_mm)
+
+
+def part_from_trimesh(
+    mesh: Any, *, name: str = "part", tray_mm: tuple[float, float, float] | None = None
+) -> Part:
+    """Make a part of anything with ``vertices`` and ``faces`` in mm, such as a trimesh.Trimesh.
+
+    Raises
+    ------
+    ArgumentError
+        It has none, or see `part_from_arrays`.
+    MeshError
+        See `make_part`.
+    """
+    vertices, faces = getattr(mesh, "vertices", None), getattr(mesh, "faces", None)
+    if vertices is None or faces is None:
+        raise ArgumentError(f"{name}: a {type(mesh).__name__} has no vertices and faces")
+    return part_from_arrays(vertices, faces, name=name, tray_mm=tray_mm)
+
+
+def _check_numbers(triangles: FloatArray, name: str) -> None:
+    if triangles.size == 0:
+        raise MeshError(f"{name}: holds no triangles; export the part again")
+    largest = float(np.abs(triangles).max())
+    if np.isnan(largest) or largest > _FARTHEST_MM:
+        bad = ~(np.abs(triangles) <= _FARTHEST_MM)
+        first = int(np.argmax(bad.any(axis=(1, 2))))
+        raise MeshError(
+            f"{name}: triangle {first + 1} has a coordinate of {triangles[first][bad[first]][0]} "
+            f"mm; coordinates must be finite and at most {_FARTHEST_MM:g} mm: check the unit, or "
+            "export the part again"
+        )
+
+
+def _used(vertices: FloatArray, faces: NDArray[np.int32]) -> Mesh:
+    """Leave out vertices that no face uses."""
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces.ravel()] = True
+    if used.all():
+        return Mesh(vertices, faces)
+    index = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return Mesh(vertices[used], index[faces])
+
+
+def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:
+    if len(mesh.faces) == 0 or mesh.volume_mm3 <= 0.0 or _is_flat(mesh):
+        raise MeshError(
+            f"{name}: encloses no volume; export it as a solid, with a thickness in every direction"
+        )
+    if reweld:
+        vertices, faces = weld(mesh.triangles)
+        topology = Topology(faces[~repeats_index(faces)])
+        if not topology.closed:
+            raise MeshError(f"{name}: {describe_faults(vertices, topology)}")
+    crossing = find_crossing(mesh)
+    if crossing is not None:
+        x, y, z = crossing.place_mm
+        raise MeshError(
+            f"{name}: the surface crosses itself: ({x:.4g}, {y:.4g}, {z:.4g}) mm is enclosed "
+            f"{crossing.times_inside} times over {crossing.length_mm:.3g} mm along z, in all about "
+            f"{crossing.volume_mm3:.3g} mm3; unite or mend the part in the CAD program"
+        )
+
+
+def _is_flat(mesh: Mesh) -> bool:
+    extent = float(np.ptp(mesh.bounds_mm, axis=0).max())
+    return mesh.volume_mm3 <= 1e-9 * mesh.area_mm2 * extent
+
+
+def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
+    extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
+    size = " x ".join(f"{length:.4g}" for length in extent)
+    if (extent < _SMALL_MM).all():
+        yield f"the part is {size} mm, under 1 mm in every direction{_unit_hint(extent)}"
+    elif tray_mm is not None and (extent > np.array(tray_mm)).any():
+        tray = " x ".join(f"{length:g}" for length in tray_mm)
+        turned = np.sort(extent) <= np.sort(np.array(tray_mm))
+        hint = "; turn it to fit" if turned.all() else _unit_hint(extent)
+        yield f"the part is {size} mm, the tray {tray} mm{hint}"
+
+
+def _unit_hint(extent: FloatArray) -> str:
+    """Name the unit in which the part would have the size of most parts."""
+    low, high = _LIKELY_MM
+    for unit, scale in _UNITS_MM:
+        if low <= scale * extent.max() <= high:
+            size = " x ".join(f"{scale * length:.4g}" for length in extent)
+            return f"; it looks like {unit}: with --unit {unit} it is {size} mm"
+    return "; check its unit (--unit)"

@@ -1,0 +1,743 @@
+"""Repairs of a mesh that have one possible outcome, and what is said where there is none."""
+
+import itertools
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import MeshError
+from planner.mesh.mesh import (
+    CROWDED,
+    OPEN,
+    Mesh,
+    Topology,
+    cancel_opposite,
+    consistent_winding,
+    measure,
+    repeats_index,
+    weld,
+)
+from planner.numerics import BoolArray, FloatArray, IntArray
+
+__all__ = [
+    "TOLERANCE",
+    "Arranged",
+    "Crossing",
+    "Repaired",
+    "arrange_bodies",
+    "close_mesh",
+    "describe_faults",
+    "find_crossing",
+    "part_at_crowded_edges",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Take apart solids that meet at an edge: faces pair up around it so that each bounds solid.
+
+
+_DIGITS = 9  # of an angle in radians: faces nearer than that lie on each other
+_HALF_TURN = round(np.pi, _DIGITS)
+
+
+def part_at_crowded_edges(
+    vertices: FloatArray, topology: Topology
+) -> tuple[FloatArray, NDArray[np.int32]] | None:
+    """Give each of the surfaces that meet at crowded edges vertices of its own.
+
+    Around an edge of more than two faces, those between which there is solid belong together.
+
+    Parameters
+    ----------
+    vertices, topology
+        A mesh without open edges.
+
+    Returns
+    -------
+    vertices, faces
+        Positions as before, those on contacts repeated; None where the faces at an edge do not
+        pair up.
+    """
+    faces = topology.faces
+    twin = topology.twin.astype(np.int64)
+    crowded: dict[tuple[int, int], list[int]] = {}
+    for half in np.flatnonzero(twin == CROWDED).tolist():
+        a, b = _ends(faces, half)
+        crowded.setdefault((min(a, b), max(a, b)), []).append(half)
+    for edge, halves in crowded.items():
+        pairs = _pairs(vertices, faces, edge, halves)
+        if pairs is None:
+            return None
+        for one, other in pairs:
+            twin[one], twin[other] = other, one
+    corner = _corner_groups(twin)
+    groups, index = np.unique(corner, return_inverse=True)
+    original = np.zeros(len(groups), dtype=np.int64)
+    original[index] = faces.ravel()
+    return vertices[original], index.reshape(-1, 3).astype(np.int32)
+
+
+def _ends(faces: NDArray[np.int32], half: int) -> tuple[int, int]:
+    face, corner = divmod(half, 3)
+    return int(faces[face, corner]), int(faces[face, (corner + 1) % 3])
+
+
+def _pairs(
+    vertices: FloatArray, faces: NDArray[np.int32], edge: tuple[int, int], halves: list[int]
+) -> list[tuple[int, int]] | None:
+    """Pair the half-edges at an edge across the solid between their faces.
+
+    With angles that grow from the first to the second axis across the edge, a face that runs
+    along the edge has its solid before it, one that runs against it behind it: as brackets
+    close and open.
+    """
+    along = vertices[edge[1]] - vertices[edge[0]]
+    along = along / np.linalg.norm(along)
+    first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    second = np.cross(along, first)
+    around = []
+    for half in halves:
+        face, corner = divmod(half, 3)
+        arm = vertices[faces[face, (corner + 2) % 3]] - vertices[edge[0]]
+        angle = round(float(np.arctan2(arm @ second, arm @ first)), _DIGITS)
+        angle = abs(angle) if angle == -_HALF_TURN else angle
+        opens = _ends(faces, half) != edge
+        around.append((angle, opens, half))  # of equal angles the closing one first
+    around.sort()
+    balance = np.cumsum([1 if opens else -1 for _, opens, _ in around])
+    if balance[-1] != 0:
+        return None
+    start = int(np.argmin(balance)) + 1
+    pairs: list[tuple[int, int]] = []
+    opened: list[int] = []
+    closed: list[int] = []
+    for _, opens, half in around[start:] + around[:start]:
+        (opened if opens else closed).append(half)
+        if len(opened) == len(closed):  # out of the solid again
+            # Where several solids overlap, files hold one after the other: pair in that order.
+            pairs += zip(sorted(opened), sorted(closed), strict=True)
+            opened, closed = [], []
+    return pairs
+
+
+def _corner_groups(twin: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Join the corners of faces that are neighbours around a vertex."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    half = np.arange(len(twin))
+    after = half - half % 3 + (half + 1) % 3
+    graph = coo_array((np.ones(len(twin)), (half, after[twin])), shape=2 * (len(twin),))
+    groups: NDArray[np.int32] = connected_components(graph, directed=False)[1]
+    return groups
+
+
+# ------------------------------------------------------------------------------------------------
+# Repairs of a welded mesh that have one possible outcome, tried until the mesh is closed.
+
+
+TOLERANCE = 1e-5
+"""How far a repair may move a vertex, as a share of the part's largest extent."""
+
+_MOST_BORDERS = 5000
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A mesh and what was done to it.
+
+    Attributes
+    ----------
+    notes
+        One sentence a repair.
+    touching
+        Bodies met at shared edges and were given vertices of their own: unite them.
+    """
+
+    vertices: FloatArray
+    topology: Topology
+    notes: tuple[str, ...] = ()
+    touching: bool = False
+
+
+def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+    """Make a mesh closed and consistently wound, if plain repairs do.
+
+    Each repair is kept only where it changes something; none is kept unless the mesh is closed
+    in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
+    touch, faces that occur twice, border vertices within `TOLERANCE` of each other or of
+    another border edge, and faces turned over.
+
+    Parameters
+    ----------
+    vertices, faces
+        Welded mesh without repeated indices.
+
+    Returns
+    -------
+    Repaired or None
+        None where the mesh stays open or crowded at edges.
+    """
+    state = Repaired(vertices, Topology(faces))
+    # Where faces balance at each edge, bodies touch or coincide and no face may go.
+    steps = (_opposites, _touching, _duplicates, _near_vertices, _junctions, _winding, _touching)
+    for repair in steps:
+        if state.topology.closed:
+            break
+        state = repair(state) or state
+    return state if state.topology.closed else None
+
+
+def _next(state: Repaired, faces: NDArray[np.int32], note: str) -> Repaired:
+    return Repaired(state.vertices, Topology(faces), (*state.notes, note))
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
+
+
+def _duplicates(state: Repaired) -> Repaired | None:
+    """Drop faces on the same vertices, the same way round, as an earlier one."""
+    faces = state.topology.faces
+    if len(state.topology.edges(CROWDED)) == 0:
+        return None
+    shift = np.argmin(faces, axis=1)[:, np.newaxis]
+    turned = np.take_along_axis(faces, (shift + np.arange(3)) % 3, axis=1)
+    order = np.lexsort(turned.T)
+    again = np.zeros(len(faces), dtype=np.bool_)
+    again[order[1:]] = (turned[order[1:]] == turned[order[:-1]]).all(axis=1)
+    count = int(again.sum())
+    if count == 0:
+        return None
+    note = _counted(count, "triangle that occurs", "triangles that occur") + " twice dropped"
+    return _next(state, faces[~again], note)
+
+
+def _opposites(state: Repaired) -> Repaired | None:
+    """Drop pairs of opposite faces: walls without thickness, or between bodies face to face."""
+    faces = state.topology.faces
+    keep = cancel_opposite(faces)
+    count = int((~keep).sum()) // 2
+    if count == 0 or not keep.any():
+        return None
+    pairs = _counted(count, "pair of opposite triangles", "pairs of opposite triangles")
+    return _next(state, faces[keep], f"{pairs} dropped: a wall without thickness")
+
+
+def _near_vertices(state: Repaired) -> Repaired | None:
+    """Join border vertices within the tolerance."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    border = np.unique(state.topology.edges(OPEN))
+    if not 0 < len(border) <= _MOST_BORDERS:
+        return None
+    points = state.vertices[border]
+    tolerance = _tolerance_mm(state.vertices)
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    if len(pairs) == 0:
+        return None
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=2 * (len(border),))
+    _, group = connected_components(graph, directed=False)
+    _, first = np.unique(group, return_index=True)
+    target = first[group]
+    moved = np.linalg.norm(points - points[target], axis=1)
+    if moved.max() > 2.0 * tolerance:  # a chain of near vertices is no point
+        return None
+    index = np.arange(len(state.vertices), dtype=np.int32)
+    index[border] = border[target]
+    faces = index[state.topology.faces]
+    count = int((target != np.arange(len(border))).sum())
+    vertices = _counted(count, "border vertex", "border vertices")
+    note = f"{vertices} joined to others at most {moved.max():.2g} mm away"
+    return _next(state, faces[~repeats_index(faces)], note)
+
+
+def _junctions(state: Repaired) -> Repaired | None:
+    """Divide border faces at vertices that lie on their edges."""
+    count = 0
+    for _ in range(3):  # a face has three edges, one is divided at a time
+        faces, divided = _divide(state)
+        if divided == 0:
+            break
+        count += divided
+        state = Repaired(state.vertices, Topology(faces), state.notes)
+    if count == 0:
+        return None
+    junctions = _counted(count, "edge that ends", "edges that end")
+    note = f"{junctions} on the middle of another joined to it"
+    return _next(state, state.topology.faces, note)
+
+
+def _divide(state: Repaired) -> tuple[NDArray[np.int32], int]:
+    faces = state.topology.faces
+    half = np.flatnonzero(state.topology.twin == OPEN)
+    if not 0 < len(half) <= _MOST_BORDERS:
+        return faces, 0
+    tolerance = _tolerance_mm(state.vertices)
+    border = np.unique(state.topology.edges(OPEN))
+    points = state.vertices[border]
+    gone = np.zeros(len(faces), dtype=np.bool_)
+    added: list[tuple[int, int, int]] = []
+    for e in half:
+        f, j = divmod(int(e), 3)
+        a, b, c = (int(faces[f, (j + k) % 3]) for k in range(3))
+        start, along = state.vertices[a], state.vertices[b] - state.vertices[a]
+        length = float(np.linalg.norm(along))
+        if gone[f] or length <= 2.0 * tolerance:
+            continue
+        offset = points - start
+        place = offset @ along / length
+        distance = np.linalg.norm(offset - place[:, np.newaxis] * (along / length), axis=1)
+        on = (distance <= tolerance) & (place > tolerance) & (place < length - tolerance)
+        on &= border != c
+        if not on.any():
+            continue
+        between = border[on][np.argsort(place[on], kind="stable")]
+        chain = [a, *between.tolist(), b]
+        added += [(p, q, c) for p, q in itertools.pairwise(chain)]
+        gone[f] = True
+    more = np.array(added, dtype=np.int32).reshape(-1, 3)
+    return np.concatenate([faces[~gone], more]), int(gone.sum())
+
+
+def _winding(state: Repaired) -> Repaired | None:
+    """Turn faces over until neighbours agree."""
+    topology = state.topology
+    if not topology.two_faced:
+        return None
+    turned = consistent_winding(topology)
+    if turned is None:
+        return None
+    triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
+    return _next(state, turn(topology.faces, turned), f"{triangles} turned over: now all agree")
+
+
+def turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
+    """Reverse some faces, (m,) bool."""
+    return np.where(which[:, np.newaxis], faces[:, ::-1], faces)
+
+
+def _touching(state: Repaired) -> Repaired | None:
+    """Give bodies that meet at crowded edges vertices of their own."""
+    crowded = len(state.topology.edges(CROWDED))
+    if not 0 < crowded <= _MOST_BORDERS or len(state.topology.edges(OPEN)):
+        return None
+    apart = part_at_crowded_edges(state.vertices, state.topology)
+    if apart is None:
+        return None
+    topology = Topology(apart[1])
+    if not topology.closed:
+        return None
+    return Repaired(apart[0], topology, state.notes, touching=True)
+
+
+def _tolerance_mm(vertices: FloatArray) -> float:
+    return TOLERANCE * float(np.ptp(vertices, axis=0).max())
+
+
+# ------------------------------------------------------------------------------------------------
+# Several bodies in one part: which lie inside which, which way out, and overlaps united.
+
+
+_FLAT = 1e-9  # of area times extent: far below any printable thickness, far above rounding
+_OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
+
+
+@dataclass(frozen=True, eq=False)
+class Arranged:
+    """Bodies the right way out, that do not overlap; faces is empty when none has volume."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int32]
+    notes: tuple[str, ...]
+
+
+def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool = False) -> Arranged:
+    """Turn bodies the right way out and unite those that overlap.
+
+    An outermost body turned inside out is turned over with all that lies inside it. Inside a
+    solid, an inward body is a cavity and an outward one an overlap; inside a cavity every body
+    is solid. Overlapping solids are united.
+
+    Parameters
+    ----------
+    vertices, topology
+        A closed mesh.
+    touching
+        Bodies share edges by position: unite them even where they only touch.
+
+    Raises
+    ------
+    MeshError
+        Bodies overlap and cannot be united.
+    """
+    volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
+    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
+    full = np.abs(volume) > _FLAT * area * extent
+    notes = []
+    if not full.all() and full.any():
+        notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
+    pairs = _box_pairs(bounds, full, touching)
+    parent = _parents(vertices, topology, volume, bounds, pairs)
+    outward = _outward(volume, parent)
+    turned = full & (outward != (volume > 0.0))
+    body = topology.body
+    faces = turn(topology.faces, turned[body]) if turned.any() else topology.faces
+    if turned.any():
+        notes.append(_turned_note(turned, full))
+    keep = full[body]
+    if pairs and outward[full].sum() > 1:
+        solid = np.where(outward | (parent < 0), np.arange(len(full)), parent)
+        met = np.zeros(len(full), dtype=np.bool_)
+        for i, j in pairs:
+            if solid[i] != solid[j]:
+                met[[solid[i], solid[j]]] = True
+        groups = [
+            faces[keep & (solid[body] == number)] for number in np.flatnonzero(met & outward & full)
+        ]
+        united = _unite(vertices, groups, touching) if len(groups) > 1 else None
+        if united is not None:
+            rest = vertices[faces[keep & ~met[solid[body]]]]
+            soup: FloatArray = np.concatenate([rest, united.triangles])
+            points, welded = weld(soup)
+            welded = welded[~repeats_index(welded)]
+            if not touching and not Topology(welded).closed:  # what was united touches the rest
+                return arrange_bodies(vertices, topology, touching=True)
+            return Arranged(points, welded, (*notes, united.note))
+    return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
+
+
+def _turned_note(turned: BoolArray, full: BoolArray) -> str:
+    if turned[full].all():
+        return "the part was inside out: turned"
+    return f"{int(turned.sum())} of {int(full.sum())} bodies were inside out: turned"
+
+
+def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tuple[int, int]]:
+    """Return the pairs of bodies whose bounding boxes overlap, by a sweep along x."""
+    if touching:  # boxes that only touch count as well
+        bounds = np.stack([bounds[:, 0], np.nextafter(bounds[:, 1], np.inf)], axis=1)
+    order = np.flatnonzero(full)
+    order = order[np.argsort(bounds[order, 0, 0], kind="stable")]
+    low, high = bounds[order, 0], bounds[order, 1]
+    pairs = []
+    for i, stop in enumerate(np.searchsorted(low[:, 0], high[:, 0]).tolist()):
+        later = slice(i + 1, max(stop, i + 1))
+        overlap = ((low[later] < high[i]) & (high[later] > low[i])).all(axis=1)
+        pairs += [(int(order[i]), int(order[i + 1 + k])) for k in np.flatnonzero(overlap)]
+    return pairs
+
+
+def _parents(
+    vertices: FloatArray,
+    topology: Topology,
+    volume: FloatArray,
+    bounds: FloatArray,
+    pairs: list[tuple[int, int]],
+) -> NDArray[np.int64]:
+    """Return the smallest body around each body, -1 for the outermost."""
+    parent = np.full(len(volume), -1)
+    size = np.abs(volume)
+    for pair in pairs:
+        outer, inner = pair if size[pair[0]] > size[pair[1]] else pair[::-1]
+        inside = (bounds[outer, 0] <= bounds[inner, 0]) & (bounds[outer, 1] >= bounds[inner, 1])
+        nearer = parent[inner] < 0 or size[outer] < size[parent[inner]]
+        if not (inside.all() and nearer):
+            continue
+        probes = np.unique(topology.faces[topology.body == inner])
+        probes = probes[np.linspace(0, len(probes) - 1, min(5, len(probes))).astype(np.int64)]
+        wall = vertices[topology.faces[topology.body == outer]]
+        if np.median([abs(_winding_number(vertices[p], wall)) for p in probes]) > 0.5:
+            parent[inner] = outer
+    return parent
+
+
+def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
+    """How often a closed surface encloses a point: its solid angle (Van Oosterom 1983) / 4 pi."""
+    a, b, c = (triangles - point).transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    above = np.einsum("ij,ij->i", a, np.cross(b, c))
+    below = la * lb * lc + lc * np.einsum("ij,ij->i", a, b)
+    below += lb * np.einsum("ij,ij->i", a, c) + la * np.einsum("ij,ij->i", b, c)
+    return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
+
+
+def _outward(volume: FloatArray, parent: NDArray[np.int64]) -> BoolArray:
+    """Decide from the outermost inwards which bodies are solid and which are cavities."""
+    outward = volume > 0.0
+    over = np.zeros(len(volume), dtype=np.bool_)  # turned over with the outermost body
+    for body in np.argsort(-np.abs(volume), kind="stable"):
+        around = parent[body]
+        if around < 0:
+            over[body] = volume[body] < 0.0
+            outward[body] = True
+        else:
+            over[body] = over[around]
+            outward[body] = (outward[body] != over[body]) or not outward[around]
+    return outward
+
+
+@dataclass(frozen=True, eq=False)
+class _United:
+    triangles: FloatArray
+    note: str
+
+
+def _unite(vertices: FloatArray, groups: list[NDArray[np.int32]], touching: bool) -> _United | None:
+    """Unite solids; None where they do not overlap after all."""
+    import manifold3d
+
+    solids = [_manifold(vertices, faces) for faces in groups]
+    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
+        raise MeshError("its bodies overlap and cannot be united; unite them in the CAD program")
+    alone = sum(solid.volume() for solid in solids)
+    shared = alone - whole.volume()
+    if shared <= _OVERLAP * alone and not touching:
+        return None
+    mesh = whole.to_mesh64()
+    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    verb = "overlapped" if shared > _OVERLAP * alone else "touched"
+    size = f" ({shared:.4g} mm3 counted twice)" if shared > _OVERLAP * alone else ""
+    return _United(
+        points[np.asarray(mesh.tri_verts, dtype=np.int64)],
+        f"{len(groups)} bodies {verb}{size}: united",
+    )
+
+
+def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:
+    import manifold3d
+
+    used, index = np.unique(faces, return_inverse=True)
+    mesh = manifold3d.Mesh64(
+        np.ascontiguousarray(vertices[used]), index.reshape(-1, 3).astype(np.uint64)
+    )
+    solid = manifold3d.Manifold(mesh)
+    if solid.status() != manifold3d.Error.NoError:
+        raise MeshError(
+            "its bodies may overlap, and one of them cannot be united with the others "
+            f"({solid.status().name}); unite them in the CAD program"
+        )
+    return solid
+
+
+# ------------------------------------------------------------------------------------------------
+# Find where a closed surface crosses itself, by rays along z.
+
+
+_RAYS = 128
+_SHIFT = (0.5 + 0.0822871, 0.5 - 0.0673913)  # off the lattices that designed parts lie on
+_TOUCH = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """Where a surface crosses itself.
+
+    Attributes
+    ----------
+    place_mm
+        Middle of the longest stretch found.
+    times_inside
+        How often the surface encloses that place; an ordinary solid does once.
+    length_mm
+        Of that stretch, along z.
+    volume_mm3
+        Estimate of all that is enclosed other than once.
+    """
+
+    place_mm: tuple[float, float, float]
+    times_inside: int
+    length_mm: float
+    volume_mm3: float
+
+
+def find_crossing(mesh: Mesh) -> Crossing | None:
+    """Follow 128 x 128 rays along z and find stretches enclosed twice or negatively.
+
+    What is smaller than 1/128 of the extent along x or y may be missed, and overlaps up to a
+    millionth of the extent deep count as touching: this is a test of samples, not a proof.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed: every directed edge once, and its reverse once.
+
+    Returns
+    -------
+    Crossing or None
+        None where every stretch is enclosed once or not at all.
+    """
+    low, high = mesh.bounds_mm
+    step = (high - low)[:2] / _RAYS
+    if not (step > 0.0).all():
+        return None
+    first = low[:2] + step * np.array(_SHIFT)
+    y0, y1, y2 = (mesh.vertices[corner, 1] for corner in mesh.faces.T)
+    bottom, top = np.minimum(np.minimum(y0, y1), y2), np.maximum(np.maximum(y0, y1), y2)
+    face, row = _covered(bottom, top, first[1], step[1])
+    ray, z, way = _cross(mesh, face, row, first, step)
+    order = np.lexsort((-way, z, ray))  # of equal heights the entry first
+    ray, z = ray[order], z[order]
+    inside = np.cumsum(way[order])  # the sum over each ray is zero
+    length = np.where(ray[1:] == ray[:-1], np.diff(z), 0.0)
+    wrong = ((inside[:-1] > 1) | (inside[:-1] < 0)) & (length > _TOUCH * float((high - low).max()))
+    if not wrong.any():
+        return None
+    worst = int(np.argmax(np.where(wrong, length, 0.0)))
+    x, y = first + step * np.array([ray[worst] % _RAYS, ray[worst] // _RAYS])
+    return Crossing(
+        place_mm=(float(x), float(y), float((z[worst] + z[worst + 1]) / 2)),
+        times_inside=int(inside[worst]),
+        length_mm=float(length[worst]),
+        volume_mm3=float(length[wrong].sum() * step[0] * step[1]),
+    )
+
+
+def _cross(
+    mesh: Mesh, face: IntArray, row: IntArray, first: FloatArray, step: FloatArray
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """Ray, height and way (1 in, -1 out) of the crossings of faces with rows of rays.
+
+    A row of rays meets a triangle between its edge that runs up and its edge that runs down;
+    a shared edge gives both of its triangles the same bound, so that no ray slips through.
+    """
+    x, y, _ = mesh.vertices.T
+    corners, height = mesh.faces[face], first[1] + row * step[1]
+    up, down = np.zeros(len(face)), np.zeros(len(face))
+    for tail, head in ((0, 1), (1, 2), (2, 0)):
+        p, q = corners[:, tail], corners[:, head]
+        rising = y[p] <= height
+        crossed = np.flatnonzero(rising != (y[q] <= height))
+        p, q = np.minimum(p, q)[crossed], np.maximum(p, q)[crossed]
+        at = x[p] + (x[q] - x[p]) * ((height[crossed] - y[p]) / (y[q] - y[p]))
+        rising = rising[crossed]
+        up[crossed[rising]], down[crossed[~rising]] = at[rising], at[~rising]
+    span, column = _covered(np.minimum(up, down), np.maximum(up, down), first[0], step[0])
+    way = np.where(up < down, 1, -1)[span]
+    heights = _height(mesh.vertices[corners[span]], first[0] + column * step[0], height[span])
+    return row[span] * _RAYS + column, heights, way
+
+
+def _covered(
+    low: FloatArray, high: FloatArray, first: float, step: float
+) -> tuple[IntArray, IntArray]:
+    """All pairs of an interval and a ray in it: low <= first + ray * step < high."""
+    begin, end = _first_ray(low, first, step), _first_ray(high, first, step)
+    count = np.maximum(end - begin, 0)
+    owner = np.repeat(np.arange(len(low)), count)
+    return owner, np.arange(len(owner)) - (np.cumsum(count) - count - begin)[owner]
+
+
+def _first_ray(value: FloatArray, first: float, step: float) -> IntArray:
+    """Smallest ray with first + ray * step >= value, judged by that expression."""
+    ray = np.clip(np.ceil((value - first) / step), 0.0, _RAYS)
+    ray -= first + (ray - 1.0) * step >= value
+    ray += first + ray * step < value
+    settled: IntArray = np.clip(ray, 0.0, _RAYS).astype(np.int64)
+    return settled
+
+
+def _height(corners: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    a, b, c = corners.transpose(1, 2, 0)
+    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+    area = ux * vy - uy * vx
+    low, high = corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = ((x - a[0]) * vy - (y - a[1]) * vx) / area
+        t = (ux * (y - a[1]) - uy * (x - a[0])) / area
+        z = np.clip(a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]), low, high)
+    heights: FloatArray = np.where(area == 0.0, (low + high) / 2.0, z)
+    return heights
+
+
+# ------------------------------------------------------------------------------------------------
+# Say in words why a mesh is no solid: where, how many, what to do.
+
+
+def describe_faults(vertices: FloatArray, topology: Topology) -> str:
+    """Describe the fault that matters most of a mesh that is not closed.
+
+    Parameters
+    ----------
+    vertices, topology
+        A welded mesh.
+    """
+    if len(topology.faces) == 0:
+        return "every triangle has two equal corners; export the part again"
+    if (np.ptp(vertices, axis=0) == 0.0).any():
+        return "it is flat and encloses no volume; export it with a thickness in every direction"
+    opened, crowded = topology.edges(OPEN), topology.edges(CROWDED)
+    if len(opened) == 3 * len(topology.faces):
+        return (
+            f"its {len(topology.faces)} triangles share no edge: they are a soup, not a surface; "
+            "export the part as a solid"
+        )
+    if len(opened):
+        return _describe_borders(vertices, opened, len(crowded))
+    if len(crowded):
+        pairs, count = np.unique(np.sort(crowded, axis=1), axis=0, return_counts=True)
+        length = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1).sum()
+        return (
+            f"{_edges(len(pairs))} in all {length:.4g} mm long with up to {count.max()} faces, "
+            f"the first at {_middle(vertices, crowded[0])}: bodies or walls touch along a line, "
+            "which has no thickness to print; let them overlap, or move them apart"
+        )
+    if consistent_winding(topology) is None:
+        return "the surface has one side only, as a Möbius strip; export the part as a solid"
+    return f"{_edges(topology.same_way)} whose faces disagree on where outside is"
+
+
+def _describe_borders(vertices: FloatArray, edges: NDArray[np.int32], crowded: int) -> str:
+    loops = _loops(edges)
+    length = np.linalg.norm(vertices[edges[:, 1]] - vertices[edges[:, 0]], axis=1)
+    around = [float(length[loop].sum()) for loop in loops]
+    longest = int(np.argmax(around))
+    points = vertices[np.unique(edges[loops[longest]])]
+    x, y, z = (points.min(axis=0) + points.max(axis=0)) / 2
+    holes = "1 hole" if len(loops) == 1 else f"{len(loops)} holes, the longest"
+    also = f"; {crowded} more edges have over two faces" if crowded else ""
+    return (
+        f"the surface is open: {_edges(len(edges))} with one face around {holes} of "
+        f"{around[longest]:.4g} mm around ({x:.4g}, {y:.4g}, {z:.4g}) mm{also}; close it in the "
+        "CAD program, or export the part as a solid"
+    )
+
+
+def _loops(edges: NDArray[np.int32]) -> list[list[int]]:
+    """Group border edges that hang together, by first appearance."""
+    at = defaultdict(list)
+    for number, (a, b) in enumerate(edges.tolist()):
+        at[a].append(number)
+        at[b].append(number)
+    seen = [False] * len(edges)
+    loops = []
+    for seed in range(len(edges)):
+        if seen[seed]:
+            continue
+        seen[seed] = True
+        loop, stack = [], [seed]
+        while stack:
+            number = stack.pop()
+            loop.append(number)
+            for vertex in edges[number].tolist():
+                for near in at.pop(vertex, ()):
+                    if not seen[near]:
+                        seen[near] = True
+                        stack.append(near)
+        loops.append(sorted(loop))
+    return loops
+
+
+def _edges(count: int) -> str:
+    return "1 edge" if count == 1 else f"{count} edges"
+
+
+def _middle(vertices: FloatArray, edge: NDArray[np.int32]) -> str:
+    x, y, z = (vertices[edge[0]] + vertices[edge[1]]) / 2
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) mm"

@@ -1,1 +1,0 @@
-"""What people see of a diagnosis: words, tables, figures and a folder with all of them."""

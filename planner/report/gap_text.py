@@ -1,0 +1,576 @@
+"""A diagnosis in plain words: for the terminal, and above the figures of the report."""
+
+import math
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from planner.gap.diagnosis import (
+    Detectable,
+    Diagnosis,
+    Effects,
+    Experiment,
+    FoundEffect,
+    Gap,
+    Quality,
+)
+from planner.gap.effects import EFFECTS
+
+__all__ = [
+    "CLAUSES",
+    "Section",
+    "axis_words",
+    "clause",
+    "detectable_words",
+    "effects_words",
+    "figure",
+    "headline",
+    "id_of",
+    "listed",
+    "meaning",
+    "p_value",
+    "percent",
+    "probability",
+    "scope",
+    "sentence",
+    "setting",
+    "shown",
+    "size_words",
+    "title",
+    "unit_of",
+    "verdict_sections",
+    "verdict_text",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Effects, axes and figures of a diagnosis in words.
+
+
+CLAUSES: Mapping[str, str] = {
+    "ageing": "specimens tested long after printing carry another force than fresh ones",
+    "composition-offset": "what was printed is softer or harder than the mixture asked for",
+    "cross-section": "specimens are thicker or thinner than drawn, so all stresses are off",
+    "force-offset": "the load cell does not show zero when nothing pulls",
+    "force-scale": "the load cell shows a multiple of the true force: its gain, or a unit mixed up",
+    "grip-slack": "part of the travel is taken up before the specimen is pulled",
+    "grip-slip": "the specimen creeps out of the grips as the load grows",
+    "interface-bleed": "materials mix where they meet, so that steps in a bar are blurred",
+    "machine-compliance": "the machine and the grips give way under load and take up travel",
+    "material-law": "the palette's law of one material does not describe that material",
+    "moisture": "water taken up in soaking softens the specimens",
+    "orientation": "stiffness depends on how the specimen lay on the tray",
+    "permanent-set": "specimens stay longer after a large strain and come back slack",
+    "rate": "force depends on how fast the specimen is pulled, and relaxes when it is held",
+    "skin": "a surface layer differs from the inside, and weighs more in thin specimens",
+    "softening": "a specimen is softer once it has been strained (Mullins effect)",
+    "strain-scale": "true strains are a multiple of the recorded ones: gauge length or travel",
+    "temperature": "stiffness at the test's temperature differs from that at the palette's",
+}
+"""What each effect does, as the end of a sentence."""
+
+_AXES: Mapping[str, str] = {
+    "age_days": "age at the test",
+    "batch": "batch",
+    "branch": "branch of the path",
+    "gauge_mm": "gauge length",
+    "material": "material or design",
+    "measured_thickness_mm": "measured thickness",
+    "measured_width_mm": "measured width",
+    "orientation": "orientation on the tray",
+    "position": "position along the bar",
+    "protocol": "protocol",
+    "rate_mm_s": "crosshead speed",
+    "soak_h": "soaking time",
+    "specimen": "single specimens",
+    "strain": "strain",
+    "temperature_C": "temperature",
+    "thickness_mm": "thickness",
+    "time": "time",
+    "width_mm": "width",
+}
+
+_UNITS: Mapping[str, str] = {
+    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
+    "_h": "h", "_s": "s", "_N": "N",
+}  # fmt: skip
+
+
+def id_of(effects: Effects) -> str:
+    """Return a hypothesis as a verdict is written: "none", an id, or "a+b"."""
+    return "+".join(effects) if effects else "none"
+
+
+def title(effect: str) -> str:
+    """Return the name that an effect has in a heading."""
+    if effect == "unknown":
+        return "something unknown"
+    return EFFECTS[effect].title if effect in EFFECTS else effect
+
+
+def effects_words(effects: Effects) -> str:
+    """Return a hypothesis in words."""
+    return " + ".join(title(e) for e in effects) if effects else "no gap"
+
+
+def clause(effect: str) -> str:
+    """Return what an effect does, as the end of a sentence."""
+    return CLAUSES.get(effect, title(effect))
+
+
+def axis_words(axis: str) -> str:
+    """Return an axis in words; a column that planner does not know keeps its name."""
+    return _AXES.get(axis, f"column {axis}")
+
+
+def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> str:
+    """Write a list in a sentence, a long one in short."""
+    if most is not None and len(words) > most:
+        return f"{', '.join(words[:most])} {last} {len(words) - most} more"
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """Write a share in per cent: 0.214 is "21 %", 0.034 is "3.4 %"."""
+    return f"{figure(100.0 * share, digits)} %" if math.isfinite(share) else "open"
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """Write a figure with so many significant digits, whole numbers in full."""
+    if not math.isfinite(value):
+        return "open"
+    if value == 0.0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    power = math.floor(math.log10(abs(rounded)))
+    if -4 <= power < 6:
+        return f"{rounded:.{max(0, digits - 1 - power)}f}"
+    mantissa, _, exponent = f"{rounded:.{digits - 1}e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def probability(value: float) -> str:
+    """Write a probability without claiming certainty."""
+    if value > 0.995:
+        return "above 0.99"
+    if value < 0.005:
+        return "below 0.01"
+    return f"{value:.2f}"
+
+
+def p_value(p: float) -> str:
+    """Write a p-value with one digit where it is small, which is all that it is known to."""
+    return f"p = {figure(p, 2 if p >= 0.01 else 1)}"
+
+
+def setting(column: str, value: object) -> str:
+    """Write what a specimen has on an axis: "temperature 35 °C", "material FLX9760"."""
+    words, unit = axis_words(column), unit_of(column)
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return f"{words} {value:.4g} {unit}".rstrip()
+    return f"{words} {value}"
+
+
+def unit_of(column: str) -> str:
+    """Return the unit that a column's name ends in, "" for none."""
+    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
+
+
+def sentence(words: str) -> str:
+    """Return words with a capital and a full stop, unless they end in one or in a question."""
+    words = words.strip()
+    if words and words[0].islower() and "_" not in words.partition(" ")[0]:
+        words = words[0].upper() + words[1:]
+    return words if words.endswith((".", "?", "!")) else words + "."
+
+
+# ------------------------------------------------------------------------------------------------
+# How large the effects of a verdict are, and how large one had to be to be seen, in words.
+
+
+_SPECIMENS = 6
+_SEEN = 8
+_LOG_STRESS = "of ln stress"
+
+
+def size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
+    """Yield a sentence an effect: its parameters with their 90 % intervals."""
+    for effect in effects:
+        sizes = []
+        for name, value in effect.parameters.items():
+            unit = effect.units.get(name, "1")
+            ends = effect.interval.get(name)
+            words = meaning(effect.id, effect.form, name)
+            within = "" if ends is None else f" (90 % interval {_span(name, words, unit, ends)})"
+            sizes.append(f"{_label(name, words)} {shown(name, words, unit, value)}{within}")
+        of = ""
+        if effect.specimens:
+            of = f" (in {listed(effect.specimens, most=_SPECIMENS)} only)"
+        form = f", as {effect.form}" if effect.form else ""
+        yield f"{effect.id}{form}{of}: {'; '.join(sizes)}."
+
+
+def detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
+    """Yield the smallest size of each effect that would have been seen, the first few alone."""
+    seen = [d for d in detectable if d.size is not None]
+    for d in seen[:_SEEN]:
+        words = meaning(d.id, "", d.parameter)
+        assert d.size is not None
+        size = shown(d.parameter, words, d.unit, d.size)
+        yield f"{d.id} from {_label(d.parameter, words)} {size}."
+    if len(seen) > _SEEN:
+        yield f"{len(seen) - _SEEN} more of these are in diagnosis.json."
+    blind = [d.id for d in detectable if d.size is None]
+    if blind:
+        yield f"Not seen at any size that it may have: {listed(blind)}."
+
+
+def meaning(effect: str, form: str, parameter: str) -> str:
+    """Return what a parameter means, as the effect's form says it; "" where none does."""
+    known = EFFECTS.get(effect)
+    forms = () if known is None else known.forms
+    for one in sorted(forms, key=lambda f: f.name != form):
+        for candidate in one.parameters:
+            if candidate.name == parameter:
+                return candidate.meaning
+    return ""
+
+
+def shown(name: str, words: str, unit: str, value: float) -> str:
+    """Return a value as a lab writes it: logarithms as ratios or per cent, units beside figures."""
+    if name.startswith("log_"):
+        return f"{figure(math.exp(value))} times"
+    if words.startswith(_LOG_STRESS):
+        return _signed_percent(math.expm1(value))
+    return figure(value) if unit in ("1", "") else f"{figure(value)} {unit}"
+
+
+def _label(name: str, words: str) -> str:
+    """Name a parameter with its meaning, if that says more."""
+    if name.startswith("log_"):
+        name = name.removeprefix("log_")
+        words = words.removeprefix("ln of ")
+    elif words.startswith(_LOG_STRESS):
+        words = "of stress" + words.removeprefix(_LOG_STRESS)
+    if not words:
+        return name
+    if words.startswith(f"{name} "):
+        return words
+    return f"{name} {words}" if words.startswith("of ") else f"{name} ({words})"
+
+
+def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
+    low, high = (shown(name, words, unit, end) if math.isfinite(end) else "open" for end in ends)
+    # A unit that both ends share is written once.
+    for suffix in (f" {unit}", " %", " times"):
+        if low.endswith(suffix) and high.endswith(suffix):
+            return f"{low.removesuffix(suffix)} to {high}"
+    return f"{low} to {high}"
+
+
+def _signed_percent(change: float) -> str:
+    return f"{'+' if change > 0.0 else ''}{percent(change)}"
+
+
+# ------------------------------------------------------------------------------------------------
+# The verdict in plain words: for the terminal, and above the figures of the report.
+
+
+WIDTH = 88
+_INDENT = "  "
+_PLACES = 3
+_PROBLEMS = 6
+_EXPERIMENTS = 3
+_WORTH_NAMING = 0.05
+_UNKNOWN_SHARE = 0.2
+_SIGNIFICANT = 0.05
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|N|K|°C|h|s|nats|days|times|decade)\b|%)")
+_SURE = ((0.97, "almost certainly"), (0.85, "very likely"), (0.6, "probably"))
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading and the sentences below it; a list has each of them on its own."""
+
+    heading: str
+    sentences: tuple[str, ...]
+    is_list: bool = False
+
+
+def verdict_text(diagnosis: Diagnosis, *, width: int = WIDTH) -> str:
+    """Return the verdict as text: headings, indented sentences, no line wider than `width`."""
+    lines = [*textwrap.wrap(headline(diagnosis), width), *textwrap.wrap(scope(diagnosis), width)]
+    for section in verdict_sections(diagnosis):
+        lines += ["", section.heading]
+        blocks = section.sentences if section.is_list else (" ".join(section.sentences),)
+        for block in blocks:
+            lead = f"{_INDENT}- " if section.is_list else _INDENT
+            follow = " " * len(lead)
+            lines += textwrap.wrap(
+                _UNIT.sub("\xa0", block),  # a figure and its unit stay on one line
+                max(width, 20),
+                initial_indent=lead,
+                subsequent_indent=follow,
+                break_on_hyphens=False,
+            )
+    return "\n".join(lines).replace("\xa0", " ")
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one line."""
+    chance = probability(_probability_of(diagnosis))
+    if diagnosis.verdict == "none":
+        return f"Verdict: none (probability {chance}): no gap that needs an explanation"
+    if diagnosis.verdict == "unknown":
+        return f"Verdict: unknown (probability {chance}): a gap that no effect here explains"
+    effects = tuple(diagnosis.verdict.split("+"))
+    verdict = f"Verdict: {diagnosis.verdict} (probability {chance})"
+    words = effects_words(effects)
+    return verdict if words == diagnosis.verdict else f"{verdict}: {words}"
+
+
+def verdict_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
+    """Return the verdict section by section, those with nothing to say left out."""
+    d = diagnosis
+    sections = (
+        Section("What it is", tuple(_what(d))),
+        Section("How large it is", tuple(size_words(d.effect)), is_list=True),
+        Section("What would have been seen", tuple(_seen(d)), is_list=True),
+        Section("Where it lies", tuple(_where(d)), is_list=True),
+        Section("How far it closes", tuple(_how_far(d))),
+        Section("What these data cannot tell apart", tuple(_same_class(d))),
+        Section("What remains", tuple(_remainder(d))),
+        Section("What could not be tested", tuple(_not_testable(d)), is_list=True),
+        Section("Data to look at", tuple(_quality(d.data_quality)), is_list=True),
+        Section("Limits of this campaign", tuple(map(sentence, d.limitations)), is_list=True),
+        Section("What to test next", tuple(_next(d.next_experiments)), is_list=True),
+    )
+    return tuple(s for s in sections if s.sentences)
+
+
+def scope(diagnosis: Diagnosis) -> str:
+    """Return what was diagnosed, in one line."""
+    d = diagnosis
+    count = f"{d.specimens} specimen{'s' if d.specimens != 1 else ''}"
+    tests = f"{d.tests} test{'s' if d.tests != 1 else ''}"
+    return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
+
+
+def _effects_of(verdict: str) -> Effects:
+    return () if verdict == "none" else tuple(verdict.split("+"))
+
+
+def _probability_of(diagnosis: Diagnosis) -> float:
+    found = (h.probability for h in diagnosis.ranking if id_of(h.effects) == diagnosis.verdict)
+    return next(found, 0.0)
+
+
+def _what(diagnosis: Diagnosis) -> Iterator[str]:
+    effects = _effects_of(diagnosis.verdict)
+    chance = _probability_of(diagnosis)
+    sure = next((words for least, words in _SURE if chance >= least), None)
+    clauses = "; and ".join(clause(e) for e in effects)
+    if not effects:
+        yield (
+            "What was measured agrees with the palette within the scatter of specimens and the "
+            "uncertainty of the palette's own calibration."
+        )
+    elif effects == ("unknown",):
+        yield (
+            "The measurements differ from the palette in a way that none of the effects weighed "
+            "here, alone or in pairs, reproduces."
+        )
+        yield "Look at where it lies before blaming any cause."
+    elif sure is None:
+        pair = " a pair" if len(effects) > 1 else ""
+        yield f"No explanation is sure; the best is{pair}: {clauses}."
+    elif len(effects) > 1:
+        yield f"{len(effects)} effects are {sure} at work: {clauses}."
+    else:
+        yield f"The cause is {sure} this: {clauses}."
+    yield from _doubts(diagnosis)
+
+
+def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
+    verdict = diagnosis.verdict
+    top = next((h for h in diagnosis.ranking if id_of(h.effects) == verdict), None)
+    if top is not None and verdict != "unknown" and top.with_unknown >= _UNKNOWN_SHARE:
+        yield (
+            f"Even so, {percent(top.with_unknown)} of that probability asks for something unknown "
+            "beside it."
+        )
+    others = [
+        f"{id_of(h.effects)} ({probability(h.probability)})"
+        for h in diagnosis.ranking
+        if id_of(h.effects) != verdict and h.probability >= _WORTH_NAMING
+    ]
+    if others:
+        yield f"Less probable, but not ruled out: {listed(others, most=4)}."
+
+
+def _seen(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.verdict == "none":
+        yield from detectable_words(diagnosis.detectable)
+
+
+def _where(diagnosis: Diagnosis) -> Iterator[str]:
+    clear = [place for place in diagnosis.where if place.p < _SIGNIFICANT]
+    for place in clear[:_PLACES]:
+        low, high = place.share_interval
+        detail = f": {place.detail}" if place.detail else ""
+        yield sentence(
+            f"{axis_words(place.axis)}, {percent(place.share)} of the gap beyond scatter "
+            f"({percent(low)} to {percent(high)}, {p_value(place.p)}){detail}"
+        )
+    if len(clear) > _PLACES:
+        yield sentence(f"also along {listed([axis_words(p.axis) for p in clear[_PLACES:]])}")
+    if diagnosis.where and not clear:
+        least = min(diagnosis.where, key=lambda place: place.p)
+        yield (
+            f"Along no axis beyond chance; the nearest to it is {axis_words(least.axis)} "
+            f"({p_value(least.p)})."
+        )
+
+
+def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
+    gap = diagnosis.gap
+    named = diagnosis.verdict not in ("none", "unknown")
+    yield (
+        f"The palette alone misses the force by {percent(gap.before)} of a test's largest, in root "
+        "mean square" + (f"; {_floor(gap)}." if gap.floor is not None else ".")
+    )
+    if gap.floor is None:
+        yield (
+            "There are no replicates to say how far any model could get, so how much of the gap "
+            "closes cannot be said."
+        )
+    if named and gap.after is None:
+        yield (
+            "How far the effect closes it could not be checked on tests that it was not fitted "
+            "to: this campaign has too few conditions to leave one out."
+        )
+    if gap.after is not None:
+        yield from _closed(gap, named)
+    if gap.after is not None and gap.held_out:
+        yield sentence(f"Held out: {gap.held_out}")
+    if named and gap.extrapolated is not None and gap.extrapolated_before is not None:
+        yield from _beyond(gap.extrapolated_before, gap.extrapolated)
+    baselines = [
+        f"{percent(value)} {words}"
+        for value, words in (
+            (gap.recalibration_only, "after refitting the palette's laws without any effect"),
+            (gap.generic, "with a flexible regression that knows no physics"),
+        )
+        if value is not None
+    ]
+    if baselines:
+        yield f"For comparison: {listed(baselines)}."
+    if named and gap.after is not None and not gap.negative_transfer:
+        yield from _no_better(gap.after, gap.recalibration_only)
+
+
+def _beyond(before: float, after: float) -> Iterator[str]:
+    worse = after > before
+    yield (
+        f"Where whole levels are left out, so that the effect is carried beyond what was tested, "
+        f"it misses by {percent(after)}, and the palette alone by {percent(before)}"
+        + (": do not use it beyond the conditions tested." if worse else ".")
+    )
+
+
+def _floor(gap: Gap) -> str:
+    assert gap.floor is not None
+    return f"replicates differ by {percent(gap.floor)}, which no model can beat"
+
+
+def _closed(gap: Gap, named: bool) -> Iterator[str]:
+    assert gap.after is not None
+    model = "With the effect added" if named else "With the best explanation of each fold"
+    if gap.negative_transfer:
+        yield (
+            f"{model} it misses tests that took no part in the fit by "
+            f"{percent(gap.after)}: the effect makes predictions worse, so do not use it."
+        )
+        return
+    closed = ""
+    if gap.closed is not None and gap.closed <= 0.0:
+        closed = ", which closes nothing"
+    elif gap.closed is not None:
+        closed = f", which closes {percent(gap.closed)} of what can be closed"
+        if gap.closed_interval is not None:
+            low, high = gap.closed_interval
+            closed += f" (90 % interval {percent(low)} to {percent(high)})"
+    yield (f"{model} it misses tests that took no part in the fit by {percent(gap.after)}{closed}.")
+
+
+def _no_better(after: float, recalibrated: float | None) -> Iterator[str]:
+    if recalibrated is not None and recalibrated <= after:
+        yield (
+            "Refitting the laws does as well as the effect: what is off may be the palette, "
+            "or what the effect does to all its materials alike."
+        )
+
+
+def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
+    others = [name for name in map(id_of, diagnosis.same_class) if name != diagnosis.verdict]
+    if not others:
+        return
+    if diagnosis.verdict == "none":
+        causes = [name for name in others if name != "unknown"]
+        along = f"by {listed(causes, last='or')}" if causes else ""
+        unknown = "along no known effect" if "unknown" in others else ""
+        small = " or ".join(filter(None, (along, unknown)))
+        yield f"These data do not exclude a small gap {small}."
+    else:
+        named = listed([_hypothesis(name) for name in others], last="or")
+        what = "An unknown cause" if diagnosis.verdict == "unknown" else diagnosis.verdict
+        yield f"{what} looks the same here as {named}; take them as one answer."
+    splits = {tuple(sorted(pair)) for x in diagnosis.next_experiments for pair in x.splits}
+    if any(tuple(sorted((diagnosis.verdict, other))) in splits for other in others):
+        yield "The tests proposed below would split them."
+
+
+def _hypothesis(name: str) -> str:
+    return {"none": "no gap at all", "unknown": "an unknown cause"}.get(name, name)
+
+
+def _remainder(diagnosis: Diagnosis) -> Iterator[str]:
+    if not diagnosis.remainder:
+        return
+    named = diagnosis.verdict not in ("none", "unknown")
+    yield f"{'Beside the effect, a' if named else 'A'} gap above scatter remains:"
+    places = [
+        f"along {axis_words(p.axis)} ({p_value(p.p)})"
+        + (f", {p.detail.rstrip('.')}" if p.detail else "")
+        for p in diagnosis.remainder
+    ]
+    yield "; ".join(places) + "."
+
+
+def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
+    reasons: dict[str, list[str]] = {}
+    for untestable in diagnosis.not_testable:
+        reasons.setdefault(untestable.reason, []).append(untestable.id)
+    for reason, ids in reasons.items():
+        yield f"{listed(ids)}{': ' + reason.rstrip('.') if reason else ''}."
+
+
+def _quality(problems: tuple[Quality, ...]) -> Iterator[str]:
+    for q in problems[:_PROBLEMS]:
+        yield sentence(f"{q.specimen or 'All specimens'}: {q.problem}")
+    if len(problems) > _PROBLEMS:
+        yield f"{len(problems) - _PROBLEMS} more of these are in diagnosis.json."
+
+
+def _next(experiments: tuple[Experiment, ...]) -> Iterator[str]:
+    for x in experiments[:_EXPERIMENTS]:
+        change = listed([setting(key, value) for key, value in x.change.items()])
+        what = x.detail.rstrip(".") or f"test with {change}"
+        hours = f", about {figure(x.hours, 2)} h" if x.hours > 0.0 and not x.detail else ""
+        splits = listed([f"{a} from {b}" for a, b in x.splits], most=2)
+        telling = f"tells {splits}; " if splits else ""
+        gain = f"expected gain {figure(x.expected_gain_nats, 2)} nats"
+        yield sentence(f"{what} ({telling}{gain}{hours})")

@@ -1,0 +1,413 @@
+"""Layer images as PNG: one compressed stream of the same bytes everywhere."""
+
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.numerics import IntArray, inner_kernel, kernel
+
+__all__ = [
+    "LEAST_DISTANCE",
+    "NOTHING",
+    "DeflateCode",
+    "ImageKind",
+    "PngHeader",
+    "Rgba",
+    "deflate_code",
+    "deflate_rows",
+    "distinct_colours",
+    "encode_layer",
+    "encode_png",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# The one Huffman code that layers are compressed with.
+#
+# Rows of a layer are nearly all zeros once each pixel has its left neighbour taken off, so the code
+# gives one bit to the longest match and one to "the byte before": 258 zeros take two bits, both 0.
+# It never changes, so that the same layer is the same bytes with any version of zlib.
+
+
+_END, _SYMBOLS, _DISTANCES = 256, 286, 4
+_LENGTH_BASE = (
+    *(3, 4, 5, 6, 7, 8, 9, 10, 11, 13, 15, 17, 19, 23, 27, 31, 35, 43, 51, 59, 67, 83, 99, 115),
+    *(131, 163, 195, 227, 258),
+)
+_LENGTH_EXTRA_BITS = (*(0,) * 8, *(n for n in range(1, 6) for _ in range(4)), 0)
+# RFC 1951, 3.2.7: the order in which the lengths of the code for code lengths stand.
+_ORDER = (16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15)
+
+
+class DeflateCode(NamedTuple):
+    """Tables of the code, first bit sent lowest.
+
+    Attributes
+    ----------
+    head, head_bits : (bytes,) uint8, int
+        What a stream begins with: zlib's two bytes, and a last block that brings this code.
+    literal, literal_bits : (257,) int64
+        Code and its length for each byte, and for the end of the block.
+    match, match_bits : (259,) int64
+        The same, by length, for a repetition of the byte before; from 3 on.
+    """
+
+    head: IntArray
+    head_bits: int
+    literal: IntArray
+    literal_bits: IntArray
+    match: IntArray
+    match_bits: IntArray
+
+
+def _lengths() -> list[int]:
+    """Return bits by symbol: they sum to exactly 1 in units of 2^-bits, as decoders require."""
+    bits = [10] * _END + [8] + [8] * 28 + [1]
+    bits[0] = 4
+    for frequent in (1, 2, 255):  # filters, and alpha's steps up (255) and down (1)
+        bits[frequent] = 6
+    for length in range(277, 285):  # 67 to 257 zeros
+        bits[length] = 7
+    return bits
+
+
+def _codes(bits: list[int]) -> list[int]:
+    """Return the canonical code of each symbol (RFC 1951, 3.2.2), turned round."""
+    codes, code, before = [0] * len(bits), 0, 0
+    for symbol in sorted((s for s in range(len(bits)) if bits[s]), key=lambda s: (bits[s], s)):
+        code <<= bits[symbol] - before
+        before = bits[symbol]
+        codes[symbol] = int(f"{code:0{before}b}"[::-1], 2)
+        code += 1
+    return codes
+
+
+def _head(bits: list[int]) -> tuple[IntArray, int]:
+    used = sorted({0, *bits})
+    meta = [0] * 19  # a code for the lengths themselves: the commonest in two bits, six in three
+    for n in used:
+        meta[n] = 2 if n == 10 else 3
+    meta_codes = _codes(meta)
+    last = max(i for i, n in enumerate(_ORDER) if meta[n])
+    text = [(0x78, 8), (0x01, 8), (1, 1), (2, 2)]
+    text += [(_SYMBOLS - 257, 5), (_DISTANCES - 1, 5), (last + 1 - 4, 4)]
+    text += [(meta[n], 3) for n in _ORDER[: last + 1]]
+    # Distances 1 and 4 have a bit each, though the second is not used: some decoders refuse one.
+    text += [(meta_codes[n], meta[n]) for n in (*bits, 1, 0, 0, 1)]
+    number, place = 0, 0
+    for value, size in text:
+        number |= value << place
+        place += size
+    return np.frombuffer(number.to_bytes(place // 8 + 1, "little"), np.uint8).copy(), place
+
+
+@cache
+def deflate_code() -> DeflateCode:
+    """Return the code."""
+    bits = _lengths()
+    codes = _codes(bits)
+    match, match_bits = [0, 0, 0], [0, 0, 0]
+    for length in range(3, 259):
+        entry = max(i for i, base in enumerate(_LENGTH_BASE) if base <= length)
+        extra, size = length - _LENGTH_BASE[entry], bits[_END + 1 + entry]
+        match.append(codes[_END + 1 + entry] | extra << size)
+        match_bits.append(size + _LENGTH_EXTRA_BITS[entry] + 1)  # and distance 1, a zero bit
+    head, head_bits = _head(bits)
+    first = slice(0, _END + 1)
+    tables = (codes[first], bits[first], match, match_bits)
+    return DeflateCode(head, head_bits, *(np.array(t, np.int64) for t in tables))
+
+
+# ------------------------------------------------------------------------------------------------
+# The loop behind `planner.slices.png`: runs of a layer to a zlib stream.
+#
+# Work and memory grow with the runs, not with the pixels: pixels are never made.
+
+
+_ADLER = 65521
+_SAME_AS_LEFT, _SAME_AS_ABOVE = 1, 2  # PNG's filters "sub" and "up"
+
+
+@inner_kernel
+def _put(stream: Any, place: Any, code: Any) -> None:
+    # Write a code of up to 16 bits at bit `place`; the stream is zero from there on.
+    first, value = place >> 3, code << (place & 7)
+    stream[first] |= value & 255
+    stream[first + 1] |= (value >> 8) & 255
+    stream[first + 2] |= (value >> 16) & 255
+
+
+@inner_kernel
+def _put_zeros(
+    stream: Any, place: Any, zeros: Any, literal: Any, literal_bits: Any, match: Any, bits: Any
+) -> Any:
+    # One zero as it is, then repetitions of it; 258 of them are two bits that are zero already.
+    if zeros > 0:
+        _put(stream, place, literal[0])
+        place += literal_bits[0]
+        place += 2 * ((zeros - 1) // 258)
+        rest = (zeros - 1) % 258
+        if rest < 3:
+            for _ in range(rest):
+                _put(stream, place, literal[0])
+                place += literal_bits[0]
+        else:
+            _put(stream, place, match[rest])
+            place += bits[rest]
+    return place
+
+
+@kernel
+def deflate_rows(
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    label: Any,
+    first: Any,
+    last: Any,
+    width: Any,
+    pixel: Any,
+    literal: Any,
+    literal_bits: Any,
+    match: Any,
+    match_bits: Any,
+    stream: Any,
+    place: Any,
+) -> Any:
+    """Write rows first <= r < last of runs, filtered and compressed, and return the end in bits.
+
+    Parameters
+    ----------
+    pixel : (labels + 1, bytes a pixel) uint8
+        Bytes of a pixel by label; 0 is where no run is.
+    stream, place
+        Zeroed bytes with the stream's head, and the bits that this has.
+
+    Returns
+    -------
+    place, adler
+        Bits written, and the checksum of what they mean.
+    """
+    size = pixel.shape[1]
+    low, high = 1, 0  # Adler-32
+    for r in range(first, last):
+        repeated = r > first and offsets[r + 1] - offsets[r] == offsets[r] - offsets[r - 1]
+        if repeated:
+            back = offsets[r] - offsets[r - 1]
+            for n in range(offsets[r], offsets[r + 1]):
+                if (
+                    start[n] != start[n - back]
+                    or stop[n] != stop[n - back]
+                    or label[n] != label[n - back]
+                ):
+                    repeated = False
+                    break
+        row_filter = _SAME_AS_ABOVE if repeated else _SAME_AS_LEFT
+        _put(stream, place, literal[row_filter])
+        place += literal_bits[row_filter]
+        low = (low + row_filter) % _ADLER
+        high = (high + low) % _ADLER
+        zeros, at, before = 0, 0, 0  # zeros that wait, pixels done, the last one's label
+        steps = 0 if repeated else 2 * (offsets[r + 1] - offsets[r])
+        for step in range(steps):
+            n = offsets[r] + (step >> 1)
+            if step & 1 == 0:
+                edge, now = start[n], label[n]
+            else:
+                edge, now = stop[n], 0
+                if edge == width or (n + 1 < offsets[r + 1] and start[n + 1] == edge):
+                    continue  # the next run begins here
+            zeros += (edge - at) * size
+            high = (high + (edge - at) * size * low) % _ADLER
+            for channel in range(size):
+                value = (int(pixel[now, channel]) - int(pixel[before, channel])) & 255
+                if value == 0:
+                    zeros += 1
+                else:
+                    place = _put_zeros(
+                        stream, place, zeros, literal, literal_bits, match, match_bits
+                    )
+                    zeros = 0
+                    _put(stream, place, literal[value])
+                    place += literal_bits[value]
+                    low = (low + value) % _ADLER
+                high = (high + low) % _ADLER
+            at, before = edge + 1, now
+        zeros += (width - at) * size
+        high = (high + (width - at) * size * low) % _ADLER
+        place = _put_zeros(stream, place, zeros, literal, literal_bits, match, match_bits)
+    _put(stream, place, literal[256])
+    return place + literal_bits[256], (high << 16) | low
+
+
+# ------------------------------------------------------------------------------------------------
+# PNG: the container around pixels that are compressed already.
+
+
+Rgba = tuple[int, int, int, int]
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PER_METRE = 1
+_TRUECOLOUR_ALPHA, _INDEXED = 6, 3
+
+
+@dataclass(frozen=True, slots=True)
+class PngHeader:
+    """What a PNG says of its pixels, 8 bits a channel.
+
+    Attributes
+    ----------
+    pixel_mm
+        Edges of a pixel along the row and down the column.
+    palette
+        Colours by index; None for RGBA pixels.
+    """
+
+    width: int
+    height: int
+    pixel_mm: tuple[float, float]
+    palette: tuple[Rgba, ...] | None = None
+
+
+def encode_png(header: PngHeader, zlib_stream: bytes) -> bytes:
+    """Return the bytes of a PNG file.
+
+    Parameters
+    ----------
+    zlib_stream
+        The filtered rows, compressed.
+    """
+    kind = _TRUECOLOUR_ALPHA if header.palette is None else _INDEXED
+    size = struct.pack(">IIBBBBB", header.width, header.height, 8, kind, 0, 0, 0)
+    per_metre = [min(round(1000.0 / edge), 2**31 - 1) for edge in header.pixel_mm]
+    chunks = [(b"IHDR", size), (b"pHYs", struct.pack(">IIB", *per_metre, _PER_METRE))]
+    if header.palette is not None:
+        chunks.append((b"PLTE", b"".join(bytes(colour[:3]) for colour in header.palette)))
+        chunks.append((b"tRNS", bytes(colour[3] for colour in header.palette)))
+    chunks += [(b"IDAT", zlib_stream), (b"IEND", b"")]
+    return _SIGNATURE + b"".join(_chunk(name, data) for name, data in chunks)
+
+
+def _chunk(name: bytes, data: bytes) -> bytes:
+    check = zlib.crc32(data, zlib.crc32(name))
+    return b"".join((struct.pack(">I", len(data)), name, data, struct.pack(">I", check)))
+
+
+# ------------------------------------------------------------------------------------------------
+# One colour a material, told apart by eye and by program.
+
+
+LEAST_DISTANCE = 8.0
+"""Between two colours of a stack, in 8-bit steps of red, green and blue together."""
+
+_SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
+    """Return the wished colours, opaque; those that look like an earlier one are replaced.
+
+    A replacement is the spare colour farthest from all wished and given ones, so the result
+    depends on the wishes alone.
+
+    Parameters
+    ----------
+    wished
+        "#RRGGBB" by material.
+    """
+    wishes = np.array([list(bytes.fromhex(colour.removeprefix("#"))) for colour in wished])
+    spare = np.min([_squares(_SPARE, wish) for wish in wishes], axis=0)
+    given: list[IntArray] = []
+    for wish in wishes:
+        colour = wish
+        if any(_squares(wish, other) < LEAST_DISTANCE**2 for other in given):
+            colour = _SPARE[np.argmax(spare)]
+        given.append(colour)
+        spare = np.minimum(spare, _squares(_SPARE, colour))
+    return tuple((int(red), int(green), int(blue), 255) for red, green, blue in given)
+
+
+def _squares(colours: IntArray, other: IntArray) -> IntArray:
+    squares: IntArray = ((colours - other) ** 2).sum(axis=-1)
+    return squares
+
+
+# ------------------------------------------------------------------------------------------------
+# A layer's runs as a PNG, without ever making its pixels.
+
+
+NOTHING: Rgba = (0, 0, 0, 0)
+"""Where nothing is printed."""
+
+_BITS_A_ROW = 6 + 4 + 16  # filter, and what a stretch of zeros takes beside its longest matches
+_BITS_AN_EDGE = 4 * (10 + 4 + 16)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageKind:
+    """How layers look: what all images of a stack share.
+
+    Attributes
+    ----------
+    colours
+        By material, in the order of labels from 1 on.
+    indexed
+        Whether pixels are indices into a palette, not RGBA.
+    pixel_mm
+        Edges of a pixel along x and y.
+    """
+
+    colours: tuple[Rgba, ...]
+    indexed: bool
+    pixel_mm: tuple[float, float]
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return the bytes of a pixel by label."""
+        if self.indexed:
+            return np.arange(len(self.colours) + 1, dtype=np.uint8)[:, None].copy()
+        return np.array([NOTHING, *self.colours], np.uint8)
+
+
+def encode_layer(
+    offsets: IntArray,
+    start: IntArray,
+    stop: IntArray,
+    label: IntArray,
+    rows: tuple[int, int],
+    width: int,
+    kind: ImageKind,
+) -> bytes:
+    """Return the PNG of some rows of labelled runs.
+
+    Parameters
+    ----------
+    offsets : (rows + 1,) int64
+        Row r has the runs ``offsets[r]`` to ``offsets[r + 1]``.
+    start, stop : (runs,) int32
+        Runs of a row rise and do not overlap.
+    label : (runs,) int32
+        From 1 on.
+    rows
+        First row of the image, and the one after its last.
+    """
+    first, last = rows
+    pixel, code = kind.pixels(), deflate_code()
+    a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
+    runs = int(offsets[last] - offsets[first])
+    bits = code.head_bits + (last - first) * a_row + 2 * runs * _BITS_AN_EDGE + 64
+    stream = np.zeros(bits // 8 + 8, np.uint8)
+    stream[: len(code.head)] = code.head
+    place, adler = deflate_rows(
+        *(offsets, start, stop, label, first, last, width, pixel),
+        *(code.literal, code.literal_bits, code.match, code.match_bits),
+        *(stream, code.head_bits),
+    )
+    end = (int(place) + 7) // 8
+    data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
+    palette = (NOTHING, *kind.colours) if kind.indexed else None
+    return encode_png(PngHeader(width, last - first, kind.pixel_mm, palette), data)

@@ -1,0 +1,560 @@
+"""A plan as the printer's own layers: runs of voxels along each row, and their material."""
+
+import hashlib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.formats.stl import decode_stl
+from planner.mesh.mesh import Mesh, weld
+from planner.numerics import IntArray, kernel
+from planner.plan import Plan, Region, plan_file, read_plan
+from planner.printers import Printer
+from planner.printers import printer as load_printer
+from planner.slices.png import ImageKind, encode_layer
+from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
+
+__all__ = [
+    "Layer",
+    "LayerRuns",
+    "MaterialRuns",
+    "PlanShells",
+    "ShellMesh",
+    "SlabImages",
+    "SlabTask",
+    "SlabTriangles",
+    "deal_slabs",
+    "iterate_layers",
+    "iterate_slabs",
+    "join_shells",
+    "make_slab",
+    "open_shells",
+    "paint",
+    "runs_along_x",
+    "slab_layers_for",
+    "slab_runs_of",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A mesh as layers of voxels: for each row of a layer, the runs along x that lie inside.
+#
+# The voxels are those of `planner.voxels.columns` on the same grid, made layer by layer from the
+# lowest up, so that a stack of images can be written while a few layers are held in memory.
+
+
+_SLAB_ROWS = 1 << 17  # a slab's working arrays stay in the second-level cache
+
+
+@dataclass(frozen=True, eq=False)
+class LayerRuns:
+    """Runs of inside voxels along x, for whole layers of a grid.
+
+    Attributes
+    ----------
+    offsets : (layers * ny + 1,) int64
+        Row (j, k) is number ``(k - first_layer) * ny + j`` and has the runs
+        ``offsets[number]`` to ``offsets[number + 1]``.
+    start, stop : (runs,) int32
+        Each run holds the voxels start <= i < stop; runs of a row rise and do not touch.
+    open_rows
+        Rows whose entries and exits do not pair up: the mesh is not closed.
+    """
+
+    offsets: IntArray
+    start: IntArray
+    stop: IntArray
+    open_rows: int
+
+
+@dataclass(frozen=True, eq=False)
+class SlabTriangles:
+    """What is needed of a mesh to make the layers first_layer <= k < last_layer.
+
+    Attributes
+    ----------
+    shape
+        Voxels along x, y, z of the whole grid.
+    snapped : (n, 3) int64
+        Vertices as y, z, x in lattice units of the grid.
+    faces : (m, 3) int32
+        Indices into `snapped`.
+    members : (k,) int32
+        The faces that reach into the slab.
+    spans
+        Layers of the slab that these cross in all.
+    """
+
+    shape: tuple[int, int, int]
+    first_layer: int
+    last_layer: int
+    snapped: NDArray[np.int64]
+    faces: NDArray[np.int32]
+    members: NDArray[np.int32]
+    spans: int
+
+    def alone(self) -> "SlabTriangles":
+        """Return the same without the faces and vertices that the slab does not need."""
+        faces = self.faces[self.members]
+        used, renumbered = np.unique(faces, return_inverse=True)
+        return replace(
+            self,
+            snapped=self.snapped[used],
+            faces=renumbered.reshape(-1, 3).astype(np.int32),
+            members=np.arange(len(faces), dtype=np.int32),
+        )
+
+
+def slab_layers_for(grid: Grid) -> int:
+    """Return how many layers to make at once: about 10^5 rows, a few MB."""
+    return max(1, min(_SLAB_ROWS // grid.shape[1], grid.shape[2]))
+
+
+def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTriangles]:
+    """Deal a mesh's triangles to slabs of layers, from the lowest up.
+
+    Memory grows with the mesh, not with the number of slabs: triangles are kept while they reach
+    into the slab at hand.
+
+    Raises
+    ------
+    ArgumentError
+        `slab_layers` is below 1.
+    MeshError
+        No faces; or a vertex is not finite, or more than 16384 voxels away from another.
+    """
+    ny, nz = grid.shape[1:]
+    if slab_layers < 1:
+        raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
+    check_reach(mesh, grid)
+    snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = np.ascontiguousarray(snapped[:, [1, 2, 0]])
+    low, high = cover_rows(snapped, mesh.faces, ny, nz)
+    rising = np.flatnonzero(low < high).astype(np.int32)
+    rising = rising[np.argsort(low[rising], kind="stable")]
+    begins, taken, members = low[rising], 0, rising[:0]
+    for first in range(0, nz, slab_layers):
+        last = min(first + slab_layers, nz)
+        reached = int(np.searchsorted(begins, last))
+        members = np.append(members[high[members] > first], rising[taken:reached])
+        taken = reached
+        crossed = np.minimum(high[members], last) - np.maximum(low[members], first)
+        spans = int(crossed.sum(dtype=np.int64))
+        yield SlabTriangles(grid.shape, first, last, snapped, mesh.faces, members, spans)
+
+
+def runs_along_x(slab: SlabTriangles) -> LayerRuns:
+    """Return the runs of one slab's layers."""
+    nx, ny, _ = slab.shape
+    triangles = (slab.snapped, slab.faces, slab.members, slab.spans)
+    layers = (slab.first_layer, slab.last_layer)
+    offsets, start, stop, faults = slab_runs(*triangles, *layers, ny, nx, 0, row_leads=True)
+    return LayerRuns(offsets, start, stop, int(faults[0]))
+
+
+# ------------------------------------------------------------------------------------------------
+# A plan's shells, read back and placed on one grid of the printer's voxels.
+
+
+_UNKNOWN_COLOUR = "#808080"
+_MOST_SHELLS = 255  # labels are bytes
+
+
+@dataclass(frozen=True, eq=False)
+class ShellMesh:
+    """One shell as its file holds it.
+
+    Attributes
+    ----------
+    material, operator_name
+        The material's id, and what the printer's own software calls it.
+    colour
+        "#RRGGBB", as the plan's 3MF has it.
+    """
+
+    material: str
+    operator_name: str
+    colour: str
+    file: str
+    sha256: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class PlanShells:
+    """All shells of a plan on one grid, in the order of their files: from soft to hard."""
+
+    plan: Plan
+    plan_sha256: str
+    printer: str
+    shells: tuple[ShellMesh, ...]
+    grid: Grid
+
+
+def open_shells(
+    path: str | Path,
+    *,
+    pitch_mm: float | Sequence[float] | None = None,
+    printer: str | Printer | None = None,
+) -> PlanShells:
+    """Read the shells of a plan and verify that they are the ones it was written with.
+
+    Parameters
+    ----------
+    path
+        A plan.json, or its folder.
+    pitch_mm
+        Edges of a voxel along x, y, z, or one for all; by default the printer's own.
+    printer
+        By default the plan's.
+
+    Raises
+    ------
+    FileError
+        No plan, or a shell that is missing or altered.
+    UnknownNameError
+        The printer is not installed, and there is no pitch to do without.
+    ArgumentError
+        A pitch that is none, or a grid too large for it.
+    """
+    file = plan_file(path)
+    plan = read_plan(file)
+    machine = _machine(plan, printer, needed=pitch_mm is None)
+    shells = tuple(_shells(file.parent, plan, machine))
+    if not 0 < len(shells) <= _MOST_SHELLS:
+        raise FileError(f"{file}: names {len(shells)} shells; 1 to {_MOST_SHELLS} can be sliced")
+    bounds_mm = np.array(
+        [
+            np.min([shell.mesh.bounds_mm[0] for shell in shells], axis=0),
+            np.max([shell.mesh.bounds_mm[1] for shell in shells], axis=0),
+        ]
+    )
+    if pitch_mm is None and machine is not None:
+        pitch_mm = (*machine.pixel_mm, machine.layer_mm)
+    edges_mm = _pitch(pitch_mm, bounds_mm[1] - bounds_mm[0])
+    return PlanShells(
+        plan,
+        hashlib.sha256(file.read_bytes()).hexdigest(),
+        plan.printer if machine is None else machine.name,
+        shells,
+        grid_for(bounds_mm, edges_mm),
+    )
+
+
+def deal_slabs(
+    shells: PlanShells, slab_layers: int | None = None
+) -> Iterator[tuple[SlabTriangles, ...]]:
+    """Deal the triangles of all shells to slabs of layers, from the lowest up."""
+    layers = slab_layers_for(shells.grid) if slab_layers is None else slab_layers
+    dealt = (iterate_slabs(shell.mesh, shells.grid, layers) for shell in shells.shells)
+    return zip(*dealt, strict=True)
+
+
+def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Printer | None:
+    if printer is not None:
+        return load_printer(printer)
+    try:
+        return load_printer(plan.printer)
+    except UnknownNameError as error:
+        if needed:
+            raise UnknownNameError(
+                f"{error}; or give the size of a voxel with --pitch, or another printer with "
+                "--printer"
+            ) from error
+        return None
+
+
+def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMesh]:
+    seen = {region.file: region for region in plan.regions}
+    colours = _colours(root, plan, machine, {_material(region) for region in seen.values()})
+    for name in sorted(seen):
+        region = seen[name]
+        path = (root / name).resolve()
+        if not path.is_relative_to(root.resolve()):
+            raise FileError(f"{name}: the plan names a shell outside its folder; it was not read")
+        try:
+            data = path.read_bytes()
+        except FileNotFoundError as error:
+            raise FileError(
+                f"{root / name}: the plan names this shell, but it is missing; grade the part again"
+            ) from error
+        except OSError as error:
+            raise FileError(f"{root / name}: cannot be read ({error.strerror or error})") from error
+        sha256 = hashlib.sha256(data).hexdigest()
+        if sha256 != region.sha256:
+            raise FileError(
+                f"{root / name}: its content is not what the plan was written with (sha256 "
+                f"{sha256[:12]}..., the plan says {region.sha256[:12]}...); grade the part again"
+            )
+        vertices, faces = weld(decode_stl(data, name).astype(np.float32))
+        material = _material(region)
+        yield ShellMesh(
+            material,
+            material if machine is None else machine.operator_name(material),
+            colours.get(material, _UNKNOWN_COLOUR),
+            name,
+            sha256,
+            Mesh(vertices.astype(np.float64), faces),
+        )
+
+
+def _material(region: Region) -> str:
+    """Return what a region's shell is printed in: a material's id, or a mixture's name."""
+    name = region.material or (region.blend or {}).get("name")
+    return str(name or Path(region.file).stem.partition("__")[2])
+
+
+def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) -> dict[str, str]:
+    """Return colours by material: those of the plan's palette, else of its 3MF, as far as known."""
+    if machine is not None and plan.palette.name in machine.palettes:
+        palette = machine.palette(plan.palette.name)
+        colours = {material.id: material.colour for material in palette.materials}
+        if palette.sha256 == plan.palette.sha256 and wanted <= set(colours):
+            return colours
+    file = root / f"{plan.name}.3mf"
+    if not file.is_file():
+        return {}
+    from planner.formats.threemf import read_threemf
+
+    return {each.material_name: each.colour for each in read_threemf(file).objects if each.colour}
+
+
+def _pitch(
+    pitch_mm: float | Sequence[float] | None,
+    extent_mm: np.ndarray[tuple[int], np.dtype[np.float64]],
+) -> tuple[float, ...]:
+    try:
+        edges = np.atleast_1d(np.asarray(pitch_mm, dtype=np.float64))
+    except (TypeError, ValueError):
+        edges = np.empty(0)
+    if edges.shape not in ((1,), (3,)):
+        raise ArgumentError(f"pitch is {pitch_mm!r}; give one length in mm, or three: x, y, z")
+    whole = tuple(float(p) for p in np.broadcast_to(edges, 3))
+    for axis, edge, extent in zip("xyz", whole, extent_mm.tolist(), strict=True):
+        if not 0.0 < edge < math.inf:
+            raise ArgumentError(f"pitch along {axis} is {edge:g} mm; it must be above 0 and finite")
+        if edge > extent:
+            micrometres = ",".join(f"{p / 1000.0:g}" for p in whole)
+            hint = f"; did you mean {micrometres} mm?" if edge / 1000.0 <= extent / 2.0 else ""
+            raise ArgumentError(
+                f"pitch along {axis} is {edge:g} mm, more than the part's {extent:.6g} mm{hint}"
+            )
+    return whole
+
+
+# ------------------------------------------------------------------------------------------------
+# The runs of several shells as one set of runs with a material each.
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialRuns:
+    """Runs along x of whole layers, as in `LayerRuns`, each with a label.
+
+    Attributes
+    ----------
+    label : (runs,) int32
+        Shell n has label n + 1.
+    voxels : (layers, shells) int64
+        Voxels of each shell by layer, as drawn.
+    overlapping
+        Voxels that lie in more than one shell; each is drawn once.
+    """
+
+    offsets: IntArray
+    start: IntArray
+    stop: IntArray
+    label: IntArray
+    voxels: NDArray[np.int64]
+    overlapping: int
+
+
+def join_shells(shells: Sequence[LayerRuns], ny: int) -> MaterialRuns:
+    """Join the runs that shells have in the same layers of `ny` rows."""
+    rows = len(shells[0].offsets) - 1
+    before = np.cumsum([0, *(len(runs.start) for runs in shells)])
+    offsets = np.stack([runs.offsets + n for runs, n in zip(shells, before, strict=False)])
+    start = np.concatenate([runs.start for runs in shells])
+    stop = np.concatenate([runs.stop for runs in shells])
+    joined, label = np.empty((2, len(start)), np.int32), np.empty(len(start), np.int32)
+    new_offsets = np.zeros(rows + 1, np.int64)
+    voxels = np.zeros((rows // ny, len(shells)), np.int64)
+    place = offsets[:, 0].copy()
+    runs, overlapping = _join(
+        *(offsets, start, stop, ny, place, new_offsets, joined[0], joined[1], label, voxels)
+    )
+    return MaterialRuns(
+        *(new_offsets, joined[0, :runs], joined[1, :runs], label[:runs], voxels, int(overlapping))
+    )
+
+
+@kernel
+def _join(
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    ny: Any,
+    place: Any,
+    new_offsets: Any,
+    new_start: Any,
+    new_stop: Any,
+    label: Any,
+    voxels: Any,
+) -> Any:
+    runs, overlapping = np.int64(0), np.int64(0)
+    for r in range(new_offsets.size - 1):
+        done = np.int32(0)  # voxels below are drawn
+        while True:
+            shell = -1
+            for s in range(offsets.shape[0]):
+                if place[s] < offsets[s, r + 1] and (
+                    shell < 0 or start[place[s]] < start[place[shell]]
+                ):
+                    shell = s
+            if shell < 0:
+                break
+            low, high = start[place[shell]], stop[place[shell]]
+            place[shell] += 1
+            overlapping += max(min(done, high) - low, 0)
+            low = max(low, done)
+            if low < high:
+                new_start[runs], new_stop[runs], label[runs] = low, high, shell + 1
+                voxels[r // ny, shell] += high - low
+                runs += 1
+                done = high
+        new_offsets[r + 1] = runs
+    return runs, overlapping
+
+
+@kernel
+def paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: Any) -> None:
+    """Write the labels of runs into a zeroed (rows, nx) uint8 array, from row `first` on."""
+    for r in range(image.shape[0]):
+        for n in range(offsets[first + r], offsets[first + r + 1]):
+            for i in range(start[n], stop[n]):
+                image[r, i] = label[n]
+
+
+# ------------------------------------------------------------------------------------------------
+# A slab of layers: what is needed to make it, and what comes out; nothing is shared with others.
+#
+# This is what a cluster's workers run, so that a slab can be made anywhere.
+
+
+@dataclass(frozen=True, eq=False)
+class SlabTask:
+    """Some layers to be made: the triangles of each shell there, and how images look."""
+
+    shells: tuple[SlabTriangles, ...]
+    kind: ImageKind
+
+    def alone(self) -> "SlabTask":
+        """Return the same with no more of the shells than it needs, to be sent elsewhere."""
+        return replace(self, shells=tuple(shell.alone() for shell in self.shells))
+
+
+@dataclass(frozen=True, eq=False)
+class SlabImages:
+    """Some layers as made.
+
+    Attributes
+    ----------
+    images
+        PNG files, from `first_layer` up.
+    voxels : (layers, shells) int64
+        Voxels of each shell by layer.
+    overlapping
+        Voxels in more than one shell.
+    open_rows
+        Rows in which a shell's entries and exits do not pair up.
+    """
+
+    first_layer: int
+    images: tuple[bytes, ...]
+    voxels: NDArray[np.int64]
+    overlapping: int
+    open_rows: int
+
+
+def slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[MaterialRuns, int]:
+    """Return the runs of some layers with their materials, and the open rows among them."""
+    runs = [runs_along_x(shell) for shell in shells]
+    return join_shells(runs, shells[0].shape[1]), sum(each.open_rows for each in runs)
+
+
+def make_slab(task: SlabTask) -> SlabImages:
+    """Make the images of a slab."""
+    nx, ny, _ = task.shells[0].shape
+    runs, open_rows = slab_runs_of(task.shells)
+    images = tuple(
+        encode_layer(
+            *(runs.offsets, runs.start, runs.stop, runs.label),
+            *((row, row + ny), nx, task.kind),
+        )
+        for row in range(0, len(runs.offsets) - 1, ny)
+    )
+    first = task.shells[0].first_layer
+    return SlabImages(first, images, runs.voxels, runs.overlapping, open_rows)
+
+
+# ------------------------------------------------------------------------------------------------
+# Layers of a plan as arrays, for scripts that work on voxels.
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """One layer of voxels.
+
+    Attributes
+    ----------
+    index, z_mm
+        Number from the lowest up, and height of the voxels' centres.
+    label : (ny, nx) uint8
+        0 where nothing is printed, n where ``materials[n - 1]`` is; row j is voxel j along y.
+    materials
+        Ids, from soft to hard.
+    """
+
+    index: int
+    z_mm: float
+    label: NDArray[np.uint8]
+    materials: tuple[str, ...]
+
+
+def iterate_layers(
+    plan: str | Path,
+    *,
+    pitch_mm: float | Sequence[float] | None = None,
+    printer: str | Printer | None = None,
+) -> Iterator[Layer]:
+    """Make the layers of a plan's folder, from the lowest up; a few are in memory at a time.
+
+    Parameters
+    ----------
+    plan
+        A plan.json, or its folder.
+    pitch_mm, printer
+        Edges of a voxel along x, y, z; by default those of the printer, which is by default the
+        plan's.
+
+    Raises
+    ------
+    PlannerError
+        See `planner.slices.slices.open_shells`.
+    """
+    source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
+    grid, materials = source.grid, tuple(shell.material for shell in source.shells)
+    nx, ny, _ = grid.shape
+    for slab in deal_slabs(source):
+        runs, _ = slab_runs_of(slab)
+        for index in range(slab[0].first_layer, slab[0].last_layer):
+            label = np.zeros((ny, nx), np.uint8)
+            first = (index - slab[0].first_layer) * ny
+            paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
+            z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
+            yield Layer(index, z_mm, label, materials)

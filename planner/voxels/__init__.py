@@ -1,0 +1,1 @@
+"""Voxel columns of a mesh, and what is too thin in them."""

@@ -1,0 +1,868 @@
+"""A mesh as columns of voxels: runs along z that lie inside, and their labels by a field."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import ArgumentError, MeshError
+from planner.fields.basic import Field, PlanarField
+from planner.mesh.mesh import Mesh
+from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
+
+__all__ = [
+    "LATTICE",
+    "MOST_VOXELS",
+    "Columns",
+    "Faults",
+    "Grid",
+    "LabelledColumns",
+    "bin_triangles",
+    "check_reach",
+    "cover_rows",
+    "dense",
+    "fill_runs",
+    "grid_for",
+    "iterate_columns",
+    "label_by_planes",
+    "label_columns",
+    "label_volumes_mm3",
+    "layers",
+    "slab_runs",
+    "snap",
+    "voxelize",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# The loops behind `planner.voxels.columns`: from triangles to runs of voxels along a line.
+#
+# Lattice units below are 1 / `LATTICE` of a voxel, with voxel centres at multiples of `LATTICE`.
+# Axes are called by what they do in a walk: columns stand along the *depth*, in rows of pixels.
+#
+# Every choice is made exactly, in integers, as if each centre were moved by infinitely small steps:
+# furthest along z, far less along x, least along y. No centre then lies in a triangle, an edge or
+# below a vertex, so a closed oriented mesh has a whole winding number at each, whatever line one
+# walks along: columns along z (depth z, pixels x, rows y) and along x (depth x, pixels y, rows z)
+# hold the same voxels. In the second the step along the rows is the longest: `row_leads`.
+
+
+_SHIFT = 16
+LATTICE = 1 << _SHIFT
+"""Steps in a voxel that vertices are rounded to."""
+
+_VOXEL = 1.0 / LATTICE
+_DOUBT = 2.0**-28
+# of a voxel: a depth nearer to a centre is decided in integers. Rounding errs by less than 2^-34:
+# depths are below 2^15 voxels, and a handful of operations err by 2^-53 of that each.
+
+
+def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> NDArray[np.int64]:
+    """Return vertices (n, 3) in lattice units; voxel (i, j, k) is centred at LATTICE ijk."""
+    voxel = (vertices - origin) / pitch
+    return np.floor(voxel * LATTICE + 0.5).astype(np.int64) - LATTICE // 2
+
+
+@inner_kernel
+def _ceil_voxel(coordinate: Any) -> Any:
+    return (coordinate + (LATTICE - 1)) >> _SHIFT
+
+
+def bin_triangles(
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int, slab_rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
+    """Sort triangles into slabs of rows.
+
+    Returns
+    -------
+    offsets, members, spans
+        Slab s holds the faces ``members[offsets[s]:offsets[s + 1]]``, which cross at most
+        ``spans[s]`` of its rows in all. Faces that cover no column (steep or small) are left out.
+    """
+    slabs = (ny + slab_rows - 1) // slab_rows
+    low, high = np.empty((2, len(faces)), np.int32)
+    count, spans = np.zeros((2, slabs), np.int64)
+    _cover(snapped, faces, nx, ny, slab_rows, low, high, count, spans)
+    offsets = np.append(0, np.cumsum(count))
+    members = np.empty(offsets[-1], np.int32)
+    _deal(low, high, slab_rows, offsets[:-1].copy(), members)
+    return offsets, members, spans
+
+
+def cover_rows(
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the rows low <= row < high that each face covers; 0, 0 where it covers no column."""
+    low, high = np.empty((2, len(faces)), np.int32)
+    count, spans = np.zeros((2, 1), np.int64)
+    _cover(snapped, faces, nx, ny, ny, low, high, count, spans)
+    return low, high
+
+
+@kernel
+def _cover(
+    snapped: IntArray,
+    faces: IntArray,
+    nx: int,
+    ny: int,
+    slab_rows: int,
+    low: IntArray,
+    high: IntArray,
+    count: IntArray,
+    spans: IntArray,
+) -> None:
+    # Rows that each face covers, and what falls to each slab.
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, bx, cx = snapped[a, 0], snapped[b, 0], snapped[c, 0]
+        ay, by, cy = snapped[a, 1], snapped[b, 1], snapped[c, 1]
+        first = max(_ceil_voxel(min(ay, by, cy)), 0)
+        last = min(_ceil_voxel(max(ay, by, cy)), ny)
+        left = max(_ceil_voxel(min(ax, bx, cx)), 0)
+        right = min(_ceil_voxel(max(ax, bx, cx)), nx)
+        low[f], high[f] = 0, 0
+        if first < last and left < right and (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):
+            low[f], high[f] = first, last
+            for s in range(first // slab_rows, (last - 1) // slab_rows + 1):
+                count[s] += 1
+                spans[s] += min(last, (s + 1) * slab_rows) - max(first, s * slab_rows)
+
+
+@kernel
+def _deal(
+    low: IntArray, high: IntArray, slab_rows: int, cursor: IntArray, members: IntArray
+) -> None:
+    for f in range(low.size):
+        if low[f] < high[f]:
+            for s in range(low[f] // slab_rows, (high[f] - 1) // slab_rows + 1):
+                members[cursor[s]] = f
+                cursor[s] += 1
+
+
+@inner_kernel
+def _first_pixel(x0: Any, y0: Any, x1: Any, y1: Any, per_row: Any, y: Any, row_leads: Any) -> Any:
+    # Smallest pixel at or right of the edge (y0 < y1) at height y: an exact ceiling division,
+    # estimated in floating point (per_row = 1 / denominator) and mended in integers.
+    # Where rows lead, y is a little more: an edge that leans right has then passed the pixel.
+    denominator = (y1 - y0) << _SHIFT
+    numerator = x0 * (y1 - y0) + (x1 - x0) * (y - y0)
+    if row_leads and x1 > x0:
+        numerator += 1
+    pixel = int(numerator * per_row)
+    while pixel * denominator < numerator:
+        pixel += 1
+    while (pixel - 1) * denominator >= numerator:
+        pixel -= 1
+    return pixel
+
+
+@kernel
+def _spans(
+    snapped: IntArray,
+    faces: IntArray,
+    members: IntArray,
+    row0: int,
+    row1: int,
+    nx: int,
+    row_leads: bool,
+    counts: IntArray,
+    columns: IntArray,
+    heights: FloatArray,
+) -> int:
+    # Cut each triangle into one span a row: first column, length, exit (1) or entry (0) and the
+    # face (-1 where z is the same all over it, and so exact) in `columns`; z at the first column
+    # and its rise a column in `heights`. `counts` gets +1 where a span begins and -1 where it
+    # ends, so that its running sum counts a column's crossings.
+    n = 0
+    for m in range(len(members)):
+        f = members[m]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        level = snapped[a, 2] == snapped[b, 2] and snapped[b, 2] == snapped[c, 2]
+        area = (snapped[b, 0] - snapped[a, 0]) * (snapped[c, 1] - snapped[a, 1]) - (
+            snapped[c, 0] - snapped[a, 0]
+        ) * (snapped[b, 1] - snapped[a, 1])
+        exit_sign = 1 if area > 0 else 0  # the normal points up: the line leaves the body
+        # vertices by rising y, so that both triangles at an edge divide the same numbers
+        if snapped[b, 1] < snapped[a, 1]:
+            a, b = b, a
+        if snapped[c, 1] < snapped[b, 1]:
+            b, c = c, b
+        if snapped[b, 1] < snapped[a, 1]:
+            a, b = b, a
+        ax, ay, az = snapped[a, 0], snapped[a, 1], snapped[a, 2]
+        bx, by, bz = snapped[b, 0], snapped[b, 1], snapped[b, 2]
+        cx, cy, cz = snapped[c, 0], snapped[c, 1], snapped[c, 2]
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        per_area = 1.0 / area
+        rise = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) * per_area * LATTICE
+        long_edge = 1.0 / ((cy - ay) << _SHIFT)
+        lower = 1.0 / (max(by - ay, 1) << _SHIFT)
+        upper = 1.0 / (max(cy - by, 1) << _SHIFT)
+        first = max(_ceil_voxel(ay), row0)
+        last = min(_ceil_voxel(cy), row1)
+        for row in range(first, last):
+            y = row << _SHIFT
+            left = _first_pixel(ax, ay, cx, cy, long_edge, y, row_leads)
+            if y < by:
+                right = _first_pixel(ax, ay, bx, by, lower, y, row_leads)
+            else:
+                right = _first_pixel(bx, by, cx, cy, upper, y, row_leads)
+            if left > right:
+                left, right = right, left
+            left, right = max(left, 0), min(right, nx)
+            if left >= right:
+                continue
+            x = left << _SHIFT
+            weight_b = (x - ax) * (cy - ay) - (cx - ax) * (y - ay)
+            weight_c = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+            columns[n, 0] = (row - row0) * nx + left
+            columns[n, 1] = right - left
+            columns[n, 2] = exit_sign
+            columns[n, 3] = -1 if level else f
+            heights[n, 0] = az + (
+                (weight_b * per_area) * (bz - az) + (weight_c * per_area) * (cz - az)
+            )
+            heights[n, 1] = rise
+            counts[columns[n, 0]] += 1
+            counts[columns[n, 0] + columns[n, 1]] -= 1
+            n += 1
+    return n
+
+
+@inner_kernel
+def _sort(keys: Any, first: Any, last: Any) -> Any:
+    # Shell sort: insertion sort for the usual handful, no quadratic worst case for a stack.
+    gap = 1
+    while gap < (last - first) // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            key = keys[i]
+            j = i
+            while j >= first + gap and keys[j - gap] > key:
+                keys[j] = keys[j - gap]
+                j -= gap
+            keys[j] = key
+        gap //= 3
+
+
+def slab_runs(
+    snapped: NDArray[np.int64],
+    faces: NDArray[np.int32],
+    members: NDArray[np.int32],
+    spans: int,
+    row0: int,
+    row1: int,
+    nx: int,
+    nz: int,
+    shortest: int,
+    row_leads: bool = False,
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Return the runs of one slab of rows.
+
+    Parameters
+    ----------
+    spans
+        At least the number of rows that the members cross in all.
+    shortest
+        A run of fewer voxels is lengthened to this many (0: it is dropped when empty).
+    row_leads
+        Whether ties are decided along the rows first, not along the depth.
+
+    Returns
+    -------
+    offsets, start, stop, faults
+        Runs of column c: ``start[offsets[c]:offsets[c + 1]]``. ``faults``: columns whose signs
+        do not sum to zero, columns where the winding is negative over more than one voxel (one
+        may come from rounding), and the first faulty column of each kind (-1: none).
+    """
+    cursor = np.zeros((row1 - row0) * nx + 1, np.int32)
+    columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
+    n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
+    crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
+    keys = np.empty(crossings, np.int32)
+    start, stop = np.empty((2, crossings // 2), np.int32)
+    offsets, faults = np.zeros(len(cursor), np.int64), np.array([0, 0, -1, -1])
+    ends = (offsets, start, stop, faults)
+    mesh = (snapped, faces, row0, nx, row_leads)
+    runs = _runs(columns[:n], heights, *mesh, cursor, keys, nz, shortest, *ends)
+    return offsets, start[:runs], stop[:runs], faults
+
+
+@inner_kernel
+def _exact_voxel(
+    snapped: Any, faces: Any, f: Any, x: Any, y: Any, near: Any, row_leads: Any
+) -> Any:
+    # First voxel at or beyond face f in the column at x, y, where the face is within `_DOUBT` of
+    # the centre of voxel `near`. Products of three coordinates take 92 bits and wrap around, but
+    # what they sum to is area * distance, below 2^62 * 2^-11: it comes out whole.
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ax, ay, az = snapped[a, 0], snapped[a, 1], snapped[a, 2]
+    ux, uy, uz = snapped[b, 0] - ax, snapped[b, 1] - ay, snapped[b, 2] - az
+    vx, vy, vz = snapped[c, 0] - ax, snapped[c, 1] - ay, snapped[c, 2] - az
+    area = ux * vy - vx * uy
+    weight_b = (x - ax) * vy - vx * (y - ay)
+    weight_c = ux * (y - ay) - (x - ax) * uy
+    beyond = ((near << _SHIFT) - az) * area - weight_b * uz - weight_c * vz
+    rises = ux * vz - vx * uz  # along the rows, times the area
+    if area < 0:
+        beyond, rises = -beyond, -rises
+    if beyond > 0 or (beyond == 0 and not (row_leads and rises > 0)):
+        return near
+    return near + 1
+
+
+@kernel
+def _runs(
+    columns: Any,
+    heights: Any,
+    snapped: Any,
+    faces: Any,
+    row0: Any,
+    nx: Any,
+    row_leads: Any,
+    cursor: Any,
+    keys: Any,
+    nz: Any,
+    shortest: Any,
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    faults: Any,
+) -> Any:
+    # Gather each column's crossings in `keys`, sort them, and count the winding along them.
+    crossings = here = 0
+    for c in range(cursor.size - 1):
+        here += cursor[c]
+        cursor[c] = crossings
+        crossings += here
+    for s in range(columns.shape[0]):
+        z, rise = heights[s, 0], heights[s, 1]
+        for i in range(columns[s, 1]):
+            column: Any = np.int64(columns[s, 0] + i)
+            depth = (z + rise * i) * _VOXEL
+            voxel: Any = np.int64(np.ceil(depth))
+            short = voxel - depth
+            if columns[s, 3] >= 0 and (short < _DOUBT or short > 1.0 - _DOUBT):
+                x, y = (column % nx) << _SHIFT, (row0 + column // nx) << _SHIFT
+                near = voxel if short < _DOUBT else voxel - 1
+                voxel = _exact_voxel(snapped, faces, columns[s, 3], x, y, near, row_leads)
+            voxel = min(max(voxel, -1), nz + 1)
+            # entries sort before exits of the same voxel: touching bodies make one run
+            keys[cursor[column]] = (voxel << 1) | columns[s, 2]
+            cursor[column] += 1
+    runs, first = np.int64(0), np.int64(0)
+    for c in range(cursor.size - 1):
+        last = np.int64(cursor[c])
+        if last - first == 2:
+            if keys[first] > keys[first + 1]:
+                keys[first], keys[first + 1] = keys[first + 1], keys[first]
+        elif last - first > 2:
+            _sort(keys, first, last)
+        winding, low, below, inverted = 0, 0, 0, False
+        for i in range(first, last):
+            voxel = keys[i] >> 1
+            if keys[i] & 1 == 0:
+                winding += 1
+                if winding == 1:
+                    low = voxel
+                elif winding == 0:
+                    inverted |= voxel - below > 1
+                continue
+            winding -= 1
+            if winding == -1:
+                below = voxel
+            elif winding == 0:
+                high = voxel
+                if high - low < shortest:
+                    low = min(low, nz - shortest) if low <= nz else low
+                    high = low + shortest
+                low, high = max(low, 0), min(high, nz)
+                if low < high:
+                    if runs > offsets[c] and low <= stop[runs - 1]:
+                        stop[runs - 1] = max(high, stop[runs - 1])
+                    else:
+                        start[runs], stop[runs] = low, high
+                        runs += 1
+        if winding != 0:
+            faults[0] += 1
+            if faults[2] < 0:
+                faults[2] = c
+        if inverted:
+            faults[1] += 1
+            if faults[3] < 0:
+                faults[3] = c
+        offsets[c + 1] = runs
+        first = last
+    return runs
+
+
+@kernel
+def fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArray) -> None:
+    """Set the voxels of runs to one in a zeroed (columns, nz) uint8 array."""
+    for c in range(len(offsets) - 1):
+        for r in range(offsets[c], offsets[c + 1]):
+            dense[c, start[r] : stop[r]] = 1
+
+
+# ------------------------------------------------------------------------------------------------
+# A mesh as columns of voxels: for each column of a grid, the runs along z that lie inside.
+#
+# A voxel is inside when the winding number of its centre is positive, so overlapping bodies
+# unite and cavities stay empty. Runs take memory by the surface, not by the volume, and are made
+# slab by slab (a few rows of columns at a time).
+#
+# Vertices are rounded to 1/65536 of a voxel (0.6 nm at a pitch of 0.042 mm); from there on every
+# choice is exact, so a voxel is inside by the mesh and the grid alone, whatever the order of the
+# triangles or the direction of the walk (`planner.slices.slices` goes along x). No column is
+# missed or counted twice, also where vertices lie on voxel centres, and bodies that share a face
+# share no voxel.
+
+
+MOST_VOXELS = 1 << 14
+"""Along an axis of a grid."""
+
+_SLAB_COLUMNS = 1 << 17  # a slab's working arrays stay in the second-level cache
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A regular grid of voxels; voxel (i, j, k) is centred at origin + (i + ½, j + ½, k + ½) pitch.
+
+    Attributes
+    ----------
+    origin_mm, pitch_mm
+        Lower corner and edge lengths of a voxel along x, y, z.
+    shape
+        Voxels along x, y, z.
+    """
+
+    origin_mm: tuple[float, float, float]
+    pitch_mm: tuple[float, float, float]
+    shape: tuple[int, int, int]
+
+    def __post_init__(self) -> None:
+        if len(self.pitch_mm) != 3 or not all(0 < p < np.inf for p in self.pitch_mm):
+            raise ArgumentError(
+                f"pitch is {self.pitch_mm} mm; it must be positive and finite along x, y and z"
+            )
+        if not all(np.isfinite(self.origin_mm)):
+            raise ArgumentError(f"grid origin is {self.origin_mm} mm; it must be finite")
+        if not all(0 < n <= MOST_VOXELS for n in self.shape):
+            raise ArgumentError(
+                f"a pitch of {self.pitch_mm} mm makes a grid of {self.shape} voxels; up to "
+                f"{MOST_VOXELS} along an axis are possible: choose a coarser pitch"
+            )
+
+    @property
+    def voxel_mm3(self) -> float:
+        """Volume of a voxel."""
+        return float(np.prod(self.pitch_mm))
+
+    def centre_mm(self, voxels: IntArray) -> FloatArray:
+        """Return the centres of voxels (..., 3)."""
+        origin, pitch = np.array(self.origin_mm), np.array(self.pitch_mm)
+        centres: FloatArray = origin + (voxels + 0.5) * pitch
+        return centres
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Where a mesh is not the surface of a solid.
+
+    Attributes
+    ----------
+    open_columns
+        Columns whose entries and exits do not pair up: the surface is open or a face is flipped.
+    inverted_columns
+        Columns that leave a body before they enter it: a body is inside out.
+    place_mm
+        x, y of the first such column (open ones first), or None.
+    """
+
+    open_columns: int = 0
+    inverted_columns: int = 0
+    place_mm: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Runs of inside voxels along z, for whole rows of a grid.
+
+    Attributes
+    ----------
+    grid
+        The grid the rows belong to.
+    first_row
+        Index along y of the first row.
+    offsets : (columns + 1,) int64
+        Column (i, j) is number ``(j - first_row) * nx + i`` and has the runs
+        ``offsets[number]`` to ``offsets[number + 1]``.
+    start, stop : (runs,) int32
+        Each run holds the voxels start <= k < stop; runs of a column rise and do not touch.
+    faults
+        What these rows say about the mesh.
+    """
+
+    grid: Grid
+    first_row: int
+    offsets: IntArray
+    start: IntArray
+    stop: IntArray
+    faults: Faults = field(default_factory=Faults)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return (len(self.offsets) - 1) // self.grid.shape[0]
+
+    @property
+    def voxels(self) -> int:
+        """Number of inside voxels."""
+        return int(np.sum(self.stop, dtype=np.int64) - np.sum(self.start, dtype=np.int64))
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume of the inside voxels."""
+        return self.voxels * self.grid.voxel_mm3
+
+
+def grid_for(bounds_mm: FloatArray, pitch_mm: float | Sequence[float]) -> Grid:
+    """Return the grid that covers a box, with a corner at the box's lower corner.
+
+    Parameters
+    ----------
+    bounds_mm : (2, 3)
+        Smallest and largest coordinates.
+    pitch_mm
+        Edge of a voxel, or one along each axis.
+
+    Raises
+    ------
+    ArgumentError
+        The pitch is not positive, or so fine that an axis has more than 16384 voxels.
+    """
+    low, high = np.asarray(bounds_mm, dtype=np.float64)
+    pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 3)
+    with np.errstate(all="ignore"):
+        voxels = np.ceil((high - low) / pitch - 0.5 / LATTICE)
+    nx, ny, nz = (int(n) if 1 <= n <= 2**31 else 2**31 * int(n > 1) + 1 for n in voxels)
+    x, y, z = (float(v) for v in low)
+    px, py, pz = (float(p) for p in pitch)
+    return Grid((x, y, z), (px, py, pz), (nx, ny, nz))
+
+
+def iterate_columns(
+    mesh: Mesh, grid: Grid, *, slab_rows: int | None = None, shortest: int = 0
+) -> Iterator[Columns]:
+    """Make columns of a closed mesh, a slab of rows after the other.
+
+    The result does not depend on how rows are cut into slabs. What lies outside the grid is
+    left out.
+
+    Parameters
+    ----------
+    slab_rows
+        Rows a slab; by default about 10^5 columns, a few MB.
+    shortest
+        Lengthen runs of fewer voxels to this many. With 1, sheets thinner than a voxel still
+        show in the columns that cross them.
+
+    Raises
+    ------
+    MeshError
+        A vertex is not finite, or lies more than 16384 voxels away from another.
+    """
+    nx, ny, nz = grid.shape
+    rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
+    if rows < 1:
+        raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
+    check_reach(mesh, grid)
+    snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    offsets, members, spans = bin_triangles(snapped, mesh.faces, nx, ny, rows)
+    for slab, first in enumerate(range(0, ny, rows)):
+        ids = members[offsets[slab] : offsets[slab + 1]]
+        last = min(first + rows, ny)
+        runs = slab_runs(snapped, mesh.faces, ids, int(spans[slab]), first, last, nx, nz, shortest)
+        yield Columns(grid, first, *runs[:3], _faults(runs[3], grid, first))
+
+
+def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0) -> Columns:
+    """Return all columns of a closed mesh at once, on the grid of `grid_for` its bounds.
+
+    Raises
+    ------
+    ArgumentError, MeshError
+        See `grid_for` and `iterate_columns`.
+    """
+    grid = grid_for(mesh.bounds_mm, pitch_mm)
+    return _join(list(iterate_columns(mesh, grid, shortest=shortest)))
+
+
+def dense(columns: Columns) -> BoolArray:
+    """Return whether each voxel is inside, (nx, rows, nz); one byte a voxel."""
+    nx, _, nz = columns.grid.shape
+    voxels = np.zeros((len(columns.offsets) - 1, nz), np.uint8)
+    fill_runs(columns.offsets, columns.start, columns.stop, voxels)
+    return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
+
+
+def _join(slabs: list[Columns]) -> Columns:
+    runs = np.cumsum([0, *(len(s.start) for s in slabs)])
+    parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
+    faults = [s.faults for s in slabs]
+    places = [f.place_mm for f in sorted(faults, key=lambda f: f.open_columns == 0)]
+    return Columns(
+        slabs[0].grid,
+        slabs[0].first_row,
+        np.concatenate([slabs[0].offsets[:1], *parts]),
+        np.concatenate([s.start for s in slabs]),
+        np.concatenate([s.stop for s in slabs]),
+        Faults(
+            sum(f.open_columns for f in faults),
+            sum(f.inverted_columns for f in faults),
+            next((p for p in places if p is not None), None),
+        ),
+    )
+
+
+def check_reach(mesh: Mesh, grid: Grid) -> None:
+    """Refuse a mesh without faces, or too large for exact integers on a grid.
+
+    Raises
+    ------
+    MeshError
+        See `iterate_columns`.
+    """
+    if not len(mesh.faces):
+        raise MeshError("the mesh has no faces; nothing can be made of it")
+    used = mesh.bounds_mm
+    with np.errstate(invalid="ignore", over="ignore"):
+        voxels = (used - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
+        near = np.abs(voxels) <= 2 * MOST_VOXELS
+        small = voxels[1] - voxels[0] <= MOST_VOXELS
+    if not (near.all() and small.all()):
+        raise MeshError(
+            f"the mesh reaches from {used[0].tolist()} to {used[1].tolist()} mm, which is not "
+            f"within {MOST_VOXELS} voxels of {grid.pitch_mm} mm about the grid's origin "
+            f"{grid.origin_mm} mm; choose a coarser pitch, or cut the part"
+        )
+
+
+def _faults(counts: IntArray, grid: Grid, first_row: int) -> Faults:
+    unpaired, inverted, first_open, first_inverted = (int(c) for c in counts)
+    column = first_open if first_open >= 0 else first_inverted
+    if column < 0:
+        return Faults()
+    row, i = divmod(column, grid.shape[0])
+    x, y, _ = grid.centre_mm(np.array([i, first_row + row, 0])).tolist()
+    return Faults(unpaired, inverted, (x, y))
+
+
+# ------------------------------------------------------------------------------------------------
+# Columns split where a field crosses levels: every voxel gets the label of its centre.
+#
+# The label is the number of levels at or below the field's value, so levels l1 < l2 < ... give
+# label 0 below l1, 1 from l1 to l2, and so on. Where the field is linear along a column, each
+# transition is solved for, not sampled, and decided by the same comparison as a single voxel's.
+
+
+_MOST_LABELS = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledColumns(Columns):
+    """Columns whose runs each have one label; runs of different labels may touch.
+
+    Attributes
+    ----------
+    label : (runs,) int16
+        Label of each run.
+    """
+
+    label: IntArray = field(default_factory=lambda: np.empty(0, np.int16))
+
+
+def label_columns(columns: Columns, field: Field, levels: Sequence[float]) -> LabelledColumns:
+    """Split the runs of columns where a field crosses levels.
+
+    Parameters
+    ----------
+    field
+        A field whose level sets are planes.
+    levels
+        Strictly increasing values of the field.
+
+    Raises
+    ------
+    ArgumentError
+        The levels do not rise, are more than 32766, or the field's level sets are not planes.
+    """
+    values = np.asarray(levels, dtype=np.float64)
+    if values.ndim != 1 or not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
+        raise ArgumentError(f"levels are {list(levels)}; they must be finite and strictly rising")
+    if len(values) + 1 >= _MOST_LABELS:
+        raise ArgumentError(f"{len(values)} levels; up to {_MOST_LABELS - 2} are possible")
+    if not isinstance(field, PlanarField):
+        raise ArgumentError(
+            f"field {field.name!r}: its level sets are not planes, and voxels can be labelled "
+            "along planar fields only; use an axis"
+        )
+    planes = [field.plane(float(level)) for level in values]
+    normal = planes[0][0] if planes else np.zeros(3)
+    return label_by_planes(columns, normal, np.array([offset for _, offset in planes], np.float64))
+
+
+def label_by_planes(
+    columns: Columns, normal: FloatArray, offsets_mm: FloatArray
+) -> LabelledColumns:
+    """Split the runs of columns at parallel planes normal . x = offset, offsets rising in mm."""
+    grid, crossed = columns.grid, len(offsets_mm) if normal[2] != 0.0 else 0
+    most = len(columns.start) + crossed * int(np.count_nonzero(np.diff(columns.offsets)))
+    start, stop = np.empty((2, most), np.int32)
+    label, offsets = np.empty(most, np.int16), np.zeros_like(columns.offsets)
+    runs = _split_runs(
+        columns.offsets,
+        columns.start,
+        columns.stop,
+        columns.first_row,
+        np.array([*grid.origin_mm, *grid.pitch_mm, *normal], np.float64),
+        grid.shape[0],
+        grid.shape[2],
+        offsets_mm,
+        np.full(len(offsets_mm) + 1, grid.shape[2], np.int64),
+        *(start, stop, label, offsets),
+    )
+    return LabelledColumns(
+        *(grid, columns.first_row, offsets, start[:runs].copy(), stop[:runs].copy()),
+        columns.faults,
+        label[:runs].copy(),
+    )
+
+
+def label_volumes_mm3(columns: LabelledColumns, labels: int) -> FloatArray:
+    """Return the volume of each label's voxels, (labels,) in mm³."""
+    length = columns.stop.astype(np.float64) - columns.start  # sums stay exact up to 2^53 voxels
+    voxels = np.bincount(columns.label, weights=length, minlength=labels)
+    return np.asarray(voxels * columns.grid.voxel_mm3, dtype=np.float64)
+
+
+def layers(
+    columns: Columns, first: int, last: int, values: Sequence[int] | None = None
+) -> NDArray[np.uint8]:
+    """Return layers of voxels as images, (last - first, rows, nx) uint8, 0 outside the part.
+
+    A few dozen layers at once are fastest.
+
+    Parameters
+    ----------
+    first, last
+        Layers first <= k < last.
+    values
+        What to write for each label, 0 to 255; by default label + 1 (1 where columns have no
+        labels).
+
+    Raises
+    ------
+    ArgumentError
+        The layers are not within the grid, or a label has no value.
+    """
+    nx, _, nz = columns.grid.shape
+    if not 0 <= first <= last <= nz:
+        raise ArgumentError(f"layers {first} to {last} are not within 0 to {nz}")
+    if isinstance(columns, LabelledColumns):
+        label = columns.label
+    else:
+        label = np.zeros(len(columns.start), np.int16)
+    highest = int(label.max(initial=0))
+    table = np.arange(1, highest + 2) if values is None else np.asarray(values)
+    if len(table) <= highest or table.min() < 0 or table.max() > 255:
+        raise ArgumentError(
+            f"labels go up to {highest}, and values are {table.tolist()}; give one of 0 to 255 "
+            "for each label"
+        )
+    images = np.zeros((last - first, columns.rows * nx), np.uint8)
+    _paint(
+        columns.offsets, columns.start, columns.stop, label, first, table.astype(np.uint8), images
+    )
+    return images.reshape(last - first, columns.rows, nx)
+
+
+@kernel
+def _split_runs(
+    offsets: Any,
+    start: Any,
+    stop: Any,
+    first_row: Any,
+    frame: Any,
+    nx: Any,
+    nz: Any,
+    plane: Any,
+    cross: Any,
+    new_start: Any,
+    new_stop: Any,
+    label: Any,
+    new_offsets: Any,
+) -> Any:
+    # `frame`: the grid's origin and pitch, and the normal n.
+    # Along a column n . x = base + z(k) rise is monotone in k, in floating point too: level i is
+    # crossed at one k, `cross[i]`, estimated by a division and then settled by that comparison.
+    origin, pitch, rise = frame[2], frame[5], frame[8]
+    levels, n = plane.size, 0
+    for c in range(offsets.size - 1):
+        if offsets[c] < offsets[c + 1]:
+            x = frame[0] + (c % nx + 0.5) * frame[3]
+            y = frame[1] + (first_row + c // nx + 0.5) * frame[4]
+            base = x * frame[6] + y * frame[7]
+            # `order` counts crossings upwards along z: label rises with it or falls
+            for order in range(levels):
+                level = plane[order if rise >= 0.0 else levels - 1 - order]
+                if rise == 0.0:
+                    cross[order] = 0 if base >= level else nz
+                    continue
+                z = (level - base) / rise
+                k = np.int64(min(max(np.ceil((z - origin) / pitch - 0.5), 0.0), float(nz)))
+                while k < nz and not _past(base, origin, pitch, k, rise, level):
+                    k += 1
+                while k > 0 and _past(base, origin, pitch, k - 1, rise, level):
+                    k -= 1
+                cross[order] = k
+            order = 0
+            for r in range(offsets[c], offsets[c + 1]):
+                low = np.int64(start[r])
+                while low < stop[r]:
+                    while order < levels and cross[order] <= low:
+                        order += 1
+                    high = min(np.int64(stop[r]), cross[order])
+                    new_start[n], new_stop[n] = low, high
+                    label[n] = order if rise >= 0.0 else levels - order
+                    n += 1
+                    low = high
+        new_offsets[c + 1] = n
+    return n
+
+
+@inner_kernel
+def _past(base: Any, origin: Any, pitch: Any, k: Any, rise: Any, plane: Any) -> Any:
+    along = base + (origin + (k + 0.5) * pitch) * rise
+    return along >= plane if rise > 0.0 else along < plane
+
+
+@kernel
+def _paint(
+    offsets: IntArray,
+    start: IntArray,
+    stop: IntArray,
+    label: IntArray,
+    first: int,
+    values: IntArray,
+    images: IntArray,
+) -> None:
+    last = first + len(images)
+    for c in range(len(offsets) - 1):
+        for r in range(offsets[c], offsets[c + 1]):
+            value = values[label[r]]
+            for k in range(max(start[r], first), min(stop[r], last)):
+                images[k - first, c] = value
