@@ -26,7 +26,7 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.correct import CONDITION_EFFECTS, corrected_palette
 from planner.gap.design import design_campaign
 from planner.gap.diagnose import diagnose
-from planner.gap.virtual import planned_specimen
+from planner.gap.virtual import virtual_specimen
 from planner.grading.grade import grade
 from planner.grading.profile import Profile
 from planner.materials.laws import make_law
@@ -144,7 +144,7 @@ def true_moduli_MPa(
     }
     found = {}
     for material in palette.materials:
-        s = planned_specimen(palette, id="use", gauge_mm=25.0, strain=STRAIN, width_mm=6.0,
+        s = virtual_specimen(palette, id="use", gauge_mm=25.0, strain=STRAIN, width_mm=6.0,
                              thickness_mm=3.0, material=material.id, rate_mm_s=25.0 * rate,
                              protocol="monotonic", **at)  # fmt: skip
         stress = float(stress_MPa(palette, s, hidden)[-1])

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from planner.grading.dither import bayer_ranks, blue_noise_ranks, deal_voxels, thresholds
+from planner.grading.dither import bayer_ranks, blue_noise_ranks, dither_voxels, thresholds
 
 SIDE = 464  # 1e8 voxels
 FRACTIONS = (0.02, 0.1, 0.25, 1 / 3, 0.5, 0.7, 0.9)
@@ -32,11 +32,11 @@ def main():
     tiles = {"bayer 8": bayer, "blue noise 32": blue_noise_ranks()}
     for name, ranks in tiles.items():
         limits = thresholds(ranks if name != "bayer 8" else bayer_ranks())
-        deal_voxels(fraction[:32], limits)
+        dither_voxels(fraction[:32], limits)
         took = []
         for _ in range(3):
             start = time.perf_counter()
-            deal_voxels(fraction, limits)
+            dither_voxels(fraction, limits)
             took.append(time.perf_counter() - start)
         print(f"{name}: {fraction.size:.3g} voxels in {min(took):.2f} s")
     print("fraction  white  " + "  ".join(tiles))

@@ -23,7 +23,6 @@ from planner.errors import OutputError, PaletteError, UnknownNameError, nearest_
 
 __all__ = [
     "LAW_PARAMETERS",
-    "SIGNIFICANT_DIGITS",
     "LawParameters",
     "Material",
     "Palette",
@@ -387,7 +386,7 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
 # Palette files: TOML in one canonical form, so that equal palettes are equal bytes.
 
 
-SIGNIFICANT_DIGITS = 9
+_SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
 mathematical libraries of different machines differ."""
 
@@ -399,7 +398,7 @@ def encode_palette(palette: Palette) -> bytes:
     """Write a palette as `planner.palette.parse_palette` reads it.
 
     Keys come in a fixed order, those at their default are left out, figures are rounded to
-    `SIGNIFICANT_DIGITS`; UTF-8. `Palette.sha256` is not written: it is the file's own.
+    `_SIGNIFICANT_DIGITS`; UTF-8. `Palette.sha256` is not written: it is the file's own.
     """
     return ("\n".join(_lines(palette)) + "\n").encode("utf-8")
 
@@ -515,7 +514,7 @@ def _number(value: float) -> str:
     """Write a TOML float; open ends of intervals are inf."""
     if math.isinf(value):
         return "inf" if value > 0 else "-inf"
-    rounded = float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
+    rounded = float(f"{value:.{_SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
     return repr(rounded)
 
 

@@ -14,12 +14,14 @@ from planner.formats.threemf import Constituent
 from planner.numerics import Float32Array, IntArray
 
 __all__ = [
+    "Box",
     "Check",
     "Finding",
     "Gradient",
     "PaletteUsed",
     "PartGraded",
     "Plan",
+    "Point",
     "Region",
     "Shell",
     "Stiffness",
@@ -36,7 +38,7 @@ _MIXTURES = (
     "materials alone, grade the part again with another `--blend`.",
 )
 
-Pair = tuple[float, float]
+_Pair = tuple[float, float]
 Point = tuple[float, float, float]
 Box = tuple[Point, Point]
 
@@ -118,11 +120,11 @@ class Region:
 
     index: int
     coordinate: float
-    field: Pair
-    target_modulus_MPa: Pair
+    field: _Pair
+    target_modulus_MPa: _Pair
     modulus_MPa: float
-    modulus_interval_MPa: Pair
-    error: Pair
+    modulus_interval_MPa: _Pair
+    error: _Pair
     volume_mm3: float
     mass_g: float
     bounds_mm: Box
@@ -167,8 +169,8 @@ class Finding:
 class Unreachable:
     """A stretch of the field whose target no material reaches."""
 
-    field: Pair
-    target_modulus_MPa: Pair
+    field: _Pair
+    target_modulus_MPa: _Pair
     nearest: str
     modulus_MPa: float
 

@@ -18,17 +18,10 @@ import msgspec
 from planner.errors import ArgumentError, PaletteError, UnknownNameError, nearest_names
 from planner.palette import Palette, load_palette, parse_palette
 
-__all__ = [
-    "Printer",
-    "PrinterProfile",
-    "installed_printers",
-    "load_profile",
-    "palette_of",
-    "printer",
-]
+__all__ = ["Printer", "installed_printers", "load_profile", "palette_of", "printer"]
 
 
-GROUP = "planner.printers"
+_GROUP = "planner.printers"
 
 
 @runtime_checkable
@@ -194,7 +187,7 @@ def load_profile(folder: Traversable) -> PrinterProfile:
 
 def installed_printers() -> dict[str, EntryPoint]:
     """Return the installed printers' entry points by name, sorted; nothing is loaded yet."""
-    return {e.name: e for e in sorted(entry_points(group=GROUP), key=lambda e: e.name)}
+    return {e.name: e for e in sorted(entry_points(group=_GROUP), key=lambda e: e.name)}
 
 
 def printer(name: str | Printer) -> Printer:

@@ -19,7 +19,7 @@ from planner.gap.evidence.posterior import class_of, ranking_of, verdict_of
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import whiten
 from planner.gap.evidence.weigh import Priors, weigh
-from planner.gap.noise import course_columns, place_on_path, specimen_noise
+from planner.gap.noise import discrepancy_columns, place_on_path, specimen_noise
 from planner.numerics import FloatArray
 
 __all__ = ["FULL", "VARIANTS", "ablated_answers", "problem_of", "weighed_answer"]
@@ -58,7 +58,7 @@ def _without_specimens(problem: Problem, priors: Priors) -> _Part:
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     """Take the palette's laws for exact: neither level nor course of a grade is uncertain."""
-    courses = course_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
+    courses = discrepancy_columns(problem.campaign, problem.table, problem.sensitivity).shape[1]
     gone = len(problem.ways) + courses
     old = problem.whitened
     first = old.columns.shape[1] - old.nuisances

@@ -18,8 +18,8 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.evidence.surrogate import SHAPE_NODES, SIZE_NODES, Branch, branches_of
-from planner.gap.observations import mount
+from planner.gap.evidence.surrogate import SHAPE_NODES, SIZE_NODES, SignedForm, signed_forms
+from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 
@@ -39,8 +39,8 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     """Return the scored part of a document: verdict, ranking, class; nothing of where or gap."""
     effects = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id for id, e in effects.items() if untestable(e, campaign) is not None}
-    branches = branches_of([e for id, e in effects.items() if id not in reasons])
-    mounted = mount(campaign)
+    branches = signed_forms([e for id, e in effects.items() if id not in reasons])
+    mounted = observation_model(campaign)
     setups = [mounted.setup]
     for branch in branches:
         setups += [branch.form.apply(mounted.setup, v) for v in branch.node_values()]
@@ -67,7 +67,7 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     }
 
 
-def least_sum_of_squares(branch: Branch, nodes: FloatArray, residual: FloatArray) -> float:
+def least_sum_of_squares(branch: SignedForm, nodes: FloatArray, residual: FloatArray) -> float:
     """Return the least sum of squares over a grid of a branch's sizes and shapes."""
     sizes = _lagrange((0.0, *SIZE_NODES), np.linspace(branch.least, 1.0, _SIZES))[:, 1:]
     weights: FloatArray = sizes

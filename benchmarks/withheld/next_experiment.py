@@ -20,7 +20,7 @@ from planner.gap.design import Trial, trials_of
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import to_document
 from planner.gap.evidence.weigh import Priors
-from planner.gap.observations import mount
+from planner.gap.observations import observation_model
 from planner.palette import Palette
 
 __all__ = ["as_test", "equal_cost", "next_answers"]
@@ -44,7 +44,7 @@ def next_answers(
         before = to_document(diagnose(campaign, without=without))
         if len(before["class"]) < 2 or not before["next_experiments"]:
             return {"before": before}
-        trials = trials_of(campaign, mount(campaign).setup)
+        trials = trials_of(campaign, observation_model(campaign).setup)
         suggested = before["next_experiments"][0]
         first = next(t for t in trials if dict(t.change) == suggested["change"])
         # Of the campaign's own name, so that neither order nor company changes it

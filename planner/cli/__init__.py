@@ -17,7 +17,7 @@ from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
 
-__all__ = ["app", "main"]
+__all__ = ["app", "main", "run"]
 
 
 INTERRUPTED = 130

@@ -153,7 +153,7 @@ def _conditions(at: "Reference") -> "dict[str, object]":
 
 
 def _correct_report(result: "Correction", before: "Palette", doubt: str, output: Path) -> None:
-    from planner.cli.output import figure, finding, print_table, say, warn
+    from planner.cli.output import finding, format_number, print_table, say, warn
     from planner.materials.laws import make_law, secant_modulus_MPa
 
     if doubt:
@@ -168,7 +168,7 @@ def _correct_report(result: "Correction", before: "Palette", doubt: str, output:
         at = min(0.1, 0.5 * old.elongation_at_break)
         was, now = (float(secant_modulus_MPa(make_law(m.law), at)) for m in (old, new))
         rows.append(
-            [old.id, figure(was), figure(now), f"{now / was:.3f}",
+            [old.id, format_number(was), format_number(now), f"{now / was:.3f}",
              f"{100 * result.misfit[old.id]:.2f} %"]
         )  # fmt: skip
     print_table(
@@ -214,7 +214,7 @@ def design(
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
     from planner.cli.output import print_document, progress
-    from planner.gap.design import Size, design_campaign
+    from planner.gap.design import SpecimenSize, design_campaign
 
     listed = output.suffix.casefold() == ".csv"
     asked = [id.strip() for id in effects.split(",") if id.strip()]
@@ -226,7 +226,7 @@ def design(
             asked,
             budget,
             printer=machine.name,
-            size=Size(width_mm, thickness_mm, gauge_mm),
+            size=SpecimenSize(width_mm, thickness_mm, gauge_mm),
             progress=stage,
         )
     _write(made, output, listed=listed)
@@ -297,14 +297,14 @@ def _design_document(made: "CampaignDesign", output: Path) -> "dict[str, object]
 
 
 def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> None:
-    from planner.cli.output import figure, finding, print_table, say, warn
+    from planner.cli.output import finding, format_number, print_table, say, warn
 
     rows = []
     for e in made.expected:
         unit = "" if e.unit == "1" else f" {e.unit}"
-        smallest = "none" if e.smallest is None else f"{figure(e.smallest)}{unit}"
+        smallest = "none" if e.smallest is None else f"{format_number(e.smallest)}{unit}"
         rows.append(
-            [e.id, e.parameter, smallest, f"{figure(e.usual)}{unit}",
+            [e.id, e.parameter, smallest, f"{format_number(e.usual)}{unit}",
              f"{100 * min(e.probability, 0.99):.0f} %"]
         )  # fmt: skip
     count = len(made.campaign.specimens)
@@ -476,14 +476,14 @@ def simulate(
     from planner.cli.output import print_document, say, warn
     from planner.formats.files import check_target
     from planner.gap.campaign_folder import write_campaign
-    from planner.gap.virtual import imitate, read_plan_of_campaign, stated_effect
+    from planner.gap.virtual import read_design, stated_effect, synthetic_campaign
 
     check_target(output)
     machine, chosen = choose(printer, palette)
-    plan = read_plan_of_campaign(design, chosen, printer=machine.name, camera=camera)
+    plan = read_design(design, chosen, printer=machine.name, camera=camera)
     effects = [stated_effect(text, plan.palette) for text in effect or ()]
     rng = np.random.default_rng(seed)
-    made = imitate(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
+    made = synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
     write_campaign(made, output)
     if as_json:
         print_document(

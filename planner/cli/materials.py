@@ -107,7 +107,7 @@ def materials(
 
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
-    from planner.cli.output import figure, print_document, print_table
+    from planner.cli.output import format_number, print_document, print_table
     from planner.grading.profile import stiffness_scale
 
     _, chosen = choose(printer, palette)
@@ -139,8 +139,8 @@ def materials(
             [
                 material.id,
                 f"{material.coordinate:.3f}",
-                figure(modulus),
-                f"{figure(interval[0])} .. {figure(interval[1])}",
+                format_number(modulus),
+                f"{format_number(interval[0])} .. {format_number(interval[1])}",
                 f"{100 * material.elongation_at_break:.0f} %",
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
@@ -176,7 +176,7 @@ def invert(
 
     Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
     """
-    from planner.cli.output import figure, finding, print_document, print_table
+    from planner.cli.output import finding, format_number, print_document, print_table
     from planner.grading.blends import mixture_for
 
     _, chosen = choose(printer, palette)
@@ -195,14 +195,14 @@ def invert(
             ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
             [
                 [
-                    figure(mixture.target_MPa, 4),
+                    format_number(mixture.target_MPa, 4),
                     mixture.nearest,
-                    figure(mixture.nearest_modulus_MPa, 4),
+                    format_number(mixture.nearest_modulus_MPa, 4),
                     f"{100 * (mixture.nearest_modulus_MPa / mixture.target_MPa - 1):+.1f} %",
                     mixture.blend_text(),
                     f"{mixture.blend.coordinate:.4f}",
-                    figure(mixture.modulus_MPa, 4),
-                    f"{figure(mixture.interval_MPa[0])} .. {figure(mixture.interval_MPa[1])}",
+                    format_number(mixture.modulus_MPa, 4),
+                    " .. ".join(format_number(end) for end in mixture.interval_MPa),
                 ]
                 for mixture in found
             ],
@@ -214,7 +214,7 @@ def invert(
             if not mixture.reachable:
                 finding(
                     f"{mixture.target_MPa:g} MPa is out of reach: the palette goes from "
-                    f"{figure(mixture.range_MPa[0])} to {figure(mixture.range_MPa[1])} MPa; the "
+                    f"{' to '.join(format_number(end) for end in mixture.range_MPa)} MPa; the "
                     f"nearest is {mixture.nearest}"
                 )
     return 0 if all(mixture.reachable for mixture in found) else 1
@@ -307,14 +307,14 @@ def _corrections(found: "list[MaterialCharacteristics]") -> list[str]:
 
 
 def _tables(found: "list[MaterialCharacteristics]") -> None:
-    from planner.cli.output import figure, print_table
+    from planner.cli.output import format_number, print_table
 
     def value(one: "MaterialCharacteristics", name: str) -> str:
         spread: Spread | None = one.spreads.get(name)
         if spread is None:
             return "-"
         cv = "" if spread.cv is None else f" ±{100 * spread.cv:.1f} %"
-        return figure(spread.mean) + cv
+        return format_number(spread.mean) + cv
 
     secants = list(
         dict.fromkeys(name for one in found for name in one.spreads if name.startswith("secant"))
@@ -478,7 +478,7 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
 
 
 def _print_candidates(result: "PaletteStudy") -> None:
-    from planner.cli.output import figure, print_table
+    from planner.cli.output import format_number, print_table
 
     rows = []
     for material in result.palette.materials:
@@ -498,7 +498,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
                     f"{one.r2:.5f}",
                     f"{one.adjusted_r2:.5f}",
                     f"{100 * one.nrmse:.2f} %",
-                    "yes" if unstable is None else f"falls at {figure(unstable, 2)}",
+                    "yes" if unstable is None else f"falls at {format_number(unstable, 2)}",
                     f"{convergence.agreeing}/{convergence.starts}",
                 ]
             )
@@ -515,7 +515,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
 
 
 def _print_parameters(result: "PaletteStudy") -> None:
-    from planner.cli.output import figure, print_table
+    from planner.cli.output import format_number, print_table
 
     rows = []
     for material in result.palette.materials:
@@ -526,7 +526,9 @@ def _print_parameters(result: "PaletteStudy") -> None:
             ends = zip(known.law_low[symbol], known.law_high[symbol], strict=True)
             for number, (value, (low, high)) in enumerate(zip(values, ends, strict=True), start=1):
                 label = symbol if len(values) == 1 else f"{symbol} [{number}]"
-                rows.append([name, law, label, figure(value, 4), _interval(low, high), spread])
+                rows.append(
+                    [name, law, label, format_number(value, 4), _interval(low, high), spread]
+                )
                 name = law = spread = ""
     level = result.fits[result.palette.materials[0].id].uncertainty.level
     print_table(
@@ -539,11 +541,11 @@ def _print_parameters(result: "PaletteStudy") -> None:
 
 def _interval(low: float, high: float) -> str:
     """Write an interval with as many digits as tell its ends apart; an open end is said so."""
-    from planner.cli.output import figure
+    from planner.cli.output import format_number
 
     texts: list[str] = []
     for digits in (3, 4, 5, 6):
-        texts = [figure(v, digits) if math.isfinite(v) else "open" for v in (low, high)]
+        texts = [format_number(v, digits) if math.isfinite(v) else "open" for v in (low, high)]
         if texts[0] != texts[1]:
             break
     return " .. ".join(texts)

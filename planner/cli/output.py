@@ -33,8 +33,8 @@ __all__ = [
     "WidthMm",
     "choose",
     "complain",
-    "figure",
     "finding",
+    "format_number",
     "print_document",
     "print_table",
     "progress",
@@ -165,7 +165,7 @@ def _table(
     return table
 
 
-def figure(value: float, digits: int = 3) -> str:
+def format_number(value: float, digits: int = 3) -> str:
     """Write a figure with `digits` significant digits, without exponent where it reads well."""
     if value == 0.0:
         return "0"

@@ -195,7 +195,7 @@ def _blend_text(region: "Region") -> str:
 
 
 def _table(plan: "Plan") -> None:
-    from planner.cli.output import figure, print_table
+    from planner.cli.output import format_number, print_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
     field = plan.gradient.field
@@ -217,18 +217,25 @@ def _table(plan: "Plan") -> None:
                 region.printed,
                 *([_blend_text(region)] if blended else []),
                 where,
-                f"{figure(low)} .. {figure(high)}",
-                figure(region.modulus_MPa),
-                f"{figure(region.modulus_interval_MPa[0])} .. "
-                f"{figure(region.modulus_interval_MPa[1])}",
+                f"{format_number(low)} .. {format_number(high)}",
+                format_number(region.modulus_MPa),
+                f"{format_number(region.modulus_interval_MPa[0])} .. "
+                f"{format_number(region.modulus_interval_MPa[1])}",
                 f"{100 * region.error[0]:+.0f} .. {100 * region.error[1]:+.0f} %",
-                figure(region.volume_mm3, 4),
-                figure(region.mass_g),
+                format_number(region.volume_mm3, 4),
+                format_number(region.mass_g),
             ]
         )
     total = sum(r.volume_mm3 for r in plan.regions), sum(r.mass_g for r in plan.regions)
     rows.append(
-        ["", "all", *([""] if blended else []), *[""] * 5, figure(total[0], 4), figure(total[1])]
+        [
+            "",
+            "all",
+            *([""] if blended else []),
+            *[""] * 5,
+            format_number(total[0], 4),
+            format_number(total[1]),
+        ]
     )
     print_table(
         [
@@ -429,15 +436,15 @@ def _comma(found: re.Match[str]) -> str:
 
 
 def _slices_report(stack: "SliceStack", folder: Path) -> None:
-    from planner.cli.output import figure, print_table, say
+    from planner.cli.output import format_number, print_table, say
 
     x, y, z = stack.grid.pitch_mm
     total = sum(each.voxels for each in stack.materials)
     rows = [
-        [each.material, _hex(each.rgba), str(each.voxels), figure(each.volume_mm3, 4)]
+        [each.material, _hex(each.rgba), str(each.voxels), format_number(each.volume_mm3, 4)]
         for each in stack.materials
     ]
-    rows.append(["all", "", str(total), figure(total * stack.grid.voxel_mm3, 4)])
+    rows.append(["all", "", str(total), format_number(total * stack.grid.voxel_mm3, 4)])
     print_table(
         ["material", "colour", "voxels", "volume mm3"],
         rows,
@@ -589,7 +596,7 @@ def _between(text: str) -> tuple[float, float]:
 
 
 def _simulate_report(result: "Simulation", written: list[Path]) -> None:
-    from planner.cli.output import figure, finding, print_table, say, warn
+    from planner.cli.output import finding, format_number, print_table, say, warn
 
     for note in result.notes:
         warn(note)
@@ -602,11 +609,11 @@ def _simulate_report(result: "Simulation", written: list[Path]) -> None:
         ["time s", "mm", "strain", "force N", f"{100 * result.level:g} % interval", "most strain"],
         [
             [
-                figure(float(result.time_s[i]), 4),
-                figure(float(result.displacement_mm[i]), 4),
+                format_number(float(result.time_s[i]), 4),
+                format_number(float(result.displacement_mm[i]), 4),
                 f"{result.gauge_strain[i]:.4f}",
-                figure(float(result.force_N[i]), 4),
-                f"{figure(float(low[i]))} .. {figure(float(high[i]))}",
+                format_number(float(result.force_N[i]), 4),
+                f"{format_number(float(low[i]))} .. {format_number(float(high[i]))}",
                 f"{result.strain[i].max():.4f} at "
                 f"{bar.x_mm[int(result.strain[i].argmax())]:.2f} mm",
             ]

@@ -15,8 +15,6 @@ from planner.voxels.columns import Grid, dense, iterate_columns, voxelize
 
 __all__ = [
     "MOST_VERTICES",
-    "FieldGrid",
-    "LevelSets",
     "active_cells",
     "affordable_pitch_mm",
     "default_pitch_mm",
@@ -25,7 +23,6 @@ __all__ = [
     "interface_area_mm2",
     "keep_off_levels",
     "touched_cells",
-    "values_at",
 ]
 
 
@@ -123,7 +120,7 @@ def active_cells(
     return active
 
 
-def values_at(field: Field, points_mm: FloatArray) -> FloatArray:
+def _values_at(field: Field, points_mm: FloatArray) -> FloatArray:
     """Return a field at points (n, 3), (n,), verified.
 
     Raises
@@ -168,7 +165,7 @@ def field_grid(
         index = np.argwhere(wanted)
         index[:, 0] += first
         points = origin_mm + index * pitch_mm
-        found = values_at(field, points)
+        found = _values_at(field, points)
         values[first:last][wanted] = found
     return FieldGrid(origin_mm, pitch_mm, active, values)
 
@@ -245,11 +242,11 @@ def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) 
         y = (points[p, 1] - origin[1]) / pitch
         z = (points[p, 2] - origin[2]) / pitch
         i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-        found[p] = in_cube(values, i, j, k, x - i, y - j, z - k)
+        found[p] = _in_cube(values, i, j, k, x - i, y - j, z - k)
 
 
 @inner_kernel
-def in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
+def _in_cube(values: Any, i: Any, j: Any, k: Any, x: Any, y: Any, z: Any) -> Any:
     """Interpolate linearly in the tetrahedron of a cube that has the larger coordinate first."""
     low, high = values[i, j, k], values[i + 1, j + 1, k + 1]
     if x >= y:
@@ -297,7 +294,7 @@ def interface_area_mm2(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: f
     if not len(voxels):
         return 0.0
     band = np.full(inside.shape, -1, np.int32)
-    values = values_at(field, columns.grid.centre_mm(voxels))
+    values = _values_at(field, columns.grid.centre_mm(voxels))
     band[tuple(voxels.T)] = np.searchsorted(levels, values, side="right")
     crossings = 0
     for axis in range(3):

@@ -11,7 +11,6 @@ from planner.mesh.mesh import connected, order_edges
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = [
-    "Edges",
     "Lattice",
     "Meetings",
     "OrderedPoints",
@@ -22,6 +21,7 @@ __all__ = [
     "meet",
     "order_points",
     "piece_of_vertices",
+    "volume_sign",
 ]
 
 
@@ -82,7 +82,7 @@ def volume_sign(nx: Any, ny: Any, nz: Any, dx: Any, dy: Any, dz: Any) -> Any:
 
 
 @inner_kernel
-def first_sign(nx: Any, ny: Any, nz: Any) -> Any:
+def _first_sign(nx: Any, ny: Any, nz: Any) -> Any:
     """Sign of n . (ε, ε², ε³)."""
     for n in (nx, ny, nz):
         if n != 0:
@@ -91,7 +91,7 @@ def first_sign(nx: Any, ny: Any, nz: Any) -> Any:
 
 
 @inner_kernel
-def side_of_level(level: Any, corner: Any, points: Any, at: Any, normal: Any) -> Any:
+def _side_of_level(level: Any, corner: Any, points: Any, at: Any, normal: Any) -> Any:
     """Tell on which side of a face of the level sets, moved, a vertex of the part lies."""
     nx, ny, nz = normal
     sign = volume_sign(
@@ -100,11 +100,11 @@ def side_of_level(level: Any, corner: Any, points: Any, at: Any, normal: Any) ->
         points[at, 1] - level[corner, 1],
         points[at, 2] - level[corner, 2],
     )  # fmt: skip
-    return sign if sign != 0 else -first_sign(nx, ny, nz)
+    return sign if sign != 0 else -_first_sign(nx, ny, nz)
 
 
 @inner_kernel
-def side_of_part(points: Any, corner: Any, level: Any, at: Any, normal: Any) -> Any:
+def _side_of_part(points: Any, corner: Any, level: Any, at: Any, normal: Any) -> Any:
     """Tell on which side of a face of the part a vertex of the level sets, moved, lies."""
     nx, ny, nz = normal
     sign = volume_sign(
@@ -113,11 +113,11 @@ def side_of_part(points: Any, corner: Any, level: Any, at: Any, normal: Any) -> 
         level[at, 1] - points[corner, 1],
         level[at, 2] - points[corner, 2],
     )  # fmt: skip
-    return sign if sign != 0 else first_sign(nx, ny, nz)
+    return sign if sign != 0 else _first_sign(nx, ny, nz)
 
 
 @inner_kernel
-def turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> Any:
+def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> Any:
     """Sign of (q - p) x (v - u) . (u - p) for an edge of the part and one of the level sets."""
     ax, ay, az = (
         points[q, 0] - points[p, 0],
@@ -130,11 +130,11 @@ def turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> An
         nx, ny, nz,
         level[u, 0] - points[p, 0], level[u, 1] - points[p, 1], level[u, 2] - points[p, 2],
     )  # fmt: skip
-    return sign if sign != 0 else first_sign(nx, ny, nz)
+    return sign if sign != 0 else _first_sign(nx, ny, nz)
 
 
 @inner_kernel
-def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
+def _face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
     """Return the normal of a triangle of integer positions, twice its area long."""
     ux, uy, uz = (
         points[b, 0] - points[a, 0],
@@ -297,7 +297,7 @@ def _meet(
             if fresh:
                 fresh = False
                 a0, a1, a2 = a_faces[t, 0], a_faces[t, 1], a_faces[t, 2]
-                normal = face_normal(a, a0, a1, a2)
+                normal = _face_normal(a, a0, a1, a2)
                 for d in range(3):
                     low[d] = min(a[a0, d], min(a[a1, d], a[a2, d]))
                     high[d] = max(a[a0, d], max(a[a1, d], a[a2, d]))
@@ -314,20 +314,20 @@ def _meet(
                     continue
                 other_side = 0
                 for j in range(3):
-                    others[j] = side_of_part(a, a0, b, b_faces[p, j], normal)
+                    others[j] = _side_of_part(a, a0, b, b_faces[p, j], normal)
                     other_side += others[j]
                 if abs(other_side) == 3:
                     continue
-                b_normal = face_normal(b, b0, b1, b2)
+                b_normal = _face_normal(b, b0, b1, b2)
                 side = 0
                 for j in range(3):
-                    sides[j] = side_of_level(b, b0, a, a_faces[t, j], b_normal)
+                    sides[j] = _side_of_level(b, b0, a, a_faces[t, j], b_normal)
                     side += sides[j]
                 if abs(side) == 3:
                     continue
                 for i in range(3):
                     for j in range(3):
-                        turns[i, j] = turn_of_edges(
+                        turns[i, j] = _turn_of_edges(
                             a, a_faces[t, i], a_faces[t, (i + 1) % 3],
                             b, b_faces[p, j], b_faces[p, (j + 1) % 3],
                         )  # fmt: skip
@@ -548,14 +548,14 @@ def _cast(
                     if stamp[t] == s:
                         continue
                     stamp[t] = s
-                    normal = face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
-                    s0 = side_of_part(a, a_faces[t, 0], b, v, normal)
-                    s1 = side_of_part(a, a_faces[t, 0], b, end, normal)
+                    normal = _face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
+                    s0 = _side_of_part(a, a_faces[t, 0], b, v, normal)
+                    s1 = _side_of_part(a, a_faces[t, 0], b, end, normal)
                     if s0 == s1:
                         continue
-                    t0 = turn_of_edges(a, a_faces[t, 0], a_faces[t, 1], b, v, end)
-                    t1 = turn_of_edges(a, a_faces[t, 1], a_faces[t, 2], b, v, end)
-                    t2 = turn_of_edges(a, a_faces[t, 2], a_faces[t, 0], b, v, end)
+                    t0 = _turn_of_edges(a, a_faces[t, 0], a_faces[t, 1], b, v, end)
+                    t1 = _turn_of_edges(a, a_faces[t, 1], a_faces[t, 2], b, v, end)
+                    t2 = _turn_of_edges(a, a_faces[t, 2], a_faces[t, 0], b, v, end)
                     if t0 == t1 and t1 == t2:
                         inside += 1 if s1 > 0 else -1
         found[s] = 1 if inside > 0 else 0

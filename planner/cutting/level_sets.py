@@ -42,16 +42,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
-__all__ = [
-    "ATTEMPTS",
-    "FIRST_SHIFT",
-    "DividedField",
-    "Loops",
-    "divide_along",
-    "fill_loops",
-    "split_curved",
-    "walk_faces",
-]
+__all__ = ["FIRST_SHIFT", "split_curved"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -91,7 +82,7 @@ class Loops:
         return Loops(nodes[kept], starts.astype(np.int32), self.face, self.label, self.broken)
 
 
-def walk_faces(
+def _walk_faces(
     surface: Surface, labels: NDArray[np.int32], ordered: OrderedPoints, way: NDArray[np.int8],
     step_level: NDArray[np.int32], segment: NDArray[np.int32], segment_face: NDArray[np.int32],
     segment_level: NDArray[np.int32],
@@ -234,7 +225,7 @@ def _add(
 _MOST_COVERED = 24  # corners of a loop whose triangulations are compared
 
 
-def fill_loops(
+def _fill_loops(
     loops: Loops, points_mm: Float32Array, normals: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Triangulate what loops enclose; loops of one face and label enclose it together.
@@ -393,7 +384,7 @@ class DividedField:
     broken: int
 
 
-def divide_along(
+def _divide_along(
     mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float, shift: FloatArray
 ) -> DividedField:
     """Divide a part along the level sets of a field, drawn on one grid.
@@ -432,11 +423,11 @@ def divide_along(
     )
     level_of = level_of.astype(np.int32)
     between = sets.level[meetings.segment_level]
-    part_loops = walk_faces(
+    part_loops = _walk_faces(
         part, piece, on_part, meetings.way, level_of, meetings.segment, meetings.segment_part,
         between,
     )  # fmt: skip
-    level_loops = walk_faces(
+    level_loops = _walk_faces(
         level, inside, on_level, meetings.way, np.zeros_like(level_of), meetings.segment,
         meetings.segment_level, np.zeros_like(between),
     )  # fmt: skip
@@ -488,7 +479,7 @@ def _divided(
     normals = np.zeros((len(faces), 3))
     corners = pool[number[faces[cut]]].astype(np.float64)
     normals[cut] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    new, label, source = fill_loops(loops.joined(number), pool, normals)
+    new, label, source = _fill_loops(loops.joined(number), pool, normals)
     found = np.concatenate([number[faces[whole]], new])
     label = np.concatenate([labels[faces[whole, 0]], label])
     source = np.concatenate([np.flatnonzero(whole), source])
@@ -524,13 +515,13 @@ def _cancel_by(faces: NDArray[np.int32], label: NDArray[np.int32]) -> NDArray[np
 # Divide a part along curved level sets, and make sure that every shell is closed.
 
 
-ATTEMPTS = 12
+_ATTEMPTS = 12
 """Grids to try: the second is needed where a level lies in a face or edge, a fifth hardly ever."""
 
 FIRST_SHIFT = np.array([0.3702, 0.2131, 0.5316])
-"""Of the first grid; see `planner.cutting.level_sets.divide_along`."""
+"""Of the first grid; see `planner.cutting.level_sets._divide_along`."""
 
-THIN_ATTEMPTS = 4
+_THIN_ATTEMPTS = 4
 """Of these, how many may go to triangles so thin that some readers drop them."""
 
 _READ_MM = 1.5e-8  # trimesh drops triangles lower than 1e-8 mm
@@ -564,12 +555,12 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
             f"{MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
         )
     best: tuple[int, DividedField] | None = None
-    for attempt in range(ATTEMPTS):
-        if best is not None and attempt >= THIN_ATTEMPTS:
+    for attempt in range(_ATTEMPTS):
+        if best is not None and attempt >= _THIN_ATTEMPTS:
             break
         shift = (FIRST_SHIFT + attempt * _STEP) % 1.0
         moved = levels + _moved(attempt) * pitch_mm / max(float(extent_mm.max()), pitch_mm)
-        found = divide_along(mesh, field, moved, pitch_mm, shift)
+        found = _divide_along(mesh, field, moved, pitch_mm, shift)
         if found.broken or not _shells_close(found, len(levels) + 1):
             continue
         thin = _thin(found, len(mesh.vertices))

@@ -11,16 +11,7 @@ from planner.errors import MeshError
 from planner.mesh.mesh import Mesh, cancel_opposite, order_rows, row_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
-__all__ = [
-    "Divided",
-    "caps",
-    "divide",
-    "first_unfilled",
-    "flip_thin",
-    "side_clashes",
-    "snap_distance_mm",
-    "split_sides",
-]
+__all__ = ["LATTICE_MM", "caps", "divide", "flip_thin", "snap_distance_mm", "squared_height"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -37,7 +28,7 @@ that near zero, so new points are first rounded to this lattice."""
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
+class DividedSurface:
     """The surface of a part, divided by planes.
 
     Attributes
@@ -75,7 +66,7 @@ def snap_distance_mm(bounds_mm: FloatArray) -> float:
     return 2.0 * max(float(np.spacing(largest)), LATTICE_MM)
 
 
-def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
+def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSurface:
     """Divide a mesh of float32 positions by the planes n . x = offset.
 
     Parameters
@@ -140,7 +131,7 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> Divided:
         touched = np.flatnonzero(merged[faces].any(axis=1))
         doubled = touched[~_cancel_in_pieces(faces[touched], piece[touched])]
         faces, piece = np.delete(faces, doubled, axis=0), np.delete(piece, doubled)
-    return Divided(vertices, faces, piece, segment, segment_plane, segment_below)
+    return DividedSurface(vertices, faces, piece, segment, segment_plane, segment_below)
 
 
 def _cancel_in_pieces(faces: NDArray[np.int32], piece: NDArray[np.int32]) -> BoolArray:
@@ -303,7 +294,7 @@ def squared_height(pool: Any, a: Any, b: Any, c: Any) -> Any:
 # Mend a planar triangulation: thin triangles, and sides that the surface already has.
 
 
-THIN_MM = LATTICE_MM / 4
+_THIN_MM = LATTICE_MM / 4
 """Readers drop triangles lower than 1e-8 mm and so open a surface; float32 cannot promise more
 than the spacing of its values, so what is lower than this is worth a flip."""
 
@@ -325,9 +316,9 @@ def flip_thin(vertices: Float32Array, faces: NDArray[np.int32], *, flat: bool = 
     square = np.maximum((u * u).sum(axis=1), (v * v).sum(axis=1))
     square = np.maximum(square, ((v - u) ** 2).sum(axis=1))
     doubled = (np.cross(u, v) ** 2).sum(axis=1)
-    thin = np.flatnonzero(doubled < THIN_MM**2 * np.where(square > 0.0, square, 1.0))
+    thin = np.flatnonzero(doubled < _THIN_MM**2 * np.where(square > 0.0, square, 1.0))
     if len(thin):
-        _flip(vertices, faces, thin, np.inf if flat else THIN_MM**2)
+        _flip(vertices, faces, thin, np.inf if flat else _THIN_MM**2)
 
 
 @kernel
@@ -419,13 +410,13 @@ def _find(table: Any, a: Any, b: Any) -> Any:
     return slot
 
 
-def first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:
+def _first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:
     """Find where caps and the surface below them do not close.
 
     Parameters
     ----------
     faces, segment, below
-        As for `side_clashes`.
+        As for `_side_clashes`.
 
     Returns
     -------
@@ -439,7 +430,7 @@ def first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: 
     return int(min(tails[order[odd[0]]], heads[order[odd[0]]])) if len(odd) else -1
 
 
-def side_clashes(
+def _side_clashes(
     faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray
 ) -> NDArray[np.intp]:
     """Find inner sides of caps that the surface, or another cap triangle, has already.
@@ -478,7 +469,7 @@ def _key(sides: NDArray[np.int32]) -> NDArray[np.int64]:
     return (sides[:, 0].astype(np.int64) << 32) + sides[:, 1]
 
 
-def split_sides(
+def _split_sides(
     vertices: Float32Array,
     faces: NDArray[np.int32],
     level: NDArray[np.int32],
@@ -493,7 +484,7 @@ def split_sides(
     faces, level : (m, 3) int32, (m,) int32
         Cap triangles and their planes.
     sides : (r,) int
-        Sides as `side_clashes` gives them; of a face or its neighbour at most one is divided.
+        Sides as `_side_clashes` gives them; of a face or its neighbour at most one is divided.
 
     Returns
     -------
@@ -543,12 +534,12 @@ def split_sides(
 # Close the pieces of a divided surface: one triangulation a plane, shared by both sides.
 
 
-ROUNDS = 8
+_ROUNDS = 8
 """Splitting a side at most this often; once has been enough wherever it was needed."""
 
 
 def caps(
-    divided: Divided, normal: FloatArray
+    divided: DividedSurface, normal: FloatArray
 ) -> tuple[Float32Array, NDArray[np.int32], NDArray[np.int32]]:
     """Triangulate every plane's cross-section between the vertices of its outline.
 
@@ -592,22 +583,22 @@ def caps(
         )
     cap_faces, cap_level = _triangulate(points, corners, starts, loop_plane)
     flip_thin(divided.vertices, cap_faces)
-    unfilled = first_unfilled(cap_faces, divided.segment, divided.segment_below)
+    unfilled = _first_unfilled(cap_faces, divided.segment, divided.segment_below)
     if unfilled >= 0:
         raise MeshError(
             f"the cross-section near {_place(divided, unfilled)} cannot be divided into triangles: "
             "its outline crosses itself; repair the mesh, or move the level"
         )
     vertices = divided.vertices
-    for _ in range(ROUNDS):
-        sides = side_clashes(cap_faces, divided.segment, divided.segment_below)
+    for _ in range(_ROUNDS):
+        sides = _side_clashes(cap_faces, divided.segment, divided.segment_below)
         if len(sides) == 0:
             break
-        vertices, cap_faces, cap_level = split_sides(vertices, cap_faces, cap_level, sides)
+        vertices, cap_faces, cap_level = _split_sides(vertices, cap_faces, cap_level, sides)
     return vertices, cap_faces, cap_level
 
 
-def _place(divided: Divided, vertex: int) -> str:
+def _place(divided: DividedSurface, vertex: int) -> str:
     """Write a vertex's position for a message."""
     x, y, z = divided.vertices[vertex].tolist()
     return f"({x:.6g}, {y:.6g}, {z:.6g}) mm"

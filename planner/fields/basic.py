@@ -15,25 +15,25 @@ from planner.numerics import BoolArray, FloatArray
 
 __all__ = [
     "AxisField",
-    "Ball",
+    "BallRegion",
     "BlendField",
-    "Box",
+    "BoxRegion",
     "ClampField",
     "DistanceField",
     "Field",
+    "FieldRegion",
     "FunctionField",
     "HalfSpace",
-    "Inside",
     "LineField",
     "MaximumField",
     "MinimumField",
     "PlanarField",
     "PointField",
     "Ramp",
-    "Region",
     "axis_field",
     "faces_within",
     "inside_mesh",
+    "project",
     "smooth_patch",
 ]
 
@@ -42,8 +42,8 @@ __all__ = [
 # The field along a straight direction.
 
 
-UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-ALLOWED = 'x, y, z, -x, -y, -z, or three numbers such as "1,0,1"'
+_UNITS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_ALLOWED = 'x, y, z, -x, -y, -z, or three numbers such as "1,0,1"'
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
     start_mm, end_mm = float(extent.min()), float(extent.max())
     if not end_mm > start_mm:
         raise ArgumentError(
-            f"axis {axis!r}: the part is flat along it (0 mm); choose another axis: {ALLOWED}"
+            f"axis {axis!r}: the part is flat along it (0 mm); choose another axis: {_ALLOWED}"
         )
     return AxisField(direction, start_mm, end_mm - start_mm)
 
@@ -132,9 +132,9 @@ def _direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
         text = axis.strip().lower()
-        if text.lstrip("+-") in UNITS and len(text) <= 2:
+        if text.lstrip("+-") in _UNITS and len(text) <= 2:
             sign = -1.0 if text[0] == "-" else 1.0
-            x, y, z = (sign * component + 0.0 for component in UNITS[text[-1]])
+            x, y, z = (sign * component + 0.0 for component in _UNITS[text[-1]])
             return x, y, z
         parts: Sequence[object] = text.split(",")
     else:
@@ -144,12 +144,12 @@ def _direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     except (TypeError, ValueError):
         components = []
     if len(components) != 3:
-        raise ArgumentError(f"axis {axis!r} is not a direction; allowed are {ALLOWED}")
+        raise ArgumentError(f"axis {axis!r} is not a direction; allowed are {_ALLOWED}")
     if not all(map(math.isfinite, components)):
-        raise ArgumentError(f"axis {axis!r} has a component that is not finite; use {ALLOWED}")
+        raise ArgumentError(f"axis {axis!r} has a component that is not finite; use {_ALLOWED}")
     largest = max(map(abs, components))
     if largest == 0.0:
-        raise ArgumentError(f"axis {axis!r} has length zero; use {ALLOWED}")
+        raise ArgumentError(f"axis {axis!r} has length zero; use {_ALLOWED}")
     x, y, z = (component / largest for component in components)
     length = math.sqrt(x * x + y * y + z * z)
     return x / length + 0.0, y / length + 0.0, z / length + 0.0
@@ -232,7 +232,7 @@ class Ramp:
 # The distance from a point or from a line.
 
 
-Point = tuple[float, float, float]
+_Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class PointField:
         Radii at which the gradient starts and ends.
     """
 
-    centre_mm: Point
+    centre_mm: _Point
     ramp: Ramp
 
     @property
@@ -277,8 +277,8 @@ class LineField:
         Radii at which the gradient starts and ends.
     """
 
-    point_mm: Point
-    direction: Point
+    point_mm: _Point
+    direction: _Point
     ramp: Ramp
 
     @property
@@ -480,7 +480,7 @@ def faces_within(mesh: Mesh, low_mm: FloatArray, high_mm: FloatArray) -> Mesh:
 # Regions of space that fields start from or end at.
 
 
-class Region(Protocol):
+class FieldRegion(Protocol):
     """A set of points."""
 
     def holds(self, points_mm: FloatArray) -> BoolArray:
@@ -493,11 +493,11 @@ class Region(Protocol):
 
 
 @dataclass(frozen=True)
-class Box:
+class BoxRegion:
     """What lies between two corners."""
 
-    low_mm: Point
-    high_mm: Point
+    low_mm: _Point
+    high_mm: _Point
 
     def holds(self, points_mm: FloatArray) -> BoolArray:
         """Tell which points (n, 3) lie in it."""
@@ -510,10 +510,10 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Ball:
+class BallRegion:
     """What lies within a radius of a point."""
 
-    centre_mm: Point
+    centre_mm: _Point
     radius_mm: float
 
     def holds(self, points_mm: FloatArray) -> BoolArray:
@@ -530,8 +530,8 @@ class Ball:
 class HalfSpace:
     """What lies beyond a plane, where its normal points."""
 
-    point_mm: Point
-    normal: Point
+    point_mm: _Point
+    normal: _Point
 
     def holds(self, points_mm: FloatArray) -> BoolArray:
         """Tell which points (n, 3) lie in it."""

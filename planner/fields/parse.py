@@ -14,12 +14,13 @@ import numpy as np
 from planner.errors import ArgumentError, MeshError, nearest_names
 from planner.fields.basic import (
     AxisField,
-    Ball,
+    BallRegion,
     BlendField,
-    Box,
+    BoxRegion,
     ClampField,
     DistanceField,
     Field,
+    FieldRegion,
     FunctionField,
     HalfSpace,
     LineField,
@@ -27,7 +28,6 @@ from planner.fields.basic import (
     MinimumField,
     PointField,
     Ramp,
-    Region,
     axis_field,
     faces_within,
     inside_mesh,
@@ -50,26 +50,16 @@ from planner.mesh.part import make_part
 from planner.numerics import FloatArray
 from planner.voxels.columns import Grid
 
-__all__ = [
-    "FUNCTIONS",
-    "KINDS",
-    "VARIABLES",
-    "ExpressionField",
-    "FieldArguments",
-    "Setting",
-    "build_field",
-    "mesh_in_place",
-    "parse_expression",
-]
+__all__ = ["ExpressionField", "Setting", "build_field", "parse_expression"]
 
 
 # ------------------------------------------------------------------------------------------------
 # A formula of position, read by planner itself: nothing of it is run as Python.
 
 
-Value = FloatArray | float
+_Value = FloatArray | float
 
-VARIABLES: Mapping[str, str] = MappingProxyType(
+_VARIABLES: Mapping[str, str] = MappingProxyType(
     {
         "x": "mm, in the part's own coordinates",
         "y": "mm",
@@ -80,7 +70,7 @@ VARIABLES: Mapping[str, str] = MappingProxyType(
     }
 )
 _CONSTANTS = MappingProxyType({"pi": np.pi, "e": np.e})
-FUNCTIONS: Mapping[str, tuple[int, Callable[..., Value]]] = MappingProxyType(
+_FUNCTIONS: Mapping[str, tuple[int, Callable[..., _Value]]] = MappingProxyType(
     {
         "sin": (1, np.sin), "cos": (1, np.cos), "tan": (1, np.tan), "asin": (1, np.arcsin),
         "acos": (1, np.arccos), "atan": (1, np.arctan), "atan2": (2, np.arctan2),
@@ -89,7 +79,7 @@ FUNCTIONS: Mapping[str, tuple[int, Callable[..., Value]]] = MappingProxyType(
         "min": (2, np.minimum), "max": (2, np.maximum), "clamp": (3, np.clip),
     }
 )  # fmt: skip
-_BINARY: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = MappingProxyType(
+_BINARY: Mapping[type[ast.operator], Callable[[_Value, _Value], _Value]] = MappingProxyType(
     {
         ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.true_divide,
         ast.Pow: np.power, ast.Mod: np.mod,
@@ -97,7 +87,7 @@ _BINARY: Mapping[type[ast.operator], Callable[[Value, Value], Value]] = MappingP
 )  # fmt: skip
 _LONGEST, _FORMULA_DEEPEST, _LARGEST = 1000, 60, 1e300
 
-Supply = Mapping[str, Callable[[FloatArray], FloatArray]]
+_Supply = Mapping[str, Callable[[FloatArray], FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -116,7 +106,7 @@ class ExpressionField:
 
     text: str
     origin_mm: tuple[float, float, float]
-    supply: Supply = field(repr=False, compare=False, default_factory=dict)
+    supply: _Supply = field(repr=False, compare=False, default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -128,7 +118,7 @@ class ExpressionField:
         points = np.asarray(points_mm, dtype=np.float64)
         tree = parse_expression(self.text)
         x, y, z = (points - np.array(self.origin_mm)).T
-        known: dict[str, Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
+        known: dict[str, _Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         if "r" in used:
             known["r"] = np.sqrt(x * x + y * y)
@@ -176,11 +166,11 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         case ast.Constant(value=int() | float() as number) if abs(number) < _LARGEST:
             return
         case ast.Name(id=name):
-            if name in VARIABLES or name in _CONSTANTS:
+            if name in _VARIABLES or name in _CONSTANTS:
                 return
             raise ArgumentError(
-                f"expression {text!r}: {name} is unknown; {_near(name, [*VARIABLES, *_CONSTANTS])}"
-                f"variables are {', '.join([*VARIABLES, *_CONSTANTS])}"
+                f"expression {text!r}: {name} is unknown; {_near(name, [*_VARIABLES, *_CONSTANTS])}"
+                f"variables are {', '.join([*_VARIABLES, *_CONSTANTS])}"
             )
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             _check(operand, text, depth + 1)
@@ -190,14 +180,14 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
             _check(right, text, depth + 1)
             return
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            if name not in FUNCTIONS:
+            if name not in _FUNCTIONS:
                 raise ArgumentError(
                     f"expression {text!r}: there is no function {name}; "
-                    f"{_near(name, list(FUNCTIONS))}functions are {', '.join(FUNCTIONS)}"
+                    f"{_near(name, list(_FUNCTIONS))}functions are {', '.join(_FUNCTIONS)}"
                 )
-            if len(arguments) != FUNCTIONS[name][0]:
+            if len(arguments) != _FUNCTIONS[name][0]:
                 raise ArgumentError(
-                    f"expression {text!r}: {name} takes {FUNCTIONS[name][0]} arguments, and got "
+                    f"expression {text!r}: {name} takes {_FUNCTIONS[name][0]} arguments, and got "
                     f"{len(arguments)}"
                 )
             for argument in arguments:
@@ -219,7 +209,7 @@ def _near(name: str, known: list[str]) -> str:
     return f"did you mean {near[0]}? " if near else ""
 
 
-def _value(node: ast.expr, known: Mapping[str, Value]) -> Value:
+def _value(node: ast.expr, known: Mapping[str, _Value]) -> _Value:
     match node:
         case ast.Constant(value=int() | float() as number):
             return float(number)
@@ -231,7 +221,7 @@ def _value(node: ast.expr, known: Mapping[str, Value]) -> Value:
         case ast.BinOp(op=operator, left=left, right=right):
             return _BINARY[type(operator)](_value(left, known), _value(right, known))
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name][1](*(_value(argument, known) for argument in arguments))
+            return _FUNCTIONS[name][1](*(_value(argument, known) for argument in arguments))
         case _:
             raise ArgumentError(f"{type(node).__name__} is no part of a formula")
 
@@ -246,7 +236,7 @@ _REGIONS = (
     "where N points), or a closed mesh file"
 )
 
-Point = tuple[float, float, float]
+_PointMm = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -268,11 +258,11 @@ class FieldArguments:
     kind: str
     words: tuple[str, ...]
     named: dict[str, str]
-    origin_mm: Point
+    origin_mm: _PointMm
 
     @classmethod
     def parse(
-        cls, kind: str, text: str, keys: Collection[str], origin_mm: Point, words: int = 0
+        cls, kind: str, text: str, keys: Collection[str], origin_mm: _PointMm, words: int = 0
     ) -> "FieldArguments":
         """Split at commas, and refuse keys that the field does not have.
 
@@ -331,21 +321,21 @@ class FieldArguments:
         """
         return self._numbers(self.named[key], f"{key}=", count)
 
-    def point(self, key: str) -> Point:
+    def point(self, key: str) -> _PointMm:
         """Return a position as placed for printing."""
         x, y, z = self.numbers(key, 3)
         return self._placed(x, y, z)
 
-    def line(self, key: str) -> tuple[Point, Point]:
+    def line(self, key: str) -> tuple[_PointMm, _PointMm]:
         """Return a position as placed, and a unit direction."""
         x, y, z, a, b, c = self.numbers(key, 6)
         return self._placed(x, y, z), self._unit((a, b, c), f"{key}=")
 
-    def box(self, key: str) -> Box:
+    def box(self, key: str) -> BoxRegion:
         """Return a box as placed."""
         return self._box(self.numbers(key, 6))
 
-    def region(self, key: str) -> Region:
+    def region(self, key: str) -> FieldRegion:
         """Return a region as placed.
 
         Raises
@@ -370,12 +360,12 @@ class FieldArguments:
             x, y, z, radius = self._numbers(rest, what, 4)
             if radius <= 0.0:
                 raise ArgumentError(f"field {self.kind}: {what} has a radius of {radius:g} mm")
-            return Ball(self._placed(x, y, z), radius)
+            return BallRegion(self._placed(x, y, z), radius)
         if word == "plane":
             x, y, z, a, b, c = self._numbers(rest, what, 6)
             return HalfSpace(self._placed(x, y, z), self._unit((a, b, c), what))
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
-            mesh, sha256 = mesh_in_place(Path(text), self.origin_mm)
+            mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
             return inside_mesh(mesh, Path(text).name, sha256)
         raise ArgumentError(f"field {self.kind}: {what}{text!r} is no region; it may be {_REGIONS}")
 
@@ -391,23 +381,23 @@ class FieldArguments:
             )
         return found
 
-    def _placed(self, x: float, y: float, z: float) -> Point:
+    def _placed(self, x: float, y: float, z: float) -> _PointMm:
         a, b, c = self.origin_mm
         return x + a, y + b, z + c
 
-    def _unit(self, direction: Point, what: str) -> Point:
+    def _unit(self, direction: _PointMm, what: str) -> _PointMm:
         length = math.hypot(*direction)
         if length == 0.0:
             raise ArgumentError(f"field {self.kind}: {what} has a direction of length zero")
         a, b, c = direction
         return a / length, b / length, c / length
 
-    def _box(self, corners: list[float]) -> Box:
+    def _box(self, corners: list[float]) -> BoxRegion:
         low, high = np.minimum(corners[:3], corners[3:]), np.maximum(corners[:3], corners[3:])
-        return Box(self._placed(*low.tolist()), self._placed(*high.tolist()))
+        return BoxRegion(self._placed(*low.tolist()), self._placed(*high.tolist()))
 
 
-def mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
+def _mesh_in_place(path: Path, origin_mm: _PointMm, *, closed: bool = True) -> tuple[Mesh, str]:
     """Read a mesh that lies in the part's own coordinates, moved to where the part is placed.
 
     Raises
@@ -448,7 +438,7 @@ class Setting:
     """
 
     mesh: Mesh
-    origin_mm: Point
+    origin_mm: _PointMm
     pitch_mm: float
 
     @cached_property
@@ -529,7 +519,7 @@ def _distance(text: str, setting: Setting) -> Field:
         tree, origin, signed = setting.surface, {"of": "surface"}, 1
     else:
         file = Path(given.words[0])
-        mesh, sha256 = mesh_in_place(file, setting.origin_mm, closed=False)
+        mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
         tree, origin = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
     plain = DistanceField(origin, Ramp(0.0, 1.0), tree, signed)
     if signed and "from" not in given.named:
@@ -607,7 +597,7 @@ def _points(text: str, setting: Setting) -> Field:
     )
 
 
-KINDS: Mapping[str, Callable[[str, Setting], Field]] = MappingProxyType(
+_KINDS: Mapping[str, Callable[[str, Setting], Field]] = MappingProxyType(
     {
         "axis": _axis,
         "radial": _radial,
@@ -666,15 +656,15 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
         return _RULES[composed[1]](_parts(composed[2]), text, setting, depth + 1)
     named = _NAMED.match(text)
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
-    if named is None or name not in KINDS:
-        known = [*KINDS, *_RULES]
+    if named is None or name not in _KINDS:
+        known = [*_KINDS, *_RULES]
         near = nearest_names(name, known)
         hint = f"did you mean {near[0]}? " if near else ""
         raise ArgumentError(
             f"--field {text.strip()!r}: there is no field {name!r}; {hint}there are "
-            f"{', '.join(KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
+            f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
         )
-    return KINDS[name](named[2] or "", setting)
+    return _KINDS[name](named[2] or "", setting)
 
 
 def _parts(text: str) -> list[str]:

@@ -6,26 +6,19 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.fields.basic import Ramp, Region
+from planner.fields.basic import FieldRegion, Ramp
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
 __all__ = [
-    "MOST_CELLS",
     "CellValues",
-    "GeodesicField",
-    "HarmonicField",
-    "PointsField",
     "TableField",
     "cells_of",
     "geodesic_field",
     "harmonic_field",
     "points_field",
-    "reached_cells",
-    "solve_laplace",
     "solve_pitch_mm",
-    "spread_values",
 ]
 
 
@@ -33,7 +26,7 @@ __all__ = [
 # Values at the cells of a grid that lie in the part, as a field.
 
 
-MOST_CELLS = 3_000_000
+_MOST_CELLS = 3_000_000
 """Of the part's box, for what is solved over all of it."""
 
 _CRUMB = 1e-3  # of all cells
@@ -65,9 +58,9 @@ class CellValues:
 
 
 def solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
-    """Return the pitch to solve at: that of the shells, or as fine as `MOST_CELLS` allow."""
+    """Return the pitch to solve at: that of the shells, or as fine as `_MOST_CELLS` allow."""
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    return max(pitch_mm, float(np.cbrt(extent_mm.prod() / MOST_CELLS)))
+    return max(pitch_mm, float(np.cbrt(extent_mm.prod() / _MOST_CELLS)))
 
 
 def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
@@ -79,7 +72,7 @@ def cells_of(mesh: Mesh, pitch_mm: float) -> tuple[Grid, BoolArray]:
     return grid, np.ascontiguousarray(dense(voxelize(mesh, pitch_mm, shortest=1)))
 
 
-def reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
+def _reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntArray | None]:
     """Keep the cells that are connected to seeds.
 
     Returns
@@ -104,7 +97,7 @@ def reached_cells(inside: BoolArray, seeds: BoolArray) -> tuple[BoolArray, IntAr
     return np.asarray(known[body]), None
 
 
-def spread_values(values: FloatArray, known: BoolArray, layers: int = 3) -> None:
+def _spread_values(values: FloatArray, known: BoolArray, layers: int = 3) -> None:
     """Continue values, in place, into a few layers of cells around those that are known.
 
     Each new cell takes the mean of its known neighbours; what lies farther takes the mean of all.
@@ -172,7 +165,7 @@ def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) 
 # The field of a steady flow between two regions: gradients that follow a bent part.
 
 
-Point = tuple[float, float, float]
+_Point = tuple[float, float, float]
 
 _COARSEST = 20_000  # cells; below, nothing is gained by a coarser grid
 _PRECISION = 1e-7  # of the field's range, root mean square of the residual
@@ -195,8 +188,8 @@ class HarmonicField:
         The solution.
     """
 
-    start: Region
-    end: Region
+    start: FieldRegion
+    end: FieldRegion
     pitch_mm: float
     cells: CellValues = field(repr=False, compare=False)
 
@@ -220,7 +213,11 @@ class HarmonicField:
 
 
 def harmonic_field(
-    mesh: Mesh, start: Region, end: Region, pitch_mm: float, origin_mm: Point = (0.0, 0.0, 0.0)
+    mesh: Mesh,
+    start: FieldRegion,
+    end: FieldRegion,
+    pitch_mm: float,
+    origin_mm: _Point = (0.0, 0.0, 0.0),
 ) -> HarmonicField:
     """Solve for the field between two regions of a part.
 
@@ -250,24 +247,24 @@ def harmonic_field(
         )
     fixed = np.full(inside.shape, np.nan)
     fixed[tuple(index[first].T)], fixed[tuple(index[second].T)] = 0.0, 1.0
-    reached, lost = reached_cells(inside, np.isfinite(fixed))
+    reached, lost = _reached_cells(inside, np.isfinite(fixed))
     if lost is not None:
         x, y, z = (grid.centre_mm(lost) - origin_mm).tolist()
         raise ArgumentError(
             f"field harmonic: the body at ({x:.4g}, {y:.4g}, {z:.4g}) mm touches neither region; "
             "name a region in each body, or take a finer --pitch if a wall is thinner than a cell"
         )
-    values = solve_laplace(reached, fixed)
-    spread_values(values, reached)
+    values = _solve_laplace(reached, fixed)
+    _spread_values(values, reached)
     return HarmonicField(start, end, pitch_mm, CellValues(grid, values))
 
 
-def _box(mesh: Mesh, origin_mm: Point) -> str:
+def _box(mesh: Mesh, origin_mm: _Point) -> str:
     low, high = mesh.bounds_mm - origin_mm
     return " to ".join(f"({p[0]:.4g}, {p[1]:.4g}, {p[2]:.4g})" for p in (low, high)) + " mm"
 
 
-def solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
+def _solve_laplace(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     """Solve Laplace's equation on cells, (nx, ny, nz); NaN outside.
 
     Conjugate gradients with the diagonal as preconditioner, started from the solution on cells
@@ -311,10 +308,10 @@ def _from_coarser(inside: BoolArray, fixed: FloatArray) -> FloatArray:
     known = np.pad(np.isfinite(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
     total = np.pad(np.nan_to_num(fixed), room).reshape(blocks).sum(axis=(1, 3, 5))
     with np.errstate(invalid="ignore"):
-        coarse = solve_laplace(
+        coarse = _solve_laplace(
             any_inside, np.where(known > 0, total / np.maximum(known, 1), np.nan)
         )
-    spread_values(coarse, any_inside, 1)
+    _spread_values(coarse, any_inside, 1)
     from scipy import ndimage
 
     x, y, z = (
@@ -407,7 +404,7 @@ class GeodesicField:
         Lengths in mm.
     """
 
-    start: Region
+    start: FieldRegion
     ramp: Ramp
     pitch_mm: float
     cells: CellValues = field(repr=False, compare=False)
@@ -433,11 +430,11 @@ class GeodesicField:
 
 def geodesic_field(
     mesh: Mesh,
-    start: Region,
+    start: FieldRegion,
     pitch_mm: float,
     from_mm: float | None = None,
     to_mm: float | None = None,
-    origin_mm: Point = (0.0, 0.0, 0.0),
+    origin_mm: _Point = (0.0, 0.0, 0.0),
 ) -> GeodesicField:
     """Measure the ways from a region of a part to all of it.
 
@@ -459,7 +456,7 @@ def geodesic_field(
         )
     seeds = np.zeros_like(inside)
     seeds[tuple(index[held].T)] = True
-    reached, stray = reached_cells(inside, seeds)
+    reached, stray = _reached_cells(inside, seeds)
     if stray is not None:
         x, y, z = (grid.centre_mm(stray) - origin_mm).tolist()
         raise ArgumentError(
@@ -476,7 +473,7 @@ def geodesic_field(
         0.0 if from_mm is None else from_mm,
         float(cells[reached].max()) if to_mm is None else to_mm,
     )
-    spread_values(cells, reached)
+    _spread_values(cells, reached)
     return GeodesicField(start, ramp, pitch_mm, CellValues(grid, cells))
 
 

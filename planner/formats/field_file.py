@@ -17,7 +17,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.numerics import FloatArray
 
-__all__ = ["GridTable", "PointTable", "read_grid_table", "read_point_table", "read_vti", "read_vtu"]
+__all__ = ["read_grid_table", "read_point_table"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -26,7 +26,7 @@ __all__ = ["GridTable", "PointTable", "read_grid_table", "read_point_table", "re
 # Read are ASCII, inline base64 and appended data, plain or compressed by zlib, of any byte order.
 
 
-Triple = tuple[float, float, float]
+_Triple = tuple[float, float, float]
 
 _TYPES = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
@@ -49,7 +49,7 @@ class _Document:
         raise FileError(f"{self.name}: {what}; write it again from ParaView or meshio")
 
 
-def read_vti(data: bytes, name: str, array: str | None) -> tuple[Triple, Triple, FloatArray]:
+def _read_vti(data: bytes, name: str, array: str | None) -> tuple[_Triple, _Triple, FloatArray]:
     """Read an image: place of the first value, spacing, values (nx, ny, nz).
 
     Raises
@@ -83,7 +83,7 @@ def read_vti(data: bytes, name: str, array: str | None) -> tuple[Triple, Triple,
     return (first[0], first[1], first[2]), (spacing[0], spacing[1], spacing[2]), table
 
 
-def read_vtu(data: bytes, name: str, array: str | None) -> tuple[FloatArray, FloatArray]:
+def _read_vtu(data: bytes, name: str, array: str | None) -> tuple[FloatArray, FloatArray]:
     """Read points (n, 3) and values (n,) of an unstructured grid; cells are not used.
 
     Raises
@@ -278,7 +278,7 @@ def read_grid_table(
         values = _npy(data, path)
         first, spacing = first_mm, spacing_mm
     elif kind == ".vti":
-        first, spacing, values = read_vti(data, str(path), array)
+        first, spacing, values = _read_vti(data, str(path), array)
     elif kind == ".csv":
         first, spacing, values = _regular(*_csv(data, path, array), path)
     else:
@@ -300,7 +300,7 @@ def read_point_table(path: Path, *, array: str | None = None) -> PointTable:
     data = _bytes(path)
     kind = path.suffix.casefold()
     if kind == ".vtu":
-        points, values = read_vtu(data, str(path), array)
+        points, values = _read_vtu(data, str(path), array)
     elif kind == ".csv":
         points, values = _csv(data, path, array)
     else:

@@ -16,7 +16,6 @@ import msgspec
 from planner.errors import FileError, OutputError
 
 __all__ = [
-    "PLAN",
     "SIGNIFICANT_DIGITS",
     "FolderKind",
     "check_absent",
@@ -89,13 +88,13 @@ class FolderKind:
     own: tuple[str, ...]
 
 
-PLAN = FolderKind("plan.json", ("plan.json", "*.3mf", "HOWTO.md", "report.html", "stl/*.stl"))
+_PLAN = FolderKind("plan.json", ("plan.json", "*.3mf", "HOWTO.md", "report.html", "stl/*.stl"))
 """The folder of a plan."""
 
 _NAMED = 5
 
 
-def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = PLAN) -> Path:
+def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = _PLAN) -> Path:
     """Make sure that a folder may be written, before hours are spent on its content.
 
     An absent or empty folder may; one that holds files of its kind alone may with `force`;
@@ -144,7 +143,7 @@ def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = 
 
 @contextmanager
 def new_folder(
-    folder: str | Path, *, force: bool = False, kind: FolderKind = PLAN
+    folder: str | Path, *, force: bool = False, kind: FolderKind = _PLAN
 ) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
@@ -250,7 +249,7 @@ def _reason(error: Exception) -> str:
 # JSON documents in one canonical form, so that equal content is equal bytes.
 
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: far finer than any measurement, coarser than the last bits in
@@ -271,7 +270,7 @@ def encode_document(document: Mapping[str, Any]) -> bytes:
     return (_encode(_rounded(document), "") + "\n").encode("utf-8")
 
 
-def decode_document(data: bytes, type_: type[T], name: str) -> T:
+def decode_document(data: bytes, type_: type[_T], name: str) -> _T:
     """Read a JSON document into a typed value.
 
     Raises

@@ -13,7 +13,7 @@ from planner.errors import ArgumentError, FileError, MeshError, nearest_names
 from planner.formats.stl import decode_stl, require_finite
 from planner.numerics import Float32Array, FloatArray
 
-__all__ = ["EXTENSIONS", "MILLIMETRES", "MeshFile", "read_mesh", "unit_scale_mm"]
+__all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]
 
 
 MILLIMETRES = "mm"
@@ -164,10 +164,10 @@ def _files_beside(path: Path) -> list[str]:
         return []
 
 
-Read = tuple[FloatArray, str | None, tuple[str, ...]]
+_Read = tuple[FloatArray, str | None, tuple[str, ...]]
 
 
-def _threemf(data: bytes, name: str) -> Read:
+def _threemf(data: bytes, name: str) -> _Read:
     from planner.formats.threemf import decode_threemf
 
     model = decode_threemf(data, name)
@@ -179,7 +179,7 @@ def _threemf(data: bytes, name: str) -> Read:
     return triangles, model.unit, notes
 
 
-def _trimesh(data: bytes, kind: str, name: str) -> Read:
+def _trimesh(data: bytes, kind: str, name: str) -> _Read:
     import trimesh
 
     try:

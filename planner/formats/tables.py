@@ -16,10 +16,8 @@ from planner.numerics import FloatArray
 
 __all__ = [
     "QUANTITY_UNITS",
-    "ColumnFile",
     "TextRow",
     "is_unit",
-    "iterate_rows",
     "number",
     "read_columns",
     "read_text",
@@ -68,10 +66,10 @@ def read_text(path: Path) -> str:
 
 def split_rows(text: str, separator: str) -> list[TextRow]:
     """Split a text into rows of cells; a blank `separator` means any run of blanks."""
-    return list(iterate_rows(text, separator))
+    return list(_iterate_rows(text, separator))
 
 
-def iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
+def _iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
     """Yield what `split_rows` returns, row by row, for texts too long to hold in cells."""
     if separator == " ":
         yield from ((n, line.split()) for n, line in enumerate(text.splitlines(), start=1))
@@ -246,7 +244,7 @@ def read_columns(
     text = read_text(path)
     first = next(line for line in text.splitlines() if line.strip())
     separator = max(",;\t", key=first.count)
-    rows = ((line, cells) for line, cells in iterate_rows(text, separator) if any(cells))
+    rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
     headings = next(rows)[1]
     places: dict[str, tuple[int, float]] = {}
     named: int | None = None

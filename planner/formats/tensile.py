@@ -15,14 +15,10 @@ from planner.formats.tables import TextRow, is_unit, number, read_text, split_ro
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
-    "Heading",
-    "Meaning",
-    "Specimen",
+    "ListedSpecimen",
     "TensileTable",
     "column_of",
     "is_specimens_file",
-    "mark10_units",
-    "metadata",
     "parse_heading",
     "read_specimens",
     "read_tensile",
@@ -163,7 +159,7 @@ _SPEED = {"mm/min": 1 / 60, "mm/s": 1.0, "in/min": 25.4 / 60, "in/s": 25.4}
 _KEY = re.compile(r"(?:.* : )?(?:specimen )?(.*?)\s*(?:[\(\[](.*)[\)\]])?\s*:?", re.IGNORECASE)
 
 
-def metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str, float | str]:
+def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str, float | str]:
     """Read the sizes and names in the head of a file: "Width (mm);6" and the like.
 
     Bluehill writes "Dimension : Width","6.00","mm"; the group in front is left away.
@@ -197,7 +193,7 @@ def metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str
     return found
 
 
-def mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
+def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
     """Return the units that a Mark-10 MESURgauge file states above its columns.
 
     The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
@@ -311,7 +307,7 @@ def read_tensile(
     path = Path(path)
     where = path.name
     layout = _layout(read_text(path), where, columns)
-    head = metadata(layout.head, layout.separator, where=where)
+    head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
     meanings: dict[int, Meaning] = {}
     for index, heading in enumerate(headings):
@@ -363,7 +359,7 @@ def read_tensile(
 
 
 def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None], list[str]]:
-    units = mark10_units(layout.head, where=where)
+    units = _mark10_units(layout.head, where=where)
     headings: list[Heading | None] = [
         Heading(h.text, h.meaning, units[h.meaning])
         if h is not None and h.unit is None and h.meaning in units
@@ -514,7 +510,7 @@ _COLUMNS = (*_SPECIMEN_TEXTS, *_CHOICES, *_NUMBERS)
 
 
 @dataclass(frozen=True, slots=True)
-class Specimen:
+class ListedSpecimen:
     """One row of specimens.csv; None or "" stands for an empty cell, which means unknown.
 
     Attributes
@@ -560,7 +556,7 @@ def is_specimens_file(path: str | Path) -> bool:
     )
 
 
-def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
+def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     """Read specimens.csv; the case of planner's own columns does not matter.
 
     Raises
@@ -585,7 +581,7 @@ def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
             f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
             "'profile') are needed"
         )
-    specimens: list[Specimen] = []
+    specimens: list[ListedSpecimen] = []
     seen: dict[str, int] = {}
     for line, cells in rows[1:]:
         if len(cells) > len(columns):
@@ -607,7 +603,7 @@ def read_specimens(path: str | Path) -> tuple[Specimen, ...]:
     return tuple(specimens)
 
 
-def _specimen(record: Mapping[str, str], separator: str, where: str) -> Specimen:
+def _specimen(record: Mapping[str, str], separator: str, where: str) -> ListedSpecimen:
     texts: dict[str, Any] = {name: record.get(name, "") for name in _SPECIMEN_TEXTS}
     if not texts["specimen"]:
         raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
@@ -625,7 +621,7 @@ def _specimen(record: Mapping[str, str], separator: str, where: str) -> Specimen
     sizes: dict[str, Any] = {
         name: _size(record.get(name, ""), name, separator, where) for name in _NUMBERS
     }
-    return Specimen(
+    return ListedSpecimen(
         **texts,
         **sizes,
         covariates=MappingProxyType(

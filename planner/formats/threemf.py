@@ -22,13 +22,11 @@ from planner.numerics import Float32Array, FloatArray, IntArray
 __all__ = [
     "NAMESPACE",
     "Constituent",
-    "ThreemfModel",
     "ThreemfObject",
     "canonical_archive",
     "composite_name",
     "decode_threemf",
     "encode_threemf",
-    "member_hashes",
     "mixed_colour",
     "read_threemf",
     "threemf_xml_hashes",
@@ -175,7 +173,7 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     return bytes(body + directory + end)
 
 
-def member_hashes(path: str | Path) -> dict[str, str]:
+def _member_hashes(path: str | Path) -> dict[str, str]:
     """Return the SHA-256 of each member's content by name, in the archive's order.
 
     Content, not deflated bytes: these differ between versions of zlib.
@@ -484,7 +482,7 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     FileError
         The file is missing or no zip archive.
     """
-    return member_hashes(path)
+    return _member_hashes(path)
 
 
 def _identifier(kind: str, number: int, digest: str) -> str:

@@ -13,16 +13,14 @@ from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
 
 __all__ = [
-    "COLUMNS",
+    "TOLERANCES",
     "Campaign",
     "Orientation",
     "Protocol",
     "Specimen",
     "StrainField",
     "axis_columns",
-    "condition_keys",
     "levels",
-    "limitations_of",
     "named",
     "replicate_groups",
 ]
@@ -218,7 +216,7 @@ def levels(
     return tuple(found)
 
 
-def condition_keys(
+def _condition_keys(
     specimens: Sequence[Specimen], *, with_batch: bool = False
 ) -> tuple[Hashable, ...]:
     """Return a key for each specimen; equal keys mean made and tested alike.
@@ -247,7 +245,7 @@ def replicate_groups(
     specimens: Sequence[Specimen], *, with_batch: bool = False
 ) -> tuple[tuple[int, ...], ...]:
     """Return the places of specimens that are alike, in order of appearance, singles included."""
-    return _grouped(condition_keys(specimens, with_batch=with_batch))
+    return _grouped(_condition_keys(specimens, with_batch=with_batch))
 
 
 def _grouped(keys: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:
@@ -273,7 +271,7 @@ _CONDITIONS = (
 )  # fmt: skip
 
 
-def limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[str, ...]:
+def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[str, ...]:
     """Return one sentence a limitation that the specimens themselves show."""
     return (
         *_of_number(specimens),
@@ -386,7 +384,7 @@ class Campaign:
     @property
     def limitations(self) -> tuple[str, ...]:
         """The remarks, and what the specimens cannot tell whatever is made of them."""
-        return (*self.remarks, *limitations_of(self.specimens, self.palette))
+        return (*self.remarks, *_limitations_of(self.specimens, self.palette))
 
     def specimen(self, id: str) -> Specimen:
         """Return a specimen by its id.
@@ -411,7 +409,7 @@ class Campaign:
 # What each specimen has on every axis that a column of specimens.csv gives.
 
 
-COLUMNS = (
+_COLUMNS = (
     "rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch",
     "width_mm", "thickness_mm", "measured_width_mm", "measured_thickness_mm", "gauge_mm",
 )  # fmt: skip
@@ -429,7 +427,7 @@ def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, .
         "specimen": tuple(s.id for s in specimens),
         "material": tuple(s.material or (s.profile.name if s.profile else None) for s in specimens),
     }
-    for name in COLUMNS:
+    for name in _COLUMNS:
         columns[name] = tuple(getattr(s, name) for s in specimens)
     for name in campaign.covariates:
         columns[name] = tuple(s.covariates.get(name) for s in specimens)

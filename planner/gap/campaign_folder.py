@@ -20,7 +20,7 @@ import numpy as np
 from planner.errors import FileError, UnknownNameError, nearest_names
 from planner.formats.files import new_folder
 from planner.formats.tables import number, read_columns
-from planner.formats.tensile import Specimen as Row
+from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import TensileTable, read_specimens, read_tensile
 from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS
@@ -30,18 +30,13 @@ from planner.printers import printer as load_printer
 from planner.simulation.bar import ProfileDesign, read_profile
 
 __all__ = [
-    "SIGNIFICANT_DIGITS",
-    "CampaignFile",
-    "MeasuredField",
-    "Record",
-    "Sizes",
+    "CURVES",
+    "SPECIMENS",
     "check_headings",
     "covariates_of",
     "palette_of",
     "read_campaign",
     "read_campaign_file",
-    "read_strain_fields",
-    "record_of",
     "specimens_csv",
     "write_campaign",
 ]
@@ -51,7 +46,7 @@ __all__ = [
 # The further columns of specimens.csv: covariates, and slips in headings.
 
 
-KNOWN = (
+_KNOWN_COLUMNS = (
     "specimen", "material", "profile", "file", "width_mm", "thickness_mm", "gauge_mm",
     "measured_width_mm", "measured_thickness_mm", "rate_mm_s", "temperature_C", "soak_h",
     "age_days", "orientation", "protocol", "batch",
@@ -89,7 +84,7 @@ def check_headings(rows: Sequence[Row], where: str) -> Iterator[str]:
                 f"{where}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
             )
-        near = [n for n in nearest_names(heading, list(KNOWN)) if _alike(n, heading)]
+        near = [n for n in nearest_names(heading, list(_KNOWN_COLUMNS)) if _alike(n, heading)]
         if near:
             yield (
                 f"{where}: column {heading!r} is unknown and kept as a covariate; rename it if "
@@ -135,7 +130,7 @@ def _alike(known: str, heading: str) -> bool:
 # From a tensile file's table to a specimen's record of time, travel and force.
 
 
-START_SHARE = 0.02
+_START_SHARE = 0.02
 """Below this share of its largest value a first force is none, and a first travel is rest."""
 
 _TURNED_RATIO = 5.0
@@ -161,7 +156,7 @@ class Record:
     notes: tuple[str, ...]
 
 
-def record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
+def _record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
     """Take time, travel and force of a table.
 
     Force that counts negative in tension is turned, travel counts from its unloaded start,
@@ -187,8 +182,8 @@ def record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
     reach = float(np.max(np.abs(travel)))
     if reach == 0.0:
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
-    unloaded = abs(force[0]) < START_SHARE * float(np.max(force))
-    if unloaded and abs(travel[0]) > START_SHARE * float(np.ptp(travel)):
+    unloaded = abs(force[0]) < _START_SHARE * float(np.max(force))
+    if unloaded and abs(travel[0]) > _START_SHARE * float(np.ptp(travel)):
         notes.append("travel counts from its unloaded start, not from 0 as recorded")
         travel = travel - travel[0]
     time, recorded = _time(table, travel, sizes, where, notes)
@@ -272,8 +267,8 @@ def _time(
 
 _COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None}
 
-SLACK_SHARE = 0.02
-FACET_SHARE = 0.05
+_SLACK_SHARE = 0.02
+_FACET_SHARE = 0.05
 """Of the gauge: how far beyond its ends a place may lie. Its ends are known no better than to the
 first, and a facet whose middle is beyond may still touch it; no useful facet is above the second.
 """
@@ -305,8 +300,8 @@ class MeasuredField:
             A place lies beyond an end of the gauge by more than a facet and 2 % of the gauge.
         """
         x = self.field.x_mm
-        facet = min(float(np.median(np.diff(x))), FACET_SHARE * gauge_mm)
-        slack = max(facet, SLACK_SHARE * gauge_mm)
+        facet = min(float(np.median(np.diff(x))), _FACET_SHARE * gauge_mm)
+        slack = max(facet, _SLACK_SHARE * gauge_mm)
         outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
         if len(outside):
             at = int(outside[0])
@@ -318,7 +313,7 @@ class MeasuredField:
         return self.field
 
 
-def read_strain_fields(path: Path) -> dict[str, MeasuredField]:
+def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
     """Read strain fields by specimen.
 
     Only places that were seen at every time are kept.
@@ -369,7 +364,7 @@ def read_strain_fields(path: Path) -> dict[str, MeasuredField]:
 # campaign.toml: the campaign's name, its printer and its palette.
 
 
-CAMPAIGN = "campaign.toml"
+_CAMPAIGN = "campaign.toml"
 
 
 class CampaignFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -391,7 +386,7 @@ def read_campaign_file(folder: Path) -> CampaignFile:
         The folder or file is missing, is no TOML, or breaks the schema; the message names the
         key.
     """
-    path = folder / CAMPAIGN
+    path = folder / _CAMPAIGN
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; give the folder of a campaign")
     try:
@@ -404,10 +399,10 @@ def read_campaign_file(folder: Path) -> CampaignFile:
     try:
         return msgspec.convert(tomllib.loads(data.decode("utf-8")), CampaignFile)
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FileError(f"{CAMPAIGN}: not a TOML file: {error}") from error
+        raise FileError(f"{_CAMPAIGN}: not a TOML file: {error}") from error
     except msgspec.ValidationError as error:
         known = ", ".join(CampaignFile.__struct_fields__)
-        raise FileError(f"{CAMPAIGN}: {error}; its keys are {known}") from error
+        raise FileError(f"{_CAMPAIGN}: {error}; its keys are {known}") from error
 
 
 def palette_of(file: CampaignFile, folder: Path) -> Palette:
@@ -422,7 +417,7 @@ def palette_of(file: CampaignFile, folder: Path) -> Palette:
     """
     if file.palette is None:
         raise FileError(
-            f'{CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
+            f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
         )
     beside = folder / file.palette
     if file.palette.endswith(".toml") or beside.is_file():
@@ -434,7 +429,7 @@ def palette_of(file: CampaignFile, folder: Path) -> Palette:
 # Read a campaign's folder.
 
 
-SPECIMENS, CURVES, FIELDS = "specimens.csv", "curves.csv", "fields.csv"
+SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
 def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaign:
@@ -462,9 +457,9 @@ def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaig
         noted.add(note)
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
-    if (folder / FIELDS).is_file():
-        fields = read_strain_fields(folder / FIELDS)
-        for note, stray in _strays(fields, rows, FIELDS):
+    if (folder / _FIELDS).is_file():
+        fields = _read_strain_fields(folder / _FIELDS)
+        for note, stray in _strays(fields, rows, _FIELDS):
             noted.add(note, stray)
     covariates = covariates_of(rows)
     place = _Place(folder, palette, noted)
@@ -599,7 +594,7 @@ def _specimen(
         if width is None or thickness is None
         else ((row.measured_width_mm or width) * (row.measured_thickness_mm or thickness))
     )
-    record = record_of(table, Sizes(gauge, area, rate), where=where)
+    record = _record_of(table, Sizes(gauge, area, rate), where=where)
     for note in record.notes:
         place.noted.add(note, row.specimen)
     if measured_field is not None and measured_field.note:
@@ -648,7 +643,7 @@ def _naming(where: str) -> Iterator[None]:
 # Write a campaign's folder, as `read_campaign` reads it.
 
 
-SIGNIFICANT_DIGITS = 9
+_SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
 mathematical libraries of different machines differ."""
 
@@ -669,7 +664,7 @@ def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = T
     """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
-    `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
+    `_SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
     reading finds them again.
 
     Parameters
@@ -790,4 +785,4 @@ def _cell(value: str | float | None) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value + 0.0:.{SIGNIFICANT_DIGITS}g}"
+    return f"{value + 0.0:.{_SIGNIFICANT_DIGITS}g}"

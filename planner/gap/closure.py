@@ -49,16 +49,16 @@ class Fold:
     judged: BoolArray
 
 
-LEAST_LEVELS = 3
-MOST_FOLDS = 10
-MOST_LEVELS = 6
-LARGEST_SHARE = 0.5
+_LEAST_LEVELS = 3
+_MOST_FOLDS = 10
+_MOST_LEVELS = 6
+_LARGEST_SHARE = 0.5
 
 
 def conditions_out(campaign: Campaign, tests: Sequence[Sequence[int]]) -> tuple[Fold, ...]:
     """Return folds that leave each condition out once, with all that were tested in it.
 
-    Where there are more than `MOST_FOLDS` conditions, several are left out together. With one
+    Where there are more than `_MOST_FOLDS` conditions, several are left out together. With one
     condition, specimens are left out one at a time, or a few; with one specimen there is no fold.
 
     Parameters
@@ -73,7 +73,7 @@ def conditions_out(campaign: Campaign, tests: Sequence[Sequence[int]]) -> tuple[
         groups, name = [[k] for k in range(len(specimens))], "specimen"
     if len(groups) < 2:
         return ()
-    count = min(len(groups), MOST_FOLDS)
+    count = min(len(groups), _MOST_FOLDS)
     order = np.arange(len(specimens))
     found = []
     for k in range(count):
@@ -112,19 +112,19 @@ def levels_out(campaign: Campaign, names: Collection[str]) -> tuple[Fold, ...]:
         columns["orientation"] = tuple(s.orientation for s in specimens)
     for name, cells in columns.items():
         known = [c for c in dict.fromkeys(cells) if c is not None]
-        if len(known) < LEAST_LEVELS:
+        if len(known) < _LEAST_LEVELS:
             continue
         for level in known:
             out = np.array([c == level for c in cells])
-            if not 0 < out.sum() <= LARGEST_SHARE * n or out.tobytes() in seen:
+            if not 0 < out.sum() <= _LARGEST_SHARE * n or out.tobytes() in seen:
                 continue
             seen.add(out.tobytes())
             judged = _judged(specimens, out)
             if judged.any():
                 found.append(Fold(name, out, judged))
     # Evenly chosen where there are many, so that every column keeps some.
-    if len(found) > MOST_LEVELS:
-        chosen = np.linspace(0, len(found) - 1, MOST_LEVELS).round().astype(int)
+    if len(found) > _MOST_LEVELS:
+        chosen = np.linspace(0, len(found) - 1, _MOST_LEVELS).round().astype(int)
         found = [found[k] for k in chosen.tolist()]
     return tuple(found)
 
@@ -133,7 +133,7 @@ def held_out_words(folds: Sequence[Fold], tests: int) -> str:
     """Return what is left out at a time: "15 conditions left out, one or two at a time"."""
     if folds[0].name == "specimen":
         return f"{sum(int(f.out.sum()) for f in folds)} specimens left out one at a time"
-    most = -(-tests // MOST_FOLDS)
+    most = -(-tests // _MOST_FOLDS)
     if most == 1:
         return "leave one condition out"
     return f"{tests} conditions left out, up to {most} at a time"
@@ -156,26 +156,26 @@ def _judged(specimens: Sequence[Specimen], out: BoolArray) -> BoolArray:
 # column, the warmest or the fastest: how an effect's form carries beyond what was tested.
 
 
-RESAMPLES = 400
-GENERIC_AMPLITUDES = (0.003, 0.01, 0.03, 0.1)
+_RESAMPLES = 400
+_GENERIC_AMPLITUDES = (0.003, 0.01, 0.03, 0.1)
 """Of its patterns, as deviations of the logarithm of force; the rest of the data chooses."""
 
-RECALIBRATION_SD = 5.0
+_RECALIBRATION_SD = 5.0
 """Base laws are refitted nearly freely: their stated deviation times this."""
 
-NONE, SINGLE, PAIR = 0.2, 0.7, 0.1
+_NONE, _SINGLE, _PAIR = 0.2, 0.7, 0.1
 """Prior probabilities in the folds: that something is at work has been found already."""
 
-LEAST_PROBABILITY = 0.02
+_LEAST_PROBABILITY = 0.02
 """Hypotheses below it do not take part in what is expected."""
 
-NEGATIVE = 1.05
+_NEGATIVE = 1.05
 
-REFUTED = 1.2
+_REFUTED = 1.2
 """Error after over before above which what is named is no explanation: on the bench right ones stay
 below 1.18, as conditions at the edge of a design are extrapolated."""
 
-WIDER = 1.25
+_WIDER = 1.25
 """Resampling some 15 tests gives intervals that are too narrow. So much wider, and with the floor's
 own doubt, they held the closure of the true effect in 87 % of 70 campaigns of the bench."""
 _FIELD = BRANCHES.index("field")
@@ -205,18 +205,18 @@ def closure(
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
-    tests = [list(members) for members in problem.mounted.tests]
+    tests = [list(members) for members in problem.observed.tests]
     folds = conditions_out(problem.campaign, tests)
-    measured = problem.mounted.measured_N
+    measured = problem.observed.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
-    plain = specimen_forces_N(problem, Candidate(()), problem.mounted.setup)
+    plain = specimen_forces_N(problem, Candidate(()), problem.observed.setup)
     before = _squared(measured, plain, peak)
     floor = _floor(problem, peak)
     nothing = verdict in ((), UNKNOWN)
     if not folds:
         figure = float(np.sqrt(before.mean()))
         return Gap(figure, None, None, None, None, None, None, "one specimen: nothing left out")
-    among = replace(priors, none=NONE, single=SINGLE, pair=PAIR)
+    among = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
     errors = _held_out(problem, among, folds, peak, (plain, before), nothing, progress)
     some = np.isfinite(errors.before)
     rms = {
@@ -242,13 +242,13 @@ def closure(
         held_out=held_out_words(folds, len(tests)),
         extrapolated_before=None if beyond is None else beyond[0],
         extrapolated=None if beyond is None else beyond[1],
-        negative_transfer=rms["after"] > NEGATIVE * rms["before"],
+        negative_transfer=rms["after"] > _NEGATIVE * rms["before"],
     )
 
 
 def refutes(gap: Gap) -> bool:
     """Tell whether what is named makes predictions of held-out conditions clearly worse."""
-    return gap.after is not None and gap.after > REFUTED * gap.before
+    return gap.after is not None and gap.after > _REFUTED * gap.before
 
 
 def without_effect(gap: Gap) -> Gap:
@@ -268,7 +268,7 @@ def _held_out(
     nothing: bool,
     progress: Callable[[int, int, str], None] | None,
 ) -> _Errors:
-    measured = problem.mounted.measured_N
+    measured = problem.observed.measured_N
     plain, before = palette_alone
     n = len(measured)
     totals = {name: np.zeros(n) for name in ("after", "recalibrated", "generic")}
@@ -280,7 +280,7 @@ def _held_out(
         weight = np.where(fold.out, 0.0, 1.0)
         forces = plain if nothing else _expected(problem, priors, weight)
         totals["after"][out] += _squared(measured, forces, peak)[out]
-        setup = problem.mounted.setup
+        setup = problem.observed.setup
         for way, size in zip(problem.ways, _recalibration(problem, weight), strict=True):
             setup = way.applied(setup, size)
         forces = specimen_forces_N(problem, Candidate(()), setup)
@@ -312,7 +312,7 @@ def _beyond(
     folds = levels_out(problem.campaign, own_axes(list(effects.values())))
     if not folds:
         return None
-    measured = problem.mounted.measured_N
+    measured = problem.observed.measured_N
     _, before = palette_alone
     left, times = np.zeros(len(measured)), np.zeros(len(measured))
     for fold in folds:
@@ -335,26 +335,26 @@ def _squared(measured: FloatArray, forces: FloatArray, peak: FloatArray) -> Floa
 def _expected(problem: Problem, priors: Priors, weight: FloatArray) -> FloatArray:
     """Return forces expected from the weighted specimens: averaged over what may be the cause."""
     weighed = weigh(problem, priors, weight, quick=True)
-    likely = [h for h in posterior([weighed.log_odds]) if h.probability > LEAST_PROBABILITY]
+    likely = [h for h in posterior([weighed.log_odds]) if h.probability > _LEAST_PROBABILITY]
     total = sum(h.probability for h in likely)
-    expected = np.zeros_like(problem.mounted.measured_N)
+    expected = np.zeros_like(problem.observed.measured_N)
     for h in likely:
         chosen = weighed.best[h.effects]
         everyone = replace(chosen, members=None)
-        forces = specimen_forces_N(problem, everyone, problem.mounted.setup)
+        forces = specimen_forces_N(problem, everyone, problem.observed.setup)
         if chosen.members is not None:
-            forces = plain_with_subset(problem, chosen, forces)
+            forces = _plain_with_subset(problem, chosen, forces)
         expected += h.probability / total * forces
     return expected
 
 
-def plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) -> FloatArray:
+def _plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) -> FloatArray:
     """Return forces with each specimen's gain, told from its own curve's level alone.
 
     Which specimens are affected cannot be known of those left out; whether the gain that the rest
     show fits them better than none is read off their own curves, one bit a specimen.
     """
-    measured = problem.mounted.measured_N
+    measured = problem.observed.measured_N
     scaled = forces * np.exp(chosen.log_gain)
     plain_error = np.mean((measured - forces) ** 2, axis=1)
     scaled_error = np.mean((measured - scaled) ** 2, axis=1)
@@ -367,7 +367,7 @@ def _recalibration(problem: Problem, weight: FloatArray) -> list[float]:
     rows = np.repeat(weight, np.diff(problem.whitened.first_row))
     first = columns.shape[1] - problem.whitened.nuisances
     j = columns[:, first : first + len(problem.ways)]
-    inner = j.T @ (j * rows[:, None]) + np.eye(j.shape[1]) / RECALIBRATION_SD**2
+    inner = j.T @ (j * rows[:, None]) + np.eye(j.shape[1]) / _RECALIBRATION_SD**2
     best = np.linalg.solve(inner, j.T @ (columns[:, 0] * rows))
     return [float(b * way.sd) for b, way in zip(best, problem.ways, strict=True)]
 
@@ -384,7 +384,7 @@ def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> Fl
     inner = columns.T @ (columns * rows[:, None])
     cross = columns.T @ (whitened.columns[:, 0] * rows)
     best, most = np.zeros(len(cross)), -np.inf
-    for amplitude in GENERIC_AMPLITUDES:
+    for amplitude in _GENERIC_AMPLITUDES:
         sd = np.full(len(cross), amplitude)
         sd[len(cross) - whitened.nuisances :] = 1.0
         scaled = inner * np.outer(sd, sd) + np.eye(len(sd))
@@ -419,11 +419,11 @@ def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
 
     What replicates differ by, and what they share as specimens of one batch.
     """
-    measured = problem.mounted.measured_N / peak
+    measured = problem.observed.measured_N / peak
     peaks = peak[:, 0]
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
-    for members in problem.mounted.tests:
+    for members in problem.observed.tests:
         if len(members) > 1:
             rows = np.array(members)
             # Relative to the group's mean peak: each one's own would hide its level.
@@ -450,7 +450,7 @@ def _interval(
     a variance of few degrees of freedom, and drawn as such.
     """
     assert floor is not None
-    some, test_of = np.isfinite(errors.before), problem.mounted.test_of
+    some, test_of = np.isfinite(errors.before), problem.observed.test_of
     freedom = max(problem.scatter.degrees_of_freedom, 1)
     groups = [np.flatnonzero(some & (test_of == test)) for test in np.unique(test_of[some])]
 
@@ -465,16 +465,16 @@ def _interval(
 
     middle = closed(np.flatnonzero(some), 1.0)
     values = []
-    for _ in range(RESAMPLES):
+    for _ in range(_RESAMPLES):
         drawn = rng.integers(len(groups), size=len(groups))
         doubt = freedom / float(rng.chisquare(freedom))
         value = closed(np.concatenate([groups[g] for g in drawn]), doubt)
         if value is not None:
             values.append(value)
-    if middle is None or len(values) < RESAMPLES // 2:
+    if middle is None or len(values) < _RESAMPLES // 2:
         return None
     low, high = np.quantile(values, [0.05, 0.95])
     return (
-        min(middle, middle - WIDER * (middle - float(low))),
-        max(middle, middle + WIDER * (float(high) - middle)),
+        min(middle, middle - _WIDER * (middle - float(low))),
+        max(middle, middle + _WIDER * (float(high) - middle)),
     )

@@ -12,7 +12,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effect import STANDARD, Effect, Form, Values
 from planner.gap.effects import effects_for
-from planner.gap.virtual import lone_test, planned_specimen
+from planner.gap.virtual import single_test, virtual_specimen
 from planner.materials.characterise import Curve
 from planner.materials.fit import fit_law, law_stress_MPa, sample_of, stability
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
@@ -28,23 +28,14 @@ from planner.palette import (
 )
 from planner.simulation.bar_solver import STRAIN_END, LawTables, Setup, law_tables, predict
 
-__all__ = [
-    "CONDITION_EFFECTS",
-    "PRINT_EFFECTS",
-    "TEST_EFFECTS",
-    "Correction",
-    "Refit",
-    "corrected_palette",
-    "instead",
-    "refitted",
-]
+__all__ = ["CONDITION_EFFECTS", "Correction", "corrected_palette"]
 
 
 # ------------------------------------------------------------------------------------------------
 # What a verdict means where no palette can hold it: what to do instead, with figures.
 
 
-TEST_EFFECTS = (
+_TEST_EFFECTS = (
     "force-offset", "force-scale", "grip-slack", "grip-slip", "machine-compliance", "strain-scale",
 )  # fmt: skip
 """Effects of the test itself: what was printed is as predicted, what was read is not."""
@@ -63,7 +54,7 @@ _TEST: Mapping[str, str] = MappingProxyType(
 )
 
 
-def instead(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+def _instead(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     """Return a sentence on an effect that a palette cannot hold.
 
     Parameters
@@ -71,7 +62,7 @@ def instead(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
     width_mm, thickness_mm
         Of the section that figures are given for.
     """
-    if found.id in TEST_EFFECTS:
+    if found.id in _TEST_EFFECTS:
         return (
             f"{found.id}: the print was right, the measurement was off ({_figures(found)}); the "
             f"palette stays as it is: {_TEST[found.id]}, and diagnose again"
@@ -189,7 +180,7 @@ class Refit:
     tension_alone: bool = False
 
 
-def refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> Refit:
+def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> Refit:
     """Return a material's law with its stress multiplied by exp(log_factor).
 
     An even factor multiplies the law's moduli and leaves no misfit. Else the same model, with as
@@ -276,10 +267,10 @@ CONDITION_EFFECTS: Mapping[str, str] = {
 }
 """Effects of a condition, with the name of the condition: none at the palette's own."""
 
-PRINT_EFFECTS = ("composition-offset", "material-law")
+_PRINT_EFFECTS = ("composition-offset", "material-law")
 """Effects on what is printed, whatever the conditions."""
 
-GAUGE_mm = 25.0
+_GAUGE_mm = 25.0
 _BREAK_SHARE = 0.95
 _STEPS = 120
 _NOTABLE_MISFIT = 0.01
@@ -359,10 +350,10 @@ def corrected_palette(
     for name, value in (("--width-mm", width_mm), ("--thickness-mm", thickness_mm)):
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"{name} {value:g}: it must be above 0")
-    known = [e for e in diagnosis.effect if e.id in CONDITION_EFFECTS or e.id in PRINT_EFFECTS]
+    known = [e for e in diagnosis.effect if e.id in CONDITION_EFFECTS or e.id in _PRINT_EFFECTS]
     others = [e for e in diagnosis.effect if e not in known]
     left = tuple(e.id for e in others)
-    notes = [instead(e, width_mm, thickness_mm) for e in others]
+    notes = [_instead(e, width_mm, thickness_mm) for e in others]
     notes += _doubts(diagnosis)
     applied = [_applied(e, palette) for e in known]
     section = (width_mm, thickness_mm)
@@ -379,7 +370,7 @@ def corrected_palette(
     for material in palette.materials:
         level = asked.get(material.id, (0.0, 0.0))[0]
         strain, log = logs[material.id]
-        fit = refitted(material, strain, log + level)
+        fit = _refitted(material, strain, log + level)
         spread = factors.spread(material, known, applied)
         misfit[material.id] = fit.misfit
         if fit.tension_alone:
@@ -498,15 +489,15 @@ class _Factors:
         strain: FloatArray,
     ) -> FloatArray:
         assert at.strain_rate_per_s is not None
-        specimen = planned_specimen(
+        specimen = virtual_specimen(
             self.palette,
             id=material.id,
-            gauge_mm=GAUGE_mm,
+            gauge_mm=_GAUGE_mm,
             strain=float(strain[-1]),
             material=material.id,
             width_mm=self.section_mm[0],
             thickness_mm=self.section_mm[1],
-            rate_mm_s=at.strain_rate_per_s * GAUGE_mm,
+            rate_mm_s=at.strain_rate_per_s * _GAUGE_mm,
             temperature_C=at.temperature_C,
             soak_h=at.soak_h,
             age_days=at.age_days,
@@ -514,7 +505,7 @@ class _Factors:
             protocol="monotonic",
         )
         campaign = Campaign("use", "", self.palette, (specimen,))
-        setup = lone_test(campaign, 0, strain / at.strain_rate_per_s, strain * GAUGE_mm)
+        setup = single_test(campaign, 0, strain / at.strain_rate_per_s, strain * _GAUGE_mm)
         assert setup is not None
         force: FloatArray = predict(_with(setup, effects), self.laws).force_N[0]
         return force

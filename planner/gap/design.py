@@ -19,11 +19,11 @@ from planner.gap.effects import effects_for
 from planner.gap.evidence.posterior import UNKNOWN, WIDTH_NATS, detectable_sizes
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.surrogate import (
-    Branch,
     Candidate,
     Elimination,
+    SignedForm,
     Whitened,
-    figures_of,
+    interpolated_features,
     node_weights,
     whiten,
 )
@@ -36,16 +36,16 @@ from planner.gap.noise import (
     specimen_noise,
     step,
 )
-from planner.gap.observations import BRANCHES, mount
+from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (
     BAR_SHARE,
     HOLD_S,
     effect_named,
-    imitate,
-    planned_specimen,
-    planned_strain,
+    synthetic_campaign,
     usual_value,
+    virtual_specimen,
+    virtual_strain,
 )
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Material, Palette
@@ -54,27 +54,18 @@ from planner.simulation.bar_solver import Setup, predict
 from planner.simulation.simulate import loading_path
 
 __all__ = [
-    "ALIKE",
     "BATCHES",
     "CampaignDesign",
     "Expected",
-    "Size",
+    "SpecimenSize",
     "Trial",
-    "batch_level",
     "candidates_of",
     "design_campaign",
-    "elimination_of",
-    "expected_of",
     "filled",
     "information",
-    "information_of_pairs",
     "may_take_bars",
     "next_experiments",
-    "strain_of",
-    "testable",
-    "trial_campaign",
     "trials_of",
-    "usual_patterns",
 ]
 
 
@@ -115,7 +106,7 @@ _BY_EFFECT: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
+class SpecimenSize:
     """Of the usual specimen's gauge section."""
 
     width_mm: float = 6.0
@@ -128,7 +119,7 @@ def may_take_bars(effects: Sequence[str]) -> bool:
     return any("bars" in _BY_EFFECT.get(id, ()) for id in effects)
 
 
-def strain_of(palette: Palette) -> float:
+def _strain_of(palette: Palette) -> float:
     """Return how far coupons are pulled, whichever of the palette's elastic materials are chosen.
 
     Raises
@@ -136,10 +127,12 @@ def strain_of(palette: Palette) -> float:
     PaletteError
         The palette has no elastic material.
     """
-    return planned_strain(palette, [m.id for m in _elastic(palette)])
+    return virtual_strain(palette, [m.id for m in _elastic(palette)])
 
 
-def candidates_of(palette: Palette, effects: Sequence[str], size: Size) -> tuple[Specimen, ...]:
+def candidates_of(
+    palette: Palette, effects: Sequence[str], size: SpecimenSize
+) -> tuple[Specimen, ...]:
     """Return one planned specimen a condition, those at the palette's own conditions first.
 
     Every change is tried on the softest, a middle and the hardest elastic material, for effects
@@ -167,7 +160,7 @@ def candidates_of(palette: Palette, effects: Sequence[str], size: Size) -> tuple
             changes.append({"material": three[0].id, **a, **b})
     if "bars" in wanted and len(grades) > 1:
         changes += _bars(grades, size, crossed="rate" in wanted)
-    strain = strain_of(palette)
+    strain = _strain_of(palette)
     found = []
     for number, change in enumerate(changes):
         fields = {**base, **change}
@@ -175,7 +168,7 @@ def candidates_of(palette: Palette, effects: Sequence[str], size: Size) -> tuple
         if "rate_mm_s" not in change:  # a longer gauge, pulled at the same strain rate
             fields["rate_mm_s"] = _design_round(fields["rate_mm_s"] * gauge / size.gauge_mm)
         found.append(
-            planned_specimen(
+            virtual_specimen(
                 palette, id=f"C{number:03d}", gauge_mm=gauge, strain=strain, camera=True, **fields
             )
         )
@@ -192,7 +185,7 @@ _CROSSED = (
 )  # fmt: skip
 
 
-def _design_reference(palette: Palette, size: Size) -> dict[str, Any]:
+def _design_reference(palette: Palette, size: SpecimenSize) -> dict[str, Any]:
     r = palette.reference
     rate = STANDARD["rate_per_s"] if r.strain_rate_per_s is None else r.strain_rate_per_s
     return {
@@ -209,7 +202,7 @@ def _design_reference(palette: Palette, size: Size) -> dict[str, Any]:
 
 
 def _design_steps(
-    group: str, base: Mapping[str, Any], palette: Palette, size: Size
+    group: str, base: Mapping[str, Any], palette: Palette, size: SpecimenSize
 ) -> list[dict[str, Any]]:
     """Return what to change of the reference, one step each."""
     match group:
@@ -242,7 +235,7 @@ def _design_steps(
     raise AssertionError(group)
 
 
-def _bars(grades: Sequence[Material], size: Size, *, crossed: bool) -> list[_Change]:
+def _bars(grades: Sequence[Material], size: SpecimenSize, *, crossed: bool) -> list[_Change]:
     """Return bars of one step, of stripes, and of a ramp."""
     soft, middle, hard = (grades[k].coordinate for k in (0, len(grades) // 2, -1))
     gauge = size.gauge_mm
@@ -277,7 +270,7 @@ def _design_round(value: float) -> float:
 # What a planned campaign would show of each effect, and what it could not tell apart.
 
 
-ALIKE = 0.95
+_ALIKE = 0.95
 """Cosine of patterns above which two effects are one to the diagnosis."""
 
 _SHAPES = (-1.0, 0.0, 1.0)
@@ -314,13 +307,13 @@ class Expected:
     others: tuple[str, ...]
 
 
-def usual_place(branch: Branch) -> list[float]:
+def _usual_place(branch: SignedForm) -> list[float]:
     """Return the place of a branch at the middle of its form's prior."""
     size = branch.form.size
     return [float(np.sqrt(usual_value(size) / size.high)), *[0.0] * branch.shapes]
 
 
-def usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
+def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
     """Return whitened patterns of effects at the middle of their priors, (N, k).
 
     Every form has one, all forms of an effect together weighing as one.
@@ -331,17 +324,17 @@ def usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
         branches = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
         for b in branches:
             own = nodes[:, b.first : b.first + b.nodes]
-            patterns.append(own @ node_weights(b, usual_place(b)) / np.sqrt(len(branches)))
+            patterns.append(own @ node_weights(b, _usual_place(b)) / np.sqrt(len(branches)))
     return np.stack(patterns, axis=1)
 
 
-def batch_level(problem: Problem) -> FloatArray:
+def _batch_level(problem: Problem) -> FloatArray:
     """Return the whitened pattern of a batch one deviation off, (N,)."""
     force = np.where(problem.table.branch == _FIELD, 0.0, problem.sensitivity)
     return whiten((problem.scatter.batch * force)[:, None], problem.noise, 0).columns[:, 0]
 
 
-def elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimination:
+def _elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimination:
     """Return inner products with nuisances integrated out, batches among them.
 
     Parameters
@@ -350,14 +343,14 @@ def elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimin
         How many specimens there are of each condition, spread evenly over the batches.
     """
     gram = problem.whitened.gram(weight)
-    level = batch_level(problem)
+    level = _batch_level(problem)
     rows = np.repeat(weight, np.diff(problem.whitened.first_row)) / batches
     cross = np.tile((rows * level) @ problem.whitened.columns, (batches, 1))
     own = np.eye(batches) * float((rows * level) @ level)
     return gram.eliminate(extra=(cross, own))
 
 
-def expected_of(
+def _expected_of(
     problem: Problem, elimination: Elimination, asked: Sequence[str], testable: Sequence[str]
 ) -> tuple[Expected, ...]:
     """Return what to expect of the effects that were asked for.
@@ -375,7 +368,7 @@ def expected_of(
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
         pattern = np.zeros(len(m))
-        pattern[first.first : first.first + first.nodes] = node_weights(first, usual_place(first))
+        pattern[first.first : first.first + first.nodes] = node_weights(first, _usual_place(first))
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
         cosines = _cosines(m, pattern, length2, {k: v for k, v in rivals.items() if k != id})
@@ -383,7 +376,7 @@ def expected_of(
             left = length2 * (1.0 - min(cosine, 1.0) ** 2)
             named = min(named, float(ndtr(0.5 * np.sqrt(max(left, 0.0)))))
         size = first.form.size
-        alike = tuple(k for k, cosine in cosines.items() if cosine > ALIKE)
+        alike = tuple(k for k, cosine in cosines.items() if cosine > _ALIKE)
         found.append(
             Expected(
                 id=id,
@@ -406,7 +399,7 @@ def _combinations(problem: Problem, id: str) -> FloatArray:
     for b in problem.branches:
         if b.effect.id != id:
             continue
-        for size in (max(b.least, 0.3), usual_place(b)[0], 1.0):
+        for size in (max(b.least, 0.3), _usual_place(b)[0], 1.0):
             for shape in product(_SHAPES, repeat=b.shapes):
                 row = np.zeros(total)
                 row[b.first : b.first + b.nodes] = node_weights(b, [size, *shape])
@@ -438,7 +431,7 @@ _ROUNDS = 2
 """A condition is chosen so often at most."""
 
 
-def information_of_pairs(problem: Problem, asked: Sequence[str], copies: int) -> FloatArray:
+def _information_of_pairs(problem: Problem, asked: Sequence[str], copies: int) -> FloatArray:
     """Return what one condition of each candidate tells, (candidates, X, X).
 
     Inner products of the effects' patterns at their usual size, one a form, then of all
@@ -449,10 +442,10 @@ def information_of_pairs(problem: Problem, asked: Sequence[str], copies: int) ->
     copies
         Specimens of a condition, one a batch.
     """
-    patterns = usual_patterns(problem, asked)
+    patterns = _usual_patterns(problem, asked)
     nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
     # The mean level of batches is what all conditions share.
-    level = batch_level(problem)[:, None] / np.sqrt(copies)
+    level = _batch_level(problem)[:, None] / np.sqrt(copies)
     whole = Whitened(
         np.concatenate([patterns, nuisances, level], axis=1),
         problem.whitened.first_row,
@@ -472,7 +465,7 @@ def information(pairs: FloatArray, counts: IntArray, forms: Sequence[int]) -> fl
     Parameters
     ----------
     pairs : (candidates, X, X)
-        Of `information_of_pairs`, effects first.
+        Of `_information_of_pairs`, effects first.
     counts : (candidates,)
         How often each is chosen.
     forms
@@ -490,7 +483,7 @@ def information(pairs: FloatArray, counts: IntArray, forms: Sequence[int]) -> fl
     return told
 
 
-def testable(problem: Problem, pairs: FloatArray, effects: Sequence[Effect]) -> IntArray:
+def _testable(problem: Problem, pairs: FloatArray, effects: Sequence[Effect]) -> IntArray:
     """Return how often to choose each candidate, so that every effect can be tested at all.
 
     The first candidate, at the palette's own conditions, is among them.
@@ -580,7 +573,7 @@ def design_campaign(
     budget: int,
     *,
     printer: str = "connex3",
-    size: Size | None = None,
+    size: SpecimenSize | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CampaignDesign:
     """Return a campaign of at most `budget` specimens that tells effects apart.
@@ -601,14 +594,14 @@ def design_campaign(
     """
     library = effects_for(palette)
     asked = tuple(effect_named(id, library, "--effects").id for id in effects)
-    size = Size() if size is None else size
+    size = SpecimenSize() if size is None else size
     _check(asked, budget, size)
     # Small matrices: more threads only change the last digits.
     with threadpool_limits(1, user_api="blas"):
         return _designed(palette, library, asked, budget, printer, size, progress)
 
 
-def _check(asked: Sequence[str], budget: int, size: Size) -> None:
+def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
     if not asked:
         raise ArgumentError("--effects: none; name those to tell apart, as in rate,moisture")
     double = next((id for id in asked if asked.count(id) > 1), None)
@@ -629,7 +622,7 @@ def _designed(
     asked: Sequence[str],
     budget: int,
     printer: str,
-    size: Size,
+    size: SpecimenSize,
     progress: Callable[[str], None] | None,
 ) -> CampaignDesign:
     say = progress or (lambda what: None)
@@ -637,8 +630,8 @@ def _designed(
     say("forward model of all candidates")
     problem = _problem(palette, printer, candidates, tuple(library.values()))
     say("choosing conditions")
-    pairs = information_of_pairs(problem, asked, BATCHES)
-    counts = testable(problem, pairs, [library[id] for id in asked])
+    pairs = _information_of_pairs(problem, asked, BATCHES)
+    counts = _testable(problem, pairs, [library[id] for id in asked])
     least = BATCHES * int(counts.sum())
     if budget < least:
         raise ArgumentError(
@@ -649,10 +642,10 @@ def _designed(
     counts = filled(counts, budget // BATCHES, pairs, [len(library[id].forms) for id in asked])
     campaign = _campaign(palette, printer, candidates, counts, asked)
     testable_ids = [id for id, e in library.items() if untestable(e, campaign) is None]
-    elimination = elimination_of(problem, BATCHES * counts.astype(np.float64), BATCHES)
+    elimination = _elimination_of(problem, BATCHES * counts.astype(np.float64), BATCHES)
     return CampaignDesign(
         campaign=campaign,
-        expected=expected_of(problem, elimination, asked, testable_ids),
+        expected=_expected_of(problem, elimination, asked, testable_ids),
         conditions=int((counts > 0).sum()),
         least=least,
         left_over=budget - len(campaign.specimens),
@@ -668,9 +661,9 @@ def _problem(
     Forces have the sensors' noise, so that figures are as uncertain as they will be.
     """
     plan = Campaign("candidates", printer, palette, candidates)
-    made = imitate(plan, (), np.random.default_rng(0), scatter=0.0)
+    made = synthetic_campaign(plan, (), np.random.default_rng(0), scatter=0.0)
     made = replace(made, covariates=())
-    return set_up(made, mount(made), effects)
+    return set_up(made, observation_model(made), effects)
 
 
 def _campaign(
@@ -693,7 +686,7 @@ def _campaign(
         printer=printer,
         palette=palette,
         specimens=tuple(specimens),
-        notes=_instructions(specimens, strain_of(palette)),
+        notes=_instructions(specimens, _strain_of(palette)),
     )
 
 
@@ -714,13 +707,13 @@ def _instructions(specimens: Sequence[Specimen], strain: float) -> str:
 # Tests that a lab could do next: one change from the reference each.
 
 
-PREPARATION_H = 0.5
+_PREPARATION_H = 0.5
 """Printing, cleaning, mounting: of a person's time, a specimen."""
 
-WAITING_SHARE = 0.02
+_WAITING_SHARE = 0.02
 """Of an hour in which a specimen soaks or ages, what it costs."""
 
-STRAIN = 0.3
+_STRAIN = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -774,7 +767,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     return tuple(trials)
 
 
-def trial_campaign(campaign: Campaign, trials: tuple[Trial, ...]) -> Campaign:
+def _trial_campaign(campaign: Campaign, trials: tuple[Trial, ...]) -> Campaign:
     """Return the trials as a campaign, measured as the palette predicts."""
     specimens = tuple(t.specimen for t in trials)
     return replace(campaign, specimens=specimens, covariates=(), remarks=())
@@ -836,13 +829,13 @@ def _specimen(
     specimen = replace(reference, id=f"trial-{number:02d}", **fields)
     scale = specimen.gauge_mm / reference.gauge_mm
     rate = (specimen.rate_mm_s or 1.0) * (scale if "rate_mm_s" not in change else 1.0)
-    strain = min(STRAIN, 0.6 * palette.resolve(specimen.material or soft).elongation_at_break)
+    strain = min(_STRAIN, 0.6 * palette.resolve(specimen.material or soft).elongation_at_break)
     if "profile" in change:
         x = np.array([0.0, 0.5, 0.5, 1.0]) * specimen.gauge_mm
         ends = [palette.resolve(soft).coordinate, palette.resolve(hard).coordinate]
         design = ProfileDesign("step", x, np.repeat(ends, 2))
         specimen = replace(specimen, material=None, profile=design)
-        strain = 0.5 * STRAIN
+        strain = 0.5 * _STRAIN
     path = loading_path(
         specimen.protocol or "monotonic",
         to_displacement_mm=strain * specimen.gauge_mm,
@@ -864,7 +857,7 @@ def _specimen(
 def _hours(specimen: Specimen) -> float:
     test_h = float(specimen.time_s[-1]) / 3600.0
     waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - 9.0, 0.0)
-    return PREPARATION_H + test_h + WAITING_SHARE * waiting
+    return _PREPARATION_H + test_h + _WAITING_SHARE * waiting
 
 
 def _next_round(value: float) -> float:
@@ -875,12 +868,12 @@ def _next_round(value: float) -> float:
 # Choose the tests that tell most per hour.
 
 
-HYPOTHESES = 6
-DRAWS = 64
-TOLD_APART = 2.0
+_HYPOTHESES = 6
+_DRAWS = 64
+_TOLD_APART = 2.0
 """Standard deviations between what two hypotheses predict, at which a test splits them."""
 
-LEAST_SHARE = 0.02
+_LEAST_SHARE = 0.02
 """No hypothesis among those weighed is taken to be less probable than this: a test that would
 overturn the verdict is worth something."""
 
@@ -894,17 +887,17 @@ def next_experiments(
     most probable hypotheses at their best parameters.
     """
     known = [h for h in ranking if h.effects != UNKNOWN and h.effects in weighed.best]
-    known = known[:HYPOTHESES]
+    known = known[:_HYPOTHESES]
     if len(known) < 2:
         return ()
-    share = np.maximum([h.probability for h in known], LEAST_SHARE)
+    share = np.maximum([h.probability for h in known], _LEAST_SHARE)
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
-    trials = trials_of(problem.campaign, problem.mounted.setup)
+    trials = trials_of(problem.campaign, problem.observed.setup)
     means, covariances = _predicted(problem, candidates, trials)
     found = []
     widest = max(mean.shape[1] for mean in means)
-    noise = rng.standard_normal((len(known) * DRAWS, widest))
+    noise = rng.standard_normal((len(known) * _DRAWS, widest))
     for trial, mean, covariance in zip(trials, means, covariances, strict=True):
         gain, distance = _information(mean, covariance, share, noise)
         splits = sorted(
@@ -912,7 +905,9 @@ def next_experiments(
             key=lambda p: -float(distance[p] * share[list(p)].min()),
         )
         named = tuple(
-            (_name(known[a]), _name(known[b])) for a, b in splits[:3] if distance[a, b] > TOLD_APART
+            (_name(known[a]), _name(known[b]))
+            for a, b in splits[:3]
+            if distance[a, b] > _TOLD_APART
         )
         found.append(Experiment(dict(trial.change), named, gain, trial.hours, _detail(trial)))
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
@@ -923,13 +918,13 @@ def _predicted(
     problem: Problem, candidates: Sequence[Candidate], trials: Sequence[Trial]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d)."""
-    mounted = mount(trial_campaign(problem.campaign, tuple(trials)))
-    table, laws = mounted.table, mounted.laws
-    ways = calibrations(problem.campaign.palette, mounted.setup)
-    setups = [mounted.setup, *(way.applied(mounted.setup, step(way)) for way in ways)]
+    observed = observation_model(_trial_campaign(problem.campaign, tuple(trials)))
+    table, laws = observed.table, observed.laws
+    ways = calibrations(problem.campaign.palette, observed.setup)
+    setups = [observed.setup, *(way.applied(observed.setup, step(way)) for way in ways)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
-    setups += [applied(c, mounted.setup) for c in candidates]
-    raw = np.stack([mounted.predicted(predict(s, laws)) for s in setups])
+    setups += [applied(c, observed.setup) for c in candidates]
+    raw = np.stack([observed.predicted(predict(s, laws)) for s in setups])
     for k, candidate in enumerate(candidates):
         if candidate.members is not None and candidate.log_gain:
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
@@ -937,8 +932,8 @@ def _predicted(
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
     known, sizes = _known_laws(problem, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
-    sensor = np.full(len(trials), float(np.median(problem.mounted.sensor_sd_N)))
-    path = place_on_path(table, mounted.setup.time_s.shape[1] - 1)
+    sensor = np.full(len(trials), float(np.median(problem.observed.sensor_sd_N)))
+    path = place_on_path(table, observed.setup.time_s.shape[1] - 1)
     noise = specimen_noise(
         table, table.sensitivity(raw[0]), problem.scatter, sensor, np.full(len(trials), -1), path
     )
@@ -973,7 +968,7 @@ def _known_laws(
     sizes = np.zeros((len(candidates), len(ways)))
     nodes = white.columns[:, problem.nodes]
     for row, candidate in zip(sizes, candidates, strict=True):
-        left = white.columns[:, 0] - figures_of(candidate, nodes.T)
+        left = white.columns[:, 0] - interpolated_features(candidate, nodes.T)
         if candidate.members is not None:
             left -= white.columns[:, problem.gains] @ (candidate.log_gain * candidate.members)
         row[at] = (inverse @ (j.T @ left))[taken]
@@ -988,12 +983,12 @@ def _information(
     white = scipy.linalg.solve_triangular(factor, mean.T, lower=True).T
     distance = np.sqrt(np.sum((white[:, None] - white[None]) ** 2, axis=2))
     count, d = white.shape
-    drawn = np.repeat(white, DRAWS, axis=0) + noise[:, :d]
+    drawn = np.repeat(white, _DRAWS, axis=0) + noise[:, :d]
     log = -0.5 * np.sum((drawn[:, None] - white[None]) ** 2, axis=2) + np.log(share)
-    own = log[np.arange(count * DRAWS), np.repeat(np.arange(count), DRAWS)]
-    gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), DRAWS)
+    own = log[np.arange(count * _DRAWS), np.repeat(np.arange(count), _DRAWS)]
+    gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), _DRAWS)
     # Of a sample it may come out below nought, which information is not.
-    return max(float(np.repeat(share, DRAWS) @ gain / DRAWS), 0.0), distance
+    return max(float(np.repeat(share, _DRAWS) @ gain / _DRAWS), 0.0), distance
 
 
 def _name(hypothesis: Hypothesis) -> str:

@@ -11,51 +11,42 @@ from planner.errors import UnknownNameError, nearest_names
 from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
-from planner.gap.diagnosis import Diagnosis, Place, Quality, Traces, Untestable
+from planner.gap.diagnosis import Diagnosis, Location, Quality, Traces, Untestable
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
-    caution,
     class_of,
     detectable_sizes,
     found_effects,
+    heterogeneity_caution,
     ranking_of,
     verdict_of,
     without_refuted,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
-from planner.gap.evidence.surrogate import Candidate, figures_of
+from planner.gap.evidence.surrogate import Candidate, interpolated_features
 from planner.gap.evidence.weigh import Effects, Priors, weigh
 from planner.gap.localise import localise
 from planner.gap.localise_axes import Noise
-from planner.gap.observations import Mounted, mount
+from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict
 
-__all__ = [
-    "LEAST_PROBABILITY",
-    "RANKED",
-    "diagnose",
-    "look_alikes",
-    "places_of",
-    "prepared",
-    "recalibration_of",
-    "traces_of",
-]
+__all__ = ["LEAST_PROBABILITY", "RANKED", "confounders_of", "diagnose", "prepared"]
 
 
 # ------------------------------------------------------------------------------------------------
 # Where the gap lies, what remains of it after the effect, and what the laws ask for beside it.
 
 
-SIGNIFICANT = 0.01
+_SIGNIFICANT = 0.01
 """Family-wise: a remainder is named only where it is hardly chance."""
 
 
-def places_of(
+def _places_of(
     problem: Problem, chosen: Candidate, rng: np.random.Generator
-) -> tuple[tuple[Place, ...], tuple[Place, ...]]:
+) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     noise = Noise(
         problem.noise.blocks,
@@ -64,22 +55,22 @@ def places_of(
     )
     before = localise(problem.campaign, problem.table, problem.residual, noise, rng)
     if not chosen.effects:
-        return before, tuple(p for p in before if p.p < SIGNIFICANT)
-    left = problem.residual - explained(problem, chosen)
+        return before, tuple(p for p in before if p.p < _SIGNIFICANT)
+    left = problem.residual - _explained(problem, chosen)
     after = localise(problem.campaign, problem.table, left, noise, rng)
-    return before, tuple(p for p in after if p.p < SIGNIFICANT)
+    return before, tuple(p for p in after if p.p < _SIGNIFICANT)
 
 
-def explained(problem: Problem, chosen: Candidate) -> FloatArray:
+def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
     """Return what the chosen effects change of the figures, (N,)."""
-    change = figures_of(chosen, problem.node_figures)
+    change = interpolated_features(chosen, problem.node_figures)
     if chosen.members is not None:
         force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
         change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force
     return change
 
 
-def recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
+def _recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
     columns = problem.whitened.columns
     first = columns.shape[1] - problem.whitened.nuisances
@@ -102,7 +93,7 @@ def recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[
 def _whitened_figures(problem: Problem, candidate: Candidate) -> FloatArray:
     start = problem.nodes.start
     stop = start + len(problem.node_figures)
-    return figures_of(candidate, problem.whitened.columns[:, start:stop].T)
+    return interpolated_features(candidate, problem.whitened.columns[:, start:stop].T)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -117,17 +108,17 @@ _NAMED = (
 )
 
 
-def traces_of(problem: Problem, chosen: Candidate) -> Traces:
+def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     """Return the traces of a campaign and its verdict's candidate."""
-    mounted, specimens = problem.mounted, problem.campaign.specimens
-    setup = mounted.setup
-    measured = mounted.measured_N
+    observed, specimens = problem.observed, problem.campaign.specimens
+    setup = observed.setup
+    measured = observed.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1), 1e-12)
     before = specimen_forces_N(problem, Candidate(()), setup)
     after = specimen_forces_N(problem, chosen, setup)
     return Traces(
-        label=tuple(_label(specimens[members[0]], specimens) for members in mounted.tests),
-        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in mounted.tests),
+        label=tuple(_label(specimens[members[0]], specimens) for members in observed.tests),
+        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in observed.tests),
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
         before_N=predict(setup, problem.laws).force_N,
@@ -177,7 +168,7 @@ _NEVER_THERE = frozenset({"unloading", "bar"})
 printed of one material no boundary."""
 
 
-def look_alikes(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
+def confounders_of(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
     """Return a sentence for each effect that may be the cause in place of the verdict's.
 
     Such an effect could not be tested, so that no evidence speaks for or against it, and shows
@@ -209,7 +200,7 @@ def _sentence(untestable: Untestable, effects: Sequence[str]) -> str | None:
     )
 
 
-Progress = Callable[[int, int, str], None]
+_Progress = Callable[[int, int, str], None]
 RANKED = 12
 LEAST_PROBABILITY = 1e-4
 
@@ -219,7 +210,7 @@ def diagnose(
     *,
     seed: int = 0,
     without: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: _Progress | None = None,
     priors: Priors | None = None,
 ) -> Diagnosis:
     """Return the diagnosis of a campaign.
@@ -247,11 +238,11 @@ def _diagnose(
     campaign: Campaign,
     seed: int,
     without: Sequence[str],
-    progress: Progress | None,
+    progress: _Progress | None,
     priors: Priors,
 ) -> Diagnosis:
     problem, reasons = prepared(campaign, without, progress)
-    campaign, mounted = problem.campaign, problem.mounted
+    campaign, observed = problem.campaign, problem.observed
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     ranking = ranking_of(problem, weighed)
@@ -263,13 +254,13 @@ def _diagnose(
         verdict = verdict_of(ranking)
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
-    where, remainder = places_of(problem, chosen, rng)
+    where, remainder = _places_of(problem, chosen, rng)
     return Diagnosis(
         campaign=campaign.name,
         palette=campaign.palette.name,
         palette_sha256=campaign.palette.sha256,
         specimens=len(campaign.specimens),
-        tests=len(mounted.tests),
+        tests=len(observed.tests),
         verdict=_name(verdict),
         ranking=tuple(
             replace(h, effects=h.effects or ("none",))
@@ -287,23 +278,23 @@ def _diagnose(
         detectable=detectable_sizes(problem, nominal, priors),
         limitations=(
             *campaign.limitations,
-            *mounted.limitations,
+            *observed.limitations,
             *_cautions(problem, refuted),
-            *look_alikes(verdict, reasons),
+            *confounders_of(verdict, reasons),
         ),
-        recalibration=recalibration_of(problem, chosen),
+        recalibration=_recalibration_of(problem, chosen),
         seed=seed,
-        traces=traces_of(problem, chosen),
+        traces=_traces_of(problem, chosen),
     )
 
 
 def prepared(
-    campaign: Campaign, without: Sequence[str] = (), progress: Progress | None = None
+    campaign: Campaign, without: Sequence[str] = (), progress: _Progress | None = None
 ) -> tuple[Problem, tuple[Untestable, ...]]:
     """Return a campaign ready for weighing, and the effects that it says nothing about."""
     effects, reasons = _library(campaign, without)
-    campaign, mounted = _mounted(campaign)
-    return set_up(campaign, mounted, effects, progress), reasons
+    campaign, observed = _observed(campaign)
+    return set_up(campaign, observed, effects, progress), reasons
 
 
 def _library(
@@ -328,16 +319,16 @@ def _library(
     return tuple(effects), tuple(reasons)
 
 
-def _mounted(campaign: Campaign) -> tuple[Campaign, Mounted]:
+def _observed(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     """Mount a campaign without the specimens whose curves cannot be compared."""
-    mounted = mount(campaign)
-    used = sorted(place for test in mounted.tests for place in test)
+    observed = observation_model(campaign)
+    used = sorted(place for test in observed.tests for place in test)
     if len(used) == len(campaign.specimens):
-        return campaign, mounted
+        return campaign, observed
     kept = tuple(campaign.specimens[place] for place in used)
-    remarks = (*campaign.remarks, *mounted.limitations)
+    remarks = (*campaign.remarks, *observed.limitations)
     campaign = replace(campaign, specimens=kept, remarks=remarks)
-    return campaign, mount(campaign)
+    return campaign, observation_model(campaign)
 
 
 def _name(effects: Effects) -> str:
@@ -352,7 +343,7 @@ def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
             "the palette alone does: it is no explanation"
         )
     n = len(problem.campaign.specimens)
-    unlike = caution(problem)
+    unlike = heterogeneity_caution(problem)
     if unlike is not None:
         found.append(unlike)
     if problem.scatter.degrees_of_freedom == 0:

@@ -17,18 +17,16 @@ from planner.numerics import FloatArray
 __all__ = [
     "Detectable",
     "Diagnosis",
-    "DiagnosisFile",
+    "Effects",
     "Experiment",
     "FoundEffect",
     "Gap",
     "Hypothesis",
-    "Place",
-    "PlaceFile",
+    "Location",
     "Quality",
     "Traces",
     "Untestable",
     "encode_diagnosis",
-    "faults_of",
     "of_document",
     "read_diagnosis",
     "to_document",
@@ -56,7 +54,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Location:
     """One axis along which the gap varies: its share of the excess variance.
 
     Attributes
@@ -217,10 +215,10 @@ class Diagnosis:
     ranking: tuple[Hypothesis, ...]
     same_class: tuple[Effects, ...]
     not_testable: tuple[Untestable, ...]
-    where: tuple[Place, ...]
+    where: tuple[Location, ...]
     gap: Gap
     effect: tuple[FoundEffect, ...]
-    remainder: tuple[Place, ...]
+    remainder: tuple[Location, ...]
     data_quality: tuple[Quality, ...]
     next_experiments: tuple[Experiment, ...]
     detectable: tuple[Detectable, ...]
@@ -359,7 +357,7 @@ class DiagnosisFile(msgspec.Struct):
     limitations: list[str] = []
 
 
-def faults_of(file: DiagnosisFile) -> Iterator[tuple[str, str, str]]:
+def _faults_of(file: DiagnosisFile) -> Iterator[tuple[str, str, str]]:
     """Yield key, value and what it may be, where the type alone does not say it."""
     verdict = file.verdict.split("+")
     if not all(verdict) or verdict != sorted(set(verdict)):
@@ -391,12 +389,12 @@ def faults_of(file: DiagnosisFile) -> Iterator[tuple[str, str, str]]:
 # diagnosis.json: a diagnosis as other programs read it, and back.
 
 
-SIGNIFICANT_DIGITS = 6
+_SIGNIFICANT_DIGITS = 6
 """Finer than any figure of a diagnosis is known, coarser than what machines disagree in."""
 
 
 def to_document(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the diagnosis as JSON holds it, figures rounded to `SIGNIFICANT_DIGITS`.
+    """Return the diagnosis as JSON holds it, figures rounded to `_SIGNIFICANT_DIGITS`.
 
     What is unknown, and the open end of an interval, is None. Traces are left out.
 
@@ -510,7 +508,7 @@ def of_document(document: Mapping[str, Any], *, name: str = "diagnosis") -> Diag
         raise FileError(
             f"{name}: not a diagnosis: {error}; see docs/reference/diagnosis.md for its keys"
         ) from error
-    for key, value, allowed in faults_of(file):
+    for key, value, allowed in _faults_of(file):
         raise FileError(f"{name}: {key} is {value}; it must be {allowed}")
     gap, because = file.gap, file.not_testable_because
     return Diagnosis(
@@ -597,7 +595,7 @@ def _effects(ids: list[str]) -> Effects:
 
 
 def _rounded(value: float) -> float:
-    return float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
+    return float(f"{value:.{_SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def _figure(value: float | None) -> float | None:
@@ -619,7 +617,7 @@ def _ends(interval: tuple[float | None, float | None]) -> tuple[float, float]:
     return -math.inf if low is None else low, math.inf if high is None else high
 
 
-def _places(places: Sequence[Place], key: str) -> list[dict[str, Any]]:
+def _places(places: Sequence[Location], key: str) -> list[dict[str, Any]]:
     return [
         {
             "axis": place.axis,
@@ -632,9 +630,9 @@ def _places(places: Sequence[Place], key: str) -> list[dict[str, Any]]:
     ]
 
 
-def _read_places(places: Iterable[PlaceFile]) -> tuple[Place, ...]:
+def _read_places(places: Iterable[PlaceFile]) -> tuple[Location, ...]:
     return tuple(
-        Place(p.axis, p.share, _ends(p.share_interval or (None, None)), p.p, p.detail)
+        Location(p.axis, p.share, _ends(p.share_interval or (None, None)), p.p, p.detail)
         for p in places
     )
 

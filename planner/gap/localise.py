@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import Place
+from planner.gap.diagnosis import Location
 from planner.gap.localise_axes import (
     CLAIM,
     Axis,
@@ -35,11 +35,11 @@ from planner.gap.localise_axes import (
 from planner.gap.localise_tests import (
     FEWEST_TO_FLIP,
     SpecimenScores,
-    dealt,
     family_wise,
+    least_permutation_p,
+    outlying_replicates,
+    permuted,
     rank_p,
-    seen_by_chance,
-    specimens_apart,
     tail_p,
     varies_within,
     within_p,
@@ -48,22 +48,7 @@ from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 
-__all__ = [
-    "SIGNIFICANT",
-    "Gaps",
-    "branch_basis",
-    "branch_sentence",
-    "column_sentence",
-    "hold_place",
-    "hold_sentence",
-    "hold_time_basis",
-    "later_branches",
-    "localise",
-    "position_sentence",
-    "ranked",
-    "specimens_sentence",
-    "strain_sentence",
-]
+__all__ = ["localise"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -114,7 +99,7 @@ class Gaps:
         return float(weight @ self.log[rows] / weight.sum())
 
 
-def column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps) -> str:
+def _column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps) -> str:
     """Return where along a column the gap is highest and lowest.
 
     Parameters
@@ -132,7 +117,7 @@ def column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps:
     return _extremes(found)
 
 
-def strain_sentence(table: FeatureTable, gaps: Gaps) -> str:
+def _strain_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return in which band of strain the common gap is largest and smallest."""
     force = ~table.is_field
     if not force.any():
@@ -151,7 +136,7 @@ def strain_sentence(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found)
 
 
-def branch_sentence(table: FeatureTable, gaps: Gaps) -> str:
+def _branch_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return on which branches the gap is highest and lowest."""
     names = {"loading": "in the first loading", "unloading": "in unloading",
              "reloading": "in reloading", "hold": "in the hold"}  # fmt: skip
@@ -165,7 +150,7 @@ def branch_sentence(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found)
 
 
-def hold_sentence(table: FeatureTable, gaps: Gaps) -> str:
+def _hold_sentence(table: FeatureTable, gaps: Gaps) -> str:
     """Return the gap early and late in the hold."""
     hold = table.branch == BRANCHES.index("hold")
     early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
@@ -180,7 +165,7 @@ def hold_sentence(table: FeatureTable, gaps: Gaps) -> str:
     return _extremes(found, ordered=True)
 
 
-def position_sentence(
+def _position_sentence(
     cluster: Cluster | None, campaign: Campaign, table: FeatureTable, gaps: Gaps
 ) -> str:
     """Return where along which bar the local strain is farthest off."""
@@ -201,7 +186,7 @@ def position_sentence(
     return sentence
 
 
-def specimens_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
+def _specimens_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
     """Return which specimens stand apart from their replicates, and by how much."""
     listed = [
         f"{id} {_off(value, 'its replicates')}"
@@ -277,7 +262,7 @@ def _grade(palette: Palette, coordinate: float) -> str:
 _HOLD = BRANCHES.index("hold")
 
 
-def later_branches(table: FeatureTable) -> tuple[int, ...]:
+def _later_branches(table: FeatureTable) -> tuple[int, ...]:
     """Return the branches of forces, other than the first loading, that were measured."""
     return tuple(
         k for k, name in enumerate(BRANCHES)
@@ -285,12 +270,12 @@ def later_branches(table: FeatureTable) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def branch_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
+def _branch_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
     """Return a level of every later branch, and a slope over strain where strain varies, (N, k)."""
     level = strain_shapes(table)[:, 0]
     u = strain_place(table)
     columns = []
-    for branch in later_branches(table):
+    for branch in _later_branches(table):
         of_branch = np.where(table.branch == branch, level, 0.0)
         columns.append(of_branch)
         if branch != _HOLD:
@@ -298,17 +283,17 @@ def branch_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) 
     return _made(columns, table, whitening, common)
 
 
-def hold_time_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
+def _hold_time_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
     """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, k)."""
     hold = table.branch == _HOLD
     if not hold.any():
         return np.zeros((len(table), 0))
     level = np.where(hold, strain_shapes(table)[:, 0], 0.0)
-    w = hold_place(table)
+    w = _hold_place(table)
     return _made([level, level * w, level * w**2], table, whitening, common)
 
 
-def hold_place(table: FeatureTable) -> FloatArray:
+def _hold_place(table: FeatureTable) -> FloatArray:
     """Return the logarithm of the time of a hold, 0 at the shortest and 1 at the longest, (N,)."""
     hold = table.branch == _HOLD
     log = np.log(np.maximum(table.time_s, 1e-3))
@@ -335,18 +320,18 @@ def _made(
 # one that explains nothing.
 
 
-SIGNIFICANT = 0.05
+_SIGNIFICANT = 0.05
 _ALONE = 0.3
 
 
-def ranked(
+def _ranked(
     axes: Sequence[Axis], p: FloatArray, excess: Excess
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
     cost = math.log(max(len(excess.whitening.specimen), 2))
     alone = np.array([excess.explained(a) - (cost - 1.0) * a.basis.shape[1] for a in axes])
     alone = np.maximum(alone, 0.0)
-    found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
+    found = [i for i in range(len(axes)) if p[i] <= _SIGNIFICANT]
     if not found:
         order = sorted(range(len(axes)), key=lambda i: (p[i], -alone[i]))
         return tuple(order), (1.0,) * len(axes)
@@ -377,7 +362,7 @@ def _added(axis: Axis, first: Axis, excess: Excess, cost: float) -> float:
 # Where the gap of a campaign lies: every axis, with its share, p-value and a sentence.
 
 
-BOOTSTRAPS = 200
+_BOOTSTRAPS = 200
 _FEWEST_KNOWN = 4
 _ADDS_LITTLE = 0.25
 
@@ -406,7 +391,7 @@ def localise(
     rng: np.random.Generator,
     *,
     permutations: int = 999,
-) -> tuple[Place, ...]:
+) -> tuple[Location, ...]:
     """Return along which axes the gap varies, the one to look at first in front.
 
     Axes are the material, every column that varies, the strain (what all specimens have in
@@ -440,7 +425,7 @@ def localise(
     if len(table) == 0 or len(np.unique(table.specimen)) < 2:
         return ()
     case = _case(campaign, table, residual, noise, rng, permutations)
-    axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_apart_axes(case)]
+    axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
     if not axes:
         return ()
     p = family_wise(
@@ -448,20 +433,20 @@ def localise(
         np.stack([a.drawn_p for a in axes]),
         np.array([a.least for a in axes]),
     )
-    order, adds = ranked(axes, p, case.excess)
+    order, adds = _ranked(axes, p, case.excess)
     weights = rng.multinomial(
         len(case.whitening.specimen),
         np.full(len(case.whitening.specimen), 1.0 / len(case.whitening.specimen)),
-        BOOTSTRAPS,
+        _BOOTSTRAPS,
     ).astype(np.float64)
     first = axes[order[0]].name
     places = []
     for i in order:
         sentence = axes[i].detail
-        if i != order[0] and p[i] <= SIGNIFICANT and adds[i] < _ADDS_LITTLE:
+        if i != order[0] and p[i] <= _SIGNIFICANT and adds[i] < _ADDS_LITTLE:
             sentence += f"; little of it beyond what goes with {first}"
         share, interval = case.excess.share(axes[i]), case.excess.interval(axes[i], weights)
-        places.append(Place(axes[i].name, share, interval, float(p[i]), sentence))
+        places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))
     return tuple(places)
 
 
@@ -508,9 +493,9 @@ def _column_axes(case: _Case) -> list[Axis]:
         known = column.known.tobytes()
         if known not in totals:
             totals[known] = scores.total(np.flatnonzero(column.known))
-        p, drawn = scores.p(column, dealt(keys, column, within), *totals[known])
-        sentence = column_sentence(column, case.table, case.of_row, case.gaps)
-        least = seen_by_chance(column, within)
+        p, drawn = scores.p(column, permuted(keys, column, within), *totals[known])
+        sentence = _column_sentence(column, case.table, case.of_row, case.gaps)
+        least = least_permutation_p(column, within)
         axes.append(Axis(column.name, basis, p, drawn, sentence, least=least))
     return axes
 
@@ -519,16 +504,16 @@ def _within_axes(case: _Case) -> list[Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
     table, whitening, excess = case.table, case.whitening, case.excess
     p, drawn = _flipped(case, excess.common, excess.y)
-    sentence = strain_sentence(table, case.gaps)
+    sentence = _strain_sentence(table, case.gaps)
     axes = [Axis("strain", excess.common, p, drawn, sentence, is_common=True)]
-    basis = branch_basis(table, whitening, excess.common)
+    basis = _branch_basis(table, whitening, excess.common)
     if basis.shape[1]:
         p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("branch", basis, p, drawn, branch_sentence(table, case.gaps)))
-    basis = hold_time_basis(table, whitening, excess.common)
+        axes.append(Axis("branch", basis, p, drawn, _branch_sentence(table, case.gaps)))
+    basis = _hold_time_basis(table, whitening, excess.common)
     if basis.shape[1]:
         p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("time", basis, p, drawn, hold_sentence(table, case.gaps)))
+        axes.append(Axis("time", basis, p, drawn, _hold_sentence(table, case.gaps)))
     return axes
 
 
@@ -555,23 +540,23 @@ def _position_axes(case: _Case) -> list[Axis]:
     masses = cluster_draws(case.campaign, table, noise)
     of_cluster = tail_p(0.0 if found is None else found.mass, masses, 0.3)
     either = 2.0 * np.minimum(drawn, rank_p(masses))
-    sentence = position_sentence(found, case.campaign, table, case.gaps)
+    sentence = _position_sentence(found, case.campaign, table, case.gaps)
     return [Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)]
 
 
-def _apart_axes(case: _Case) -> list[Axis]:
+def _outlying_axes(case: _Case) -> list[Axis]:
     """Specimens against their replicates: noise with stray specimens is drawn."""
     table, whitening = case.table, case.whitening
     level = strain_shapes(table)[:, 0]
     test = table.test[whitening.starts[:-1]]
-    found = specimens_apart(whitening, level, case.residual, test, len(case.signs), case.rng)
+    found = outlying_replicates(whitening, level, case.residual, test, len(case.signs), case.rng)
     if found is None:
         return []
     columns = np.stack([np.where(case.of_row == i, level, 0.0) for i in found.named], axis=1)
     basis = orthonormal(whitening(columns), besides=case.excess.common)
     ids = [case.campaign.specimens[int(whitening.specimen[i])].id for i in found.named]
     p = tail_p(float(np.log(max(found.figure, 1e-9))), np.log(found.drawn), 0.1)
-    sentence = specimens_sentence(ids, found.shift)
+    sentence = _specimens_sentence(ids, found.shift)
     return [Axis("specimen", basis, p, rank_p(found.drawn), sentence)]
 
 

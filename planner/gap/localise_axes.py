@@ -19,7 +19,6 @@ __all__ = [
     "Column",
     "Excess",
     "Noise",
-    "Step",
     "Whitening",
     "bar_scale",
     "bars_alike",
@@ -91,12 +90,12 @@ def share_p(explained: FloatArray, left: FloatArray, k: float, freedom: float) -
 # The shapes over strain that a gap is looked for in: a level, a slope and a bend.
 
 
-SMALLEST_STRAIN = 0.01
+_SMALLEST_STRAIN = 0.01
 
 
 def strain_place(table: FeatureTable) -> FloatArray:
     """Return the logarithm of strain, -1 at the table's smallest and 1 at its largest, (N,)."""
-    log = np.log(np.maximum(table.strain, 0.0) + SMALLEST_STRAIN)
+    log = np.log(np.maximum(table.strain, 0.0) + _SMALLEST_STRAIN)
     low, high = float(log.min()), float(log.max())
     middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
     place: FloatArray = (log - middle) / half
@@ -356,7 +355,7 @@ def explained_by(basis: FloatArray, y: FloatArray) -> float:
 # Columns of specimens.csv as axes: their levels, and a few coordinates along each.
 
 
-Value = str | float | None
+_Value = str | float | None
 
 _NUMBERS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "rate_mm_s": lambda v: np.log(np.maximum(v, 1e-9)),
@@ -388,7 +387,7 @@ class Column:
     """
 
     name: str
-    values: tuple[Value, ...]
+    values: tuple[_Value, ...]
     level: IntArray
     coordinates: FloatArray
 
@@ -431,7 +430,7 @@ def _size(specimen: Specimen, name: str) -> float | None:
     return value
 
 
-def _column(name: str, values: Sequence[Value]) -> Column | None:
+def _column(name: str, values: Sequence[_Value]) -> Column | None:
     clean = tuple(_clean(v) for v in values)
     if any(isinstance(v, str) for v in clean):
         clean = tuple(None if v is None else str(v) for v in clean)
@@ -439,13 +438,13 @@ def _column(name: str, values: Sequence[Value]) -> Column | None:
     return _of_numbers(name, clean)
 
 
-def _clean(value: Value) -> Value:
+def _clean(value: _Value) -> _Value:
     if isinstance(value, str):
         return value.strip() or None
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def _of_text(name: str, values: tuple[Value, ...]) -> Column | None:
+def _of_text(name: str, values: tuple[_Value, ...]) -> Column | None:
     texts = sorted({v for v in values if isinstance(v, str)})
     level = np.array([-1 if v is None else texts.index(str(v)) for v in values])
     known = level >= 0
@@ -457,7 +456,7 @@ def _of_text(name: str, values: tuple[Value, ...]) -> Column | None:
     return _made(name, values, level, indicators)
 
 
-def _of_numbers(name: str, values: tuple[Value, ...]) -> Column | None:
+def _of_numbers(name: str, values: tuple[_Value, ...]) -> Column | None:
     numbers = [v if isinstance(v, float) else None for v in values]
     absolute, relative = TOLERANCES.get(name, (0.0, 1e-6))
     of = levels(numbers, absolute, relative)
@@ -483,7 +482,7 @@ def _scaled(name: str, values: FloatArray) -> FloatArray:
     return np.log(values) if wide else values
 
 
-def _made(name: str, values: tuple[Value, ...], level: IntArray, raw: FloatArray) -> Column | None:
+def _made(name: str, values: tuple[_Value, ...], level: IntArray, raw: FloatArray) -> Column | None:
     known = level >= 0
     centred = np.where(known[:, None], raw - raw[known].mean(axis=0), 0.0)
     basis, singular, _ = np.linalg.svd(centred, full_matrices=False)
@@ -498,10 +497,10 @@ def _made(name: str, values: tuple[Value, ...], level: IntArray, raw: FloatArray
 # The place along graded bars: smooth courses, steps between materials, clusters of places.
 
 
-KNOTS = 6
+_KNOTS = 6
 """Of the smooth course along a bar."""
 
-HIGH = 2.0
+_HIGH = 2.0
 """Standard deviations above which neighbouring places join a cluster."""
 
 _STEEP_PER_MM = 0.15
@@ -557,10 +556,10 @@ def position_basis(
     odd, even = np.zeros(len(table)), np.zeros(len(table))
     for rows, design in bars_alike(campaign, table).values():
         x = table.x_mm[rows]
-        knots = np.linspace(x.min(), x.max(), KNOTS)
-        for k in range(KNOTS):
+        knots = np.linspace(x.min(), x.max(), _KNOTS)
+        for k in range(_KNOTS):
             column = np.zeros(len(table))
-            column[rows] = np.interp(x, knots, np.eye(KNOTS)[k])
+            column[rows] = np.interp(x, knots, np.eye(_KNOTS)[k])
             columns.append(column)
         width = max(_spacing_mm(x), 0.5)
         for step in steps_of(design):
@@ -659,12 +658,12 @@ def _mean_score(values: FloatArray, place: IntArray, count: int) -> FloatArray:
 
 
 def _masses(z: FloatArray) -> FloatArray:
-    """Heaviest run of one sign above `HIGH`, of each row."""
+    """Heaviest run of one sign above `_HIGH`, of each row."""
     heaviest = np.zeros(len(z))
     for sign in (1.0, -1.0):
         run = np.zeros(len(z))
         for column in (sign * z).T:
-            run = np.where(column > HIGH, run + column - HIGH, 0.0)
+            run = np.where(column > _HIGH, run + column - _HIGH, 0.0)
             heaviest = np.maximum(heaviest, run)
     return heaviest
 
@@ -674,10 +673,10 @@ def _heaviest(z: FloatArray) -> tuple[int, int, float]:
     for sign in (1.0, -1.0):
         start, mass = 0, 0.0
         for i, value in enumerate((sign * z).tolist()):
-            if value <= HIGH:
+            if value <= _HIGH:
                 start, mass = i + 1, 0.0
                 continue
-            mass += value - HIGH
+            mass += value - _HIGH
             if mass > best[2]:
                 best = (start, i + 1, mass)
     return best

@@ -9,13 +9,13 @@ from planner.gap.localise_axes import Column, Whitening, orthonormal, share_p
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = [
-    "Apart",
+    "FEWEST_TO_FLIP",
     "SpecimenScores",
-    "dealt",
     "family_wise",
+    "least_permutation_p",
+    "outlying_replicates",
+    "permuted",
     "rank_p",
-    "seen_by_chance",
-    "specimens_apart",
     "tail_p",
     "varies_within",
     "within_p",
@@ -31,16 +31,16 @@ __all__ = [
 # cannot pass for the column.
 
 
-ENOUGH = 2000.0
+_ENOUGH = 2000.0
 """Arrangements within batches, that those alone are dealt."""
 
 
 def varies_within(column: Column, batch: IntArray) -> bool:
     """Return whether a column varies enough within batches to be dealt within them."""
-    return _log_arrangements(column, batch) > math.log(ENOUGH)
+    return _log_arrangements(column, batch) > math.log(_ENOUGH)
 
 
-def seen_by_chance(column: Column, batch: IntArray | None) -> float:
+def least_permutation_p(column: Column, batch: IntArray | None) -> float:
     """Return the chance of dealing the very cells that are seen, or the like of them.
 
     Levels of as many specimens may change names; of numbers along a course, both ends may.
@@ -56,7 +56,7 @@ def seen_by_chance(column: Column, batch: IntArray | None) -> float:
     return min(1.0, math.exp(-log))
 
 
-def dealt(keys: FloatArray, column: Column, batch: IntArray | None) -> IntArray:
+def permuted(keys: FloatArray, column: Column, batch: IntArray | None) -> IntArray:
     """Return whose cell each known specimen is dealt in each draw, (P, n known).
 
     Parameters
@@ -97,7 +97,7 @@ def _log_arrangements(column: Column, batch: IntArray) -> float:
 # of a true p-value).
 
 
-SMALLEST = 1e-12
+_SMALLEST = 1e-12
 """A tail fitted to a thousand draws says nothing about less."""
 
 _TIES = 1e-9
@@ -156,7 +156,7 @@ def tail_p(figure: float, drawn: FloatArray, thinnest: float) -> float:
     mean = max(float(np.mean(beyond - threshold)) if len(beyond) else 0.0, thinnest)
     share = len(beyond) / len(drawn)
     tail = share * float(np.exp(-(figure - threshold) / mean))
-    return float(np.clip(tail, SMALLEST, counted))
+    return float(np.clip(tail, _SMALLEST, counted))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -386,14 +386,14 @@ def _drawn(
 # Specimens that stand apart from their replicates.
 
 
-TAIL_FREEDOM = 5.0
+_TAIL_FREEDOM = 5.0
 """Specimens are drawn from Student's t: a stray one is no rarity."""
 
 _NORMAL_MAD = 0.6745
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Apart:
+class OutlyingReplicates:
     """Specimens against their replicates.
 
     Attributes
@@ -413,14 +413,14 @@ class Apart:
     shift: tuple[float, ...]
 
 
-def specimens_apart(
+def outlying_replicates(
     whitening: Whitening,
     level: FloatArray,
     residual: FloatArray,
     test: IntArray,
     draws: int,
     rng: np.random.Generator,
-) -> Apart | None:
+) -> OutlyingReplicates | None:
     """Return which specimens stand apart; None where no test has two specimens.
 
     Each specimen's level is compared with the mean of its replicates'; the scale is told by the
@@ -446,14 +446,14 @@ def specimens_apart(
         return None
     sd = np.where(seen, 1.0 / np.sqrt(scale), 0.0)
     own = rng.standard_normal((draws, len(test)))
-    own /= np.sqrt(rng.chisquare(TAIL_FREEDOM, own.shape) / TAIL_FREEDOM)
+    own /= np.sqrt(rng.chisquare(_TAIL_FREEDOM, own.shape) / _TAIL_FREEDOM)
     drawn = own * sd + rng.standard_normal((draws, tied.shape[1])) @ tied.T
     deviation = _deviation(contrasts, sd, tied)
     figures = _standing(drawn, contrasts, deviation, compared)[1].max(axis=1)
     scale_of, standing = _standing(height[None], contrasts, deviation, compared)
     cut = float(np.quantile(figures, 0.95))
     named, shift = _named(height, test, seen, sd, tied, float(scale_of[0]), cut)
-    return Apart(float(standing.max()), figures, named, shift)
+    return OutlyingReplicates(float(standing.max()), figures, named, shift)
 
 
 def _contrasts(test: IntArray, seen: BoolArray) -> FloatArray:

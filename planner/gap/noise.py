@@ -21,12 +21,12 @@ __all__ = [
     "SpecimenNoise",
     "calibration_columns",
     "calibrations",
-    "course_columns",
+    "discrepancy_columns",
     "estimate_scatter",
     "field_columns",
     "place_on_path",
-    "specimen_block",
     "specimen_noise",
+    "step",
 ]
 
 
@@ -72,7 +72,7 @@ class Scatter:
 # Covariance of each specimen's own figures, and what specimens of a batch share.
 
 
-MODEL_SD = 0.003
+_MODEL_SD = 0.003
 """No prediction is truer than this: of discretisation and of reading a curve at a place."""
 
 _FIELD = BRANCHES.index("field")
@@ -124,7 +124,7 @@ def specimen_noise(
         See `place_on_path`.
     """
     rows = _rows(table)
-    blocks = tuple(specimen_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
+    blocks = tuple(_specimen_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
     batches = sorted(set(batch_of.tolist()) - {-1})
     columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
     for column, number in enumerate(batches[: columns.shape[1]]):
@@ -148,7 +148,7 @@ def _rows(table: FeatureTable) -> tuple[slice, ...]:
     return tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
 
 
-def specimen_block(
+def _specimen_block(
     table: FeatureTable,
     sensitivity: FloatArray,
     scatter: Scatter,
@@ -174,7 +174,7 @@ def specimen_block(
         scatter.sensor * sensor_sd_N[table.specimen[rows]] * by_raw,
         np.hypot(scatter.field * by_raw, scatter.field_relative * sensitivity[rows]),
     )
-    block[np.diag_indices(len(h))] += own**2 + MODEL_SD**2
+    block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
     return block
 
 
@@ -185,13 +185,13 @@ def specimen_block(
 # the forward model's own derivatives, so that a graded bar feels its grades as it should.
 
 
-UNKNOWN_LOG_SD = 0.05
+_UNKNOWN_LOG_SD = 0.05
 """Of a grade's modulus where the palette does not say."""
 
-TILT_SD = 0.01
+_TILT_SD = 0.01
 """Of the logarithm of stress, from small strains to large ones: laws follow their tests to 1 %."""
 
-BETWEEN_SD = 0.03
+_BETWEEN_SD = 0.03
 """Of the logarithm of stress half-way between two grades: nobody measured it."""
 
 _STEP = 0.02
@@ -230,14 +230,14 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
     for k, material in enumerate(palette.materials):
         hat = np.interp(where, at, np.eye(len(at))[k])
         if hat.max() > 0.0:
-            sd = material.modulus_log_sd or UNKNOWN_LOG_SD
+            sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
             found.append(Calibration(material.id, "level", sd, hat))
-            found.append(Calibration(material.id, "tilt", TILT_SD, hat))
+            found.append(Calibration(material.id, "tilt", _TILT_SD, hat))
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
-            found.append(Calibration("", "between", BETWEEN_SD, bump))
+            found.append(Calibration("", "between", _BETWEEN_SD, bump))
     return tuple(found)
 
 
@@ -303,7 +303,7 @@ def estimate_scatter(
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
         for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            own = specimen_block(table, sensitivity, scatter, sensor_sd_N, path, first)
+            own = _specimen_block(table, sensitivity, scatter, sensor_sd_N, path, first)
             forces = np.flatnonzero(table.branch[rows[0]] != _FIELD)
             own = own[np.ix_(forces, forces)]
             h = scatter.batch * sensitivity[rows[0]][forces]
@@ -404,28 +404,30 @@ def _field_scatter(table: FeatureTable) -> tuple[float, float]:
 # strain. A camera's facets average over a length that nobody states, and lie a little to the side.
 
 
-COURSE_SD = 0.02
+DISCREPANCY_SD = 0.02
 """Of the logarithm of stress: the misfit of a law along its curve."""
 
-FIELD_SD = 0.012
+_FIELD_SD = 0.012
 """Of the logarithm of a local strain: the same, seen along a bar."""
 
-FACET_SHARE = 0.6
+_FACET_SHARE = 0.6
 """Standard deviation of the facets' averaging and of their place, in bins of the strain field."""
 _DECAYS = (0.01, 0.03, 0.09, 0.27)
 
 
-def course_columns(campaign: Campaign, table: FeatureTable, sensitivity: FloatArray) -> FloatArray:
+def discrepancy_columns(
+    campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
+) -> FloatArray:
     """Return, of each material and each bar's design, courses in strain, (N, q)."""
     names = [
         s.material if s.profile is None else f"bar {s.profile.name}" for s in campaign.specimens
     ]
     force = np.where(table.branch == _FIELD, 0.0, sensitivity)
     # Laws of one family miss the same bends, whatever the material.
-    columns = [COURSE_SD * force * np.exp(-table.strain / decay) for decay in _DECAYS]
+    columns = [DISCREPANCY_SD * force * np.exp(-table.strain / decay) for decay in _DECAYS]
     for name in dict.fromkeys(names):
         of_it = force * np.array([n == name for n in names])[table.specimen]
-        columns += [COURSE_SD * of_it * np.exp(-table.strain / decay) for decay in _DECAYS]
+        columns += [DISCREPANCY_SD * of_it * np.exp(-table.strain / decay) for decay in _DECAYS]
     return np.stack(columns, axis=1)
 
 
@@ -442,9 +444,9 @@ def field_columns(
     for value in np.unique(key).tolist():
         rows = field[key == value]
         strain = unpredicted[rows]
-        scale = FACET_SHARE * sensitivity[rows] / np.maximum(np.abs(strain), 1e-9)
+        scale = _FACET_SHARE * sensitivity[rows] / np.maximum(np.abs(strain), 1e-9)
         padded = np.concatenate([strain[:1], strain, strain[-1:]])
-        blur[rows, 0] = FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
+        blur[rows, 0] = _FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
         shift = np.zeros(len(table))
         shift[rows] = 0.5 * scale * (padded[2:] - padded[:-2])
         shifts.append((int(table.specimen[rows[0]]), shift))
@@ -456,6 +458,6 @@ def field_columns(
         for x in np.unique(np.round(table.x_mm[rows], 6)).tolist():
             column = np.zeros(len(table))
             here = rows[np.abs(table.x_mm[rows] - x) < 1e-3]
-            column[here] = FIELD_SD * sensitivity[here]
+            column[here] = _FIELD_SD * sensitivity[here]
             places.append(column)
     return np.stack([blur[:, 0], *by_specimen.values(), *places], axis=1)

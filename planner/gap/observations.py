@@ -8,36 +8,25 @@ import numpy as np
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField, named, replicate_groups
 from planner.gap.segments import (
-    Leg,
-    MountedTest,
     Path,
-    agree,
+    ReplicateTest,
+    Segment,
     assemble,
-    cut,
+    cut_path,
     feature_places,
     forces_N,
     mean_section_mm2,
     mean_times_s,
     path_of,
-    walk_of,
+    same_course,
+    time_grid,
 )
 from planner.materials.characterise import noise_sd
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import LawTables, Prediction, Setup, law_tables, predict
 
-__all__ = [
-    "BINS_MOST",
-    "BRANCHES",
-    "FeatureTable",
-    "FieldWeights",
-    "Mounted",
-    "bin_edges_mm",
-    "bin_means",
-    "feature_table",
-    "frame_travels_mm",
-    "mount",
-]
+__all__ = ["BRANCHES", "FeatureTable", "ObservationModel", "observation_model"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -50,7 +39,7 @@ end of a loading; "field" is strain along a bar, from image correlation, during 
 """
 
 
-CLEAR = 5.0
+_CLEAR = 5.0
 """Of the floor: above it a figure is not noise."""
 
 _SAME = 1e-3
@@ -125,7 +114,7 @@ class FeatureTable:
         measured = self.measured_raw
         larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
         found = self.sensitivity(larger)
-        clear = np.minimum(np.abs(measured), np.abs(raw)) > CLEAR * self.floor
+        clear = np.minimum(np.abs(measured), np.abs(raw)) > _CLEAR * self.floor
         clear &= np.sign(measured) == np.sign(raw)
         ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
         clear &= np.abs(ratio) > _SAME
@@ -137,7 +126,7 @@ class FeatureTable:
 # Strain fields, in bins along the bar that a camera and a model can both fill.
 
 
-BINS_MOST = 16
+_BINS_MOST = 16
 
 _PLACES_LEAST = 3
 """Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
@@ -163,16 +152,16 @@ class FieldWeights:
     weight: FloatArray
 
 
-def frame_travels_mm(field: StrainField, path: Path, end_mm: float) -> FloatArray:
+def _frame_travels_mm(field: StrainField, path: Path, end_mm: float) -> FloatArray:
     """Return the travels, rising, of the frames taken in the first loading up to `end_mm`."""
-    leg = path.legs[0]
+    segment = path.segments[0]
     time = field.time_s - path.shift_s
-    inside = (time > leg.begin_s) & (time <= leg.end_s * (1.0 + 1e-9))
+    inside = (time > segment.begin_s) & (time <= segment.end_s * (1.0 + 1e-9))
     travel = np.interp(time[inside], path.time_s, path.travel_mm)
     return np.asarray(travel[(travel > 0.02 * end_mm) & (travel <= end_mm * (1.0 + 1e-9))])
 
 
-def bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArray]:
+def _bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArray]:
     """Return begin and end of each bin, (b, 2), and the bin of each place of the camera.
 
     Each place stands for the stretch halfway to its neighbours.
@@ -180,7 +169,7 @@ def bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArra
     middle = 0.5 * (x_mm[1:] + x_mm[:-1])
     begin = np.concatenate([[x_mm[0] - 0.5 * (x_mm[1] - x_mm[0])], middle])
     end = np.concatenate([middle, [x_mm[-1] + 0.5 * (x_mm[-1] - x_mm[-2])]])
-    count = max(1, min(BINS_MOST, len(x_mm) // _PLACES_LEAST))
+    count = max(1, min(_BINS_MOST, len(x_mm) // _PLACES_LEAST))
     bin_of = np.arange(len(x_mm)) * count // len(x_mm)
     first = np.searchsorted(bin_of, np.arange(count))
     last = np.searchsorted(bin_of, np.arange(count), side="right") - 1
@@ -188,16 +177,16 @@ def bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArra
     return edges, bin_of
 
 
-def bin_means(
+def _bin_means(
     field: StrainField, path: Path, travel_mm: float, bin_of: IntArray
 ) -> FloatArray | None:
     """Return the mean strain of each bin at a travel of the first loading; None without a frame.
 
     The nearest frame's strains are scaled by the ratio of the travels, which is close to 1.
     """
-    leg = path.legs[0]
+    segment = path.segments[0]
     time = field.time_s - path.shift_s
-    inside: BoolArray = (time > leg.begin_s) & (time <= leg.end_s * (1.0 + 1e-9))
+    inside: BoolArray = (time > segment.begin_s) & (time <= segment.end_s * (1.0 + 1e-9))
     if not inside.any():
         return None
     travels = np.interp(time[inside], path.time_s, path.travel_mm)
@@ -239,9 +228,9 @@ class _Rows:
         return np.array(self.columns[name], dtype=np.int64)
 
 
-def feature_table(
+def _feature_table(
     specimens: Sequence[Specimen],
-    tests: Sequence[MountedTest],
+    tests: Sequence[ReplicateTest],
     paths: Mapping[int, Path],
     setup: Setup,
     measured_N: FloatArray,
@@ -264,12 +253,12 @@ def feature_table(
         floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
         common = {"specimen": place, "test": number}
         for step in _feature_steps(test):
-            leg = test.walk.legs[test.walk.leg[step]]
-            begin_s = test.time_s[_leg_start(test, step)] if leg.kind == "hold" else 0.0
+            segment = test.grid.segments[test.grid.segment[step]]
+            begin_s = test.time_s[_segment_start(test, step)] if segment.kind == "hold" else 0.0
             rows.add(
                 **common,
                 step=step,
-                branch=BRANCHES.index(leg.kind),
+                branch=BRANCHES.index(segment.kind),
                 strain=travel[step] / setup.gauge_mm[number],
                 time_s=test.time_s[step] - begin_s,
                 x_mm=np.nan,
@@ -278,9 +267,9 @@ def feature_table(
             )
         seen = specimens[place].strain_field
         if seen is not None and setup.designs[number] is not None:
-            edges, bin_of = bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
-            for step in field_steps(test):
-                means = bin_means(seen, paths[place], float(travel[step]), bin_of)
+            edges, bin_of = _bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
+            for step in _field_steps(test):
+                means = _bin_means(seen, paths[place], float(travel[step]), bin_of)
                 if means is None:
                     continue
                 for (begin, end), mean in zip(edges.tolist(), means.tolist(), strict=True):
@@ -317,27 +306,27 @@ def feature_table(
     return table, weights
 
 
-def field_steps(test: MountedTest) -> list[int]:
+def _field_steps(test: ReplicateTest) -> list[int]:
     """Return the steps of the test that are frames of its strain field."""
     return [_step_at(test, 0, fraction) for fraction in test.frames]
 
 
-def _feature_steps(test: MountedTest) -> list[int]:
+def _feature_steps(test: ReplicateTest) -> list[int]:
     return [
-        _step_at(test, leg, fraction)
-        for leg, places in enumerate(feature_places(test.walk.legs))
+        _step_at(test, segment, fraction)
+        for segment, places in enumerate(feature_places(test.grid.segments))
         for fraction in places
     ]
 
 
-def _step_at(test: MountedTest, leg: int, fraction: float) -> int:
-    here = np.flatnonzero((test.walk.leg == leg) & (np.arange(len(test.walk.leg)) > 0))
-    return int(here[np.argmin(np.abs(test.walk.fraction[here] - fraction))])
+def _step_at(test: ReplicateTest, segment: int, fraction: float) -> int:
+    here = np.flatnonzero((test.grid.segment == segment) & (np.arange(len(test.grid.segment)) > 0))
+    return int(here[np.argmin(np.abs(test.grid.fraction[here] - fraction))])
 
 
-def _leg_start(test: MountedTest, step: int) -> int:
-    """Return the step at which the leg of a step begins, the last one of the leg before."""
-    return int(np.flatnonzero(test.walk.leg == test.walk.leg[step])[0]) - 1
+def _segment_start(test: ReplicateTest, step: int) -> int:
+    """Return the step at which the segment of a step begins, the last one of the segment before."""
+    return int(np.flatnonzero(test.grid.segment == test.grid.segment[step])[0]) - 1
 
 
 def _weigh(rows: _Rows, setup: Setup, number: int, begin: float, end: float) -> None:
@@ -356,15 +345,15 @@ def _weigh(rows: _Rows, setup: Setup, number: int, begin: float, end: float) -> 
 # Mount a campaign: its specimens as tests of the forward model, its curves as features.
 
 
-STRAIN_MOST = 2.5
-BREAK_SHARE = 1.3
-"""A test counts up to a strain of `STRAIN_MOST` and to this many times the elongation at break."""
+_STRAIN_MOST = 2.5
+_BREAK_SHARE = 1.3
+"""A test counts up to a strain of `_STRAIN_MOST` and to this many times the elongation at break."""
 
 _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mounted:
+class ObservationModel:
     """A campaign as the forward model sees it: n specimens in P tests of T steps.
 
     Attributes
@@ -377,10 +366,10 @@ class Mounted:
         Places in the campaign of each test's specimens.
     test_of : (n,)
         The other way about; -1 for a specimen that is left out.
-    legs
+    segments
         Of each test, the mean of its specimens'.
-    leg_of_step : (P, T)
-        Index into `legs`.
+    segment_of_step : (P, T)
+        Index into `segments`.
     table
         The features of all specimens.
     field_weights
@@ -398,8 +387,8 @@ class Mounted:
     laws: LawTables
     tests: tuple[tuple[int, ...], ...]
     test_of: np.ndarray[tuple[int], np.dtype[np.int64]]
-    legs: tuple[tuple[Leg, ...], ...]
-    leg_of_step: np.ndarray[tuple[int, int], np.dtype[np.int64]]
+    segments: tuple[tuple[Segment, ...], ...]
+    segment_of_step: np.ndarray[tuple[int, int], np.dtype[np.int64]]
     table: FeatureTable
     field_weights: FieldWeights
     measured_N: FloatArray
@@ -417,7 +406,7 @@ class Mounted:
         return np.asarray(raw)
 
 
-def mount(campaign: Campaign) -> Mounted:
+def observation_model(campaign: Campaign) -> ObservationModel:
     """Mount a campaign.
 
     Replicates that went the same way, whatever their batch, share one test.
@@ -436,9 +425,9 @@ def mount(campaign: Campaign) -> Mounted:
     limits = {place: _coupon_limit_mm(specimens[place], campaign.palette) for place in paths}
     past: set[int] = set()
     for _ in range(_ROUNDS):
-        short = {place: cut(path, limits[place]) for place, path in paths.items()}
+        short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
         past |= {place for place in paths if _shorter(short[place], paths[place])}
-        paths = {place: path for place, path in short.items() if path.legs}
+        paths = {place: path for place, path in short.items() if path.segments}
         if not paths:
             raise FileError(
                 f"campaign {campaign.name}: no specimen loads over enough points to be compared; "
@@ -454,19 +443,19 @@ def mount(campaign: Campaign) -> Mounted:
             (place, end) for number, end in ends.items() for place in tests[number].places
         )
     measured, sensor = _measured(specimens, tests, paths)
-    table, weights = feature_table(
+    table, weights = _feature_table(
         specimens, tests, paths, setup, measured, sensor, prediction.force_N.max(axis=1)
     )
     test_of = np.full(len(specimens), -1)
     for number, test in enumerate(tests):
         test_of[list(test.places)] = number
-    return Mounted(
+    return ObservationModel(
         setup=setup,
         laws=laws,
         tests=tuple(test.places for test in tests),
         test_of=test_of,
-        legs=tuple(test.walk.legs for test in tests),
-        leg_of_step=np.stack([test.walk.leg for test in tests]),
+        segments=tuple(test.grid.segments for test in tests),
+        segment_of_step=np.stack([test.grid.segment for test in tests]),
         table=table,
         field_weights=weights,
         measured_N=measured,
@@ -475,9 +464,9 @@ def mount(campaign: Campaign) -> Mounted:
     )
 
 
-def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[MountedTest]:
+def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[ReplicateTest]:
     """Gather replicates that went the same way; each with the first that it agrees with."""
-    tests: list[MountedTest] = []
+    tests: list[ReplicateTest] = []
     for group in replicate_groups(specimens):
         alike: list[list[int]] = []
         for place in group:
@@ -488,7 +477,7 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Mou
                 same_gauge = np.isclose(
                     specimens[place].gauge_mm, specimens[first].gauge_mm, rtol=2e-3
                 )
-                if same_gauge and agree(paths[first], paths[place]):
+                if same_gauge and same_course(paths[first], paths[place]):
                     others.append(place)
                     break
             else:
@@ -499,24 +488,24 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Mou
 
 def _test(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], places: Sequence[int]
-) -> MountedTest:
+) -> ReplicateTest:
     members = [paths[place] for place in places]
-    end = min(path.legs[0].end_mm for path in members)
+    end = min(path.segments[0].end_mm for path in members)
     frames: tuple[float, ...] = ()
     for place in places:
         seen = specimens[place].strain_field
         if seen is not None and specimens[place].profile is not None:
-            travels = frame_travels_mm(seen, paths[place], end)
+            travels = _frame_travels_mm(seen, paths[place], end)
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
                 frames = tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))
                 break
-    walk = walk_of(members, frames)
-    return MountedTest(tuple(places), walk, mean_times_s(members, walk), frames)
+    grid = time_grid(members, frames)
+    return ReplicateTest(tuple(places), grid, mean_times_s(members, grid), frames)
 
 
 def _measured(
-    specimens: Sequence[Specimen], tests: Iterable[MountedTest], paths: Mapping[int, Path]
+    specimens: Sequence[Specimen], tests: Iterable[ReplicateTest], paths: Mapping[int, Path]
 ) -> tuple[FloatArray, FloatArray]:
     """Return each specimen's force on its test's steps, and the noise of its record."""
     tests = list(tests)
@@ -530,7 +519,7 @@ def _measured(
             own = specimen.section_mm2(at)
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
-            forces[place] = ratio * forces_N(paths[place], test.walk)
+            forces[place] = ratio * forces_N(paths[place], test.grid)
     for place, specimen in enumerate(specimens):
         sensor[place] = _sensor_sd_N(specimen.force_N)
     return forces, sensor
@@ -557,15 +546,15 @@ def _break_strain(palette: Palette, coordinate: FloatArray) -> FloatArray:
 
 
 def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
-    strain = STRAIN_MOST
+    strain = _STRAIN_MOST
     if specimen.material is not None:
-        strain = min(strain, BREAK_SHARE * palette.resolve(specimen.material).elongation_at_break)
+        strain = min(strain, _BREAK_SHARE * palette.resolve(specimen.material).elongation_at_break)
     return strain * specimen.gauge_mm
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
     """Return, of bars in which a slice is strained too far, the travel up to which none is."""
-    most = np.minimum(STRAIN_MOST, BREAK_SHARE * _break_strain(palette, setup.coordinate))
+    most = np.minimum(_STRAIN_MOST, _BREAK_SHARE * _break_strain(palette, setup.coordinate))
     over = prediction.strain > most * (1.0 + 1e-6)
     limits = {}
     for number in np.flatnonzero(setup.is_bar).tolist():
@@ -577,7 +566,7 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
 
 
 def _shorter(one: Path, other: Path) -> bool:
-    return len(one.legs) < len(other.legs) or one.legs != other.legs
+    return len(one.segments) < len(other.segments) or one.segments != other.segments
 
 
 def _limitations(
@@ -594,9 +583,9 @@ def _limitations(
         yield f"{ids(broken)}: broke; only what came before is compared"
     if past & set(paths):
         yield (
-            f"{ids(past & set(paths))}: compared up to a strain of {STRAIN_MOST:g} and "
-            f"{BREAK_SHARE:g} times the elongation at break only, and in so many legs as steps "
-            "can resolve"
+            f"{ids(past & set(paths))}: compared up to a strain of {_STRAIN_MOST:g} and "
+            f"{_BREAK_SHARE:g} times the elongation at break only, and in so many segments as "
+            "steps can resolve"
         )
     bare = {
         place

@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.quality_records import (
-    Problem,
+    QualityProblem,
     amplitude_problems,
     clipping_problems,
     dead_cell_problems,
@@ -24,30 +24,21 @@ from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette
 
-__all__ = [
-    "examine",
-    "first_loading",
-    "log_load",
-    "outlier_problems",
-    "predicted_stress_MPa",
-    "stress_at",
-    "trend_residuals",
-    "unit_problems",
-]
+__all__ = ["examine", "log_load", "predicted_stress_MPa"]
 
 
 # ------------------------------------------------------------------------------------------------
 # First loading of a specimen, and its load in proportion to what the palette predicts.
 
 
-def first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
+def _first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
     """Return strain and mean nominal stress of the first loading, to its turn or peak load."""
     stop = first_turn(specimen.displacement_mm) + 1
     stop = int(np.argmax(specimen.force_N[:stop])) + 1
     return specimen.strain[:stop], specimen.force_N[:stop] / _mean_section_mm2(specimen)
 
 
-def stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
+def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
     """Return the stress at rising strains `at`, each the mean of the points half-way around it.
 
     Where there are no such points, a line between the nearest ones has to do.
@@ -105,14 +96,14 @@ def log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) ->
     float or None
         None where nothing there is above zero.
     """
-    strain, stress = first_loading(specimen)
+    strain, stress = _first_loading(specimen)
     strain = strain * stretched
     end = min(float(strain[-1]), _law_end(specimen, palette))
     at = end * np.linspace(0.3, 0.9, 13)
     at = at[at > 0.0]
     if len(at) < 3:
         return None
-    measured = stress_at(strain, stress, at)
+    measured = _stress_at(strain, stress, at)
     predicted = predicted_stress_MPa(specimen, palette, at)
     both = (measured > 0.0) & (predicted > 0.0)
     if both.sum() < 3:
@@ -147,13 +138,13 @@ def _slices(specimen: Specimen) -> FloatArray:
 # fault is named.
 
 
-FAMILY_WISE = 0.003
+_FAMILY_WISE = 0.003
 """Chance of any false outlier in a clean campaign, over specimens and figures."""
 
 SMALLEST = 0.08
 """A load within 8 % of its replicates' is no fault of the data, however small their scatter."""
 
-USUAL_SCATTER, USUAL_WEIGHT = 0.06, 4.0
+_USUAL_SCATTER, _USUAL_WEIGHT = 0.06, 4.0
 """Jetted specimens of one print scatter by 1 to 9 %: a standard deviation and its weight as
 degrees of freedom."""
 
@@ -169,9 +160,9 @@ class _Figure:
     groups: tuple[tuple[tuple[int, ...], FloatArray], ...]
 
 
-def outlier_problems(
+def _outlier_problems(
     specimens: Sequence[Specimen], *, leave_out: frozenset[str] = frozenset()
-) -> tuple[Problem, ...]:
+) -> tuple[QualityProblem, ...]:
     """Return outlying specimens, the clearest first in each round.
 
     Two figures are judged: the load at common strains, and how it grows with strain. Levels are
@@ -187,13 +178,13 @@ def outlier_problems(
     groups = _groups(kept)
     tests = 2 * sum(len(g) for g in groups)
     gone: set[int] = set()
-    found: list[Problem] = []
+    found: list[QualityProblem] = []
     while True:
         figures = _figures(kept, [tuple(i for i in g if i not in gone) for g in groups])
         worst = min(
             (w for figure in figures for w in _judged(figure)), key=lambda w: w[0], default=None
         )
-        if worst is None or worst[0] >= FAMILY_WISE / max(tests, 1):
+        if worst is None or worst[0] >= _FAMILY_WISE / max(tests, 1):
             return tuple(found)
         _, name, place, shift, others = worst
         found.extend(_problems(kept, name, place, shift, others))
@@ -215,14 +206,14 @@ def _figures(
     level: list[tuple[tuple[int, ...], FloatArray]] = []
     growth: list[tuple[tuple[int, ...], FloatArray]] = []
     for group in groups:
-        loadings = {i: first_loading(specimens[i]) for i in group}
+        loadings = {i: _first_loading(specimens[i]) for i in group}
         ends = {i: float(strain[-1]) for i, (strain, _) in loadings.items()}
         middle = float(np.median(list(ends.values()))) if ends else 0.0
         members = tuple(i for i in group if ends[i] > _SHORT * middle)
         if len(members) < 2:
             continue
         at = min(ends[i] for i in members) * _GRID
-        stress = np.stack([stress_at(*loadings[i], at) for i in members])
+        stress = np.stack([_stress_at(*loadings[i], at) for i in members])
         if not np.all(stress > 0.0):
             continue
         logs = np.log(stress)
@@ -269,9 +260,9 @@ def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, 
 
     known = [(v, d) for v, d in zip(variances, freedoms, strict=True) if v > 0.0]
     if not known:
-        return USUAL_WEIGHT, USUAL_SCATTER**2
-    known.append((USUAL_SCATTER**2, int(USUAL_WEIGHT)))
-    most = max(USUAL_WEIGHT, 0.5 * sum(d for _, d in known))
+        return _USUAL_WEIGHT, _USUAL_SCATTER**2
+    known.append((_USUAL_SCATTER**2, int(_USUAL_WEIGHT)))
+    most = max(_USUAL_WEIGHT, 0.5 * sum(d for _, d in known))
     d = np.array([d for _, d in known], dtype=np.float64)
     e = np.log([v for v, _ in known]) - psi(d / 2.0) + np.log(d / 2.0)
     excess = float(np.var(e, ddof=1) - np.mean(polygamma(1, d / 2.0)))
@@ -298,7 +289,7 @@ def _trigamma_inverse(value: float) -> float:
 
 def _problems(
     specimens: Sequence[Specimen], name: str, place: int, shift: float, others: Sequence[int]
-) -> list[Problem]:
+) -> list[QualityProblem]:
     if name == "load":
         size = f"load is {100 * math.expm1(shift):+.0f} % off"
     else:
@@ -307,10 +298,10 @@ def _problems(
     expected = 1.0 if name == "load" else 0.0
     if len(others) > 1:
         words = f"{size} that of its {len(others)} replicates"
-        return [Problem("outlier", specimens[place].id, words, found, expected)]
+        return [QualityProblem("outlier", specimens[place].id, words, found, expected)]
     pair = (place, others[0])
     return [
-        Problem(
+        QualityProblem(
             "outlier",
             specimens[one].id,
             f"{size} that of its only replicate {specimens[other].id}, more than replicates "
@@ -336,7 +327,7 @@ _SCALES: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
+def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
     """Return what a least-absolute-deviations fit over the conditions leaves of each value.
 
     Columns: one a material or design and orientation, log rate, temperature, the root of the
@@ -390,7 +381,7 @@ class _Slip:
     low: str
 
 
-INCH = 25.4
+_INCH = 25.4
 _SLIPS = (
     _Slip(4.4482216, "N taken for lbf", "lbf taken for N"),
     _Slip(9.80665, "N taken for kgf", "kgf taken for N"),
@@ -399,30 +390,30 @@ _SLIPS = (
     _Slip(1000.0, "mN taken for N, or N for kN", "kN taken for N, or N for mN"),
 )
 _INCHES = (
-    _Slip(INCH, "a size in inches taken for mm", "a size or travel in mm taken for inches"),
-    _Slip(INCH**2, "width and thickness in inches taken for mm",
+    _Slip(_INCH, "a size in inches taken for mm", "a size or travel in mm taken for inches"),
+    _Slip(_INCH**2, "width and thickness in inches taken for mm",
           "width and thickness in mm taken for inches"),
 )  # fmt: skip
 
-AMONG_REPLICATES = 0.25
+_AMONG_REPLICATES = 0.25
 """Log distance from a slip's factor; replicates scatter by up to 9 %, so 0.13 between two."""
 
-AGAINST_LAW = 0.35
+_AGAINST_LAW = 0.35
 """The same for a whole campaign against the laws: they may be off by a third and more."""
 
-BEYOND_EFFECTS = 1.9
+_BEYOND_EFFECTS = 1.9
 """No effect of test or print softens or stiffens a whole campaign e^1.9 = 6.7 times."""
 
-NEAR_K = 5.0
+_NEAR_K = 5.0
 
-SPLIT = 1.0
+_SPLIT = 1.0
 """Replicates whose loads differ by a factor of e differ by more than scatter."""
 
-STEADY = 0.15
+_STEADY = 0.15
 """Robust log deviation of the others from a trend in the conditions, for a single to be judged."""
 
 
-def unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[Problem, ...]:
+def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[QualityProblem, ...]:
     """Return what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
@@ -457,19 +448,19 @@ def _among_replicates(
         members = sorted((i for i in group if i in loads), key=lambda i: loads[i])
         values = np.array([loads[i] for i in members])
         gaps = np.diff(values)
-        if not len(gaps) or gaps.max() < SPLIT:
+        if not len(gaps) or gaps.max() < _SPLIT:
             whole.extend(values)
             continue
         cut = int(np.argmax(gaps)) + 1
         shift = float(np.median(values[cut:]) - np.median(values[:cut]))
-        tight = max(np.ptp(values[:cut]), np.ptp(values[cut:])) < 0.5 * SPLIT
-        if tight and _slip(shift, AMONG_REPLICATES) is not None:
+        tight = max(np.ptp(values[:cut]), np.ptp(values[cut:])) < 0.5 * _SPLIT
+        if tight and _slip(shift, _AMONG_REPLICATES) is not None:
             split.append((members[:cut], members[cut:], shift))
     reference = float(np.median(whole)) if len(whole) > 2 else 0.0
     off: dict[int, float] = {}
     by_factor: dict[float, list[tuple[list[int], list[int], float]]] = {}
     for one in split:
-        slip = _slip(one[2], AMONG_REPLICATES)
+        slip = _slip(one[2], _AMONG_REPLICATES)
         by_factor.setdefault(slip.factor if slip else 0.0, []).append(one)
     for groups in by_factor.values():
         # One decision for all groups of a factor: which side lies nearer to everything else.
@@ -487,16 +478,16 @@ def _apart_from_trend(
 ) -> dict[int, float]:
     """Single specimens that a smooth trend over material and conditions leaves off by a factor."""
     places = sorted(loads)
-    residuals = trend_residuals([specimens[i] for i in places], [loads[i] for i in places])
+    residuals = _trend_residuals([specimens[i] for i in places], [loads[i] for i in places])
     if residuals is None:
         return {}
     single = {group[0] for group in replicate_groups(specimens) if len(group) == 1}
-    if float(np.median(np.abs(residuals))) * 1.4826 > STEADY:
+    if float(np.median(np.abs(residuals))) * 1.4826 > _STEADY:
         return {}
     return {
         i: float(r)
         for i, r in zip(places, residuals, strict=True)
-        if i in single and _slip(float(r), AMONG_REPLICATES) is not None
+        if i in single and _slip(float(r), _AMONG_REPLICATES) is not None
     }
 
 
@@ -509,29 +500,29 @@ def _materials_apart(specimens: Sequence[Specimen], loads: Mapping[int, float]) 
     off: dict[int, float] = {}
     for material, median in medians.items():
         others = [v for m, v in medians.items() if m != material]
-        if len(others) < 3 or np.ptp(others) > SPLIT:
+        if len(others) < 3 or np.ptp(others) > _SPLIT:
             continue
         shift = median - float(np.median(others))
-        if _slip(shift, AMONG_REPLICATES) is not None:
+        if _slip(shift, _AMONG_REPLICATES) is not None:
             off |= dict.fromkeys(by_material[material], shift)
     return off
 
 
 def _whole(
     specimens: Sequence[Specimen], palette: Palette, loads: Mapping[int, float]
-) -> Problem | None:
+) -> QualityProblem | None:
     near = _near_reference(specimens, palette, loads)
     if not near:
         return None
     values = np.array([loads[i] for i in near])
     shift = float(np.median(values))
     spread = float(np.median(np.abs(values - shift))) * 1.4826
-    if spread > max(0.5 * SPLIT, 0.25 * abs(shift)):
+    if spread > max(0.5 * _SPLIT, 0.25 * abs(shift)):
         return None
     travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
     if 2 * len(travel) > len(near):
-        return Problem("units", None, travel[0], math.exp(shift), 1.0)
-    tolerance = AGAINST_LAW if abs(shift) < BEYOND_EFFECTS else 2.0 * AGAINST_LAW
+        return QualityProblem("units", None, travel[0], math.exp(shift), 1.0)
+    tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
     if _slip(shift, tolerance) is None:
         return None
     return _problem(None, shift, "the laws'")
@@ -547,26 +538,26 @@ def _near_reference(
         for i in loads
         if reference is not None
         and (t := specimens[i].temperature_C) is not None
-        and abs(t - reference) <= NEAR_K
+        and abs(t - reference) <= _NEAR_K
     ]
     return near or list(loads)
 
 
 def _single(
     specimens: Sequence[Specimen], palette: Palette, i: int, shift: float, load: float
-) -> Problem:
+) -> QualityProblem:
     travel = _travel_slip(specimens[i], palette, load)
     if travel is not None:
-        return Problem("units", specimens[i].id, travel, math.exp(shift), 1.0)
+        return QualityProblem("units", specimens[i].id, travel, math.exp(shift), 1.0)
     return _problem(specimens[i].id, shift, "its replicates' or neighbours'")
 
 
-def _problem(specimen: str | None, shift: float, whose: str) -> Problem:
+def _problem(specimen: str | None, shift: float, whose: str) -> QualityProblem:
     slip = _slip(shift, math.inf)
     assert slip is not None
     ratio = math.exp(abs(shift))
     way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
-    return Problem(
+    return QualityProblem(
         "units",
         specimen,
         f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
@@ -585,20 +576,20 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | Non
 
     A factor on travel is told from one on force by the declared rate.
     """
-    if abs(load) < math.log(INCH) - 2.0 * SPLIT or specimen.rate_mm_s is None:
+    if abs(load) < math.log(_INCH) - 2.0 * _SPLIT or specimen.rate_mm_s is None:
         return None
     speed = speed_mm_s(specimen.time_s, specimen.displacement_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(INCH)) > 0.1:
+    if abs(abs(ratio) - math.log(_INCH)) > 0.1:
         return None
-    corrected = log_load(specimen, palette, stretched=INCH if ratio < 0.0 else 1.0 / INCH)
-    if corrected is None or abs(corrected) > abs(load) - SPLIT:
+    corrected = log_load(specimen, palette, stretched=_INCH if ratio < 0.0 else 1.0 / _INCH)
+    if corrected is None or abs(corrected) > abs(load) - _SPLIT:
         return None
     words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
     return f"travel is off by 25.4 against its declared rate and its load, as if {words}"
 
 
-def _fields_in_percent(specimens: Sequence[Specimen]) -> list[Problem]:
+def _fields_in_percent(specimens: Sequence[Specimen]) -> list[QualityProblem]:
     found = []
     for s in specimens:
         if s.strain_field is None:
@@ -608,7 +599,7 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> list[Problem]:
         at = int(np.argmax(travel))
         if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
             found.append(
-                Problem(
+                QualityProblem(
                     "units",
                     s.id,
                     f"the strain field reaches {mean[at]:.3g} on average, travel over gauge "
@@ -624,7 +615,7 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> list[Problem]:
 # Examine a campaign's data.
 
 
-def examine(campaign: Campaign) -> tuple[Problem, ...]:
+def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     """Return what is wrong with a campaign's data, problems of all of it first.
 
     Nothing is changed or left out. Specimens are judged against their own declaration, their
@@ -635,17 +626,17 @@ def examine(campaign: Campaign) -> tuple[Problem, ...]:
     dead = tuple(dead_cell_problems(specimens))
     silent = {p.specimen for p in dead}
     live = [s for s in specimens if s.id not in silent]
-    units = unit_problems(live, campaign.palette)
+    units = _unit_problems(live, campaign.palette)
     copies = tuple(duplicate_problems(specimens))
     named = frozenset(p.specimen for p in (*dead, *units, *copies) if p.specimen is not None)
-    problems: tuple[Problem, ...] = (
+    problems: tuple[QualityProblem, ...] = (
         *dead,
         *units,
         *size_problems(specimens),
         *rate_problems(specimens),
         *protocol_problems(live),
         *amplitude_problems(specimens),
-        *outlier_problems(specimens, leave_out=named),
+        *_outlier_problems(specimens, leave_out=named),
         *clipping_problems(live),
         *copies,
         *timing_problems(specimens),

@@ -12,16 +12,16 @@ from planner.materials.characterise import noise_sd
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
-    "Kind",
-    "Problem",
+    "HOLDS",
+    "UNLOADS",
+    "ProblemKind",
+    "QualityProblem",
     "amplitude_problems",
-    "blocks",
     "clipping_problems",
     "dead_cell_problems",
     "dropouts",
     "duplicate_problems",
     "first_turn",
-    "gathered",
     "hold_share",
     "protocol_problems",
     "rate_problems",
@@ -37,14 +37,14 @@ __all__ = [
 # Something about the data that a lab should look at.
 
 
-Kind = Literal[
+ProblemKind = Literal[
     "amplitude", "clipped", "dead", "dropout", "duplicate", "outlier", "protocol", "rate", "size",
     "spike", "units",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class QualityProblem:
     """One problem.
 
     Attributes
@@ -57,14 +57,14 @@ class Problem:
         The same as figures, in the unit the words give; None where there is none.
     """
 
-    kind: Kind
+    kind: ProblemKind
     specimen: str | None
     problem: str
     value: float | None = None
     expected: float | None = None
 
 
-def gathered(problems: Sequence[Problem], of: int) -> tuple[Problem, ...]:
+def _gathered(problems: Sequence[QualityProblem], of: int) -> tuple[QualityProblem, ...]:
     """Make one problem of the whole campaign from equal ones of all `of` specimens, if over two."""
     if of > 2 and len(problems) == of and len({(p.kind, p.problem) for p in problems}) == 1:
         return (replace(problems[0], specimen=None),)
@@ -75,21 +75,21 @@ def gathered(problems: Sequence[Problem], of: int) -> tuple[Problem, ...]:
 # Force that stands still at its largest value while the crosshead moves on.
 
 
-SHORTEST = 5
+_SHORTEST = 5
 """Fewer equal points than this may be chance."""
 
-RISE, RISE_SHARE = 4.0, 0.01
+_RISE, _RISE_SHARE = 4.0, 0.01
 """The force should have risen by so many times noise and resolution, and by so much of its peak,
 along the plateau: a material that yields levels off before."""
 
 
-def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens whose load cell or amplifier was at its limit."""
     for s in specimens:
         run = _plateau(s)
         if run is not None:
             top = float(s.force_N[run[0]])
-            yield Problem(
+            yield QualityProblem(
                 "clipped",
                 s.id,
                 f"force stands at {top:.4g} N over {run[1] - run[0]} points from strain "
@@ -104,14 +104,14 @@ def _plateau(s: Specimen) -> tuple[int, int] | None:
     top = float(np.max(force))
     at_top = force >= top - 1e-9 * abs(top)
     start, stop = _longest_run(at_top)
-    if stop - start < SHORTEST or start < SHORTEST:
+    if stop - start < _SHORTEST or start < _SHORTEST:
         return None
     # A coarse resolution gives runs of equal values everywhere, not only at the top.
     equal = (np.diff(force) == 0.0) & ~at_top[1:]
     elsewhere = _longest_run(equal)
     if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return None
-    first = max(start - max(SHORTEST, (stop - start) // 5), 0)
+    first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
     travel = float(s.displacement_mm[stop - 1] - s.displacement_mm[start])
     approach = float(s.displacement_mm[start] - s.displacement_mm[first])
     if travel <= 0.0 or approach <= 0.0:
@@ -119,7 +119,7 @@ def _plateau(s: Specimen) -> tuple[int, int] | None:
     expected = travel * float(top - force[first]) / approach
     steps = np.abs(np.diff(force))
     resolution = float(np.min(steps[steps > 0.0], initial=top))
-    least = max(RISE * (noise_sd(force[:start]) + resolution), RISE_SHARE * top)
+    least = max(_RISE * (noise_sd(force[:start]) + resolution), _RISE_SHARE * top)
     return (start, stop) if expected > least else None
 
 
@@ -141,7 +141,7 @@ BLOCKS = 60
 """A record is looked at in about so many steps, over which noise of the travel evens out."""
 
 
-def blocks(time_s: FloatArray, values: FloatArray, count: int = BLOCKS) -> tuple[FloatArray, ...]:
+def _blocks(time_s: FloatArray, values: FloatArray, count: int = BLOCKS) -> tuple[FloatArray, ...]:
     """Return times and means of `values` over about `count` runs of points of equal number."""
     size = max(1, len(values) // count)
     starts = np.arange(0, len(values) - size + 1, size)
@@ -157,7 +157,7 @@ def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
 
     Rests do not count, as they add no way; loading and unloading both do.
     """
-    time, travel = blocks(time_s, displacement_mm)
+    time, travel = _blocks(time_s, displacement_mm)
     way = np.abs(np.diff(travel))
     speeds = way / np.diff(time)
     order = np.argsort(speeds, kind="stable")
@@ -197,29 +197,29 @@ def unloading_share(displacement_mm: FloatArray, force_N: FloatArray) -> float:
 # Force that does not change while the specimen is pulled.
 
 
-STEADY_SHARE = 0.02
+_STEADY_SHARE = 0.02
 """A load that starts at rest rises by all of its peak; one that changes by less is none."""
 
-NOISE = 6.0
+_NOISE = 6.0
 """Means of noise alone, a score of them, spread over 3.7 of their deviations on average, and over
 6 of them once in thousands."""
 
-LEAST_STRAIN, ARRIVED = 0.01, 0.98
+_LEAST_STRAIN, _ARRIVED = 0.01, 0.98
 _BLOCKS, _FEWEST = 20, 5
 
 
-def dead_cell_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def dead_cell_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens whose force stood still, but for noise, over the first loading."""
     for s in specimens:
         stop = _loaded(s)
-        if stop < _FEWEST or float(s.strain[stop - 1]) < LEAST_STRAIN:
+        if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
             continue
-        time, force = blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
+        time, force = _blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
         points = max(stop // len(time), 1)
-        noise = NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
+        noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
         middle = float(np.median(force))
-        if float(np.ptp(force)) <= max(STEADY_SHARE * abs(middle), noise):
-            yield Problem(
+        if float(np.ptp(force)) <= max(_STEADY_SHARE * abs(middle), noise):
+            yield QualityProblem(
                 "dead",
                 s.id,
                 f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
@@ -233,24 +233,24 @@ def _loaded(s: Specimen) -> int:
     """Return how many points the first loading has, a hold at its end left out."""
     turn = first_turn(s.displacement_mm)
     travel = s.displacement_mm[: turn + 1]
-    return int(np.argmax(travel >= ARRIVED * float(np.max(travel)))) + 1
+    return int(np.argmax(travel >= _ARRIVED * float(np.max(travel)))) + 1
 
 
 # ------------------------------------------------------------------------------------------------
 # Gaps in the time channel, and single points that leap out of the record.
 
 
-GAP = 5.0
+_GAP = 5.0
 """A step of so many times those before and behind it is a gap; adaptive sampling changes less."""
 
-SPIKE_NOISE, SPIKE_SHARE, SPIKE_STEP = 12.0, 0.03, 5.0
+_SPIKE_NOISE, _SPIKE_SHARE, _SPIKE_STEP = 12.0, 0.03, 5.0
 """A spike leaps by so many noise deviations, so much of the range, so many steps nearby."""
 
-WIDEST = 3
+_WIDEST = 3
 _AROUND = 6
 
 
-def timing_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def timing_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens with lost data or with spikes."""
     for s in specimens:
         gaps = dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
@@ -258,7 +258,7 @@ def timing_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
             steps = np.diff(s.time_s)
             longest = int(gaps[np.argmax(steps[gaps])])
             usual = float(np.median(steps))
-            yield Problem(
+            yield QualityProblem(
                 "dropout",
                 s.id,
                 f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
@@ -270,7 +270,7 @@ def timing_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
             found = spikes(values)
             if len(found):
                 first = int(found[0])
-                yield Problem(
+                yield QualityProblem(
                     "spike",
                     s.id,
                     f"{_times(len(found), 'spike')} in {name}, the first of {values[first]:.4g} at "
@@ -289,34 +289,34 @@ def dropouts(time_s: FloatArray) -> IntArray:
     middle = np.median(windows, axis=1)
     inner = np.arange(3, len(steps) - 3)
     nearby = np.maximum(middle[inner - 3], middle[inner + 1])
-    found: IntArray = inner[steps[inner] > GAP * nearby]
+    found: IntArray = inner[steps[inner] > _GAP * nearby]
     return found
 
 
 def spikes(values: FloatArray) -> IntArray:
-    """Return the indices at which up to `WIDEST` points leap out and the record comes back.
+    """Return the indices at which up to `_WIDEST` points leap out and the record comes back.
 
     A turn of a triangle wave or a break is none: a spike leaps further than the record moves
     nearby on both sides, and ends where it began.
     """
     n = len(values)
-    least = max(SPIKE_NOISE * noise_sd(values), SPIKE_SHARE * _span(values))
+    least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * _span(values))
     moves = np.abs(np.diff(values))
     found: list[int] = []
-    for width in range(1, WIDEST + 1):
+    for width in range(1, _WIDEST + 1):
         before = np.arange(_AROUND, n - _AROUND - width)
         rise = values[before + 1] - values[before]
         fall = values[before + width] - values[before + width + 1]
         leap = np.minimum(np.abs(rise), np.abs(fall))
         for i in before[(rise * fall > 0.0) & (leap > least)]:
-            if any(abs(i + 1 - f) <= WIDEST for f in found):
+            if any(abs(i + 1 - f) <= _WIDEST for f in found):
                 continue
             near = np.concatenate([moves[i - _AROUND : i], moves[i + width + 1 : i + width + 6]])
             back = abs(values[i + width + 1] - values[i])
             this = min(
                 abs(values[i + 1] - values[i]), abs(values[i + width + 1] - values[i + width])
             )
-            if this > SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
+            if this > _SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
                 found.append(int(i) + 1)
     return np.array(sorted(found), dtype=np.int64)
 
@@ -328,7 +328,9 @@ def _span(values: FloatArray) -> float:
 
 
 def _around(values: FloatArray, at: int) -> FloatArray:
-    return np.concatenate([values[at - _AROUND : at], values[at + WIDEST : at + WIDEST + _AROUND]])
+    return np.concatenate(
+        [values[at - _AROUND : at], values[at + _WIDEST : at + _WIDEST + _AROUND]]
+    )
 
 
 def _times(count: int, what: str) -> str:
@@ -339,7 +341,7 @@ def _times(count: int, what: str) -> str:
 # The declared rate against travel and time.
 
 
-TOLERANCE = 0.1
+_TOLERANCE = 0.1
 """Machines hold a speed to 1 %; what is 10 % off is another speed."""
 
 _SLIPS = (
@@ -350,27 +352,27 @@ _SLIPS = (
 )
 
 
-def rate_problems(specimens: Sequence[Specimen]) -> tuple[Problem, ...]:
+def rate_problems(specimens: Sequence[Specimen]) -> tuple[QualityProblem, ...]:
     """Return the specimens whose crosshead moved at another speed than declared."""
     known = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
-    return gathered(tuple(_rate_problems(known)), len(known))
+    return _gathered(tuple(_rate_problems(known)), len(known))
 
 
-def _rate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def _rate_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     for s in specimens:
         speed = speed_mm_s(s.time_s, s.displacement_mm)
         declared = s.rate_mm_s
-        if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= TOLERANCE:
+        if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= _TOLERANCE:
             continue
         reason = next(
             (
                 f"; {words}"
                 for factor, words in _SLIPS
-                if abs(abs(math.log(speed / declared)) - math.log(factor)) < TOLERANCE
+                if abs(abs(math.log(speed / declared)) - math.log(factor)) < _TOLERANCE
             ),
             "",
         )
-        yield Problem(
+        yield QualityProblem(
             "rate",
             s.id,
             f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
@@ -384,10 +386,10 @@ def _rate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
 # Curves that are copies of one another.
 
 
-SIGNIFICANT_DIGITS = 7
+_SIGNIFICANT_DIGITS = 7
 
 
-def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens whose force and travel are another's, number for number.
 
     Time does not count: a copy may start elsewhere.
@@ -397,21 +399,21 @@ def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
         digits = _rounded(s.force_N).tobytes() + _rounded(s.displacement_mm).tobytes()
         other = seen.setdefault(digits, s.id)
         if other != s.id:
-            yield Problem(
+            yield QualityProblem(
                 "duplicate", s.id, f"its curve is that of specimen {other}, number for number"
             )
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
     scale = float(np.max(np.abs(values))) or 1.0
-    return np.round(values / scale, SIGNIFICANT_DIGITS) * float(f"{scale:.{SIGNIFICANT_DIGITS}g}")
+    return np.round(values / scale, _SIGNIFICANT_DIGITS) * float(f"{scale:.{_SIGNIFICANT_DIGITS}g}")
 
 
 # ------------------------------------------------------------------------------------------------
 # Sizes that no tensile specimen has, and measured ones far from nominal.
 
 
-PLAUSIBLE_MM = {
+_PLAUSIBLE_MM = {
     "width_mm": (0.5, 100.0),
     "thickness_mm": (0.1, 50.0),
     "gauge_mm": (2.0, 500.0),
@@ -421,31 +423,31 @@ PLAUSIBLE_MM = {
 """ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
 gauges of 4 to 80 mm; labs go further, but not beyond these."""
 
-DEVIATION = 0.25
+_DEVIATION = 0.25
 """Jetted parts print up to 0.3 mm oversize; a quarter of a size is none of that."""
 
 _SLACK_MM = 0.4
 
 
-def size_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def size_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield implausible sizes; one that all specimens share is the campaign's."""
-    for name, (low, high) in PLAUSIBLE_MM.items():
+    for name, (low, high) in _PLAUSIBLE_MM.items():
         sized = [s for s in specimens if getattr(s, name) is not None]
-        yield from gathered(tuple(_implausible(sized, name, low, high)), len(sized))
+        yield from _gathered(tuple(_implausible(sized, name, low, high)), len(sized))
     for name in ("width_mm", "thickness_mm"):
         yield from _against_nominal(specimens, name)
 
 
 def _implausible(
     specimens: Sequence[Specimen], name: str, low: float, high: float
-) -> Iterator[Problem]:
+) -> Iterator[QualityProblem]:
     for s in specimens:
         size: float = getattr(s, name)
         if low <= size <= high:
             continue
         inches = size * 25.4 if size < low else size / 25.4
         reason = "; inches?" if low <= inches <= high and size < low else ""
-        yield Problem(
+        yield QualityProblem(
             "size",
             s.id,
             f"{name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{reason}",
@@ -454,14 +456,14 @@ def _implausible(
         )
 
 
-def _against_nominal(specimens: Sequence[Specimen], name: str) -> Iterator[Problem]:
+def _against_nominal(specimens: Sequence[Specimen], name: str) -> Iterator[QualityProblem]:
     for s in specimens:
         nominal: float | None = getattr(s, name)
         measured: float | None = getattr(s, f"measured_{name}")
         if nominal is None or measured is None:
             continue
-        if abs(measured - nominal) > max(DEVIATION * nominal, _SLACK_MM):
-            yield Problem(
+        if abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
+            yield QualityProblem(
                 "size",
                 s.id,
                 f"measured {name.removesuffix('_mm')} is {measured:.4g} mm, nominal "
@@ -479,32 +481,34 @@ UNLOADS = 0.1
 HOLDS = 0.3
 """Shares of range and of duration from which unloading and holding are on purpose."""
 
-AMPLITUDE_TOLERANCE = 0.1
+_AMPLITUDE_TOLERANCE = 0.1
 _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", "hold_strain")
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
 
-def protocol_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def protocol_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield the specimens that were tested otherwise than their protocol says."""
     for s in specimens:
         back = unloading_share(s.displacement_mm, s.force_N)
         held = hold_share(s)
         if s.protocol == "monotonic" and back > UNLOADS:
-            yield Problem(
+            yield QualityProblem(
                 "protocol", s.id,
                 f"declared monotonic, but it is unloaded by {100 * back:.0f} % of its travel; "
                 "a cyclic test?", back, 0.0,
             )  # fmt: skip
         elif s.protocol == "monotonic" and held > HOLDS:
-            yield Problem(
+            yield QualityProblem(
                 "protocol", s.id,
                 f"declared monotonic, but it is held for {100 * held:.0f} % of its time; "
                 "a relaxation test?", held, 0.0,
             )  # fmt: skip
         elif s.protocol == "cyclic" and back < 0.5 * UNLOADS:
-            yield Problem("protocol", s.id, "declared cyclic, but it is never unloaded", back)
+            yield QualityProblem(
+                "protocol", s.id, "declared cyclic, but it is never unloaded", back
+            )
         elif s.protocol == "relaxation" and held < 0.5 * HOLDS:
-            yield Problem(
+            yield QualityProblem(
                 "protocol", s.id,
                 f"declared relaxation, but it is held for {100 * held:.0f} % of its time only",
                 held,
@@ -513,15 +517,15 @@ def protocol_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
 
 def hold_share(specimen: Specimen) -> float:
     """Return the share of the duration in which the crosshead rests on a loaded specimen."""
-    time, travel = blocks(specimen.time_s, specimen.displacement_mm, 200)
-    _, force = blocks(specimen.time_s, specimen.force_N, 200)
+    time, travel = _blocks(specimen.time_s, specimen.displacement_mm, 200)
+    _, force = _blocks(specimen.time_s, specimen.force_N, 200)
     way, duration = np.abs(np.diff(travel)), np.diff(time)
     mean = float(np.sum(way)) / float(np.sum(duration))
     rests = (way < 0.05 * mean * duration) & (force[1:] > 0.1 * float(np.max(force)))
     return float(np.sum(duration[rests])) / float(np.sum(duration))
 
 
-def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
+def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens that were strained to another amplitude than declared, or than the others.
 
     Declared is what a further column such as `to_strain` or `amplitude_mm` says. Without one, a
@@ -534,7 +538,7 @@ def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
         broken = s.protocol in (None, "monotonic")
         if declared is None or (broken and peak < declared):
             continue
-        if abs(peak / declared - 1.0) > AMPLITUDE_TOLERANCE:
+        if abs(peak / declared - 1.0) > _AMPLITUDE_TOLERANCE:
             yield _amplitude(s, peak, declared, "is declared")
     for group in replicate_groups(specimens):
         members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
@@ -542,7 +546,7 @@ def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[Problem]:
         if len(members) < 3 or any(_declared_mm(s) is not None for s in members):
             continue
         middle = float(np.median(peaks))
-        off = np.abs(peaks / middle - 1.0) > AMPLITUDE_TOLERANCE
+        off = np.abs(peaks / middle - 1.0) > _AMPLITUDE_TOLERANCE
         if off.sum() == 1 and np.ptp(peaks[~off]) < 0.02 * middle:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
@@ -557,8 +561,8 @@ def _declared_mm(specimen: Specimen) -> float | None:
     return None
 
 
-def _amplitude(specimen: Specimen, peak: float, expected: float, whose: str) -> Problem:
-    return Problem(
+def _amplitude(specimen: Specimen, peak: float, expected: float, whose: str) -> QualityProblem:
+    return QualityProblem(
         "amplitude",
         specimen.id,
         f"travels to {peak:.3g} mm, where {expected:.3g} mm {whose}",

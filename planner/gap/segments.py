@@ -16,25 +16,18 @@ from planner.simulation.bar import slice_edges_mm
 from planner.simulation.bar_solver import RELAXATION_TIMES_s, Setup
 
 __all__ = [
-    "STEPS",
-    "Kind",
-    "Leg",
-    "MountedTest",
     "Path",
-    "Walk",
-    "agree",
+    "ReplicateTest",
+    "Segment",
     "assemble",
-    "cut",
+    "cut_path",
     "feature_places",
     "forces_N",
-    "hold_scale_s",
-    "instants_s",
     "mean_section_mm2",
     "mean_times_s",
-    "moments_s",
     "path_of",
-    "step_times_s",
-    "walk_of",
+    "same_course",
+    "time_grid",
 ]
 
 
@@ -42,7 +35,7 @@ __all__ = [
 # A specimen's path, cut at its turns and rests, as far as its record can be compared.
 
 
-Kind = Literal["loading", "unloading", "reloading", "hold", "rest"]
+SegmentKind = Literal["loading", "unloading", "reloading", "hold", "rest"]
 
 _TURN_SHARE = 0.02
 """A way back of less than this share of the range of travel is no turn."""
@@ -53,12 +46,12 @@ _REST_LENGTH = 10.0
 that the crosshead takes for it."""
 
 _LOOKS = np.linspace(0.125, 1.0, 8)
-MINIMUM_ROWS = 4
+_MINIMUM_ROWS = 4
 """Of a first loading, unless it is but the way to a hold."""
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class Segment:
     """Rows `first` to `last` of a record, both included: one way, or one rest.
 
     Attributes
@@ -67,7 +60,7 @@ class Leg:
         "loading" is the first one; "hold" a rest behind a loading, "rest" any other.
     """
 
-    kind: Kind
+    kind: SegmentKind
     first: int
     last: int
     begin_s: float
@@ -88,7 +81,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """The legs of one specimen, times counted from where travel 0 was left.
+    """The segments of one specimen, times counted from where travel 0 was left.
 
     Attributes
     ----------
@@ -97,10 +90,10 @@ class Path:
     shift_s
         What was taken off the record's time.
     broken
-        Whether the legs end at the specimen's break.
+        Whether the segments end at the specimen's break.
     """
 
-    legs: tuple[Leg, ...]
+    segments: tuple[Segment, ...]
     time_s: FloatArray
     travel_mm: FloatArray
     force_N: FloatArray
@@ -110,8 +103,8 @@ class Path:
     @property
     def speed_mm_s(self) -> float:
         """Of the first loading."""
-        leg = self.legs[0]
-        return (leg.end_mm - leg.begin_mm) / (leg.end_s - leg.begin_s)
+        segment = self.segments[0]
+        return (segment.end_mm - segment.begin_mm) / (segment.end_s - segment.begin_s)
 
 
 def path_of(specimen: Specimen) -> Path | None:
@@ -129,13 +122,13 @@ def path_of(specimen: Specimen) -> Path | None:
     if not kept:
         return None
     held = len(kept) > 1 and kept[1][0] == "hold"
-    if kept[0][2] - kept[0][1] + 1 < (2 if held else MINIMUM_ROWS):
+    if kept[0][2] - kept[0][1] + 1 < (2 if held else _MINIMUM_ROWS):
         return None
     start = kept[0][1]
     reach = kept[0][2]
     speed = (travel[reach] - travel[start]) / (time[reach] - time[start])
     zero_s = float(time[start] - max(travel[start], 0.0) / speed)
-    legs: list[Leg] = []
+    segments: list[Segment] = []
     begin_s, begin_mm = 0.0, 0.0
     for at, (kind, first, last) in enumerate(kept):
         next_kind = kept[at + 1][0] if at + 1 < len(kept) else None
@@ -145,15 +138,15 @@ def path_of(specimen: Specimen) -> Path | None:
         end_s = corner_s - zero_s
         if end_s <= begin_s:
             continue
-        legs.append(Leg(kind, first, last, begin_s, end_s, begin_mm, end_mm))
+        segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
         begin_s, begin_mm = end_s, end_mm
-    return Path(tuple(legs), time - zero_s, travel, force, zero_s, broken)
+    return Path(tuple(segments), time - zero_s, travel, force, zero_s, broken)
 
 
 def _corner(
-    time: FloatArray, travel: FloatArray, first: int, last: int, next_kind: Kind | None
+    time: FloatArray, travel: FloatArray, first: int, last: int, next_kind: SegmentKind | None
 ) -> tuple[float, float]:
-    """Return when and where a leg ends: where its line meets the next leg's, between two rows."""
+    """Return when and where a segment ends: where its line meets the next one's."""
     at, level = float(time[last]), float(travel[last])
     if next_kind is None or last - first < 3 or last + 3 > len(time):
         return at, level
@@ -257,10 +250,12 @@ def _turns(travel: FloatArray, least: float) -> np.ndarray[tuple[int], np.dtype[
     return np.array(corners, dtype=np.int64)
 
 
-def _named(spans: list[tuple[str, int, int]], travel: FloatArray) -> list[tuple[Kind, int, int]]:
-    named: list[tuple[Kind, int, int]] = []
+def _named(
+    spans: list[tuple[str, int, int]], travel: FloatArray
+) -> list[tuple[SegmentKind, int, int]]:
+    named: list[tuple[SegmentKind, int, int]] = []
     for what, first, last in spans:
-        kind: Kind
+        kind: SegmentKind
         if what == "rest":
             loaded = bool(named) and named[-1][0] in ("loading", "reloading")
             kind = "hold" if loaded else "rest"
@@ -273,12 +268,12 @@ def _named(spans: list[tuple[str, int, int]], travel: FloatArray) -> list[tuple[
 
 
 def _unbroken(
-    legs: list[tuple[Kind, int, int]], force: FloatArray
-) -> tuple[list[tuple[Kind, int, int]], bool]:
-    """Keep the legs up to rupture; it shows on a way up, or as a load that is gone in a rest."""
-    kept: list[tuple[Kind, int, int]] = []
+    segments: list[tuple[SegmentKind, int, int]], force: FloatArray
+) -> tuple[list[tuple[SegmentKind, int, int]], bool]:
+    """Keep what comes before rupture: seen on a way up, or as a load that is gone in a rest."""
+    kept: list[tuple[SegmentKind, int, int]] = []
     peak = 0.0
-    for kind, first, last in legs:
+    for kind, first, last in segments:
         end = last
         part = force[first : last + 1]
         if kind in ("loading", "reloading"):
@@ -304,10 +299,10 @@ def _last_before_break(force: FloatArray) -> int:
 
 
 # ------------------------------------------------------------------------------------------------
-# The steps of a test: how a path of legs is walked in a set number of strides.
+# The steps of a test: how a path of segments is walked in a set number of strides.
 
 
-STEPS = 64
+_STEPS = 64
 """Of every test, the first at rest included."""
 
 _LEAST = 6
@@ -317,7 +312,7 @@ _TRAVEL_TOLERANCE = 0.03
 _TIME_TOLERANCE = 0.1
 _SHORTEST_SHARE = 0.6
 
-_FRACTIONS: Mapping[Kind, tuple[tuple[float, ...], ...]] = {
+_FRACTIONS: Mapping[SegmentKind, tuple[tuple[float, ...], ...]] = {
     "loading": (
         (0.06, 0.12, 0.2, 0.32, 0.46, 0.64, 0.82, 1.0),
         (0.08, 0.18, 0.32, 0.5, 0.75, 1.0),
@@ -328,118 +323,122 @@ _FRACTIONS: Mapping[Kind, tuple[tuple[float, ...], ...]] = {
     "hold": ((0.2, 0.4, 0.6, 0.8, 1.0), (0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0)),
     "rest": ((), (), ()),
 }
-"""Places of features along a leg, three lists each: fewer a leg where more legs have any."""
+"""Places of features along a segment, three lists each: the fewer the more segments."""
 
-FEATURES_MOST = 18
-ROWS_LEAST = 5
+_FEATURES_MOST = 18
+_ROWS_LEAST = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Walk:
+class TimeGrid:
     """The steps of one test.
 
     Attributes
     ----------
-    legs
+    segments
         The mean of the specimens' own, rows of the first one's record.
-    leg, fraction : (T,)
-        Where each step is: its leg, and how much of it is behind it. Of a rest the fraction is
-        that of the logarithm of time, see `instants_s`.
+    segment, fraction : (T,)
+        Where each step is: its segment, and how much of it is behind it. Of a rest the fraction is
+        that of the logarithm of time, see `_instants_s`.
     """
 
-    legs: tuple[Leg, ...]
-    leg: IntArray
+    segments: tuple[Segment, ...]
+    segment: IntArray
     fraction: FloatArray
 
     @property
     def travel_mm(self) -> FloatArray:
         """Of the crosshead at every step."""
-        begin = np.array([leg.begin_mm for leg in self.legs])[self.leg]
-        end = np.array([leg.end_mm for leg in self.legs])[self.leg]
-        fraction = np.where([not leg.moves for leg in self.legs], 1.0, 0.0)[self.leg]
+        begin = np.array([segment.begin_mm for segment in self.segments])[self.segment]
+        end = np.array([segment.end_mm for segment in self.segments])[self.segment]
+        fraction = np.where([not segment.moves for segment in self.segments], 1.0, 0.0)[
+            self.segment
+        ]
         return np.asarray(begin + np.maximum(self.fraction, fraction) * (end - begin))
 
 
-def agree(one: Path, other: Path) -> bool:
+def same_course(one: Path, other: Path) -> bool:
     """Say whether two specimens went the same way, at the same pace.
 
     Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
     """
-    if [leg.kind for leg in one.legs] != [leg.kind for leg in other.legs]:
+    if [segment.kind for segment in one.segments] != [segment.kind for segment in other.segments]:
         return False
     if abs(one.speed_mm_s / other.speed_mm_s - 1.0) > _TIME_TOLERANCE:
         return False
-    if len(one.legs) == 1:
-        ends = one.legs[0].end_mm, other.legs[0].end_mm
+    if len(one.segments) == 1:
+        ends = one.segments[0].end_mm, other.segments[0].end_mm
         return min(ends) > _SHORTEST_SHARE * max(ends)
-    spread = max(leg.end_mm for leg in one.legs)
+    spread = max(segment.end_mm for segment in one.segments)
     return all(
         abs(a.end_mm - b.end_mm) <= _TRAVEL_TOLERANCE * spread
         and abs((a.end_s - a.begin_s) / (b.end_s - b.begin_s) - 1.0) <= _TIME_TOLERANCE
-        for a, b in zip(one.legs, other.legs, strict=True)
+        for a, b in zip(one.segments, other.segments, strict=True)
     )
 
 
-def cut(path: Path, most_mm: float) -> Path:
+def cut_path(path: Path, most_mm: float) -> Path:
     """Return a path up to where its travel passes `most_mm` first."""
-    for at, leg in enumerate(path.legs):
-        if leg.end_mm > most_mm * (1.0 + 1e-9):
-            begin = max(leg.begin_mm, 0.0)
+    for at, segment in enumerate(path.segments):
+        if segment.end_mm > most_mm * (1.0 + 1e-9):
+            begin = max(segment.begin_mm, 0.0)
             if begin >= most_mm:
-                return replace(path, legs=path.legs[:at])
-            when = float(moments_s(path, leg, np.array([most_mm]))[0])
-            return replace(path, legs=(*path.legs[:at], replace(leg, end_mm=most_mm, end_s=when)))
-    return replace(path, legs=path.legs[:_MOST_LEGS])
+                return replace(path, segments=path.segments[:at])
+            when = float(_moments_s(path, segment, np.array([most_mm]))[0])
+            return replace(
+                path, segments=(*path.segments[:at], replace(segment, end_mm=most_mm, end_s=when))
+            )
+    return replace(path, segments=path.segments[:_MOST_LEGS])
 
 
-def moments_s(path: Path, leg: Leg, travel_mm: FloatArray) -> FloatArray:
-    """Return when a specimen's travel was at these places of a moving leg."""
-    sign = 1.0 if leg.end_mm > leg.begin_mm else -1.0
-    inside = (path.time_s > leg.begin_s) & (path.time_s < leg.end_s)
+def _moments_s(path: Path, segment: Segment, travel_mm: FloatArray) -> FloatArray:
+    """Return when a specimen's travel was at these places of a moving segment."""
+    sign = 1.0 if segment.end_mm > segment.begin_mm else -1.0
+    inside = (path.time_s > segment.begin_s) & (path.time_s < segment.end_s)
     rows = sign * path.travel_mm[inside]
     even = 0.5 * (np.maximum.accumulate(rows) + np.minimum.accumulate(rows[::-1])[::-1])
-    low, high = sign * leg.begin_mm, sign * leg.end_mm
+    low, high = sign * segment.begin_mm, sign * segment.end_mm
     places = np.concatenate([[low], np.clip(even, low, high), [high]])
-    times = np.concatenate([[leg.begin_s], path.time_s[inside], [leg.end_s]])
+    times = np.concatenate([[segment.begin_s], path.time_s[inside], [segment.end_s]])
     return np.asarray(np.interp(sign * travel_mm, places, times))
 
 
-def instants_s(leg: Leg, fraction: FloatArray, first_s: float) -> FloatArray:
+def _instants_s(segment: Segment, fraction: FloatArray, first_s: float) -> FloatArray:
     """Return times since a rest began, even in the logarithm of `first_s` and them."""
-    length = leg.end_s - leg.begin_s
+    length = segment.end_s - segment.begin_s
     return np.asarray(first_s * np.expm1(fraction * np.log1p(length / first_s)))
 
 
-def hold_scale_s(leg: Leg) -> float:
+def _hold_scale_s(segment: Segment) -> float:
     """Return the time from which on a rest is looked at evenly in the logarithm of time."""
-    return (leg.end_s - leg.begin_s) / _HOLD_DECADES
+    return (segment.end_s - segment.begin_s) / _HOLD_DECADES
 
 
-def feature_places(legs: Sequence[Leg]) -> list[tuple[float, ...]]:
-    """Return where along each leg features are taken: () on most.
+def feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
+    """Return where along each segment features are taken: () on most.
 
     The first loading, the first and the last unloading, the last reloading and the longest hold
-    have some, `FEATURES_MOST` in all at most. A leg of few rows has its end only.
+    have some, `_FEATURES_MOST` in all at most. A segment of few rows has its end only.
     """
-    kinds = [leg.kind for leg in legs]
+    kinds = [segment.kind for segment in segments]
     chosen: set[int] = {0}
     down = [i for i, kind in enumerate(kinds) if kind == "unloading"]
     up = [i for i, kind in enumerate(kinds) if kind == "reloading"]
     held = [i for i, kind in enumerate(kinds) if kind == "hold"]
     chosen.update(down[:1] + down[-1:] + up[-1:])
     if held:
-        chosen.add(max(held, key=lambda i: legs[i].end_s - legs[i].begin_s))
+        chosen.add(max(held, key=lambda i: segments[i].end_s - segments[i].begin_s))
     for level in range(3):
         places = [_FRACTIONS[kind][level] if i in chosen else () for i, kind in enumerate(kinds)]
-        if sum(map(len, places)) <= FEATURES_MOST:
+        if sum(map(len, places)) <= _FEATURES_MOST:
             break
     return [
-        some if leg.rows >= ROWS_LEAST else some[-1:]
-        for some, leg in zip(places, legs, strict=True)
+        some if segment.rows >= _ROWS_LEAST else some[-1:]
+        for some, segment in zip(places, segments, strict=True)
     ]
 
 
-def walk_of(paths: Sequence[Path], extra: Sequence[float] = ()) -> Walk:
+def time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
     """Return the steps of a test whose specimens went these ways.
 
     Parameters
@@ -447,35 +446,37 @@ def walk_of(paths: Sequence[Path], extra: Sequence[float] = ()) -> Walk:
     extra
         Fractions of the first loading that must be steps, beside the features' own.
     """
-    if len(paths[0].legs) == 1:
-        shortest = min(path.legs[0].end_mm for path in paths)
-        paths = [cut(path, shortest) for path in paths]
-    legs = tuple(
+    if len(paths[0].segments) == 1:
+        shortest = min(path.segments[0].end_mm for path in paths)
+        paths = [cut_path(path, shortest) for path in paths]
+    segments = tuple(
         replace(
             together[0],
             **{
-                name: float(np.mean([getattr(leg, name) for leg in together]))
+                name: float(np.mean([getattr(segment, name) for segment in together]))
                 for name in ("begin_s", "end_s", "begin_mm", "end_mm")
             },
         )
-        for together in zip(*(path.legs for path in paths), strict=True)
+        for together in zip(*(path.segments for path in paths), strict=True)
     )
-    wanted = [sorted({*places, 1.0}) for places in feature_places(legs)]
+    wanted = [sorted({*places, 1.0}) for places in feature_places(segments)]
     wanted[0] = sorted({*wanted[0], *extra})
-    counts = _counts(legs, [len(places) for places in wanted])
-    leg = np.concatenate([[0], np.repeat(np.arange(len(legs)), counts)])
+    counts = _counts(segments, [len(places) for places in wanted])
+    segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
     fraction = np.concatenate(
         [[0.0], *(_filled(w, n) for w, n in zip(wanted, counts, strict=True))]
     )
-    return Walk(legs, leg, fraction)
+    return TimeGrid(segments, segment, fraction)
 
 
-def _counts(legs: Sequence[Leg], least: Sequence[int]) -> list[int]:
-    """Share `STEPS` but one out among legs by their way, a rest's as half of the longest."""
-    all_ = STEPS - 1
-    ways = np.array([abs(leg.end_mm - leg.begin_mm) if leg.moves else 0.0 for leg in legs])
-    ways[[not leg.moves for leg in legs]] = 0.5 * float(ways.max())
-    floor = min(_LEAST, all_ // len(legs))
+def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
+    """Share `_STEPS` but one out among segments by their way, a rest's as half of the longest."""
+    all_ = _STEPS - 1
+    ways = np.array(
+        [abs(segment.end_mm - segment.begin_mm) if segment.moves else 0.0 for segment in segments]
+    )
+    ways[[not segment.moves for segment in segments]] = 0.5 * float(ways.max())
+    floor = min(_LEAST, all_ // len(segments))
     counts = np.maximum(least, floor)
     while counts.sum() > all_:
         floor -= 1
@@ -504,42 +505,42 @@ _FEWEST = 7
 _MANY = 200
 
 
-def step_times_s(path: Path, walk: Walk) -> FloatArray:
+def _step_times_s(path: Path, grid: TimeGrid) -> FloatArray:
     """Return when a specimen came by each step, (T,)."""
-    times = np.zeros(len(walk.leg))
-    for number, (own, mean) in enumerate(zip(path.legs, walk.legs, strict=True)):
-        here = (walk.leg == number) & (np.arange(len(times)) > 0)
-        fraction = walk.fraction[here]
+    times = np.zeros(len(grid.segment))
+    for number, (own, mean) in enumerate(zip(path.segments, grid.segments, strict=True)):
+        here = (grid.segment == number) & (np.arange(len(times)) > 0)
+        fraction = grid.fraction[here]
         if own.moves:
-            end = min(own.end_mm, mean.end_mm) if len(walk.legs) == 1 else own.end_mm
+            end = min(own.end_mm, mean.end_mm) if len(grid.segments) == 1 else own.end_mm
             places = own.begin_mm + fraction * (end - own.begin_mm)
-            times[here] = moments_s(path, own, places)
+            times[here] = _moments_s(path, own, places)
         else:
-            times[here] = own.begin_s + instants_s(own, fraction, hold_scale_s(mean))
+            times[here] = own.begin_s + _instants_s(own, fraction, _hold_scale_s(mean))
     return times
 
 
-def forces_N(path: Path, walk: Walk) -> FloatArray:
+def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
     """Return a specimen's force at the travel, or the time of a rest, of each step, (T,).
 
-    A parabola through the rows of the same leg within a quarter of a stride to either side, or
+    A parabola through the rows of the same segment within a quarter of a stride to either side, or
     the nearest few, is taken where the step is.
     """
-    forces = np.zeros(len(walk.leg))
-    travel = walk.travel_mm
-    for number, (own, mean) in enumerate(zip(path.legs, walk.legs, strict=True)):
-        here = np.flatnonzero(walk.leg == number)
+    forces = np.zeros(len(grid.segment))
+    travel = grid.travel_mm
+    for number, (own, mean) in enumerate(zip(path.segments, grid.segments, strict=True)):
+        here = np.flatnonzero(grid.segment == number)
         inside = (path.time_s >= own.begin_s - 1e-9) & (path.time_s <= own.end_s + 1e-9)
         inside &= np.arange(len(inside)) <= own.last
         if own.moves:
             rows = path.travel_mm[inside]
             places = travel[here]
         else:
-            scale = hold_scale_s(mean)
+            scale = _hold_scale_s(mean)
             since = np.maximum(path.time_s[inside] - own.begin_s, 0.0)
             rows = np.log1p(since / scale)
             length = own.end_s - own.begin_s
-            places = walk.fraction[here] * np.log1p(length / scale)
+            places = grid.fraction[here] * np.log1p(length / scale)
         if not inside.any():
             forces[here] = np.interp(_middle_s(own), path.time_s, path.force_N)
             continue
@@ -548,8 +549,8 @@ def forces_N(path: Path, walk: Walk) -> FloatArray:
     return forces
 
 
-def _middle_s(leg: Leg) -> float:
-    return 0.5 * (leg.begin_s + leg.end_s)
+def _middle_s(segment: Segment) -> float:
+    return 0.5 * (segment.begin_s + segment.end_s)
 
 
 def _fewer(values: FloatArray) -> FloatArray:
@@ -595,7 +596,7 @@ _USUAL: Mapping[str, float] = {"temperature_C": 23.0, "soak_h": 0.0, "age_days":
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MountedTest:
+class ReplicateTest:
     """One test: the specimens that went the same way, by their place, and their steps.
 
     Attributes
@@ -605,19 +606,19 @@ class MountedTest:
     """
 
     places: tuple[int, ...]
-    walk: Walk
+    grid: TimeGrid
     time_s: FloatArray
     frames: tuple[float, ...]
 
 
-def mean_times_s(paths: Sequence[Path], walk: Walk) -> FloatArray:
+def mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
     """Return the mean of the times at which specimens came by each step, rising."""
-    times = np.mean([step_times_s(path, walk) for path in paths], axis=0)
+    times = np.mean([_step_times_s(path, grid) for path in paths], axis=0)
     least = 1e-9 * float(times[-1])
     return np.asarray(np.maximum.accumulate(times) + least * np.arange(len(times)))
 
 
-def slice_bounds_mm(specimen: Specimen) -> FloatArray:
+def _slice_bounds_mm(specimen: Specimen) -> FloatArray:
     """Return the edges of a specimen's slices along the drawn gauge."""
     if specimen.profile is None:
         return np.array([0.0, specimen.gauge_mm])
@@ -625,10 +626,12 @@ def slice_bounds_mm(specimen: Specimen) -> FloatArray:
     return np.asarray(edges * (specimen.gauge_mm / edges[-1]))
 
 
-def assemble(campaign: Campaign, tests: Sequence[MountedTest], paths: Mapping[int, Path]) -> Setup:
+def assemble(
+    campaign: Campaign, tests: Sequence[ReplicateTest], paths: Mapping[int, Path]
+) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
-    bounds = [slice_bounds_mm(group[0]) for group in groups]
+    bounds = [_slice_bounds_mm(group[0]) for group in groups]
     counts = [len(b) - 1 for b in bounds]
     coordinate, area = [], []
     for group, b in zip(groups, bounds, strict=True):
@@ -643,7 +646,7 @@ def assemble(campaign: Campaign, tests: Sequence[MountedTest], paths: Mapping[in
         values = [[getattr(s, name) for s in group] for group in groups]
         covariates[name], known[name] = _means(values, usual if stands is None else stands)
     for name in ("width_mm", "thickness_mm"):
-        sizes = [[nominal_size_mm(s, name) for s in group] for group in groups]
+        sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
         covariates[name], known[name] = _means(sizes, 1.0)
     orientations = [next((s.orientation for s in group if s.orientation), None) for group in groups]
     known["orientation"] = np.array([o is not None for o in orientations])
@@ -660,7 +663,7 @@ def assemble(campaign: Campaign, tests: Sequence[MountedTest], paths: Mapping[in
         coordinate_range=(coordinates[0], coordinates[-1]),
         first_slice=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         time_s=np.stack([test.time_s for test in tests]),
-        travel_mm=np.stack([test.walk.travel_mm for test in tests]),
+        travel_mm=np.stack([test.grid.travel_mm for test in tests]),
         rate_per_s=rate / gauge,
         gauge_mm=gauge,
         orientation=np.array([_ORIENTATIONS[o or reference.orientation or "x"]
@@ -695,7 +698,7 @@ def mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:
     return np.mean(found, axis=0) if found else np.ones_like(x_mm)
 
 
-def nominal_size_mm(specimen: Specimen, name: str) -> float | None:
+def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
     """Return nominal `width_mm` or `thickness_mm`, else the design's mean, else the measured."""
     own: float | None = getattr(specimen, name)
     design = specimen.profile

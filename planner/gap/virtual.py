@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
-from planner.formats.tensile import Specimen as Row
+from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import read_specimens
 from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField
 from planner.gap.campaign_folder import (
@@ -23,7 +23,7 @@ from planner.gap.campaign_folder import (
 )
 from planner.gap.effect import Effect, Form, Parameter, Values
 from planner.gap.effects import effects_for
-from planner.gap.segments import MountedTest, assemble, mean_times_s, path_of, walk_of
+from planner.gap.segments import ReplicateTest, assemble, mean_times_s, path_of, time_grid
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign, read_profile
@@ -33,18 +33,14 @@ from planner.simulation.simulate import loading_path
 __all__ = [
     "BAR_SHARE",
     "HOLD_S",
-    "SCATTER",
-    "FACET_mm",
-    "StatedEffect",
     "effect_named",
-    "imitate",
-    "lone_test",
-    "nominal_record",
-    "planned_specimen",
-    "planned_strain",
-    "read_plan_of_campaign",
+    "read_design",
+    "single_test",
     "stated_effect",
+    "synthetic_campaign",
     "usual_value",
+    "virtual_specimen",
+    "virtual_strain",
 ]
 
 
@@ -55,7 +51,7 @@ __all__ = [
 HOLD_S = 240.0
 """How long relaxation holds."""
 
-FACET_mm = 1.0
+_FACET_mm = 1.0
 """Between places at which a camera sees a bar's strain."""
 
 _PLANNED_ROWS = 160
@@ -66,7 +62,7 @@ BAR_SHARE = 0.5
 """A bar is pulled less far than coupons: its soft end strains more than the bar does."""
 
 
-def planned_strain(
+def virtual_strain(
     palette: Palette, materials: Sequence[str], profiles: Sequence[ProfileDesign] = ()
 ) -> float:
     """Return how far a campaign's coupons are pulled: the same strain for all, broken by none.
@@ -81,7 +77,7 @@ def planned_strain(
     return min([_STRAIN, *(_BREAK_SHARE * b for b in breaks)])
 
 
-def planned_specimen(
+def virtual_specimen(
     palette: Palette,
     *,
     id: str,
@@ -98,7 +94,7 @@ def planned_specimen(
     Parameters
     ----------
     strain
-        How far a coupon is pulled; see `planned_strain`.
+        How far a coupon is pulled; see `virtual_strain`.
     camera
         Whether a bar's strain is seen along its axis.
     fields
@@ -117,7 +113,7 @@ def planned_specimen(
     )
     seen = None
     if camera and design is not None:
-        x = np.arange(0.5 * FACET_mm, gauge_mm, FACET_mm)
+        x = np.arange(0.5 * _FACET_mm, gauge_mm, _FACET_mm)
         last = int(np.argmax(path.displacement_mm))
         rows = np.unique(np.linspace(1, last, _FRAMES).astype(np.int64))
         local = np.repeat(path.displacement_mm[rows, None] / gauge_mm, len(x), axis=1)
@@ -140,12 +136,12 @@ def planned_specimen(
 _LONE_ROWS = 200
 
 
-def lone_test(
+def single_test(
     campaign: Campaign, place: int, time_s: FloatArray, travel_mm: FloatArray
 ) -> Setup | None:
     """Return the setup of one specimen along a path of any steps, with no effect.
 
-    None where the specimen never loads over enough rows to be mounted.
+    None where the specimen never loads over enough rows to be observed.
 
     Parameters
     ----------
@@ -155,10 +151,10 @@ def lone_test(
         Of the crosshead, the first step at rest.
     """
     path = path_of(campaign.specimens[place])
-    if path is None or not path.legs:
+    if path is None or not path.segments:
         return None
-    walk = walk_of([path])
-    test = MountedTest((place,), walk, mean_times_s([path], walk), ())
+    grid = time_grid([path])
+    test = ReplicateTest((place,), grid, mean_times_s([path], grid), ())
     setup = assemble(campaign, [test], {place: path})
     shape = (1, len(time_s))
     return setup.with_(
@@ -170,24 +166,26 @@ def lone_test(
     )
 
 
-def nominal_record(campaign: Campaign, place: int) -> tuple[FloatArray, FloatArray, float] | None:
+def _nominal_record(campaign: Campaign, place: int) -> tuple[FloatArray, FloatArray, float] | None:
     """Return time and travel of a specimen's test as it was meant: corners, and lines between.
 
     The last figure is what was taken off the record's clock: times count from the start of travel.
 
-    None where the specimen never loads over enough rows to be mounted.
+    None where the specimen never loads over enough rows to be observed.
     """
     path = path_of(campaign.specimens[place])
-    if path is None or not path.legs:
+    if path is None or not path.segments:
         return None
-    corners_s = np.array([0.0, *(leg.end_s for leg in path.legs)])
-    corners_mm = np.array([0.0, *(leg.end_mm for leg in path.legs)])
-    rows = max(_LONE_ROWS // len(path.legs), 12)
+    corners_s = np.array([0.0, *(segment.end_s for segment in path.segments)])
+    corners_mm = np.array([0.0, *(segment.end_mm for segment in path.segments)])
+    rows = max(_LONE_ROWS // len(path.segments), 12)
     parts = [np.zeros(1)]
-    for leg in path.legs:
-        length = leg.end_s - leg.begin_s
+    for segment in path.segments:
+        length = segment.end_s - segment.begin_s
         even = np.arange(1, rows + 1) / rows
-        parts.append(leg.begin_s + length * (even if leg.moves else np.geomspace(1e-3, 1.0, rows)))
+        parts.append(
+            segment.begin_s + length * (even if segment.moves else np.geomspace(1e-3, 1.0, rows))
+        )
     time = np.concatenate(parts)
     return time, np.interp(time, corners_s, corners_mm), path.shift_s
 
@@ -196,14 +194,14 @@ def nominal_record(campaign: Campaign, place: int) -> tuple[FloatArray, FloatArr
 # A campaign that is yet to be measured: its list of specimens, each on its protocol's path.
 
 
-def read_plan_of_campaign(
+def read_design(
     path: str | Path, palette: Palette, *, printer: str = "connex3", camera: bool = False
 ) -> Campaign:
     """Read which specimens are to be tested: a specimens.csv, or a campaign's folder.
 
     A folder's own palette counts. Where it has curves, their specimens go the ways that they
     went; else each goes that of its protocol, as far as a column `to_strain` says, or
-    `planned_strain`. Forces are stand-ins.
+    `virtual_strain`. Forces are stand-ins.
 
     Parameters
     ----------
@@ -244,7 +242,7 @@ def _retraced(campaign: Campaign) -> list[Specimen]:
     """Return the specimens on the ways they went, without their sensors' noise."""
     found = []
     for place, specimen in enumerate(campaign.specimens):
-        record = nominal_record(campaign, place)
+        record = _nominal_record(campaign, place)
         if record is None:
             continue
         time, travel, shift_s = record
@@ -271,14 +269,14 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     notes = tuple(check_headings(rows, file.name))
     covariates = covariates_of(rows)
     designs = [_design(row, file, palette) for row in rows]
-    strain = planned_strain(
+    strain = virtual_strain(
         palette, [row.material for row in rows if row.material], [d for d in designs if d]
     )
     specimens = []
     for row, design in zip(rows, designs, strict=True):
         own = covariates[row.specimen]
         specimens.append(
-            planned_specimen(
+            virtual_specimen(
                 palette,
                 id=row.specimen,
                 gauge_mm=_gauge_mm(row, design, file),
@@ -460,7 +458,7 @@ def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
 # every file says where it comes from.
 
 
-SCATTER = 0.03
+_SCATTER = 0.03
 """Standard deviation of specimens' levels, of the logarithm of force; the rest goes with it."""
 
 _BATCH = 0.4
@@ -475,12 +473,12 @@ _FIELD, _FIELD_RELATIVE = 0.003, 0.02
 _STAGES = ("composition", "law", "geometry", "boundary", "sensor")
 
 
-def imitate(
+def synthetic_campaign(
     plan: Campaign,
     effects: Sequence[StatedEffect],
     rng: np.random.Generator,
     *,
-    scatter: float = SCATTER,
+    scatter: float = _SCATTER,
     seed_text: str = "",
 ) -> Campaign:
     """Return a campaign as if its specimens had been measured with these effects at work.
@@ -517,7 +515,7 @@ def imitate(
     how += f"; {seed_text}" if seed_text else ""
     specimens = []
     for place, specimen in enumerate(plan.specimens):
-        setup = lone_test(plan, place, specimen.time_s, specimen.displacement_mm)
+        setup = single_test(plan, place, specimen.time_s, specimen.displacement_mm)
         if setup is None:
             raise FileError(
                 f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "

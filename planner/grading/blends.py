@@ -28,16 +28,15 @@ from planner.printers import Printer
 
 __all__ = [
     "MIXTURES_UNCALIBRATED",
-    "MOST_MIXTURES",
+    "BlendSegment",
+    "Laminate",
     "Mixture",
-    "Period",
-    "Stretch",
     "blend_interval_MPa",
+    "blend_segments",
     "laminated",
     "mixed_bands",
     "mixture_for",
-    "stretches",
-    "with_periods",
+    "with_laminates",
 ]
 
 
@@ -135,7 +134,7 @@ _SAME = 1e-9  # relative: a target this near to a material's modulus is that
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class BlendSegment:
     """A stretch of the field between two neighbouring materials.
 
     Attributes
@@ -167,7 +166,7 @@ class Stretch:
         return self.ends_MPa[1] >= self.ends_MPa[0]
 
 
-def stretches(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Stretch, ...]:
+def blend_segments(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[BlendSegment, ...]:
     """Divide the field where the target passes the modulus of a material.
 
     Parameters
@@ -184,7 +183,7 @@ def stretches(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Stretch,
         inner = 1e-9 * (stop - start)  # a jump's own value is that after it
         ends = [float(profile.modulus_MPa(u)) for u in (start, stop - inner)]
         run = sum(jump <= start + inner for jump in jumps)
-        found.append(Stretch(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
+        found.append(BlendSegment(start, stop, lower, upper, (low, high), (ends[0], ends[1]), run))
     return tuple(found)
 
 
@@ -232,7 +231,7 @@ _THINNEST = 1e-9  # of the field: a share below is none
 
 
 @dataclass(frozen=True, slots=True)
-class Period:
+class Laminate:
     """Two bands, one of either material, or one where the share is 0 or 1.
 
     Attributes
@@ -259,8 +258,8 @@ class Period:
 
 
 def laminated(
-    profile: Profile, along: Sequence[Stretch], moduli_MPa: tuple[float, ...], periods: int
-) -> tuple[tuple[Band, Period | None], ...]:
+    profile: Profile, along: Sequence[BlendSegment], moduli_MPa: tuple[float, ...], periods: int
+) -> tuple[tuple[Band, Laminate | None], ...]:
     """Divide each stretch between two materials into periods that stretch as the target does.
 
     Under one force a period elongates by the mean of the target's compliance, exactly: the
@@ -273,7 +272,7 @@ def laminated(
     tuple of (Band, Period)
         Bands along the field, and the period each belongs to; None outside transitions.
     """
-    found: list[tuple[Band, Period | None]] = []
+    found: list[tuple[Band, Laminate | None]] = []
     for stretch in along:
         if stretch.lower == stretch.upper:
             band = Band(stretch.start, stretch.stop, stretch.lower, stretch.target_MPa)
@@ -284,7 +283,7 @@ def laminated(
         middle_MPa = math.sqrt(moduli_MPa[stretch.lower] * moduli_MPa[stretch.upper])
         begins_hard, ends_hard = (end > middle_MPa for end in stretch.ends_MPa)
         for start, stop in itertools.pairwise(edges):
-            period = _period(profile, stretch, moduli_MPa, start, stop)
+            period = _laminate(profile, stretch, moduli_MPa, start, stop)
             if not found:
                 hard_first = begins_hard
             elif stretch is along[-1] and stop == stretch.stop:
@@ -301,9 +300,13 @@ def laminated(
     return tuple(found)
 
 
-def _period(
-    profile: Profile, stretch: Stretch, moduli_MPa: tuple[float, ...], start: float, stop: float
-) -> Period:
+def _laminate(
+    profile: Profile,
+    stretch: BlendSegment,
+    moduli_MPa: tuple[float, ...],
+    start: float,
+    stop: float,
+) -> Laminate:
     # Between knots the target is smooth, and Gauss' rule of 8 nodes exact to rounding.
     knots = [start, *(u for u in profile.positions if start < u < stop), stop]
     compliance = 0.0
@@ -314,7 +317,7 @@ def _period(
     share = float(reuss_share(soft, hard, compliance / (stop - start)))
     if not _THINNEST < share * (stop - start) < stop - start - _THINNEST:
         share = float(math.floor(share + 0.5))
-    return Period(
+    return Laminate(
         start,
         stop,
         stretch.lower,
@@ -329,8 +332,8 @@ def _period(
 # What a plan says of bands that take turns.
 
 
-def with_periods(
-    regions: Sequence[Region], steps: Sequence[tuple[Band, Period | None]], scale: StiffnessScale
+def with_laminates(
+    regions: Sequence[Region], steps: Sequence[tuple[Band, Laminate | None]], scale: StiffnessScale
 ) -> tuple[Region, ...]:
     """Say of each thin band which period it belongs to, and what that comes to in series."""
     periods = {(band.start, band.stop): period for band, period in steps}
@@ -366,7 +369,7 @@ def with_periods(
 # Bands of true mixtures, for printers that jet them.
 
 
-MOST_MIXTURES = 99
+_MOST_MIXTURES = 99
 """Each is a file of its own."""
 
 MIXTURES_UNCALIBRATED = (
@@ -403,10 +406,10 @@ def mixed_bands(
         bands = natural_bands(profile, tuple(ladder))
         moduli = [ladder[band.grade] for band in bands]
     else:
-        if count > MOST_MIXTURES:
+        if count > _MOST_MIXTURES:
             raise ArgumentError(
                 f"--blend mix --bands {count}: each mixture is a file of its own; up to "
-                f"{MOST_MIXTURES} are possible"
+                f"{_MOST_MIXTURES} are possible"
             )
         bands = equal_bands(profile, scale.moduli_MPa, count)
         moduli = [math.sqrt(band.target_MPa[0] * band.target_MPa[1]) for band in bands]

@@ -19,28 +19,18 @@ from planner.numerics import Float32Array, FloatArray
 from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
 from planner.voxels.columns import grid_for, iterate_columns
 
-__all__ = [
-    "VOLUME_ERROR_LIMIT",
-    "Certificate",
-    "Difference",
-    "certify",
-    "differences",
-    "region_problems",
-    "shell_checks",
-    "shell_problems",
-    "threemf_problems",
-]
+__all__ = ["Certificate", "Difference", "certify", "differences", "shell_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
 # Whether shells are sound, and fill the part without gap or overlap, as readers find them.
 
 
-VOLUME_ERROR_LIMIT = 1e-6
+_VOLUME_ERROR_LIMIT = 1e-6
 """Of the shells' volumes against the part's: what rounding to float32 leaves on a part of any
 shape that fits a tray."""
 
-OVERLAP_LIMIT = 1e-9
+_OVERLAP_LIMIT = 1e-9
 _COLUMNS_ACROSS = 512  # of the longest side: 2e5 columns over a cube, a fraction of a second
 
 
@@ -77,9 +67,9 @@ def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) ->
     shared = _shared_mm3(meshes) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
-        "volume_error": Check(error, VOLUME_ERROR_LIMIT, error <= VOLUME_ERROR_LIMIT),
+        "volume_error": Check(error, _VOLUME_ERROR_LIMIT, error <= _VOLUME_ERROR_LIMIT),
         "interfaces_unmatched": Check(int(not fit.ok), 0, fit.ok),
-        "overlap": Check(shared, OVERLAP_LIMIT, shared <= OVERLAP_LIMIT),
+        "overlap": Check(shared, _OVERLAP_LIMIT, shared <= _OVERLAP_LIMIT),
     }
 
 
@@ -121,13 +111,13 @@ def _accepted(mesh: Mesh) -> bool:
 # Whether a plan's files say what its plan.json says.
 
 
-Shells = Mapping[str, Float32Array | FloatArray]
+_Shells = Mapping[str, Float32Array | FloatArray]
 
 _VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
 _PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
 
 
-def region_problems(plan: Plan) -> Iterator[str]:
+def _region_problems(plan: Plan) -> Iterator[str]:
     """Hold a plan's regions against one another and against the part."""
     if not plan.regions:
         yield "plan.json: it has no regions"
@@ -148,7 +138,7 @@ def region_problems(plan: Plan) -> Iterator[str]:
         yield "plan.json: its regions do not fill the part's bounds"
 
 
-def shell_problems(plan: Plan, shells: Shells) -> Iterator[str]:
+def _shell_problems(plan: Plan, shells: _Shells) -> Iterator[str]:
     """Hold each shell against the regions that the plan puts into it."""
     for number, file in enumerate(sorted(shells), start=1):
         regions = _of(plan, file)
@@ -170,7 +160,7 @@ def shell_problems(plan: Plan, shells: Shells) -> Iterator[str]:
         yield "stl/: the files' numbers do not run from soft to hard"
 
 
-def threemf_problems(path: Path, plan: Plan, shells: Shells) -> Iterator[str]:
+def _threemf_problems(path: Path, plan: Plan, shells: _Shells) -> Iterator[str]:
     """Hold the 3MF against the STL files, triangle for triangle, and its materials."""
     if not path.is_file():
         return  # told as missing
@@ -296,7 +286,7 @@ def certify(
     root = file.parent
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
-    disagreements = list(region_problems(plan))
+    disagreements = list(_region_problems(plan))
     progress("reading the shells")
     altered, shells = 0, dict[str, Float32Array | FloatArray]()
     for name, expected in {region.file: region.sha256 for region in plan.regions}.items():
@@ -314,11 +304,11 @@ def certify(
     checks = {"files_altered": Check(altered, 0, altered == 0)}
     if shells and plan.part.volume_mm3 > 0.0:
         checks |= shell_checks(list(shells.values()), plan.part)
-        disagreements += shell_problems(plan, shells)
+        disagreements += _shell_problems(plan, shells)
     else:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
-    mismatches = list(threemf_problems(root / f"{plan.name}.3mf", plan, shells))
+    mismatches = list(_threemf_problems(root / f"{plan.name}.3mf", plan, shells))
     checks["plan_disagreements"] = Check(len(disagreements), 0, not disagreements)
     checks["threemf_mismatches"] = Check(len(mismatches), 0, not mismatches)
     return Certificate(

@@ -16,7 +16,7 @@ from planner.cutting.level_sets import FIRST_SHIFT
 from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3
 from planner.errors import ArgumentError, FileError
 from planner.fields.basic import Field
-from planner.grading.blends import Stretch, blend_interval_MPa
+from planner.grading.blends import BlendSegment, blend_interval_MPa
 from planner.grading.profile import Band, Profile, StiffnessScale
 from planner.grading.regions import Printed, files_of, region_of
 from planner.materials.homogenisation import (
@@ -34,26 +34,21 @@ from planner.plan import Check, Finding, Plan, Region, Shell
 from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
 
 __all__ = [
-    "MOST_TRIANGLES",
-    "BevelledTile",
-    "DealtField",
-    "DealtPiece",
-    "Tally",
+    "CellCounts",
+    "DitherField",
     "bayer_ranks",
     "bevelled_fractions",
     "blue_noise_bevelled",
     "blue_noise_ranks",
     "check_size",
-    "deal_cells",
-    "deal_voxels",
-    "dealt_pieces",
-    "dealt_regions",
+    "count_cells",
+    "dither_cells",
+    "dither_regions",
+    "dither_voxels",
     "dithered_profile",
-    "estimated_triangles",
     "fraction_checks",
     "is_dithered",
     "own_volumes",
-    "tally",
     "thresholds",
 ]
 
@@ -132,7 +127,7 @@ def blue_noise_bevelled() -> BevelledTile:
 # Dealing at the scale of single voxels.
 
 
-def deal_voxels(fraction: Float32Array, thresholds: FloatArray) -> NDArray[np.uint8]:
+def dither_voxels(fraction: Float32Array, thresholds: FloatArray) -> NDArray[np.uint8]:
     """Tell which voxels of a block are hard.
 
     Parameters
@@ -156,11 +151,11 @@ def deal_voxels(fraction: Float32Array, thresholds: FloatArray) -> NDArray[np.ui
     if thresholds.shape != (n, n, n) or n & (n - 1):
         raise ArgumentError(f"a tile of {thresholds.shape}: its sides must be one power of two")
     found = np.empty(fraction.shape, dtype=np.uint8)
-    _deal(np.asarray(fraction, np.float32), np.asarray(thresholds, np.float32), found)
+    _dither(np.asarray(fraction, np.float32), np.asarray(thresholds, np.float32), found)
     return found
 
 
-def deal_cells(
+def dither_cells(
     fraction: FloatArray, cell: NDArray[np.int64], thresholds: FloatArray
 ) -> NDArray[np.bool_]:
     """Tell which of some cells are hard.
@@ -177,7 +172,7 @@ def deal_cells(
 
 
 @kernel
-def _deal(fraction: Any, thresholds: Any, found: Any) -> None:
+def _dither(fraction: Any, thresholds: Any, found: Any) -> None:
     nx, ny, nz = fraction.shape
     n = thresholds.shape[0]
     for i in range(nx):
@@ -291,7 +286,7 @@ def thresholds(ranks: IntArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class DealtPiece:
+class DitherPiece:
     """All cells of one material, `grade` its place from soft to hard, between two jumps.
 
     `run` counts the parts of the field over which the target does not jump.
@@ -301,13 +296,13 @@ class DealtPiece:
     grade: int
 
 
-def dealt_pieces(along: Sequence[Stretch]) -> tuple[DealtPiece, ...]:
+def _dither_pieces(along: Sequence[BlendSegment]) -> tuple[DitherPiece, ...]:
     """Return the pieces of all stretches in the order of their numbers.
 
     The materials of a run stand from soft to hard or from hard to soft, such that it begins near
     the material that it has at the jump.
     """
-    pieces: list[DealtPiece] = []
+    pieces: list[DitherPiece] = []
     for run in range(along[-1].run + 1):
         own = [stretch for stretch in along if stretch.run == run]
         low, high = min(s.lower for s in own), max(s.upper for s in own)
@@ -315,12 +310,12 @@ def dealt_pieces(along: Sequence[Stretch]) -> tuple[DealtPiece, ...]:
         from_low, from_high = own[0].lower - low, high - own[0].upper
         if from_high < from_low or (from_high == from_low and not own[0].rising):
             grades.reverse()
-        pieces += [DealtPiece(run, grade) for grade in grades]
+        pieces += [DitherPiece(run, grade) for grade in grades]
     return tuple(pieces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DealtField:
+class DitherField:
     """The number of the piece that each cell belongs to, scaled to 0..1.
 
     It is meant for the corners of a grid whose pitch is the cell: these are the cells' centres.
@@ -336,8 +331,8 @@ class DealtField:
     field: Field
     profile: Profile
     moduli_MPa: tuple[float, ...]
-    along: tuple[Stretch, ...]
-    pieces: tuple[DealtPiece, ...]
+    along: tuple[BlendSegment, ...]
+    pieces: tuple[DitherPiece, ...]
     corner_mm: FloatArray
     cell_mm: float
 
@@ -365,7 +360,7 @@ class DealtField:
         stretch, fraction = self.wanted(points_mm)
         dealt = blue_noise_bevelled().dealt_for(fraction)
         cell = np.floor((points_mm - self.corner_mm) / self.cell_mm).astype(np.int64)
-        hard = deal_cells(dealt, cell, thresholds(blue_noise_ranks()))
+        hard = dither_cells(dealt, cell, thresholds(blue_noise_ranks()))
         place = {(piece.run, piece.grade): n for n, piece in enumerate(self.pieces)}
         of_soft = np.array([place[s.run, s.lower] for s in self.along])
         of_hard = np.array([place[s.run, s.upper] for s in self.along])
@@ -401,7 +396,7 @@ _CHUNK = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tally:
+class CellCounts:
     """What lies in each of S stretches, by piece of P.
 
     Attributes
@@ -420,7 +415,7 @@ class Tally:
     wanted: FloatArray
 
 
-def tally(mesh: Mesh, dealt: DealtField) -> Tally:
+def count_cells(mesh: Mesh, dealt: DitherField) -> CellCounts:
     """Count the cells of a part."""
     cell_mm = dealt.cell_mm
     first = mesh.bounds_mm[0] - (1.5 + FIRST_SHIFT) * cell_mm
@@ -448,7 +443,7 @@ def tally(mesh: Mesh, dealt: DealtField) -> Tally:
     cells = np.asarray(np.bincount(stretch, weights=share, minlength=stretches), np.float64)
     wanted = np.bincount(stretch, weights=share * fraction, minlength=stretches)
     volumes = np.bincount(key, weights=volume, minlength=stretches * pieces)
-    return Tally(
+    return CellCounts(
         np.asarray(volumes, np.float64).reshape(stretches, pieces),
         bounds.reshape(stretches, pieces, 2, 3),
         cells,
@@ -478,37 +473,37 @@ def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...
 # How many triangles dealt cells come to, before they are cut.
 
 
-MOST_TRIANGLES = 8_000_000
+_MOST_TRIANGLES = 8_000_000
 """Of all shells together: files of 400 MB, a minute or two and some GB to make."""
 
 _SAMPLES = 200_000
 _SURFACE_TRIANGLES = 20.0  # a square of the part's surface, at half the cells; measured
 
 
-def check_size(mesh: Mesh, dealt: DealtField) -> None:
+def check_size(mesh: Mesh, dealt: DitherField) -> None:
     """Refuse cells that are too small for a part.
 
     Raises
     ------
     ArgumentError
-        There would be more than `MOST_TRIANGLES`; a cell that gives fewer is named.
+        There would be more than `_MOST_TRIANGLES`; a cell that gives fewer is named.
     """
-    inner, surface = estimated_triangles(mesh, dealt)
+    inner, surface = estimate_triangles(mesh, dealt)
     triangles = inner + surface
-    if triangles <= MOST_TRIANGLES:
+    if triangles <= _MOST_TRIANGLES:
         return
     larger = 1.0  # times the cell: inner ones fall with its cube, others with its square
-    while inner / larger**3 + surface / larger**2 > MOST_TRIANGLES:
+    while inner / larger**3 + surface / larger**2 > _MOST_TRIANGLES:
         larger *= 1.01
     coarser = math.ceil(dealt.cell_mm * larger * 20.0) / 20.0
     raise ArgumentError(
         f"--cell {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} cells "
         f"of that size, whose shells would have some {triangles:.2g} triangles; up to "
-        f"{MOST_TRIANGLES:.2g} are possible: take --cell {coarser:g} or larger, or --blend bands:4"
+        f"{_MOST_TRIANGLES:.2g} are possible: take --cell {coarser:g} or larger, or --blend bands:4"
     )
 
 
-def estimated_triangles(mesh: Mesh, dealt: DealtField) -> tuple[float, float]:
+def estimate_triangles(mesh: Mesh, dealt: DitherField) -> tuple[float, float]:
     """Estimate the triangles of all shells from a sample: inside the part, and at its surface."""
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
     pitch_mm = max(float(np.cbrt(extent_mm.prod() / _SAMPLES)), float(extent_mm.max()) / 16000.0)
@@ -627,9 +622,9 @@ class _Share:
         return float(abs(self.achieved - self.wanted) / limit)
 
 
-def dealt_regions(
-    pieces: Pieces, printed: Sequence[Printed], shells: Sequence[Shell], dealt: DealtField,
-    counted: Tally, scale: StiffnessScale,
+def dither_regions(
+    pieces: Pieces, printed: Sequence[Printed], shells: Sequence[Shell], dealt: DitherField,
+    counted: CellCounts, scale: StiffnessScale,
 ) -> tuple[Region, ...]:  # fmt: skip
     """Report what of each material lies in each stretch.
 
@@ -643,7 +638,7 @@ def dealt_regions(
     regions: list[Region] = []
     for number, stretch in enumerate(dealt.along):
         for grade in sorted({stretch.lower, stretch.upper}):
-            piece = _piece(dealt, stretch.run, grade)
+            piece = _piece_number(dealt, stretch.run, grade)
             volume_mm3 = float(volumes[number, piece])
             if volume_mm3 <= 0.0:
                 continue
@@ -660,7 +655,7 @@ def dealt_regions(
 
 
 def fraction_checks(
-    pieces: Pieces, dealt: DealtField, counted: Tally, scale: StiffnessScale
+    pieces: Pieces, dealt: DitherField, counted: CellCounts, scale: StiffnessScale
 ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
     """Hold achieved volume fractions against those wanted, over each stretch.
 
@@ -695,7 +690,7 @@ def fraction_checks(
     return {"volume_fraction_error": Check(worst, 1.0, worst <= 1.0)}, tuple(findings)
 
 
-def _volumes_mm3(pieces: Pieces, dealt: DealtField, counted: Tally) -> FloatArray:
+def _volumes_mm3(pieces: Pieces, dealt: DitherField, counted: CellCounts) -> FloatArray:
     """Share each piece's exact volume among its stretches, (stretches, pieces)."""
     exact = np.maximum(piece_volumes_mm3(pieces), 0.0)
     shares = counted.volume_mm3.copy()
@@ -711,11 +706,11 @@ def _volumes_mm3(pieces: Pieces, dealt: DealtField, counted: Tally) -> FloatArra
     return np.asarray(np.divide(shares, total, out=np.zeros_like(shares), where=total > 0) * exact)
 
 
-def _shares(volumes_mm3: FloatArray, dealt: DealtField, counted: Tally) -> dict[int, _Share]:
+def _shares(volumes_mm3: FloatArray, dealt: DitherField, counted: CellCounts) -> dict[int, _Share]:
     found = {}
     for number, stretch in enumerate(dealt.along):
         soft, hard = (
-            float(volumes_mm3[number, _piece(dealt, stretch.run, grade)])
+            float(volumes_mm3[number, _piece_number(dealt, stretch.run, grade)])
             for grade in (stretch.lower, stretch.upper)
         )
         if stretch.lower < stretch.upper and soft + hard > 0.0:
@@ -725,13 +720,13 @@ def _shares(volumes_mm3: FloatArray, dealt: DealtField, counted: Tally) -> dict[
     return found
 
 
-def _piece(dealt: DealtField, run: int, grade: int) -> int:
+def _piece_number(dealt: DitherField, run: int, grade: int) -> int:
     places = [(piece.run, piece.grade) for piece in dealt.pieces]
     return places.index((run, grade))
 
 
 def _blended(
-    region: Region, number: int, dealt: DealtField, share: _Share, scale: StiffnessScale
+    region: Region, number: int, dealt: DitherField, share: _Share, scale: StiffnessScale
 ) -> Region:
     stretch = dealt.along[number]
     soft, hard = scale.moduli_MPa[stretch.lower], scale.moduli_MPa[stretch.upper]

@@ -21,24 +21,24 @@ from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, un
 from planner.formats.stl import decode_stl
 from planner.grading.blends import (
     MIXTURES_UNCALIBRATED,
-    Period,
+    Laminate,
+    blend_segments,
     laminated,
     mixed_bands,
-    stretches,
-    with_periods,
+    with_laminates,
 )
 from planner.grading.check import shell_checks
 from planner.grading.dither import (
-    DealtField,
-    Tally,
+    CellCounts,
+    DitherField,
+    _dither_pieces,
     check_size,
-    dealt_pieces,
-    dealt_regions,
+    count_cells,
+    dither_regions,
     fraction_checks,
-    tally,
 )
 from planner.grading.printability import (
-    Divided,
+    CutPart,
     interface_checks,
     print_checks,
     voxel_checks,
@@ -76,17 +76,7 @@ from planner.plan import (
 from planner.printers import Printer, palette_of
 from planner.printers import printer as load_printer
 
-__all__ = [
-    "BLENDS",
-    "MOST_PERIODS",
-    "BlendChoice",
-    "Design",
-    "PartSource",
-    "blend_choice",
-    "design_pieces",
-    "grade",
-    "open_part",
-]
+__all__ = ["grade"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -105,7 +95,7 @@ class PartSource:
     warnings: tuple[str, ...]
 
 
-def open_part(
+def _open_part(
     part: object,
     *,
     unit: str | None = None,
@@ -171,8 +161,8 @@ def _safe(name: str) -> str:
 # What ``--blend`` says.
 
 
-BLENDS = ("nearest", "dither", "bands:N", "mix")
-MOST_PERIODS = 1000
+_BLENDS = ("nearest", "dither", "bands:N", "mix")
+_MOST_PERIODS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +179,7 @@ class BlendChoice:
     periods: int = 0
 
 
-def blend_choice(text: object) -> BlendChoice:
+def _blend_choice(text: object) -> BlendChoice:
     """Read what a user wrote.
 
     Raises
@@ -204,14 +194,14 @@ def blend_choice(text: object) -> BlendChoice:
             periods = int(text.removeprefix("bands:"))
         except ValueError:
             periods = 0
-        if not 1 <= periods <= MOST_PERIODS:
+        if not 1 <= periods <= _MOST_PERIODS:
             raise ArgumentError(
-                f"--blend {text}: N must be a whole number from 1 to {MOST_PERIODS}, as in bands:4"
+                f"--blend {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
             )
         return BlendChoice("bands", periods)
     near = nearest_names(str(text), ["nearest", "dither", "bands:4", "mix"])
     hint = f"did you mean {near[0]}? " if near else ""
-    raise ArgumentError(f"--blend {text}: no such blend; {hint}it takes {', '.join(BLENDS)}")
+    raise ArgumentError(f"--blend {text}: no such blend; {hint}it takes {', '.join(_BLENDS)}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -243,9 +233,9 @@ class Design:
     choice: BlendChoice
     bands: tuple[Band, ...]
     printed: tuple[Printed, ...]
-    periods: tuple[Period | None, ...] = ()
-    dealt: DealtField | None = None
-    counted: Tally | None = None
+    periods: tuple[Laminate | None, ...] = ()
+    dealt: DitherField | None = None
+    counted: CellCounts | None = None
     mean_wall_mm: float = math.inf
 
     @property
@@ -260,10 +250,10 @@ class Design:
     ) -> tuple[Region, ...]:
         """Report what was cut, with what it comes to together."""
         if self.dealt is not None and self.counted is not None:
-            return dealt_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
+            return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
         regions = regions_of(pieces, self.bands, self.printed, shells)
         if self.periods:
-            return with_periods(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
+            return with_laminates(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
         return regions
 
     def checks(
@@ -304,7 +294,7 @@ class Design:
         return found
 
 
-def design_pieces(
+def _design_pieces(
     choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
     machine: Printer, *, bands: int | None, cell_mm: float | None,
 ) -> Design:  # fmt: skip
@@ -335,7 +325,7 @@ def design_pieces(
     if choice.kind == "mix":
         return Design(choice, *mixed_bands(target, scale, bands, machine))
     if choice.kind == "bands":
-        laminate = laminated(target, stretches(target, moduli), moduli, choice.periods)
+        laminate = laminated(target, blend_segments(target, moduli), moduli, choice.periods)
         steps = tuple(band for band, _ in laminate)
         return Design(
             choice, steps, _materials(steps, scale, machine), tuple(p for _, p in laminate)
@@ -356,9 +346,9 @@ def _dithered(
     choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
     machine: Printer, cell_mm: float | None,
 ) -> Design:  # fmt: skip
-    along = stretches(target, scale.moduli_MPa)
-    pieces = dealt_pieces(along)
-    dealt = DealtField(
+    along = blend_segments(target, scale.moduli_MPa)
+    pieces = _dither_pieces(along)
+    dealt = DitherField(
         field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0],
         machine.minimum_feature_mm if cell_mm is None else cell_mm,
     )  # fmt: skip
@@ -366,7 +356,12 @@ def _dithered(
     check_size(mesh, dealt)
     mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2
     return Design(
-        choice, (), printed, dealt=dealt, counted=tally(mesh, dealt), mean_wall_mm=mean_wall_mm
+        choice,
+        (),
+        printed,
+        dealt=dealt,
+        counted=count_cells(mesh, dealt),
+        mean_wall_mm=mean_wall_mm,
     )
 
 
@@ -374,7 +369,7 @@ def _dithered(
 # The main job: part + gradient + palette -> Plan.
 
 
-Progress = Callable[[str], None]
+_Progress = Callable[[str], None]
 
 
 def grade(
@@ -394,7 +389,7 @@ def grade(
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     name: str | None = None,
-    progress: Progress = lambda stage: None,
+    progress: _Progress = lambda stage: None,
 ) -> Plan:
     """Plan the print of a part whose stiffness follows a gradient.
 
@@ -456,12 +451,12 @@ def grade(
     bands = None if bands is None else as_count(bands, "--bands")
     at_strain = as_number(at_strain, "--at-strain")
     cell_mm = None if cell_mm is None else positive(cell_mm, "--cell")
-    choice = blend_choice(blend)
+    choice = _blend_choice(blend)
     scale = stiffness_scale(palette_of(machine, palette), at_strain)
     target, start, end = _target(profile, from_, to, scale)
 
     progress("reading the part")
-    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    source = _open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
     mesh, translation = place(source.part.mesh)
     given, pitch_mm = pitch_mm, default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
     if field is None:
@@ -471,7 +466,7 @@ def grade(
         along = build_field(field, Setting(mesh, point(translation), pitch_mm))
 
     progress("cutting the shells")
-    design = design_pieces(
+    design = _design_pieces(
         choice, mesh, along, target, scale, machine, bands=bands, cell_mm=cell_mm
     )
     if design.dealt is None:
@@ -581,7 +576,7 @@ def _printing(
     drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
     fewer = "periods" if design.choice.kind == "bands" else "bands"
     cure = f"take fewer {fewer}, a gentler profile there"
-    divided = Divided(mesh, along, levels, pieces, materials, shells, pitch_mm, cure)
+    divided = CutPart(mesh, along, levels, pieces, materials, shells, pitch_mm, cure)
     walls, thin = wall_checks(divided, machine)
     return {**checks, **walls, **drawn}, (*findings, *thin, *more), unsure
 

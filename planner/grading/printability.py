@@ -30,31 +30,16 @@ from planner.voxels.thin_places import (
     thin_space_places,
     thin_walls,
 )
-from planner.voxels.thin_places import Finding as Place
+from planner.voxels.thin_places import ThinWall as Place
 
-__all__ = [
-    "BandThickness",
-    "Divided",
-    "band_thicknesses",
-    "band_words",
-    "bits_words",
-    "gap_words",
-    "interface_checks",
-    "interface_error_mm",
-    "print_checks",
-    "voxel_check",
-    "voxel_checks",
-    "voxel_mm",
-    "wall_checks",
-    "wall_words",
-]
+__all__ = ["CutPart", "interface_checks", "print_checks", "voxel_checks", "wall_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
 # Findings about walls, layers, bits and gaps, in words.
 
 
-def wall_words(place: ThinPlace, material: str, machine: Printer, unlisted: int) -> Finding:
+def _wall_finding(place: ThinPlace, material: str, machine: Printer, unlisted: int) -> Finding:
     """Say where the part as a whole is thinner than the minimum wall."""
     message = (
         f"{material}: a wall of {place.size_mm:.2f} mm{_at(place)} is below the minimum wall of "
@@ -63,7 +48,7 @@ def wall_words(place: ThinPlace, material: str, machine: Printer, unlisted: int)
     return Finding("thin-wall", message, material, place.place_mm, place.size_mm)
 
 
-def band_words(
+def _layer_finding(
     place: ThinPlace, material: str, field: float, machine: Printer, cure: str, unlisted: int
 ) -> Finding:
     """Say where a layer of one material is thinner than the minimum feature."""
@@ -79,7 +64,7 @@ def band_words(
     return Finding("thin-band", message, material, place.place_mm, place.size_mm)
 
 
-def bits_words(bits: Fragments, material: str, machine: Printer, cure: str) -> Finding:
+def _fragments_finding(bits: Fragments, material: str, machine: Printer, cure: str) -> Finding:
     """Say how many separate bits of a material are smaller than the minimum feature."""
     what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
     message = (
@@ -90,7 +75,7 @@ def bits_words(bits: Fragments, material: str, machine: Printer, cure: str) -> F
     return Finding("fragment", message, material, bits.place_mm, max(bits.extent_mm))
 
 
-def gap_words(place: ThinPlace, machine: Printer, unlisted: int) -> Finding:
+def _gap_finding(place: ThinPlace, machine: Printer, unlisted: int) -> Finding:
     """Say where empty space is narrower than the minimum feature."""
     message = (
         f"a gap of {place.size_mm:.2f} mm{_at(place)} is narrower than the smallest feature of "
@@ -207,7 +192,7 @@ def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
 def _voxel_check(
     mesh: Mesh, field: Field, levels: Sequence[float], volumes_mm3: FloatArray, machine: Printer
 ) -> Check:
-    pitch_mm = voxel_mm(mesh, machine)
+    pitch_mm = _voxel_mm(mesh, machine)
     counted_mm3 = np.zeros(len(levels) + 1)
     for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
         labelled = label_columns(columns, field, levels)
@@ -215,7 +200,7 @@ def _voxel_check(
     return voxel_check(counted_mm3, volumes_mm3, mesh, pitch_mm)
 
 
-def voxel_mm(mesh: Mesh, machine: Printer) -> FloatArray:
+def _voxel_mm(mesh: Mesh, machine: Printer) -> FloatArray:
     """Return the printer's voxel, or a larger one where the part has too many to number."""
     native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
     extent_mm = np.ptp(mesh.bounds_mm, axis=0)
@@ -239,7 +224,7 @@ _INTERFACE_SAMPLES = 20_000
 _KEPT = 0.9
 
 
-def interface_error_mm(pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float) -> float:
+def _interface_error_mm(pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float) -> float:
     """Measure the distance from their level sets that 90 % of the interfaces' area keeps.
 
     Along the normals at the centres of up to 20000 triangles, which lie farther off than their
@@ -317,7 +302,7 @@ class BandThickness:
         return float(self.thickness_mm[order[at]])
 
 
-def band_thicknesses(
+def _band_thicknesses(
     pieces: Pieces, field: Field, levels: FloatArray, names: Sequence[str], pitch_mm: float
 ) -> tuple[BandThickness, ...]:
     """Measure the bands that have an interface on both sides, in the order of the field.
@@ -400,13 +385,13 @@ def interface_checks(
     Returns
     -------
     checks : dict
-        ``interface_error_mm``: distance from their level sets that 90 % of the interfaces' area
+        ``_interface_error_mm``: distance from their level sets that 90 % of the interfaces' area
         keeps; at most half a pitch is wanted. ``voxel_volume_error``: see
         `planner.grading.printability.print_checks`.
     findings : tuple of Finding
         What to do where an interface is too far off.
     """
-    error_mm = interface_error_mm(pieces, field, levels, pitch_mm)
+    error_mm = _interface_error_mm(pieces, field, levels, pitch_mm)
     checks = {"interface_error_mm": Check(error_mm, pitch_mm / 2, error_mm <= pitch_mm / 2)}
     findings: list[Finding] = []
     if error_mm > pitch_mm / 2:
@@ -428,7 +413,7 @@ def voxel_checks(
     """Hold the pieces of a part that fits the tray, nearly, against the printer's voxels."""
     if not bool((np.ptp(mesh.bounds_mm, axis=0) <= 2.0 * np.array(machine.tray_mm)).all()):
         return {}
-    voxel = voxel_mm(mesh, machine)
+    voxel = _voxel_mm(mesh, machine)
     grid = grid_for(mesh.bounds_mm, voxel.tolist())
     counted = np.zeros(pieces.count)
     for number in range(pieces.count):
@@ -456,7 +441,7 @@ _TRIED = 9  # points of a band that balls are put into
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
+class CutPart:
     """A placed part, what it was divided along, and what came of it.
 
     Attributes
@@ -477,7 +462,7 @@ class Divided:
     cure: str
 
 
-def wall_checks(part: Divided, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+def wall_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
     """Hold walls, layers, separate bits and gaps of a part against the printer.
 
     Returns
@@ -500,11 +485,13 @@ def wall_checks(part: Divided, machine: Printer) -> tuple[dict[str, Check], tupl
         return {}, (Finding(kind="unchecked", message=f"{message} as {limit_mm:g} mm"),)
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings = [
-        wall_words(place, _piece_name(part, place), machine, unlisted if place is walls[-1] else 0)
+        _wall_finding(
+            place, _piece_name(part, place), machine, unlisted if place is walls[-1] else 0
+        )
         for place in walls
     ]
     count, thicknesses = len(walls) + unlisted, []
-    measured = band_thicknesses(part.pieces, part.field, part.levels, part.names, part.pitch_mm)
+    measured = _band_thicknesses(part.pieces, part.field, part.levels, part.names, part.pitch_mm)
     for shell in part.shells:
         own = [band for band in measured if part.names[band.first] == shell.material]
         found, number, thinnest = _layers(part, shell, own, machine, bool(walls))
@@ -517,13 +504,13 @@ def wall_checks(part: Divided, machine: Printer) -> tuple[dict[str, Check], tupl
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
     for gap in gaps:
-        findings.append(gap_words(gap, machine, unlisted if gap is gaps[-1] else 0))
+        findings.append(_gap_finding(gap, machine, unlisted if gap is gaps[-1] else 0))
     checks["gaps_too_narrow"] = Check(len(gaps) + unlisted, 0, not gaps)
     return checks, tuple(findings)
 
 
 def _layers(
-    part: Divided, shell: Shell, bands: Sequence[BandThickness], machine: Printer, bare: bool
+    part: CutPart, shell: Shell, bands: Sequence[BandThickness], machine: Printer, bare: bool
 ) -> tuple[list[Finding], int, list[float]]:
     """Return findings of a material, how many places they stand for, and thicknesses in mm.
 
@@ -546,7 +533,7 @@ def _layers(
     unlisted += max(len(places) - _LISTED, 0)
     places = places[:_LISTED]
     findings = [
-        band_words(
+        _layer_finding(
             place,
             shell.material,
             _field_at(part, place),
@@ -557,7 +544,7 @@ def _layers(
         for place in places
     ]
     if bits.count:
-        findings.append(bits_words(bits, shell.material, machine, part.cure))
+        findings.append(_fragments_finding(bits, shell.material, machine, part.cure))
     thicknesses = [p.size_mm for p in places] or [band.kept_mm(_LEAST) for band in bands]
     return findings, len(places) + unlisted + bits.count, thicknesses
 
@@ -569,7 +556,7 @@ def _loose(place: ThinPlace, bits: Fragments) -> bool:
     return place.alone and bool(((low <= at) & (at <= high)).all(axis=1).any())
 
 
-def _whole(place: ThinPlace, part: Divided, limit_mm: float) -> bool:
+def _whole(place: ThinPlace, part: CutPart, limit_mm: float) -> bool:
     """Tell whether the part as a whole is no thicker at a place than the layer there."""
     _, room = room_mm(part.mesh, np.array([place.place_mm]), 0.25 * limit_mm, limit_mm)
     return float(room[0]) <= place.size_mm + 0.1 * limit_mm
@@ -598,9 +585,9 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     )
 
 
-def _field_at(part: Divided, place: ThinPlace) -> float:
+def _field_at(part: CutPart, place: ThinPlace) -> float:
     return float(part.field.values(np.array([place.place_mm]))[0])
 
 
-def _piece_name(part: Divided, place: ThinPlace) -> str:
+def _piece_name(part: CutPart, place: ThinPlace) -> str:
     return part.names[int(np.searchsorted(part.levels, _field_at(part, place), side="right"))]

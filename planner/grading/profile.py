@@ -16,10 +16,8 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 
 __all__ = [
-    "PROFILES",
     "Band",
     "Profile",
-    "Shortfall",
     "StiffnessScale",
     "between",
     "distinct_positions",
@@ -35,10 +33,10 @@ __all__ = [
 # Target stiffness along a field: modulus as a function of the field value u in 0..1.
 
 
-Shape = Literal["log", "linear", "smooth"]
-_SHAPES: dict[str, Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
+_Shape = Literal["log", "linear", "smooth"]
+_SHAPES: dict[str, _Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
 _LEAST_MPa, _MOST_MPa = 1e-6, 1e7  # far beyond any solid that is printed
-PROFILES = ("log", "linear", "smooth", "steps:N", "FILE.csv")
+_PROFILES = ("log", "linear", "smooth", "steps:N", "FILE.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +64,7 @@ class Profile:
     name: str
     positions: tuple[float, ...]
     moduli_MPa: tuple[float, ...]
-    shape: Shape
+    shape: _Shape
 
     def __post_init__(self) -> None:
         for name in ("positions", "moduli_MPa"):
@@ -180,7 +178,7 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
         return Profile(spec, tuple(positions), tuple(moduli), "log")
     near = nearest_names(spec, ["log", "linear", "smooth", "steps:5"])
     hint = f"did you mean {near[0]}? " if near else ""
-    raise ArgumentError(f"--profile {spec}: no such profile; {hint}it takes {', '.join(PROFILES)}")
+    raise ArgumentError(f"--profile {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
 
 
 def read_profile(

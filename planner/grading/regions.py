@@ -20,7 +20,6 @@ __all__ = [
     "Printed",
     "catalogue_material",
     "files_of",
-    "mixed",
     "mixture",
     "point",
     "region_of",
@@ -190,11 +189,11 @@ def region_of(
         file=shell.file,
         sha256=sha256,
         triangles=len(shell.faces),
-        blend=mixed(what),
+        blend=_mixed(what),
     )
 
 
-def mixed(what: Printed) -> dict[str, Any] | None:
+def _mixed(what: Printed) -> dict[str, Any] | None:
     """Return what a plan says of a mixture; None of a catalogue material."""
     if what.material is not None:
         return None

@@ -13,13 +13,8 @@ from planner.numerics import BoolArray, FloatArray, IntArray
 __all__ = [
     "BROKEN_SHARE",
     "MINIMUM_POINTS",
-    "NONRIGID_MPA",
-    "REPLICATE_FACTOR",
     "SECANT_STRAINS",
-    "Characteristics",
     "Curve",
-    "Deformation",
-    "LinearPart",
     "MaterialCharacteristics",
     "Spread",
     "characterise",
@@ -31,7 +26,6 @@ __all__ = [
     "spread",
     "toe_compensated",
     "without_tail",
-    "yield_strain",
 ]
 
 
@@ -121,10 +115,10 @@ class Curve:
 BROKEN_SHARE = 0.2
 """A stress below this share of the peak, behind the peak, is a broken specimen's."""
 
-RUPTURE_SHARE = 0.25
+_RUPTURE_SHARE = 0.25
 """A fall by this share of the peak from one point to the next is rupture at once."""
 
-SUDDEN_SHARE = 0.03
+_SUDDEN_SHARE = 0.03
 """A fall of more than this share from one point to the next, just before rupture, belongs to it."""
 
 
@@ -143,8 +137,8 @@ def without_tail(curve: Curve) -> Curve:
     """Cut what a record holds behind rupture, and note it.
 
     Rupture is where the stress behind its peak falls below `BROKEN_SHARE` of it, or by
-    `RUPTURE_SHARE` of it at once, or where the record ends in a sudden fall; the sudden falls
-    (`SUDDEN_SHARE`) just before are cut as well. A drop behind a yield point is slow and stays.
+    `_RUPTURE_SHARE` of it at once, or where the record ends in a sudden fall; the sudden falls
+    (`_SUDDEN_SHARE`) just before are cut as well. A drop behind a yield point is slow and stays.
 
     Raises
     ------
@@ -162,9 +156,9 @@ def without_tail(curve: Curve) -> Curve:
         )
     behind = stress[peak:]
     broken = behind[1:] < BROKEN_SHARE * height
-    broken |= -np.diff(behind) > max(RUPTURE_SHARE * height, 6.0 * noise)
+    broken |= -np.diff(behind) > max(_RUPTURE_SHARE * height, 6.0 * noise)
     last = peak + int(np.argmax(broken)) if broken.any() else len(stress) - 1
-    sudden = max(SUDDEN_SHARE * height, 6.0 * noise)
+    sudden = max(_SUDDEN_SHARE * height, 6.0 * noise)
     while last > peak and stress[last - 1] - stress[last] > sudden:
         last -= 1
     cut = len(stress) - 1 - last
@@ -216,19 +210,19 @@ def without_tail(curve: Curve) -> Curve:
 # is the slope at the origin, and nothing is shifted.
 
 
-SLOPE_ERROR = 0.02
-FIRST_FALL = 0.8
-LINEARITY = 0.05
-TOE_RANGE = 0.2
+_SLOPE_ERROR = 0.02
+_FIRST_FALL = 0.8
+_LINEARITY = 0.05
+_TOE_RANGE = 0.2
 """Strain within which the linear part begins."""
 
-LONG_SHARE = 0.2
+_LONG_SHARE = 0.2
 """A line over this share of the peak stress is one, though the slopes rise on behind it."""
 
-ARC_CHANGE = 0.1
+_ARC_CHANGE = 0.1
 """Relative change of slope over a part that is an arc."""
 
-MOONEY_RANGE = 1.0
+_MOONEY_RANGE = 1.0
 """Strain over which Mooney's form holds a rubber; its upturn lies beyond."""
 
 _MINIMUM_WINDOW = 5
@@ -318,12 +312,12 @@ def linear_part(curve: Curve) -> LinearPart:
         )
     lines = _Lines(x, y)
     noise = noise_sd(y)
-    begins = x - x[0] <= TOE_RANGE
+    begins = x - x[0] <= _TOE_RANGE
     slopes, errors, width = _windows(lines, begins, noise)
     seed, still_rising = _steepest(slopes, errors, begins[: len(slopes)])
     start, stop = _grow(lines, slopes, errors, seed, width)
     kind: Literal["line", "arc", "origin"] = "line"
-    if still_rising and y[stop - 1] - y[start] < LONG_SHARE * y[-1]:
+    if still_rising and y[stop - 1] - y[start] < _LONG_SHARE * y[-1]:
         kind = "origin"
         start, stop = _grow(lines, slopes, errors, 0, width)
     modulus, zero, zero_error = lines.line(start, stop)
@@ -363,10 +357,10 @@ def _arc(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
     slope, bend = (float(c) for c in coefficients[1:])
     scatter = float(np.sum((y - terms @ coefficients) ** 2)) / (len(x) - 3)
     bend_error = np.sqrt(scatter * np.sum(inverse[2] ** 2))
-    if slope <= 0.0 or abs(bend) <= max(5.0 * bend_error, 0.5 * ARC_CHANGE * slope):
+    if slope <= 0.0 or abs(bend) <= max(5.0 * bend_error, 0.5 * _ARC_CHANGE * slope):
         return None
     # Mooney's form instead of the parabola: as many coefficients, and the shape of rubber.
-    near = x - x[0] <= max(MOONEY_RANGE, float(x[_MINIMUM_WINDOW - 1] - x[0]))
+    near = x - x[0] <= max(_MOONEY_RANGE, float(x[_MINIMUM_WINDOW - 1] - x[0]))
     stretch = 1.0 + x[near]
     uniaxial = stretch - stretch**-2.0
     terms = np.stack([np.ones_like(stretch), uniaxial, uniaxial / stretch], axis=1)
@@ -389,7 +383,7 @@ def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray
         # Typical scatter, so that one stray point neither spoils nor excuses its window.
         errors = max(noise, float(np.median(scatter[near]))) / np.sqrt(spread)
         at = int(np.argmax(np.where(near, slopes, -np.inf)))
-        if errors[at] <= SLOPE_ERROR * slopes[at] or width * 1.5 > count / 6:
+        if errors[at] <= _SLOPE_ERROR * slopes[at] or width * 1.5 > count / 6:
             return slopes, errors, width
         width = int(width * 1.5)
 
@@ -397,11 +391,11 @@ def _windows(lines: _Lines, begins: BoolArray, noise: float) -> tuple[FloatArray
 def _steepest(slopes: FloatArray, errors: FloatArray, near: BoolArray) -> tuple[int, bool]:
     """Index of the steepest window of the first rise, and whether steeper ones follow it."""
     highest = np.maximum.accumulate(slopes - errors)
-    fallen = np.flatnonzero((slopes + 2.0 * errors < FIRST_FALL * highest) & (highest > 0.0))
+    fallen = np.flatnonzero((slopes + 2.0 * errors < _FIRST_FALL * highest) & (highest > 0.0))
     end = max(int(fallen[0]), 1) if len(fallen) else len(slopes)
     rise = slopes[:end]
     seed = int(np.argmax(np.where(near[:end], rise, -np.inf)))
-    limit = (1.0 + LINEARITY) * slopes[seed] + 3.0 * errors[seed]
+    limit = (1.0 + _LINEARITY) * slopes[seed] + 3.0 * errors[seed]
     return seed, bool(np.any(rise[seed:] > limit))
 
 
@@ -412,7 +406,7 @@ def _grow(
     modulus = float(slopes[seed])
     first = last = seed
     for _ in range(20):
-        fits = np.abs(slopes - modulus) <= LINEARITY * abs(modulus) + 3.0 * errors
+        fits = np.abs(slopes - modulus) <= _LINEARITY * abs(modulus) + 3.0 * errors
         fits[seed] = True
         misfits = np.flatnonzero(~fits)
         before, behind = misfits[misfits < seed], misfits[misfits > seed]
@@ -443,10 +437,10 @@ def _grow(
 # RGD8430 (95.6 MPa, plastic).
 
 
-NONRIGID_MPA = 70.0
+_NONRIGID_MPA = 70.0
 """Largest modulus of a nonrigid plastic (ASTM D883)."""
 
-YIELD_DROP = 0.03
+_YIELD_DROP = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -457,14 +451,14 @@ class Deformation:
     reason: str
 
 
-def yield_strain(curve: Curve) -> float | None:
+def _yield_strain(curve: Curve) -> float | None:
     """Return the strain at the yield point: the first maximum of stress before break.
 
     A fall of at least 3 % of the peak stress, and of six times the noise, has to follow.
     """
     stress = curve.stress_MPa
     highest = np.maximum.accumulate(stress)
-    drop = max(YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
+    drop = max(_YIELD_DROP * float(stress.max()), 6.0 * noise_sd(stress))
     fallen = np.flatnonzero(highest - stress > drop)
     if not len(fallen):
         return None
@@ -475,7 +469,7 @@ def deformation(
     modulus_MPa: float, elongation_at_break: float, yield_strain: float | None = None
 ) -> Deformation:
     """Classify by Young's modulus, strain at break and strain at yield (None: no yield point)."""
-    if modulus_MPa > NONRIGID_MPA:
+    if modulus_MPa > _NONRIGID_MPA:
         how = (
             f"yields at strain {yield_strain:.3g}"
             if yield_strain is not None
@@ -483,7 +477,7 @@ def deformation(
         )
         return Deformation(
             "plastic",
-            f"modulus {modulus_MPa:.3g} MPa is above {NONRIGID_MPA:g} MPa, not a nonrigid "
+            f"modulus {modulus_MPa:.3g} MPa is above {_NONRIGID_MPA:g} MPa, not a nonrigid "
             f"material (ASTM D883); it {how}",
         )
     if yield_strain is not None and yield_strain <= 0.5 * elongation_at_break:
@@ -494,7 +488,7 @@ def deformation(
         )
     return Deformation(
         "elastic",
-        f"modulus {modulus_MPa:.3g} MPa is nonrigid (up to {NONRIGID_MPA:g} MPa, ASTM D883) "
+        f"modulus {modulus_MPa:.3g} MPa is nonrigid (up to {_NONRIGID_MPA:g} MPa, ASTM D883) "
         "and no yield point comes before half the strain to break",
     )
 
@@ -504,10 +498,10 @@ def deformation(
 
 
 SECANT_STRAINS = (0.1, 0.5, 1.0)
-OFFSET_SHARE = 0.02
+_OFFSET_SHARE = 0.02
 """Stress at rest, as a share of the peak, that tells a load cell not zeroed."""
 
-CONFIDENCE = 0.95
+_CONFIDENCE = 0.95
 _MATERIAL_FIGURES = (
     "modulus_MPa", "modulus_uncompensated_MPa", "toughness_MJ_m3", "elongation_at_break",
     "strength_MPa",
@@ -623,7 +617,7 @@ def characterise(
     strain = curve.strain - part.toe_strain
     end = part.stop - 1
     elongation = float(strain[-1])
-    at_yield = yield_strain(curve)
+    at_yield = _yield_strain(curve)
     if at_yield is not None:
         at_yield -= part.toe_strain
     how = deformation(part.modulus_MPa, elongation, at_yield)
@@ -693,7 +687,7 @@ def spread(values: Sequence[float]) -> Spread:
     from scipy.special import stdtrit
 
     sd = float(np.std(values, ddof=1))
-    half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2)) * sd / np.sqrt(n)
+    half = float(stdtrit(n - 1, 0.5 + _CONFIDENCE / 2)) * sd / np.sqrt(n)
     cv = sd / abs(mean) if mean else None
     return Spread(mean, n, sd, cv, (mean - float(half), mean + float(half)))
 
@@ -740,7 +734,7 @@ def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
     at_rest = -part.modulus_MPa * part.zero_strain
     peak = float(np.max(curve.stress_MPa))
     begins = float(curve.strain[0]) <= 0.01 * float(curve.strain[-1])
-    if part.toe_strain or not begins or abs(at_rest) <= OFFSET_SHARE * peak:
+    if part.toe_strain or not begins or abs(at_rest) <= _OFFSET_SHARE * peak:
         return []
     return [
         f"specimen {curve.specimen}: the curve's beginning points at {at_rest:.3g} MPa at rest, "
@@ -764,7 +758,7 @@ def _fall_note(curve: Curve) -> list[str]:
 # What to look at again before a material's figures are used.
 
 
-REPLICATE_FACTOR = 2.0
+_REPLICATE_FACTOR = 2.0
 """Replicates differ by a few to some tens of per cent; beyond this factor from their median a
 specimen is another material, or its size is wrong."""
 
@@ -779,7 +773,7 @@ def doubts(found: MaterialCharacteristics) -> tuple[str, ...]:
     """Return what speaks against a material's figures, one sentence each.
 
     - Specimens that deform unlike one another.
-    - Specimens whose modulus, strength or strain at break is more than `REPLICATE_FACTOR` times
+    - Specimens whose modulus, strength or strain at break is more than `_REPLICATE_FACTOR` times
       the replicates' median, or less than its inverse; two specimens are compared directly.
     - A modulus above the nonrigid plastics' with more than twice the length at break and no
       yield point, which few materials show, and every rubber whose stress is psi given as MPa.
@@ -798,10 +792,10 @@ def doubts(found: MaterialCharacteristics) -> tuple[str, ...]:
     ]
     said += [
         f"specimen {c.specimen}: {c.modulus_MPa:.3g} MPa is above a nonrigid material's "
-        f"({NONRIGID_MPA:g} MPa), yet it stretches by {c.elongation_at_break:.3g} without a yield "
+        f"({_NONRIGID_MPA:g} MPa), yet it stretches by {c.elongation_at_break:.3g} without a yield "
         "point; a rubber whose stress is psi given as MPa looks so: check the unit of stress"
         for c in found.specimens
-        if c.modulus_MPa > NONRIGID_MPA and c.elongation_at_break > 1.0 and c.yield_strain is None
+        if c.modulus_MPa > _NONRIGID_MPA and c.elongation_at_break > 1.0 and c.yield_strain is None
     ]
     return tuple(said)
 
@@ -810,21 +804,21 @@ def _unlike(found: MaterialCharacteristics, name: str, values: list[float]) -> s
     names = [c.specimen for c in found.specimens]
     advice = "check the specimens' sizes, units and materials"
     if len(values) == 2:
-        if max(values) <= REPLICATE_FACTOR * min(values):
+        if max(values) <= _REPLICATE_FACTOR * min(values):
             return None
         return (
             f"{found.material}: {name} is {values[0]:.3g} of {names[0]} and {values[1]:.3g} of "
-            f"{names[1]}, more than {REPLICATE_FACTOR:g} times apart; {advice}"
+            f"{names[1]}, more than {_REPLICATE_FACTOR:g} times apart; {advice}"
         )
     median = sorted(values)[len(values) // 2]
     far = [
         f"{value:.3g} of {specimen}"
         for specimen, value in zip(names, values, strict=True)
-        if not median / REPLICATE_FACTOR <= value <= REPLICATE_FACTOR * median
+        if not median / _REPLICATE_FACTOR <= value <= _REPLICATE_FACTOR * median
     ]
     if not far:
         return None
     return (
-        f"{found.material}: {name} is {', '.join(far)}, more than {REPLICATE_FACTOR:g} times off "
+        f"{found.material}: {name} is {', '.join(far)}, more than {_REPLICATE_FACTOR:g} times off "
         f"the replicates' median, {median:.3g}; {advice}"
     )

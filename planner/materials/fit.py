@@ -14,18 +14,13 @@ from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters
 
 __all__ = [
-    "CONVERGED_GRADIENT",
-    "MARGIN",
     "RELATIVE_FLOOR",
     "STARTS",
-    "Candidate",
     "Choice",
-    "Convergence",
     "Held",
+    "LawCandidate",
     "LawFit",
     "Sample",
-    "Solutions",
-    "Stability",
     "Weighting",
     "choose_law",
     "fit_law",
@@ -187,15 +182,15 @@ def _weights(specimen: IntArray) -> FloatArray:
 # go through Levenberg-Marquardt together as one batch of arrays.
 
 
-CONVERGED_GRADIENT = 1e-6
+_CONVERGED_GRADIENT = 1e-6
 """Largest cosine between the residual and a direction of search that counts as converged."""
 
-RIDGE = 1e-4
+_RIDGE = 1e-4
 """Weight of the terms' own sizes, as shares of the stress, beside the relative residual. It does
 nothing where terms differ; where two coincide it keeps them from growing to many times the stress
 and cancelling: tests do not determine such pairs, and they would make figures of noise."""
 
-ITERATIONS = 200
+_ITERATIONS = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,7 +206,7 @@ class Solutions:
     gradient
         Shape (s,): largest cosine between the residual and a free direction of search.
     converged
-        Shape (s,): gradient below `CONVERGED_GRADIENT`, or no step lowers the cost any more.
+        Shape (s,): gradient below `_CONVERGED_GRADIENT`, or no step lowers the cost any more.
     """
 
     a: FloatArray
@@ -286,7 +281,7 @@ def minimise(
     gradient = np.zeros(s)
     converged = np.full(s, q == 0)
     active = np.flatnonzero(~converged)
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         if not len(active):
             break
         iterations[active] += 1
@@ -313,7 +308,7 @@ def minimise(
         damping[active] = np.maximum(damping[active], 1e-10)
         a[active] = np.where(better[:, None], trial, at)
         state.take(active[better], after.rows(np.flatnonzero(better)))
-        done = (gradient[active] < CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
+        done = (gradient[active] < _CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
         converged[active] |= done
         active = active[~done]
     return Solutions(a, state.coefficients, state.cost, gradient, iterations, converged)
@@ -365,7 +360,7 @@ class _Problem:
         unit = np.where(free[:, None, :], phi / norm[:, None, :], 0.0)
         target = self.target - np.einsum("snp,sp->sn", phi, given)
         s, n, p = unit.shape
-        ridge = np.broadcast_to(RIDGE * np.eye(p), (s, p, p))
+        ridge = np.broadcast_to(_RIDGE * np.eye(p), (s, p, p))
         padded = np.concatenate([unit, ridge], axis=1)
         basis, triangle = np.linalg.qr(padded)
         inner = np.einsum("snp,sn->sp", basis[:, :n], target)
@@ -388,15 +383,15 @@ class _Problem:
 
 
 STARTS = 50
-AGREEMENT = 1e-3
+_AGREEMENT = 1e-3
 """Starts agree when their costs differ by less than this share."""
 
-ROUGH = 1e-5
+_ROUGH = 1e-5
 """Gain per step, as a share of the cost, at which a search is left; the lowest go on."""
 
-POLISHED = 5
+_POLISHED = 5
 
-SIGNIFICANT_DIGITS = 5
+_SIGNIFICANT_DIGITS = 5
 """Nonlinear parameters are rounded to this and the coefficients solved anew: what lies beyond
 is neither determined by tests nor the same on every processor."""
 
@@ -408,7 +403,7 @@ class Convergence:
     Attributes
     ----------
     starts, converged, agreeing
-        Starts made; how many converged; how many ended within `AGREEMENT` of the lowest cost.
+        Starts made; how many converged; how many ended within `_AGREEMENT` of the lowest cost.
     gradient
         Of the best start: largest cosine between the residual and a direction of search.
     at_bound
@@ -494,8 +489,8 @@ def fit_law(
     spread = spread_starts(law, sample, starts, shift)
     if also is not None and law.nonlinear:
         spread = np.concatenate([spread, also])
-    rough = minimise(law, sample, spread, flat=ROUGH)
-    lowest = np.argsort(rough.cost, kind="stable")[:POLISHED]
+    rough = minimise(law, sample, spread, flat=_ROUGH)
+    lowest = np.argsort(rough.cost, kind="stable")[:_POLISHED]
     found = minimise(law, sample, rough.a[lowest])
     best = _best(found)
     a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
@@ -522,7 +517,7 @@ def fit_law(
         convergence=Convergence(
             starts=len(spread),
             converged=int(rough.converged.sum()),
-            agreeing=int((rough.cost <= found.cost[best] * (1.0 + AGREEMENT)).sum()),
+            agreeing=int((rough.cost <= found.cost[best] * (1.0 + _AGREEMENT)).sum()),
             gradient=float(found.gradient[best]),
             iterations=int(rough.iterations.max() + found.iterations[best]),
             at_bound=bool(np.any((a <= low * (1 + 1e-9)) | (a >= high * (1 - 1e-9))))
@@ -551,17 +546,17 @@ def _best(found: Solutions) -> int:
 
 
 def _significant(values: FloatArray) -> FloatArray:
-    return np.array([float(f"{v:.{SIGNIFICANT_DIGITS}g}") for v in values])
+    return np.array([float(f"{v:.{_SIGNIFICANT_DIGITS}g}") for v in values])
 
 
 # ------------------------------------------------------------------------------------------------
 # Drucker's postulate in tension: the stress of a law must rise with the stretch.
 
 
-MARGIN = 0.1
+_MARGIN = 0.1
 """Share of the working strain that the law must hold beyond each end of the working range."""
 
-POINTS = 801
+_POINTS = 801
 
 
 @dataclass(frozen=True, slots=True)
@@ -583,7 +578,7 @@ class Stability:
     checked: tuple[float, float]
 
 
-def stability(fit: LawFit, working_strain: float, margin: float = MARGIN) -> Stability:
+def stability(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> Stability:
     """Check that nominal stress rises with stretch, and is zero at rest and positive in tension.
 
     For an incompressible law in uniaxial tension dP/dl > 0 with P >= 0 is more than Drucker's
@@ -596,7 +591,7 @@ def stability(fit: LawFit, working_strain: float, margin: float = MARGIN) -> Sta
         (not below ``-margin``) to ``1 + margin`` times it.
     """
     low, high = -margin * min(working_strain, 1.0), (1.0 + margin) * working_strain
-    strain = np.linspace(low, high, POINTS)
+    strain = np.linspace(low, high, _POINTS)
     rises = np.diff(law_stress_MPa(fit.law, fit.a, fit.c, 1.0 + strain)) > 0.0
     middle = 0.5 * (strain[1:] + strain[:-1])
     falling = middle[~rises]
@@ -608,19 +603,19 @@ def stability(fit: LawFit, working_strain: float, margin: float = MARGIN) -> Sta
 # Choose a law by what it predicts of a specimen that took no part in the fit.
 
 
-FOLD_STARTS = 12
+_FOLD_STARTS = 12
 """Starts of a fit with a specimen left out, beside the one at the whole fit."""
 
-BLOCKS = 7
+_BLOCKS = 7
 """Blocks along strain for a single specimen; the outer two are never left out, because a law is
 not asked to extrapolate."""
 
-INDIFFERENT = 0.02
+_INDIFFERENT = 0.02
 """Share of the best held-out error that is no reason to take more parameters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class LawCandidate:
     """A fitted law with the evidence for and against it.
 
     Attributes
@@ -655,8 +650,8 @@ class Choice:
         Why the chosen one, in one sentence.
     """
 
-    candidates: tuple[Candidate, ...]
-    chosen: Candidate | None
+    candidates: tuple[LawCandidate, ...]
+    chosen: LawCandidate | None
     scheme: str
     reason: str
 
@@ -692,7 +687,7 @@ def choose_law(
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
     candidates = tuple(
-        Candidate(fit, stability(fit, working_strain), _held_out(fit, sample, folds, shift))
+        LawCandidate(fit, stability(fit, working_strain), _held_out(fit, sample, folds, shift))
         for fit in usable
     )
     stable = [c for c in candidates if c.stability.stable]
@@ -711,8 +706,8 @@ def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
         folds = [sample.specimen == n for n in np.unique(sample.specimen)]
         return [fold for fold in folds if _asked(fold, sample).any()], "one specimen"
     rank = np.argsort(np.argsort(sample.stretch, kind="stable"), kind="stable")
-    block = rank * BLOCKS // len(rank)
-    return [block == b for b in range(1, BLOCKS - 1)], "one block of strain"
+    block = rank * _BLOCKS // len(rank)
+    return [block == b for b in range(1, _BLOCKS - 1)], "one block of strain"
 
 
 def _asked(fold: BoolArray, sample: Sample) -> BoolArray:
@@ -728,7 +723,7 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: fl
     errors = []
     for fold in folds:
         known = sample.part(~fold)
-        again = fit_law(fit.law, known, starts=FOLD_STARTS, shift=shift, also=fit.a[None])
+        again = fit_law(fit.law, known, starts=_FOLD_STARTS, shift=shift, also=fit.a[None])
         asked = sample.part(_asked(fold, sample))
         predicted = law_stress_MPa(fit.law, again.a, again.c, asked.stretch)
         error = (predicted - asked.stress_MPa) / asked.scale_MPa
@@ -736,13 +731,13 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: fl
     return np.array(errors)
 
 
-def _as_good(candidate: Candidate, best: Candidate) -> bool:
+def _as_good(candidate: LawCandidate, best: LawCandidate) -> bool:
     difference = candidate.held_out - best.held_out
     error = difference.std(ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
-    return bool(difference.mean() <= max(error, INDIFFERENT * best.held_out_error))
+    return bool(difference.mean() <= max(error, _INDIFFERENT * best.held_out_error))
 
 
-def _reason(chosen: Candidate, best: Candidate) -> str:
+def _reason(chosen: LawCandidate, best: LawCandidate) -> str:
     error = f"{100 * chosen.held_out_error:.2g} %"
     if chosen is best:
         return f"{chosen.fit.name} has the lowest held-out error, {error}"

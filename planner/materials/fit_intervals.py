@@ -17,9 +17,9 @@ from planner.materials.characterise import (
 from planner.materials.fit import (
     RELATIVE_FLOOR,
     STARTS,
-    Candidate,
     Choice,
     Held,
+    LawCandidate,
     LawFit,
     Sample,
     Weighting,
@@ -34,9 +34,7 @@ from planner.palette import LawParameters, Uncertainty
 
 __all__ = [
     "ASSUMED_LOG_SD",
-    "Intervals",
     "MaterialFit",
-    "Scatter",
     "fit_material",
     "intervals",
     "scatter_of_fit",
@@ -54,7 +52,7 @@ ASSUMED_LOG_SD = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Scatter:
+class ParameterScatter:
     """Standard deviations of ln(stiffness).
 
     Attributes
@@ -77,7 +75,7 @@ class Scatter:
     log_sd: float
 
 
-def scatter_of_fit(fit: LawFit, sample: Sample) -> Scatter:
+def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Compare each specimen's stress with the law's, as logarithms of their ratio."""
     law = law_stress_MPa(fit.law, fit.a, fit.c, sample.stretch)
     floor = RELATIVE_FLOOR * sample.stress_MPa.max()
@@ -89,22 +87,24 @@ def scatter_of_fit(fit: LawFit, sample: Sample) -> Scatter:
     return _scatter(levels, float(within))
 
 
-def scatter_of_moduli(moduli_MPa: Sequence[float]) -> Scatter:
+def scatter_of_moduli(moduli_MPa: Sequence[float]) -> ParameterScatter:
     """Return the scatter of specimens' own moduli, all above zero."""
     return _scatter([float(v) for v in np.log(np.asarray(moduli_MPa))], 0.0)
 
 
-def _scatter(levels: Sequence[float], misfit: float) -> Scatter:
+def _scatter(levels: Sequence[float], misfit: float) -> ParameterScatter:
     from scipy.stats import t as student
 
     count = len(levels)
     if count < 2:
         spread = ASSUMED_LOG_SD
-        return Scatter(count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit)))
+        return ParameterScatter(
+            count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit))
+        )
     between = float(np.std(levels, ddof=1))
     widened = float(student.ppf(0.975, count - 1)) / NormalDist().inv_cdf(0.975)
     predictive = between * widened * np.sqrt(1.0 + 1.0 / count)
-    return Scatter(count, between, misfit, float(np.hypot(predictive, misfit)))
+    return ParameterScatter(count, between, misfit, float(np.hypot(predictive, misfit)))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -119,13 +119,13 @@ def _scatter(levels: Sequence[float], misfit: float) -> Scatter:
 # interval of the specimens' own estimates.
 
 
-ROUNDS = 14
+_ROUNDS = 14
 """Secant steps towards the profile's crossing; each refits the other parameters."""
 
-CLOSE = 0.02
+_CLOSE = 0.02
 """Relative error of the crossing's distance at which the search ends."""
 
-FLOOR = 1e-10
+_FLOOR = 1e-10
 """Added to the normal matrix of unit columns: directions without information stay finite."""
 
 
@@ -171,7 +171,7 @@ def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
     jacobian, residual = _linearised(fit, sample)
     size = np.sqrt((jacobian**2).sum(axis=0))
     unit = jacobian / size
-    inverse = np.linalg.inv(unit.T @ unit + FLOOR * np.eye(p + q))
+    inverse = np.linalg.inv(unit.T @ unit + _FLOOR * np.eye(p + q))
     count = sample.specimens
     variance: FloatArray
     if count > 1:
@@ -207,7 +207,7 @@ def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
     """Return how far the linearised estimate moves when one specimen is left out."""
     rest = unit[~own]
-    normal = rest.T @ rest + FLOOR * np.eye(unit.shape[1])
+    normal = rest.T @ rest + _FLOOR * np.eye(unit.shape[1])
     return np.asarray(np.linalg.solve(normal, unit[own].T @ residual[own]), dtype=np.float64)
 
 
@@ -245,7 +245,7 @@ def _crossings(
     near = np.tile(fit.a, (2 * k, 1))
     open_ended = np.zeros(2 * k, dtype=bool)
     todo = np.arange(2 * k)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
         at = distance[todo]
         cost, near[todo] = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
@@ -254,7 +254,7 @@ def _crossings(
         inside[todo] = np.where(under, np.maximum(inside[todo], at), inside[todo])
         outside[todo] = np.where(under, outside[todo], np.minimum(outside[todo], at))
         open_ended[todo] = under & (at >= limit[todo])
-        done = (np.abs(ratio - 1.0) < CLOSE) | open_ended[todo]
+        done = (np.abs(ratio - 1.0) < _CLOSE) | open_ended[todo]
         step = at / np.clip(ratio, 0.1, 10.0)
         astray = (step <= inside[todo]) | (step >= outside[todo])
         middle = 0.5 * (inside[todo] + np.where(np.isinf(outside[todo]), 2 * at, outside[todo]))
@@ -327,7 +327,7 @@ class MaterialFit:
     characteristics: MaterialCharacteristics
     law: LawParameters
     uncertainty: Uncertainty
-    scatter: Scatter
+    scatter: ParameterScatter
     choice: Choice | None
     notes: tuple[str, ...]
 
@@ -406,7 +406,7 @@ def _loading(curve: Curve) -> Curve:
     )
 
 
-def _doubts(material: str, chosen: Candidate) -> list[str]:
+def _doubts(material: str, chosen: LawCandidate) -> list[str]:
     convergence = chosen.fit.convergence
     notes = []
     if not convergence.ok:
@@ -423,7 +423,7 @@ def _doubts(material: str, chosen: Candidate) -> list[str]:
     return notes
 
 
-def _uncertainty(chosen: Candidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
+def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
     law = chosen.fit.law
     by_profile = ends.profiled.astype(np.float64)
     flags = law.parameters(by_profile[: law.nonlinear], by_profile[law.nonlinear :])
@@ -458,7 +458,7 @@ def _fit_rounded(parameters: dict[str, tuple[float, ...]]) -> dict[str, tuple[fl
 
 def _linear(
     found: MaterialCharacteristics, level: float
-) -> tuple[LawParameters, Uncertainty, Scatter]:
+) -> tuple[LawParameters, Uncertainty, ParameterScatter]:
     """Take Young's modulus: the specimens' geometric mean, with Student's interval of its ln."""
     from scipy.stats import t as student
 

@@ -13,8 +13,6 @@ from planner.errors import ArgumentError
 from planner.numerics import FloatArray
 
 __all__ = [
-    "CellSolution",
-    "DitherTable",
     "dither_table",
     "dithered_fraction",
     "dithered_modulus_MPa",

@@ -411,7 +411,7 @@ def make_law(parameters: LawParameters) -> Law:
 LARGEST_ALPHA = 30.0
 """Bound of the Ogden exponents: beyond it a term is nothing but a step at the last point."""
 
-LARGEST_TERMS = 3
+_LARGEST_TERMS = 3
 """Ogden terms tried; a fourth is never identified by one mode of deformation."""
 
 
@@ -640,7 +640,7 @@ class MartinsColumns:
 
 FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
     "neo-hookean": (NeoHookeanColumns(),),
-    "ogden": tuple(OgdenColumns(n) for n in range(1, LARGEST_TERMS + 1)),
+    "ogden": tuple(OgdenColumns(n) for n in range(1, _LARGEST_TERMS + 1)),
     "yeoh": (YeohColumns(),),
     "martins": (MartinsColumns(),),
 }

@@ -15,7 +15,6 @@ from planner.palette import Palette
 
 __all__ = [
     "Blend",
-    "BlendLaw",
     "CoefficientModel",
     "blend_for",
     "coordinate_for",

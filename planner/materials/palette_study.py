@@ -13,9 +13,9 @@ import numpy as np
 
 from planner.errors import ArgumentError, OutputError, PaletteError
 from planner.formats.tables import number
-from planner.formats.tensile import Specimen
+from planner.formats.tensile import ListedSpecimen
 from planner.materials.characterise import MaterialCharacteristics, Spread, doubts
-from planner.materials.fit import STARTS, Candidate, Weighting
+from planner.materials.fit import STARTS, LawCandidate, Weighting
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
@@ -23,7 +23,6 @@ from planner.materials.study import Study
 from planner.palette import Material, Palette, Reference
 
 __all__ = [
-    "DEFAULT_DENSITY_G_CM3",
     "PaletteStudy",
     "characteristics_csv",
     "characteristics_document",
@@ -154,15 +153,15 @@ def _cells(figure: Spread | None) -> list[str]:
 # From a study's groups of curves to a palette, with a report of every law that was tried.
 
 
-DEFAULT_DENSITY_G_CM3 = 1.14
+_DEFAULT_DENSITY_G_CM3 = 1.14
 """Assumed where none is given: between the 1.12 to 1.13 assumed of TangoPlus and the 1.17 to
 1.18 g/cm3 of VeroWhite."""
 
-RANKING_STRAIN = 0.1
+_RANKING_STRAIN = 0.1
 """Secant modulus at this strain, or at the smallest elongation at break, orders a palette."""
 
-SMALLEST_R2 = 0.9
-LARGEST_HELD_OUT_ERROR = 0.2
+_SMALLEST_R2 = 0.9
+_LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
@@ -231,7 +230,7 @@ def fit_study(
         0..1 evenly in the order of stiffness.
     densities_g_cm3
         Density by material. Without it: the column ``density_g_cm3``, else
-        `DEFAULT_DENSITY_G_CM3`, which is noted.
+        `_DEFAULT_DENSITY_G_CM3`, which is noted.
     stage
         Told which material is fitted.
 
@@ -286,7 +285,7 @@ def fit_study(
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
-    strain = min(RANKING_STRAIN, *(f.elongation_at_break for f in fits.values()))
+    strain = min(_RANKING_STRAIN, *(f.elongation_at_break for f in fits.values()))
     return float(secant_modulus_MPa(make_law(fit.law), strain))
 
 
@@ -303,12 +302,12 @@ def _findings(fit: MaterialFit) -> list[str]:
     said = list(doubts(fit.characteristics))
     chosen = None if fit.choice is None else fit.choice.chosen
     if chosen is not None and (
-        chosen.fit.r2 < SMALLEST_R2 or chosen.held_out_error > LARGEST_HELD_OUT_ERROR
+        chosen.fit.r2 < _SMALLEST_R2 or chosen.held_out_error > _LARGEST_HELD_OUT_ERROR
     ):
         said.append(
             f"material {fit.material}: {chosen.fit.name} describes it badly (R2 "
             f"{chosen.fit.r2:.3f}, held-out error {100 * chosen.held_out_error:.2g} %; at least "
-            f"{SMALLEST_R2:g} and at most {100 * LARGEST_HELD_OUT_ERROR:g} % are asked): look at "
+            f"{_SMALLEST_R2:g} and at most {100 * _LARGEST_HELD_OUT_ERROR:g} % are asked): look at "
             "the specimens, or try --law all"
         )
     return said
@@ -322,7 +321,7 @@ def _coordinates(
         if len(ordered) > 1:
             notes.append(
                 f"coordinates go from 0 to 1 evenly in the order of the secant modulus at strain "
-                f"{RANKING_STRAIN:g}; give --coordinate for others"
+                f"{_RANKING_STRAIN:g}; give --coordinate for others"
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
         return {material: float(m) for material, m in zip(ordered, steps, strict=True)}
@@ -351,10 +350,10 @@ def _densities(
     assumed = [material for material in ordered if material not in found]
     if assumed:
         notes.append(
-            f"density of {', '.join(assumed)} assumed {DEFAULT_DENSITY_G_CM3:g} g/cm3; give it by "
+            f"density of {', '.join(assumed)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; give it by "
             "--density or a column density_g_cm3 in specimens.csv"
         )
-    return dict.fromkeys(assumed, DEFAULT_DENSITY_G_CM3) | found
+    return dict.fromkeys(assumed, _DEFAULT_DENSITY_G_CM3) | found
 
 
 def _by_material(
@@ -387,7 +386,7 @@ def _by_material(
     return found | dict(given)
 
 
-def _rows(study: Study) -> list[Specimen]:
+def _rows(study: Study) -> list[ListedSpecimen]:
     """Return the rows of the specimens that were fitted."""
     used = [curve.specimen for curves in study.groups.values() for curve in curves]
     return [study.specimens[name] for name in used if name in study.specimens]
@@ -473,7 +472,7 @@ def _plain(parameters: Mapping[str, Sequence[float]]) -> dict[str, list[float | 
     return {k: [v if np.isfinite(v) else None for v in vs] for k, vs in parameters.items()}
 
 
-def _candidate_document(candidate: Candidate, chosen: bool) -> dict[str, Any]:
+def _candidate_document(candidate: LawCandidate, chosen: bool) -> dict[str, Any]:
     fit = candidate.fit
     return {
         "law": fit.name,

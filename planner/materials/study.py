@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.tensile import (
-    Specimen,
+    ListedSpecimen,
     TensileTable,
     is_specimens_file,
     read_specimens,
@@ -19,18 +19,7 @@ from planner.formats.tensile import (
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.numerics import FloatArray
 
-__all__ = [
-    "Dimensions",
-    "Study",
-    "check_agreement",
-    "check_plausible",
-    "check_rising",
-    "curve_of",
-    "dimensions_of",
-    "materials_by_name",
-    "read_study",
-    "states_no_strain_unit",
-]
+__all__ = ["Study", "read_study"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -41,7 +30,7 @@ _REPLICATE = re.compile(r"(.+?)(?:_\d{1,2}|-0?[1-9]|[ _-][sS]\d{1,2}| ?\(\d{1,2}
 _TENS = re.compile(r"(.+?)-[1-9]\d")
 
 
-def materials_by_name(names: Iterable[str]) -> dict[str, str]:
+def _materials_by_name(names: Iterable[str]) -> dict[str, str]:
     """Return a material by specimen's name: the name without the replicate's number.
 
     A number of two digits behind a hyphen is a replicate's only where its stem has replicates
@@ -59,16 +48,16 @@ def materials_by_name(names: Iterable[str]) -> dict[str, str]:
 # Signs that a column is not what its heading says: wrong unit, swapped, unloaded.
 
 
-LARGEST_STRAIN = 30.0
+_LARGEST_STRAIN = 30.0
 """Beyond any elastomer: the softest platinum silicones break at 12 to 20."""
 
-LARGEST_STRESS_MPA = 500.0
+_LARGEST_STRESS_MPA = 500.0
 """Beyond any unreinforced polymer's nominal strength (about 150 MPa)."""
 
-STIFF_STRESS_MPA = 20.0
+_STIFF_STRESS_MPA = 20.0
 """What bears more and stretches to more than twice its length has to state its unit."""
 
-LARGEST_UNSTATED_WORK_MPA = 50.0
+_LARGEST_UNSTATED_WORK_MPA = 50.0
 """Largest stress times strain of what need not state its unit: few rubbers come near."""
 
 _REVERSAL_SHARE = 0.05
@@ -90,7 +79,7 @@ _SLIPS = (
 )
 
 
-def check_plausible(
+def _check_plausible(
     strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, where: str
 ) -> None:
     """Refuse strains and stresses that no polymer reaches.
@@ -105,26 +94,26 @@ def check_plausible(
         Strain or stress out of what is possible; the message names the likely slip.
     """
     largest, peak = float(strain.max()), float(stress_MPa.max())
-    if largest > LARGEST_STRAIN:
+    if largest > _LARGEST_STRAIN:
         raise FileError(
             f"{where}: strain reaches {largest:.4g} ({100 * largest:.4g} %), more than any "
-            f"polymer's ({LARGEST_STRAIN:g}); if it is in per cent, head the column 'strain (%)'"
+            f"polymer's ({_LARGEST_STRAIN:g}); if it is in per cent, head the column 'strain (%)'"
         )
-    strong = peak > STIFF_STRESS_MPA or peak * largest > LARGEST_UNSTATED_WORK_MPA
+    strong = peak > _STIFF_STRESS_MPA or peak * largest > _LARGEST_UNSTATED_WORK_MPA
     if not unit_stated and largest > 1.0 and strong:
         raise FileError(
             f"{where}: strain reaches {largest:.4g} at {peak:.4g} MPa and its heading gives no "
             "unit; per cent is likely: head the column 'strain (%)', or 'strain (mm/mm)' if it "
             "is a fraction after all (and then check the unit of stress: psi?)"
         )
-    if peak > LARGEST_STRESS_MPA:
+    if peak > _LARGEST_STRESS_MPA:
         raise FileError(
             f"{where}: stress reaches {peak:.4g} MPa, more than any polymer's "
-            f"({LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
+            f"({_LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
         )
 
 
-def check_agreement(stated: float, derived: float, *, what: str, where: str) -> tuple[str, ...]:
+def _check_agreement(stated: float, derived: float, *, what: str, where: str) -> tuple[str, ...]:
     """Compare a figure from one column with the same figure from others.
 
     Raises
@@ -148,7 +137,7 @@ def check_agreement(stated: float, derived: float, *, what: str, where: str) -> 
     return ()
 
 
-def check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> None:
+def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> None:
     """Refuse swapped columns and records that unload.
 
     The crosshead moves at a constant rate, so strain is the column that never falls back and
@@ -205,7 +194,7 @@ def _unevenness(values: FloatArray) -> float:
 # From a specimen's record to its curve of nominal stress against strain.
 
 
-START_SHARE = 0.02
+_START_SHARE = 0.02
 """A record whose first load is below this share of its peak starts unloaded."""
 
 _LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
@@ -220,13 +209,15 @@ class Dimensions:
     rate_mm_s: float | None
 
 
-def states_no_strain_unit(table: TensileTable) -> bool:
+def _states_no_strain_unit(table: TensileTable) -> bool:
     """Say whether the strain in use stands in the file under a heading without unit."""
     used = "strain" if "strain" in table.columns else "true_strain"
     return used in table.columns and used in table.without_unit
 
 
-def dimensions_of(specimen: Specimen | None, given: Specimen, table: TensileTable) -> Dimensions:
+def _dimensions_of(
+    specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable
+) -> Dimensions:
     """Return a specimen's size: from its row, else as given, else from the file's head."""
     head = table.metadata
 
@@ -245,7 +236,9 @@ def dimensions_of(specimen: Specimen | None, given: Specimen, table: TensileTabl
     return Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
 
 
-def curve_of(table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions) -> Curve:
+def _curve_of(
+    table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions
+) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
     Nominal stress is force over the undeformed section, strain is displacement over gauge
@@ -271,10 +264,10 @@ def curve_of(table: TensileTable, *, specimen: str, material: str, dimensions: D
     strain = _strain(columns, dimensions, where, notes)
     stress = _stress(columns, strain, dimensions, where, notes)
     time = _time(columns.get("time_s"), table, where, notes)
-    unit_stated = not states_no_strain_unit(table)
-    check_plausible(strain, stress, unit_stated=unit_stated, where=where)
+    unit_stated = not _states_no_strain_unit(table)
+    _check_plausible(strain, stress, unit_stated=unit_stated, where=where)
     notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
-    check_rising(strain, stress, where=where)
+    _check_rising(strain, stress, where=where)
     tension = slice(_compressed(strain, stress, where, notes), None)
     curve = Curve(
         specimen,
@@ -336,7 +329,7 @@ def _strain(
         )
     displacement = columns["displacement_mm"]
     load = next(columns[name] for name in _LOADS if name in columns)
-    if displacement[0] != 0.0 and abs(load[0]) < START_SHARE * float(np.max(np.abs(load))):
+    if displacement[0] != 0.0 and abs(load[0]) < _START_SHARE * float(np.max(np.abs(load))):
         notes.append(
             f"{where}: displacement counted from its first value, {displacement[0]:.4g} mm"
         )
@@ -397,15 +390,15 @@ def _cross_check(
     if "strain" in columns and "displacement_mm" in columns and gauge is not None:
         travel = float(np.ptp(columns["displacement_mm"])) / gauge
         what = "range of strain against displacement over gauge length"
-        notes += check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
+        notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
     elif time is not None and dimensions.rate_mm_s is not None and gauge is not None:
         travel = dimensions.rate_mm_s * float(time[-1] - time[0]) / gauge
         what = "range of strain against crosshead rate times time over gauge length"
-        notes += check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
+        notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
     if "stress_MPa" in columns and "force_N" in columns and area is not None:
         nominal = float(np.max(columns["force_N"])) / area
         what = "peak stress against force over section"
-        notes += check_agreement(float(np.max(stress)), nominal, what=what, where=where)
+        notes += _check_agreement(float(np.max(stress)), nominal, what=what, where=where)
     return notes
 
 
@@ -413,7 +406,7 @@ def _cross_check(
 # A lab's tensile tests: files and list of specimens to curves grouped by material.
 
 
-SPECIMENS = "specimens.csv"
+_SPECIMENS = "specimens.csv"
 _SUFFIXES = (".csv", ".txt", ".log", ".tsv")
 
 
@@ -434,7 +427,7 @@ class Study:
     """
 
     groups: Mapping[str, tuple[Curve, ...]]
-    specimens: Mapping[str, Specimen]
+    specimens: Mapping[str, ListedSpecimen]
     notes: tuple[str, ...]
     dimensions: Mapping[str, Dimensions] = field(default_factory=dict)
 
@@ -478,13 +471,13 @@ def read_study(
     given = _given(width_mm, thickness_mm, gauge_mm)
     files, listing = _files(paths, None if specimens is None else Path(specimens))
     notes: list[str] = []
-    rows: dict[str, Specimen] = {}
+    rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
         rows = {row.specimen: row for row in read_specimens(listing)}
         files = _with_listed(files, rows.values(), listing.parent)
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
-    by_file: dict[str, list[Specimen]] = {}
+    by_file: dict[str, list[ListedSpecimen]] = {}
     for row in rows.values():
         by_file.setdefault(row.file, []).append(row)
     found: dict[str, tuple[str, Curve]] = {}
@@ -493,33 +486,33 @@ def read_study(
     for path in files:
         own = by_file.get(_relative(path, listing), [])
         if rows and not own and not _names_specimens(path, rows, columns):
-            notes.append(f"{path.name}: not named in {SPECIMENS}; left out")
+            notes.append(f"{path.name}: not named in {_SPECIMENS}; left out")
             continue
         for table in read_tensile(path, columns=columns):
             row_of_table = _row(table, path, own, rows)
             if own and row_of_table is None:
                 notes.append(
                     f"{path.name}: specimen {table.specimen} has no row with this file in "
-                    f"{SPECIMENS}; left out"
+                    f"{_SPECIMENS}; left out"
                 )
                 continue
             name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
             if name in found:
                 raise FileError(
                     f"{path.name}: specimen {name!r} was read from {found[name][0]} already; "
-                    f"rename one, or give each its id in {SPECIMENS}"
+                    f"rename one, or give each its id in {_SPECIMENS}"
                 )
             if row_of_table is not None and _left_out(row_of_table, notes):
                 continue
-            sizes[name] = dimensions_of(row_of_table, given, table)
-            curve = curve_of(
+            sizes[name] = _dimensions_of(row_of_table, given, table)
+            curve = _curve_of(
                 table,
                 specimen=name,
                 material=row_of_table.material if row_of_table else material or _material(table),
                 dimensions=sizes[name],
             )
             found[name] = (path.name, curve)
-            if states_no_strain_unit(table):
+            if _states_no_strain_unit(table):
                 unstated.append(name)
     notes.extend(
         f"specimen {row.specimen}: no curve among the files"
@@ -548,12 +541,14 @@ def read_study(
     )
 
 
-def _given(width_mm: float | None, thickness_mm: float | None, gauge_mm: float | None) -> Specimen:
+def _given(
+    width_mm: float | None, thickness_mm: float | None, gauge_mm: float | None
+) -> ListedSpecimen:
     sizes = {"width_mm": width_mm, "thickness_mm": thickness_mm, "gauge_mm": gauge_mm}
     for name, value in sizes.items():
         if value is not None and not 0.0 < value < float("inf"):
             raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
-    return Specimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
+    return ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
 
 
 def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:
@@ -562,19 +557,19 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     for path in map(Path, paths):
         if path.is_dir():
             inside = sorted(p for p in path.iterdir() if p.suffix.casefold() in _SUFFIXES)
-            if path / SPECIMENS in inside and listing in (None, path / SPECIMENS):
-                listing = path / SPECIMENS
+            if path / _SPECIMENS in inside and listing in (None, path / _SPECIMENS):
+                listing = path / _SPECIMENS
                 # The list says which of a folder's files are tensile records.
                 inside = [p for p in inside if p.name == "curves.csv"]
             files.extend(inside)
-        elif path.name == SPECIMENS or (path.is_file() and is_specimens_file(path)):
+        elif path.name == _SPECIMENS or (path.is_file() and is_specimens_file(path)):
             if listing is not None and listing.resolve() != path.resolve():
                 raise FileError(f"{path} and {listing}: two lists of specimens; give one")
             listing = path
         else:
             files.append(path)
     if listing is None:
-        beside = {p.parent / SPECIMENS for p in files if (p.parent / SPECIMENS).is_file()}
+        beside = {p.parent / _SPECIMENS for p in files if (p.parent / _SPECIMENS).is_file()}
         if len(beside) > 1:
             raise FileError(
                 f"{', '.join(sorted(map(str, beside)))}: several lists of specimens; read the "
@@ -584,7 +579,7 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     return files, listing
 
 
-def _with_listed(files: list[Path], rows: Iterable[Specimen], folder: Path) -> list[Path]:
+def _with_listed(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path) -> list[Path]:
     """Add the files that the list names, where only the list or its folder was given."""
     if files:
         return files
@@ -603,7 +598,7 @@ def _relative(path: Path, listing: Path | None) -> str:
 
 
 def _names_specimens(
-    path: Path, rows: Mapping[str, Specimen], columns: Sequence[str] | None
+    path: Path, rows: Mapping[str, ListedSpecimen], columns: Sequence[str] | None
 ) -> bool:
     if path.stem in rows:
         return True
@@ -615,8 +610,11 @@ def _names_specimens(
 
 
 def _row(
-    table: TensileTable, path: Path, own: Sequence[Specimen], rows: Mapping[str, Specimen]
-) -> Specimen | None:
+    table: TensileTable,
+    path: Path,
+    own: Sequence[ListedSpecimen],
+    rows: Mapping[str, ListedSpecimen],
+) -> ListedSpecimen | None:
     """Return the row of a record: by the file's own column of specimens, else by the file."""
     named = "" if "specimen" in table.metadata else table.specimen
     if not own:
@@ -625,8 +623,8 @@ def _row(
         return own[0]
     if not named:
         raise FileError(
-            f"{path.name}: rows of {_some([row.specimen for row in own])} in {SPECIMENS} name this "
-            "file, and no column 'specimen' in it tells them apart; give each its own file"
+            f"{path.name}: rows of {_some([row.specimen for row in own])} in {_SPECIMENS} name "
+            "this file, and no column 'specimen' in it tells them apart; give each its own file"
         )
     return next((row for row in own if row.specimen == named), None)
 
@@ -643,12 +641,12 @@ def _material(table: TensileTable) -> str:
 
 def _named_by_file(curves: Sequence[Curve], notes: list[str]) -> list[Curve]:
     """Give the curves without a material that of their specimen's name, and note it."""
-    by_name = materials_by_name([c.specimen for c in curves if not c.material])
+    by_name = _materials_by_name([c.specimen for c in curves if not c.material])
     if by_name:
         count = {m: list(by_name.values()).count(m) for m in by_name.values()}
         groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
         notes.append(
-            f"materials by the files' names: {groups}; give --material or a {SPECIMENS} for others"
+            f"materials by the files' names: {groups}; give --material or a {_SPECIMENS} for others"
         )
     return [c if c.material else replace(c, material=by_name[c.specimen]) for c in curves]
 
@@ -657,7 +655,7 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} others"
 
 
-def _left_out(row: Specimen, notes: list[str]) -> bool:
+def _left_out(row: ListedSpecimen, notes: list[str]) -> bool:
     if row.profile:
         notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
     elif row.protocol not in ("", "monotonic"):

@@ -22,16 +22,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import Float32Array, FloatArray
 
-__all__ = [
-    "Audit",
-    "Fragments",
-    "Interfaces",
-    "Measured",
-    "audit",
-    "audit_welded",
-    "interfaces_cancel",
-    "small_bodies",
-]
+__all__ = ["Fragments", "Measured", "audit", "audit_welded", "interfaces_cancel", "small_bodies"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -12,8 +12,6 @@ from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, 
 __all__ = [
     "CROWDED",
     "OPEN",
-    "EdgeOrder",
-    "Measures",
     "Mesh",
     "Topology",
     "cancel_opposite",
@@ -169,10 +167,10 @@ def _measure(
 # Give equal positions one index, and take out the faces that weld to nothing.
 
 
-Points = TypeVar("Points", Float32Array, FloatArray)
+_Points = TypeVar("_Points", Float32Array, FloatArray)
 
 
-def weld(triangles: Points) -> tuple[Points, NDArray[np.int32]]:
+def weld(triangles: _Points) -> tuple[_Points, NDArray[np.int32]]:
     """Index a triangle soup by exact position: corners of equal bits share a vertex.
 
     Minus zero counts as zero. Nothing is merged within a tolerance, no face is dropped.
@@ -193,14 +191,14 @@ def weld(triangles: Points) -> tuple[Points, NDArray[np.int32]]:
     return vertices, faces.reshape(-1, 3)
 
 
-def weld_points(points: Points) -> tuple[Points, NDArray[np.int32]]:
+def weld_points(points: _Points) -> tuple[_Points, NDArray[np.int32]]:
     """Index points, (k, 3), as `weld` does: distinct positions (n, 3) and an index (k,)."""
     plain = np.add(points, 0.0, order="C", dtype=points.dtype)  # no minus zero is left
     words = plain.view(np.uint32)
     distinct = np.empty_like(words)
     index = np.empty(len(words), dtype=np.int32)
     n = _weld(words, distinct, index)
-    vertices: Points = distinct[:n].copy().view(points.dtype)
+    vertices: _Points = distinct[:n].copy().view(points.dtype)
     return vertices, index
 
 

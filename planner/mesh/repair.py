@@ -22,17 +22,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = [
-    "TOLERANCE",
-    "Arranged",
-    "Crossing",
-    "Repaired",
-    "arrange_bodies",
-    "close_mesh",
-    "describe_faults",
-    "find_crossing",
-    "part_at_crowded_edges",
-]
+__all__ = ["arrange_bodies", "close_mesh", "describe_faults", "find_crossing"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -43,7 +33,7 @@ _DIGITS = 9  # of an angle in radians: faces nearer than that lie on each other
 _HALF_TURN = round(np.pi, _DIGITS)
 
 
-def part_at_crowded_edges(
+def _part_at_crowded_edges(
     vertices: FloatArray, topology: Topology
 ) -> tuple[FloatArray, NDArray[np.int32]] | None:
     """Give each of the surfaces that meet at crowded edges vertices of its own.
@@ -139,7 +129,7 @@ def _corner_groups(twin: NDArray[np.int64]) -> NDArray[np.int32]:
 # Repairs of a welded mesh that have one possible outcome, tried until the mesh is closed.
 
 
-TOLERANCE = 1e-5
+_TOLERANCE = 1e-5
 """How far a repair may move a vertex, as a share of the part's largest extent."""
 
 _MOST_BORDERS = 5000
@@ -168,7 +158,7 @@ def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | Non
 
     Each repair is kept only where it changes something; none is kept unless the mesh is closed
     in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
-    touch, faces that occur twice, border vertices within `TOLERANCE` of each other or of
+    touch, faces that occur twice, border vertices within `_TOLERANCE` of each other or of
     another border edge, and faces turned over.
 
     Parameters
@@ -314,10 +304,10 @@ def _winding(state: Repaired) -> Repaired | None:
     if turned is None:
         return None
     triangles = _counted(int(turned.sum()), "triangle was", "triangles were")
-    return _next(state, turn(topology.faces, turned), f"{triangles} turned over: now all agree")
+    return _next(state, _turn(topology.faces, turned), f"{triangles} turned over: now all agree")
 
 
-def turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
+def _turn(faces: NDArray[np.int32], which: BoolArray) -> NDArray[np.int32]:
     """Reverse some faces, (m,) bool."""
     return np.where(which[:, np.newaxis], faces[:, ::-1], faces)
 
@@ -327,7 +317,7 @@ def _touching(state: Repaired) -> Repaired | None:
     crowded = len(state.topology.edges(CROWDED))
     if not 0 < crowded <= _MOST_BORDERS or len(state.topology.edges(OPEN)):
         return None
-    apart = part_at_crowded_edges(state.vertices, state.topology)
+    apart = _part_at_crowded_edges(state.vertices, state.topology)
     if apart is None:
         return None
     topology = Topology(apart[1])
@@ -337,7 +327,7 @@ def _touching(state: Repaired) -> Repaired | None:
 
 
 def _tolerance_mm(vertices: FloatArray) -> float:
-    return TOLERANCE * float(np.ptp(vertices, axis=0).max())
+    return _TOLERANCE * float(np.ptp(vertices, axis=0).max())
 
 
 # ------------------------------------------------------------------------------------------------
@@ -387,7 +377,7 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
     outward = _outward(volume, parent)
     turned = full & (outward != (volume > 0.0))
     body = topology.body
-    faces = turn(topology.faces, turned[body]) if turned.any() else topology.faces
+    faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
     if turned.any():
         notes.append(_turned_note(turned, full))
     keep = full[body]

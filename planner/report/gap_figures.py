@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Place, Traces
+from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Location, Traces
 from planner.numerics import BoolArray, FloatArray
 from planner.report.gap_text import axis_words, id_of, p_value, percent, probability, unit_of
 from planner.report.svg import (
@@ -33,7 +33,6 @@ from planner.report.svg import (
 )
 
 __all__ = [
-    "Points",
     "closure_figure",
     "curves_figure",
     "error_along",
@@ -41,9 +40,6 @@ __all__ = [
     "evidence_figure",
     "points_along",
     "residual_figure",
-    "rows_of_test",
-    "specimen_errors",
-    "test_of_rows",
 ]
 
 
@@ -51,15 +47,15 @@ __all__ = [
 # Errors of force along measured curves, relative to the largest force of each test.
 
 
-def rows_of_test(traces: Traces, test: int) -> Sequence[int]:
+def _rows_of_test(traces: Traces, test: int) -> Sequence[int]:
     """Return the rows of `measured_N` that belong to a test."""
     places = {id: row for row, id in enumerate(_ids(traces))}
     return [places[id] for id in traces.specimen_ids[test] if id in places]
 
 
-def test_of_rows(traces: Traces) -> dict[int, int]:
+def _test_of_rows(traces: Traces) -> dict[int, int]:
     """Return the test of each row of `measured_N`."""
-    return {row: test for test in range(len(traces.label)) for row in rows_of_test(traces, test)}
+    return {row: test for test in range(len(traces.label)) for row in _rows_of_test(traces, test)}
 
 
 def error_along(traces: Traces, predicted_N: FloatArray) -> FloatArray:
@@ -71,7 +67,7 @@ def error_along(traces: Traces, predicted_N: FloatArray) -> FloatArray:
         `before_N` or `after_N`.
     """
     errors = np.full(traces.measured_N.shape, np.nan)
-    for row, test in test_of_rows(traces).items():
+    for row, test in _test_of_rows(traces).items():
         predicted, measured = predicted_N[test], traces.measured_N[row]
         largest = np.nanmax(np.abs(measured), initial=0.0)
         if largest > 0.0:
@@ -84,7 +80,7 @@ def error_of_tests(traces: Traces) -> FloatArray:
     squares = error_along(traces, traces.before_N) ** 2
     found = np.full(len(traces.label), np.nan)
     for test in range(len(traces.label)):
-        of_test = squares[list(rows_of_test(traces, test))]
+        of_test = squares[list(_rows_of_test(traces, test))]
         if np.isfinite(of_test).any():
             found[test] = np.sqrt(np.nanmean(of_test))
     return found
@@ -141,7 +137,7 @@ def points_along(traces: Traces, axis: str) -> Points | None:
     column = traces.columns.get(axis)
     if column is None:
         return None
-    before, after = specimen_errors(traces)
+    before, after = _specimen_errors(traces)
     if len(before) != len(column):
         return None
     numbers = [v for v in column if isinstance(v, (int, float))]
@@ -159,7 +155,7 @@ def points_along(traces: Traces, axis: str) -> Points | None:
     return Points(x, before, after, names=tuple(names), joined=axis != "specimen")
 
 
-def specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
+def _specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
     """Return each specimen's mean relative error before and after, (n,); (0,) if not known."""
     before, after = traces.residual_before, traces.residual_after
     return before, after if len(after) == len(before) else np.full(len(before), np.nan)
@@ -198,7 +194,7 @@ def _of_branches(traces: Traces) -> Points | None:
     """Return each specimen's mean error on each way of its path."""
     before, after = (error_along(traces, f) for f in (traces.before_N, traces.after_N))
     rows: list[tuple[float, float, float]] = []
-    for row, test in test_of_rows(traces).items():
+    for row, test in _test_of_rows(traces).items():
         branch = _branch_of_steps(traces.travel_mm[test])
         for place in range(len(_BRANCHES)):
             on = branch == place
@@ -245,7 +241,7 @@ def _strain(traces: Traces) -> FloatArray:
 
 def _rows_of_tests(traces: Traces) -> Iterator[tuple[int, list[int]]]:
     rows: dict[int, list[int]] = {}
-    for row, test in test_of_rows(traces).items():
+    for row, test in _test_of_rows(traces).items():
         rows.setdefault(test, []).append(row)
     yield from sorted(rows.items())
 
@@ -271,7 +267,7 @@ _SHIFT = 5.0
 _CHARACTER = 7.0
 _NAMES = 14
 _SIGNIFICANT = 0.05
-_OVERALL = Place("material", 0.0, (0.0, 0.0), 1.0, "")
+_OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0, "")
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
 
@@ -316,7 +312,7 @@ def residual_figure(diagnosis: Diagnosis) -> bytes | None:
     )
 
 
-def _residual_panel(place: Place, points: Points, chart: Chart) -> Iterator[str]:
+def _residual_panel(place: Location, points: Points, chart: Chart) -> Iterator[str]:
     yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
@@ -352,7 +348,7 @@ def _residual_panel(place: Place, points: Points, chart: Chart) -> Iterator[str]
                 yield mark(chart.x(a), chart.y(b), colour=colour, radius=3.2)
 
 
-def _heading(place: Place) -> str:
+def _heading(place: Location) -> str:
     words = axis_words(place.axis)
     heading = words[:1].upper() + words[1:]
     if place is _OVERALL:
@@ -482,7 +478,7 @@ def curves_figure(diagnosis: Diagnosis) -> bytes | None:
 
 
 def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterator[str]:
-    measured = traces.measured_N[list(rows_of_test(traces, test))]
+    measured = traces.measured_N[list(_rows_of_test(traces, test))]
     travel, time = traces.travel_mm[test], traces.time_s[test]
     held = _is_held(travel, time)
     x = time if held else travel

@@ -18,12 +18,12 @@ from planner.report.gap_figures import (
     residual_figure,
 )
 from planner.report.gap_text import (
-    Section,
+    TextSection,
     axis_words,
-    figure,
     headline,
     id_of,
     meaning,
+    number_words,
     percent,
     probability,
     scope,
@@ -32,16 +32,7 @@ from planner.report.gap_text import (
     verdict_sections,
 )
 
-__all__ = [
-    "DIAGNOSIS",
-    "Table",
-    "diagnosis_files",
-    "page",
-    "page_tables",
-    "ranking_csv",
-    "where_csv",
-    "write_diagnosis",
-]
+__all__ = ["DIAGNOSIS", "diagnosis_files", "write_diagnosis"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -61,7 +52,7 @@ class Table:
     figures: tuple[str, ...] = ()
 
 
-def ranking_csv(diagnosis: Diagnosis) -> bytes:
+def _ranking_csv(diagnosis: Diagnosis) -> bytes:
     """Return the hypotheses, most probable first."""
     return _csv(
         ("hypothesis", "probability", "with_unknown", "same_class"),
@@ -72,7 +63,7 @@ def ranking_csv(diagnosis: Diagnosis) -> bytes:
     )
 
 
-def where_csv(diagnosis: Diagnosis) -> bytes:
+def _where_csv(diagnosis: Diagnosis) -> bytes:
     """Return the axes of the gap, then those of what remains after the verdict's effects."""
     return _csv(
         ("of", "axis", "share", "share_low", "share_high", "p", "detail"),
@@ -84,7 +75,7 @@ def where_csv(diagnosis: Diagnosis) -> bytes:
     )
 
 
-def page_tables(diagnosis: Diagnosis) -> Iterator[Table]:
+def _page_tables(diagnosis: Diagnosis) -> Iterator[Table]:
     """Yield the tables of the report, empty ones left out."""
     for table in (
         _ranking(diagnosis),
@@ -127,7 +118,7 @@ def _parameters(d: Diagnosis) -> Table:
                     effect.form,
                     name,
                     meaning(effect.id, effect.form, name),
-                    figure(value),
+                    number_words(value),
                     "" if ends is None else _interval(ends),
                     "" if unit == "1" else unit,
                 )
@@ -139,7 +130,7 @@ def _parameters(d: Diagnosis) -> Table:
 def _where(d: Diagnosis) -> Table:
     rows = [
         (of, axis_words(p.axis), percent(p.share), f"{percent(low)} to {percent(high)}",
-         figure(p.p, 2), p.detail)
+         number_words(p.p, 2), p.detail)
         for of, places in (("gap", d.where), ("remainder", d.remainder))
         for p in places
         for low, high in (p.share_interval,)
@@ -169,8 +160,8 @@ def _recalibration(d: Diagnosis) -> Table:
     rows = [
         (
             material,
-            figure(math.exp(factor)),
-            f"{figure(math.exp(factor - 1.645 * sd))} to {figure(math.exp(factor + 1.645 * sd))}",
+            number_words(math.exp(factor)),
+            " to ".join(number_words(math.exp(factor + z * sd)) for z in (-1.645, 1.645)),
         )
         for material, (factor, sd) in d.recalibration.items()
     ]
@@ -184,7 +175,7 @@ def _detectable(d: Diagnosis) -> Table:
             s.id,
             s.parameter,
             meaning(s.id, "", s.parameter),
-            "none within its bounds" if s.size is None else figure(s.size),
+            "none within its bounds" if s.size is None else number_words(s.size),
             "" if s.unit == "1" else s.unit,
         )
         for s in d.detectable
@@ -203,8 +194,8 @@ def _experiments(d: Diagnosis) -> Table:
         (
             x.detail or ", ".join(setting(key, value) for key, value in x.change.items()),
             "; ".join(f"{a} from {b}" for a, b in x.splits),
-            figure(x.expected_gain_nats, 2),
-            figure(x.hours, 2),
+            number_words(x.expected_gain_nats, 2),
+            number_words(x.hours, 2),
         )
         for x in d.next_experiments
     ]
@@ -218,7 +209,7 @@ def _quality(d: Diagnosis) -> Table:
 
 
 def _interval(ends: tuple[float, float]) -> str:
-    return f"{figure(ends[0])} to {figure(ends[1])}"
+    return f"{number_words(ends[0])} to {number_words(ends[1])}"
 
 
 def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
@@ -276,7 +267,7 @@ _ORDER = ("residuals", "evidence", "closure", "curves")
 """Figures that come after the sections, by name; others follow in their own order."""
 
 
-def page(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> bytes:
+def _page(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> bytes:
     """Return the page.
 
     Parameters
@@ -301,7 +292,7 @@ def _lines(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
         yield "<h2>Figures</h2>"
     for name in sorted(figures, key=lambda n: (_ORDER.index(n) if n in _ORDER else 99, n)):
         yield f"<figure>\n{figures[name].decode('utf-8').strip()}\n</figure>"
-    for table in page_tables(d):
+    for table in _page_tables(d):
         yield from _table(table)
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
@@ -309,7 +300,7 @@ def _lines(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield "</footer>\n</body>\n</html>\n"
 
 
-def _section(section: Section) -> Iterator[str]:
+def _section(section: TextSection) -> Iterator[str]:
     yield f"<h2>{escape(section.heading)}</h2>"
     if section.is_list:
         items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in section.sentences)
@@ -352,9 +343,9 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     figures = {name: svg for name, svg in drawn.items() if svg is not None}
     return {
         "diagnosis.json": encode_diagnosis(diagnosis),
-        "report.html": page(diagnosis, figures),
-        "where.csv": where_csv(diagnosis),
-        "ranking.csv": ranking_csv(diagnosis),
+        "report.html": _page(diagnosis, figures),
+        "where.csv": _where_csv(diagnosis),
+        "ranking.csv": _ranking_csv(diagnosis),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
     }
 

@@ -19,24 +19,19 @@ from planner.gap.effects import EFFECTS
 
 __all__ = [
     "CLAUSES",
-    "Section",
+    "TextSection",
     "axis_words",
-    "clause",
-    "detectable_words",
-    "effects_words",
-    "figure",
     "headline",
     "id_of",
     "listed",
     "meaning",
+    "number_words",
     "p_value",
     "percent",
     "probability",
     "scope",
     "sentence",
     "setting",
-    "shown",
-    "size_words",
     "title",
     "unit_of",
     "verdict_sections",
@@ -109,12 +104,12 @@ def title(effect: str) -> str:
     return EFFECTS[effect].title if effect in EFFECTS else effect
 
 
-def effects_words(effects: Effects) -> str:
+def _effects_words(effects: Effects) -> str:
     """Return a hypothesis in words."""
     return " + ".join(title(e) for e in effects) if effects else "no gap"
 
 
-def clause(effect: str) -> str:
+def _clause(effect: str) -> str:
     """Return what an effect does, as the end of a sentence."""
     return CLAUSES.get(effect, title(effect))
 
@@ -135,10 +130,10 @@ def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> 
 
 def percent(share: float, digits: int = 2) -> str:
     """Write a share in per cent: 0.214 is "21 %", 0.034 is "3.4 %"."""
-    return f"{figure(100.0 * share, digits)} %" if math.isfinite(share) else "open"
+    return f"{number_words(100.0 * share, digits)} %" if math.isfinite(share) else "open"
 
 
-def figure(value: float, digits: int = 3) -> str:
+def number_words(value: float, digits: int = 3) -> str:
     """Write a figure with so many significant digits, whole numbers in full."""
     if not math.isfinite(value):
         return "open"
@@ -163,7 +158,7 @@ def probability(value: float) -> str:
 
 def p_value(p: float) -> str:
     """Write a p-value with one digit where it is small, which is all that it is known to."""
-    return f"p = {figure(p, 2 if p >= 0.01 else 1)}"
+    return f"p = {number_words(p, 2 if p >= 0.01 else 1)}"
 
 
 def setting(column: str, value: object) -> str:
@@ -196,7 +191,7 @@ _SEEN = 8
 _LOG_STRESS = "of ln stress"
 
 
-def size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
+def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
     """Yield a sentence an effect: its parameters with their 90 % intervals."""
     for effect in effects:
         sizes = []
@@ -205,7 +200,7 @@ def size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
             ends = effect.interval.get(name)
             words = meaning(effect.id, effect.form, name)
             within = "" if ends is None else f" (90 % interval {_span(name, words, unit, ends)})"
-            sizes.append(f"{_label(name, words)} {shown(name, words, unit, value)}{within}")
+            sizes.append(f"{_label(name, words)} {_shown(name, words, unit, value)}{within}")
         of = ""
         if effect.specimens:
             of = f" (in {listed(effect.specimens, most=_SPECIMENS)} only)"
@@ -213,13 +208,13 @@ def size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
         yield f"{effect.id}{form}{of}: {'; '.join(sizes)}."
 
 
-def detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
+def _detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
     """Yield the smallest size of each effect that would have been seen, the first few alone."""
     seen = [d for d in detectable if d.size is not None]
     for d in seen[:_SEEN]:
         words = meaning(d.id, "", d.parameter)
         assert d.size is not None
-        size = shown(d.parameter, words, d.unit, d.size)
+        size = _shown(d.parameter, words, d.unit, d.size)
         yield f"{d.id} from {_label(d.parameter, words)} {size}."
     if len(seen) > _SEEN:
         yield f"{len(seen) - _SEEN} more of these are in diagnosis.json."
@@ -239,13 +234,13 @@ def meaning(effect: str, form: str, parameter: str) -> str:
     return ""
 
 
-def shown(name: str, words: str, unit: str, value: float) -> str:
+def _shown(name: str, words: str, unit: str, value: float) -> str:
     """Return a value as a lab writes it: logarithms as ratios or per cent, units beside figures."""
     if name.startswith("log_"):
-        return f"{figure(math.exp(value))} times"
+        return f"{number_words(math.exp(value))} times"
     if words.startswith(_LOG_STRESS):
         return _signed_percent(math.expm1(value))
-    return figure(value) if unit in ("1", "") else f"{figure(value)} {unit}"
+    return number_words(value) if unit in ("1", "") else f"{number_words(value)} {unit}"
 
 
 def _label(name: str, words: str) -> str:
@@ -263,7 +258,7 @@ def _label(name: str, words: str) -> str:
 
 
 def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
-    low, high = (shown(name, words, unit, end) if math.isfinite(end) else "open" for end in ends)
+    low, high = (_shown(name, words, unit, end) if math.isfinite(end) else "open" for end in ends)
     # A unit that both ends share is written once.
     for suffix in (f" {unit}", " %", " times"):
         if low.endswith(suffix) and high.endswith(suffix):
@@ -279,7 +274,7 @@ def _signed_percent(change: float) -> str:
 # The verdict in plain words: for the terminal, and above the figures of the report.
 
 
-WIDTH = 88
+_WIDTH = 88
 _INDENT = "  "
 _PLACES = 3
 _PROBLEMS = 6
@@ -292,7 +287,7 @@ _SURE = ((0.97, "almost certainly"), (0.85, "very likely"), (0.6, "probably"))
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class TextSection:
     """A heading and the sentences below it; a list has each of them on its own."""
 
     heading: str
@@ -300,7 +295,7 @@ class Section:
     is_list: bool = False
 
 
-def verdict_text(diagnosis: Diagnosis, *, width: int = WIDTH) -> str:
+def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
     """Return the verdict as text: headings, indented sentences, no line wider than `width`."""
     lines = [*textwrap.wrap(headline(diagnosis), width), *textwrap.wrap(scope(diagnosis), width)]
     for section in verdict_sections(diagnosis):
@@ -328,25 +323,25 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Verdict: unknown (probability {chance}): a gap that no effect here explains"
     effects = tuple(diagnosis.verdict.split("+"))
     verdict = f"Verdict: {diagnosis.verdict} (probability {chance})"
-    words = effects_words(effects)
+    words = _effects_words(effects)
     return verdict if words == diagnosis.verdict else f"{verdict}: {words}"
 
 
-def verdict_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
+def verdict_sections(diagnosis: Diagnosis) -> tuple[TextSection, ...]:
     """Return the verdict section by section, those with nothing to say left out."""
     d = diagnosis
     sections = (
-        Section("What it is", tuple(_what(d))),
-        Section("How large it is", tuple(size_words(d.effect)), is_list=True),
-        Section("What would have been seen", tuple(_seen(d)), is_list=True),
-        Section("Where it lies", tuple(_where(d)), is_list=True),
-        Section("How far it closes", tuple(_how_far(d))),
-        Section("What these data cannot tell apart", tuple(_same_class(d))),
-        Section("What remains", tuple(_remainder(d))),
-        Section("What could not be tested", tuple(_not_testable(d)), is_list=True),
-        Section("Data to look at", tuple(_quality(d.data_quality)), is_list=True),
-        Section("Limits of this campaign", tuple(map(sentence, d.limitations)), is_list=True),
-        Section("What to test next", tuple(_next(d.next_experiments)), is_list=True),
+        TextSection("What it is", tuple(_what(d))),
+        TextSection("How large it is", tuple(_size_words(d.effect)), is_list=True),
+        TextSection("What would have been seen", tuple(_seen(d)), is_list=True),
+        TextSection("Where it lies", tuple(_where(d)), is_list=True),
+        TextSection("How far it closes", tuple(_how_far(d))),
+        TextSection("What these data cannot tell apart", tuple(_same_class(d))),
+        TextSection("What remains", tuple(_remainder(d))),
+        TextSection("What could not be tested", tuple(_not_testable(d)), is_list=True),
+        TextSection("Data to look at", tuple(_quality(d.data_quality)), is_list=True),
+        TextSection("Limits of this campaign", tuple(map(sentence, d.limitations)), is_list=True),
+        TextSection("What to test next", tuple(_next(d.next_experiments)), is_list=True),
     )
     return tuple(s for s in sections if s.sentences)
 
@@ -372,7 +367,7 @@ def _what(diagnosis: Diagnosis) -> Iterator[str]:
     effects = _effects_of(diagnosis.verdict)
     chance = _probability_of(diagnosis)
     sure = next((words for least, words in _SURE if chance >= least), None)
-    clauses = "; and ".join(clause(e) for e in effects)
+    clauses = "; and ".join(_clause(e) for e in effects)
     if not effects:
         yield (
             "What was measured agrees with the palette within the scatter of specimens and the "
@@ -413,7 +408,7 @@ def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _seen(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict == "none":
-        yield from detectable_words(diagnosis.detectable)
+        yield from _detectable_words(diagnosis.detectable)
 
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
@@ -569,8 +564,8 @@ def _next(experiments: tuple[Experiment, ...]) -> Iterator[str]:
     for x in experiments[:_EXPERIMENTS]:
         change = listed([setting(key, value) for key, value in x.change.items()])
         what = x.detail.rstrip(".") or f"test with {change}"
-        hours = f", about {figure(x.hours, 2)} h" if x.hours > 0.0 and not x.detail else ""
+        hours = f", about {number_words(x.hours, 2)} h" if x.hours > 0.0 and not x.detail else ""
         splits = listed([f"{a} from {b}" for a, b in x.splits], most=2)
         telling = f"tells {splits}; " if splits else ""
-        gain = f"expected gain {figure(x.expected_gain_nats, 2)} nats"
+        gain = f"expected gain {number_words(x.expected_gain_nats, 2)} nats"
         yield sentence(f"{what} ({telling}{gain}{hours})")

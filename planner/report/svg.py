@@ -22,11 +22,9 @@ __all__ = [
     "PALE",
     "QUIET",
     "Chart",
-    "band",
     "disc",
     "frame",
     "line",
-    "marker",
     "picture",
     "rectangle",
     "ring",
@@ -131,13 +129,13 @@ def line(
     )
 
 
-def band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
+def _band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
     """Fill what lies between two lines."""
     back = chart.path(x[::-1], low[::-1]).replace("M", "L", 1)
     return f'<path d="{chart.path(x, high)}{back}Z" fill="{colour}" stroke="none"/>'
 
 
-def marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
+def _marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
     """Mark a point with a cross."""
     a, b = chart.x(x), chart.y(y)
     cross = f"M{a - 5:.2f},{b - 5:.2f}l10,10m0,-10l-10,10"
@@ -264,7 +262,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     chart = Chart(
         _LEFT, _TOP, _WIDTH, _HEIGHT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max())))
     )
-    yield band(chart, x, low, high, colour=_BAND)
+    yield _band(chart, x, low, high, colour=_BAND)
     yield from frame(
         chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
     )
@@ -275,7 +273,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     note = f"band: {100 * simulation.level:g} % of prints"
     if beyond.any():
         yield line(chart, x[first:], force[first:], colour=_CURVE, dash="3,4")
-        yield marker(chart, float(x[first]), float(force[first]), colour=_BREAK)
+        yield _marker(chart, float(x[first]), float(force[first]), colour=_BREAK)
         note += "; cross: break, dotted beyond it"
     yield text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
 

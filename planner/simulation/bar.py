@@ -159,10 +159,10 @@ def bar_between(
 _ACROSS = 512  # voxels across the widest side of the section
 _SLIVER = 1e-6  # of a layer: edges closer than this are one
 
-Sections = tuple[FloatArray, FloatArray, FloatArray]
+_Sections = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) -> Sections:
+def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) -> _Sections:
     """Cut a plan's shells across the axis of its gradient.
 
     The shells are made into columns of voxels along the axis, and each layer of voxels is a

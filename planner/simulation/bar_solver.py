@@ -22,22 +22,16 @@ __all__ = [
     "SOFTENING_PEAKS",
     "SOFTENING_SHARES",
     "STRAIN_END",
-    "WORK_ROWS",
     "ElasticResponse",
     "Equilibrium",
     "LawTables",
     "Prediction",
     "RELAXATION_TIMES_s",
-    "Response",
     "Setup",
     "elastic_response",
-    "elastic_stress",
-    "fallen_share",
-    "follow_path",
     "law_tables",
     "predict",
     "predict_all",
-    "slice_stress",
     "solve",
 ]
 
@@ -549,7 +543,7 @@ class Setup:
 # The stress of one slice: its law, and what its largest strain so far has done to it.
 
 
-BUCKLED = 0.05
+_BUCKLED = 0.05
 """Stiffness in compression over that in tension: a strip gives way sideways."""
 
 _BUCKLING_STRAIN = 0.005
@@ -559,7 +553,7 @@ _LEAST_TANGENT = 0.02
 
 
 @inner_kernel
-def elastic_stress(
+def _elastic_stress(
     strain: float, lower: int, upper: int, fraction: float, log_factor: float,
     log_tilt: float, cubics: FloatArray, step: float,
 ) -> tuple[float, float]:  # fmt: skip
@@ -583,8 +577,8 @@ def elastic_stress(
     secant = math.exp(logarithm)
     if strain < 0.0:
         decay = math.exp(max(strain / _BUCKLING_STRAIN, -700.0))
-        stress = BUCKLED * strain - (1.0 - BUCKLED) * _BUCKLING_STRAIN * (1.0 - decay)
-        return secant * stress, secant * (BUCKLED + (1.0 - BUCKLED) * decay)
+        stress = _BUCKLED * strain - (1.0 - _BUCKLED) * _BUCKLING_STRAIN * (1.0 - decay)
+        return secant * stress, secant * (_BUCKLED + (1.0 - _BUCKLED) * decay)
     tangent = secant * (1.0 + inside * slope)
     tangent = max(tangent, _LEAST_TANGENT * secant)
     if strain > end:
@@ -593,7 +587,7 @@ def elastic_stress(
 
 
 @inner_kernel
-def fallen_share(table: FloatArray, share: float, largest: float) -> tuple[float, float]:
+def _fallen_share(table: FloatArray, share: float, largest: float) -> tuple[float, float]:
     """Return a softening table between its nodes, and its derivative by the share, 0 to 1."""
     rows, columns = table.shape[0] - 1, table.shape[1] - 1
     place = min(max(share, 0.0), 1.0) * rows
@@ -609,22 +603,22 @@ def fallen_share(table: FloatArray, share: float, largest: float) -> tuple[float
 
 
 @inner_kernel
-def slice_stress(
+def _slice_stress(
     strain: float, largest: float, left: float, softening: float, table: FloatArray,
     lower: int, upper: int, fraction: float, log_factor: float, log_tilt: float,
     cubics: FloatArray, step: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Return stress and tangent below `largest`, of which a strain of `left` stays for good."""
     if strain >= largest or (left == 0.0 and softening == 0.0):
-        return elastic_stress(strain, lower, upper, fraction, log_factor, log_tilt, cubics, step)
+        return _elastic_stress(strain, lower, upper, fraction, log_factor, log_tilt, cubics, step)
     spread = largest / (largest - left)
     felt = (strain - left) * spread
-    stress, tangent = elastic_stress(
+    stress, tangent = _elastic_stress(
         felt, lower, upper, fraction, log_factor, log_tilt, cubics, step
     )
     tangent *= spread
     if softening != 0.0:
-        fall, slope = fallen_share(table, felt / largest, largest)
+        fall, slope = _fallen_share(table, felt / largest, largest)
         factor = 1.0 - softening * fall
         least = _LEAST_TANGENT * factor * tangent
         tangent = factor * tangent - softening * slope * spread / largest * stress
@@ -642,7 +636,7 @@ def slice_stress(
 # force is bracketed and each slice's strain with it: slow, but certain to end with finite numbers.
 
 
-WORK_ROWS = 10
+_WORK_ROWS = 10
 """Rows of the work array, each one value a slice."""
 
 _STRAIN, _FORMER, _LARGEST, _LEFT, _STRESS, _STRESS_BEFORE, _SHARE, _REST, _ALONE, _STIFF = range(
@@ -657,7 +651,7 @@ _LONGEST = 0.25
 
 
 @inner_kernel
-def lost_travel(
+def _lost_travel(
     force: float, largest_N: float, slip: float, slip_from: float, slip_power: float,
     compliance: float, power: float,
 ) -> tuple[float, float]:  # fmt: skip
@@ -684,7 +678,7 @@ def lost_travel(
 
 
 @inner_kernel
-def strain_at(
+def _strain_at(
     force: float, area: float, share: float, rest: float, largest: float, left: float,
     softening: float, table: FloatArray, lower: int, upper: int, fraction: float,
     log_factor: float, log_tilt: float, cubics: FloatArray, step: float,
@@ -693,7 +687,7 @@ def strain_at(
     low, high = _LOW, _HIGH
     strain = 0.0
     for _ in range(_BISECTIONS):
-        stress, tangent = slice_stress(
+        stress, tangent = _slice_stress(
             strain, largest, left, softening, table, lower, upper, fraction, log_factor,
             log_tilt, cubics, step,
         )  # fmt: skip
@@ -715,7 +709,7 @@ def strain_at(
 
 
 @inner_kernel
-def bracketed_force(
+def _bracketed_force(
     target: float, first: int, stop: int, largest_N: float, slip: float, slip_from: float,
     slip_power: float, compliance: float, power: float, lower: IntArray, upper: IntArray,
     slices: FloatArray, table: FloatArray, cubics: FloatArray, step: float, work: FloatArray,
@@ -726,13 +720,13 @@ def bracketed_force(
     for _ in range(_BISECTIONS):
         length = 0.0
         for i in range(first, stop):
-            work[_STRAIN, i] = strain_at(
+            work[_STRAIN, i] = _strain_at(
                 force, slices[1, i], work[_SHARE, i], work[_REST, i], work[_LARGEST, i],
                 work[_LEFT, i], slices[5, i], table, lower[i], upper[i], slices[2, i],
                 slices[3, i], slices[4, i], cubics, step,
             )  # fmt: skip
             length += slices[0, i] * work[_STRAIN, i]
-        lost, _ = lost_travel(force, largest_N, slip, slip_from, slip_power, compliance, power)
+        lost, _ = _lost_travel(force, largest_N, slip, slip_from, slip_power, compliance, power)
         if target - lost - length > 0.0:
             low = force
         else:
@@ -745,7 +739,7 @@ def bracketed_force(
             force += stride if high == math.inf else -stride
             stride *= 4.0
     for i in range(first, stop):
-        work[_STRESS, i], _ = slice_stress(
+        work[_STRESS, i], _ = _slice_stress(
             work[_STRAIN, i], work[_LARGEST, i], work[_LEFT, i], slices[5, i], table, lower[i],
             upper[i], slices[2, i], slices[3, i], slices[4, i], cubics, step,
         )  # fmt: skip
@@ -753,7 +747,7 @@ def bracketed_force(
 
 
 @inner_kernel
-def set_strain(table: FloatArray, largest: float) -> float:
+def _set_strain(table: FloatArray, largest: float) -> float:
     """Return the set's table at a largest strain."""
     columns = len(table) - 1
     place = min(max(largest, 0.0), 1.0) * columns
@@ -763,7 +757,7 @@ def set_strain(table: FloatArray, largest: float) -> float:
 
 
 @free_kernel
-def follow_path(
+def _follow_path(
     first_slice: IntArray, time_s: FloatArray, travel_mm: FloatArray, boundary: FloatArray,
     lower: IntArray, upper: IntArray, slices: FloatArray, relaxing: FloatArray,
     times: FloatArray, softening_table: FloatArray, set_table: FloatArray, cubics: FloatArray,
@@ -782,7 +776,7 @@ def follow_path(
         Length, area, fraction towards the harder material, log factor, log tilt, softening,
         share of the set.
     memory : (S, K)
-        Work space of the relaxing terms, and `work`, (`WORK_ROWS`, S), of the slices.
+        Work space of the relaxing terms, and `work`, (`_WORK_ROWS`, S), of the slices.
     decay : (2, K)
         Work space: what a step leaves of a term, and adds to it a unit of stress.
     """
@@ -795,14 +789,14 @@ def follow_path(
         relaxes = False
         total_length, scale = 0.0, math.inf
         for i in range(first, stop):
-            for row in range(WORK_ROWS):
+            for row in range(_WORK_ROWS):
                 work[row, i] = 0.0
             work[_SHARE, i] = 1.0
             for k in range(terms):
                 memory[i, k] = 0.0
                 relaxes = relaxes or relaxing[i, k] != 0.0
             total_length += slices[0, i]
-            _, tangent = slice_stress(
+            _, tangent = _slice_stress(
                 0.0, 0.0, 0.0, 0.0, softening_table, lower[i], upper[i], slices[2, i],
                 slices[3, i], slices[4, i], cubics, step,
             )  # fmt: skip
@@ -841,7 +835,7 @@ def follow_path(
                 worst, length, soft, elongation = 0.0, 0.0, 0.0, 0.0
                 for i in range(first, stop):
                     e = work[_STRAIN, i]
-                    stress, tangent = slice_stress(
+                    stress, tangent = _slice_stress(
                         e, work[_LARGEST, i], work[_LEFT, i], slices[5, i], softening_table,
                         lower[i], upper[i], slices[2, i], slices[3, i], slices[4, i], cubics,
                         step,
@@ -856,7 +850,7 @@ def follow_path(
                     elongation += slices[0, i] * e
                     length += slices[0, i] * alone
                     soft += slices[0, i] / stiff
-                lost, slope = lost_travel(
+                lost, slope = _lost_travel(
                     force, largest_N, slip, slip_from, slip_power, compliance, power
                 )
                 gap = abs(target - lost - elongation)
@@ -874,7 +868,7 @@ def follow_path(
                     e = work[_STRAIN, i] + part * min(max(move, -_LONGEST), _LONGEST)
                     work[_STRAIN, i] = min(max(e, _LOW), _HIGH)
             if not solved:
-                force = bracketed_force(
+                force = _bracketed_force(
                     target, first, stop, largest_N, slip, slip_from, slip_power, compliance,
                     power, lower, upper, slices, softening_table, cubics, step, work,
                 )  # fmt: skip
@@ -890,7 +884,7 @@ def follow_path(
                 if e > work[_LARGEST, i]:
                     work[_LARGEST, i] = e
                     if slices[6, i] != 0.0:
-                        work[_LEFT, i] = min(slices[6, i] * set_strain(set_table, e), 0.95 * e)
+                        work[_LEFT, i] = min(slices[6, i] * _set_strain(set_table, e), 0.95 * e)
                 strain[t, i] = e
             force_N[p, t] = force
             largest_N = max(largest_N, force)
@@ -928,7 +922,7 @@ def predict(setup: Setup, laws: LawTables) -> Prediction:
     used = np.flatnonzero(setup.relaxing.any(axis=0))
     force = np.empty(setup.time_s.shape)
     strain = np.empty((steps, slices))
-    follow_path(
+    _follow_path(
         np.asarray(setup.first_slice, dtype=np.int64),
         np.ascontiguousarray(setup.time_s, dtype=np.float64),
         setup.travel_mm * setup.travel_factor[:, None] - setup.lost_mm,
@@ -944,7 +938,7 @@ def predict(setup: Setup, laws: LawTables) -> Prediction:
         np.ascontiguousarray(setup.set_table, dtype=np.float64),
         laws.cubics,
         laws.strain_step,
-        np.empty((WORK_ROWS, slices)),
+        np.empty((_WORK_ROWS, slices)),
         np.empty((slices, len(used))),
         np.empty((2, len(used))),
         force,

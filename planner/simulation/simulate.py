@@ -25,31 +25,15 @@ from planner.simulation.bar_solver import (
     solve,
 )
 
-__all__ = [
-    "D638_TYPE_IV",
-    "PROTOCOLS",
-    "Finding",
-    "LoadingPath",
-    "Protocol",
-    "Section",
-    "Simulation",
-    "Source",
-    "findings",
-    "force_interval_N",
-    "loading_path",
-    "open_source",
-    "simulate",
-    "simulate_bar",
-    "yield_notes",
-]
+__all__ = ["LoadingPath", "Simulation", "loading_path", "simulate", "simulate_bar"]
 
 
 # ------------------------------------------------------------------------------------------------
 # What the crosshead does: displacement over time.
 
 
-Protocol = Literal["monotonic", "cyclic", "relaxation"]
-PROTOCOLS: tuple[Protocol, ...] = get_args(Protocol)
+_Protocol = Literal["monotonic", "cyclic", "relaxation"]
+_PROTOCOLS: tuple[_Protocol, ...] = get_args(_Protocol)
 
 _FIRST_HOLD = 1e-3  # of the hold: relaxation is read on a logarithmic scale of time
 
@@ -134,10 +118,10 @@ def loading_path(
             np.concatenate([ramp_s, ramp_s[-1] + held]),
             np.concatenate([up, np.full(steps, up[-1])]),
         )
-    near = nearest_names(protocol, list(PROTOCOLS))
+    near = nearest_names(protocol, list(_PROTOCOLS))
     hint = f"did you mean {near[0]}? " if near else ""
     raise ArgumentError(
-        f"--protocol {protocol}: no such protocol; {hint}it may be {', '.join(PROTOCOLS)}"
+        f"--protocol {protocol}: no such protocol; {hint}it may be {', '.join(_PROTOCOLS)}"
     )
 
 
@@ -150,7 +134,7 @@ _YIELD_STRAIN = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class BreakFinding:
     """Something that a print would not do as simulated, and where.
 
     Attributes
@@ -169,13 +153,13 @@ class Finding:
     gauge_strain: float
 
 
-def findings(
+def _break_findings(
     bar: Bar,
     model: CoefficientModel,
     response: ElasticResponse,
     path: LoadingPath,
     reached: Equilibrium,
-) -> tuple[Finding, ...]:
+) -> tuple[BreakFinding, ...]:
     """Report every stretch of slices that breaks, the first to break first, and an early end."""
     found = []
     gauge_strain = path.displacement_mm / bar.gauge_mm
@@ -188,7 +172,7 @@ def findings(
         at = float(np.interp(limit, *_last_steps(reached.strain[:, first], gauge_strain, step)))
         place = (float(bar.edges_mm[start]), float(bar.edges_mm[stop]))
         found.append(
-            Finding(
+            BreakFinding(
                 "break",
                 f"{_called(model, bar, first)} at {bar.x_mm[first]:.4g} mm passes its elongation "
                 f"at break, {limit:.3g}, at a strain of {at:.3g} of the bar; a print would break "
@@ -203,7 +187,7 @@ def findings(
     return tuple(found)
 
 
-def yield_notes(bar: Bar, model: CoefficientModel, reached: Equilibrium) -> tuple[str, ...]:
+def _yield_notes(bar: Bar, model: CoefficientModel, reached: Equilibrium) -> tuple[str, ...]:
     """Say which rigid grades are strained past where Hooke's law is known to hold."""
     lower, _, _ = model.bracket(bar.coordinate)
     most = reached.strain.max(axis=0, initial=0.0)
@@ -226,7 +210,7 @@ def _unreachable(
     path: LoadingPath,
     reached: Equilibrium,
     at: int,
-) -> Finding:
+) -> BreakFinding:
     wanted = float(path.displacement_mm.max()) / bar.gauge_mm
     got = reached.end_mm / bar.gauge_mm
     limit, breaks = float(response.strain_limit[at]), float(response.break_strain[at])
@@ -235,7 +219,7 @@ def _unreachable(
         if limit >= FARTHEST * breaks
         else "where the stress of its law ceases to rise"
     )
-    return Finding(
+    return BreakFinding(
         "unreachable",
         f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {_called(model, bar, at)} at "
         f"{bar.x_mm[at]:.4g} mm is strained by {limit:.3g}, {why}",
@@ -312,7 +296,7 @@ class Simulation:
     strain: FloatArray
     stress_MPa: FloatArray
     break_strain: FloatArray
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[BreakFinding, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -404,7 +388,7 @@ def _csv(columns: dict[str, FloatArray]) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class SectionSize:
     """Size of a bar where its source has none."""
 
     width_mm: float
@@ -412,7 +396,7 @@ class Section:
     gauge_mm: float
 
 
-D638_TYPE_IV = Section(width_mm=6.0, thickness_mm=4.0, gauge_mm=33.0)
+_D638_TYPE_IV = SectionSize(width_mm=6.0, thickness_mm=4.0, gauge_mm=33.0)
 """The narrow section of ASTM D638's specimen for soft materials."""
 
 
@@ -426,13 +410,13 @@ class Source:
     notes: tuple[str, ...] = ()
 
 
-def open_source(
+def _open_source(
     source: object,
     *,
     palette: str | Path | Palette | None,
     printer: str | Printer | None,
     slices: int,
-    section: Section,
+    section: SectionSize,
     between_mm: tuple[float, float] | None,
 ) -> Source:
     """Make the bar that a source describes.
@@ -468,7 +452,7 @@ def _is_plan(path: Path) -> bool:
     return path.suffix.casefold() == ".json" or path.is_dir()
 
 
-def _bar(source: object, palette: Palette, slices: int, section: Section) -> tuple[str, Bar]:
+def _bar(source: object, palette: Palette, slices: int, section: SectionSize) -> tuple[str, Bar]:
     if isinstance(source, Bar):
         return "bar", source
     if not isinstance(source, Material):
@@ -549,7 +533,7 @@ def _palette(palette: str | Path | Palette | None, printer: str | Printer | None
 _STRAINS = 65  # at which the variance between grades is taken; it varies slowly
 
 
-def force_interval_N(
+def _force_interval_N(
     bar: Bar, model: CoefficientModel, reached: Equilibrium, level: float
 ) -> FloatArray:
     """Return the interval that holds a print's force with probability `level`, (steps, 2).
@@ -612,9 +596,9 @@ def simulate(
     hold_s: float = 100.0,
     slices: int = 400,
     between_mm: tuple[float, float] | None = None,
-    width_mm: float = D638_TYPE_IV.width_mm,
-    thickness_mm: float = D638_TYPE_IV.thickness_mm,
-    gauge_mm: float = D638_TYPE_IV.gauge_mm,
+    width_mm: float = _D638_TYPE_IV.width_mm,
+    thickness_mm: float = _D638_TYPE_IV.thickness_mm,
+    gauge_mm: float = _D638_TYPE_IV.gauge_mm,
     level: float = 0.95,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
@@ -664,12 +648,12 @@ def simulate(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"--slices {slices}: it must be a whole number from 1 to 10000")
-    opened = open_source(
+    opened = _open_source(
         source,
         palette=palette,
         printer=printer,
         slices=slices,
-        section=Section(width_mm, thickness_mm, gauge_mm),
+        section=SectionSize(width_mm, thickness_mm, gauge_mm),
         between_mm=between_mm,
     )
     gauge = opened.bar.gauge_mm
@@ -738,12 +722,12 @@ def simulate_bar(
         time_s=path.time_s[:count],
         displacement_mm=path.displacement_mm[:count],
         force_N=reached.force_N,
-        force_interval_N=force_interval_N(bar, model, reached, level),
+        force_interval_N=_force_interval_N(bar, model, reached, level),
         strain=reached.strain,
         stress_MPa=reached.stress_MPa,
         break_strain=response.break_strain,
-        findings=findings(bar, model, response, path, reached),
-        notes=(*notes, *yield_notes(bar, model, reached)),
+        findings=_break_findings(bar, model, response, path, reached),
+        notes=(*notes, *_yield_notes(bar, model, reached)),
     )
 
 

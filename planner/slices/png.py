@@ -12,19 +12,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import IntArray, inner_kernel, kernel
 
-__all__ = [
-    "LEAST_DISTANCE",
-    "NOTHING",
-    "DeflateCode",
-    "ImageKind",
-    "PngHeader",
-    "Rgba",
-    "deflate_code",
-    "deflate_rows",
-    "distinct_colours",
-    "encode_layer",
-    "encode_png",
-]
+__all__ = ["LEAST_DISTANCE", "NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -108,7 +96,7 @@ def _head(bits: list[int]) -> tuple[IntArray, int]:
 
 
 @cache
-def deflate_code() -> DeflateCode:
+def _deflate_code() -> DeflateCode:
     """Return the code."""
     bits = _lengths()
     codes = _codes(bits)
@@ -164,7 +152,7 @@ def _put_zeros(
 
 
 @kernel
-def deflate_rows(
+def _deflate_rows(
     offsets: Any,
     start: Any,
     stop: Any,
@@ -275,7 +263,7 @@ class PngHeader:
     palette: tuple[Rgba, ...] | None = None
 
 
-def encode_png(header: PngHeader, zlib_stream: bytes) -> bytes:
+def _encode_png(header: PngHeader, zlib_stream: bytes) -> bytes:
     """Return the bytes of a PNG file.
 
     Parameters
@@ -396,13 +384,13 @@ def encode_layer(
         First row of the image, and the one after its last.
     """
     first, last = rows
-    pixel, code = kind.pixels(), deflate_code()
+    pixel, code = kind.pixels(), _deflate_code()
     a_row = _BITS_A_ROW + 2 * (width * pixel.shape[1] // 258 + 1)
     runs = int(offsets[last] - offsets[first])
     bits = code.head_bits + (last - first) * a_row + 2 * runs * _BITS_AN_EDGE + 64
     stream = np.zeros(bits // 8 + 8, np.uint8)
     stream[: len(code.head)] = code.head
-    place, adler = deflate_rows(
+    place, adler = _deflate_rows(
         *(offsets, start, stop, label, first, last, width, pixel),
         *(code.literal, code.literal_bits, code.match, code.match_bits),
         *(stream, code.head_bits),
@@ -410,4 +398,4 @@ def encode_layer(
     end = (int(place) + 7) // 8
     data = stream[:end].tobytes() + int(adler).to_bytes(4, "big")
     palette = (NOTHING, *kind.colours) if kind.indexed else None
-    return encode_png(PngHeader(width, last - first, kind.pixel_mm, palette), data)
+    return _encode_png(PngHeader(width, last - first, kind.pixel_mm, palette), data)

@@ -22,23 +22,15 @@ from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab
 
 __all__ = [
     "Layer",
-    "LayerRuns",
-    "MaterialRuns",
     "PlanShells",
-    "ShellMesh",
     "SlabImages",
     "SlabTask",
-    "SlabTriangles",
     "deal_slabs",
     "iterate_layers",
     "iterate_slabs",
-    "join_shells",
     "make_slab",
     "open_shells",
-    "paint",
     "runs_along_x",
-    "slab_layers_for",
-    "slab_runs_of",
 ]
 
 
@@ -111,7 +103,7 @@ class SlabTriangles:
         )
 
 
-def slab_layers_for(grid: Grid) -> int:
+def _slab_layers_for(grid: Grid) -> int:
     """Return how many layers to make at once: about 10^5 rows, a few MB."""
     return max(1, min(_SLAB_ROWS // grid.shape[1], grid.shape[2]))
 
@@ -251,7 +243,7 @@ def deal_slabs(
     shells: PlanShells, slab_layers: int | None = None
 ) -> Iterator[tuple[SlabTriangles, ...]]:
     """Deal the triangles of all shells to slabs of layers, from the lowest up."""
-    layers = slab_layers_for(shells.grid) if slab_layers is None else slab_layers
+    layers = _slab_layers_for(shells.grid) if slab_layers is None else slab_layers
     dealt = (iterate_slabs(shell.mesh, shells.grid, layers) for shell in shells.shells)
     return zip(*dealt, strict=True)
 
@@ -374,7 +366,7 @@ class MaterialRuns:
     overlapping: int
 
 
-def join_shells(shells: Sequence[LayerRuns], ny: int) -> MaterialRuns:
+def _join_shells(shells: Sequence[LayerRuns], ny: int) -> MaterialRuns:
     """Join the runs that shells have in the same layers of `ny` rows."""
     rows = len(shells[0].offsets) - 1
     before = np.cumsum([0, *(len(runs.start) for runs in shells)])
@@ -432,7 +424,7 @@ def _join(
 
 
 @kernel
-def paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: Any) -> None:
+def _paint(offsets: Any, start: Any, stop: Any, label: Any, first: Any, image: Any) -> None:
     """Write the labels of runs into a zeroed (rows, nx) uint8 array, from row `first` on."""
     for r in range(image.shape[0]):
         for n in range(offsets[first + r], offsets[first + r + 1]):
@@ -481,16 +473,16 @@ class SlabImages:
     open_rows: int
 
 
-def slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[MaterialRuns, int]:
+def _slab_runs_of(shells: tuple[SlabTriangles, ...]) -> tuple[MaterialRuns, int]:
     """Return the runs of some layers with their materials, and the open rows among them."""
     runs = [runs_along_x(shell) for shell in shells]
-    return join_shells(runs, shells[0].shape[1]), sum(each.open_rows for each in runs)
+    return _join_shells(runs, shells[0].shape[1]), sum(each.open_rows for each in runs)
 
 
 def make_slab(task: SlabTask) -> SlabImages:
     """Make the images of a slab."""
     nx, ny, _ = task.shells[0].shape
-    runs, open_rows = slab_runs_of(task.shells)
+    runs, open_rows = _slab_runs_of(task.shells)
     images = tuple(
         encode_layer(
             *(runs.offsets, runs.start, runs.stop, runs.label),
@@ -551,10 +543,10 @@ def iterate_layers(
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)
     nx, ny, _ = grid.shape
     for slab in deal_slabs(source):
-        runs, _ = slab_runs_of(slab)
+        runs, _ = _slab_runs_of(slab)
         for index in range(slab[0].first_layer, slab[0].last_layer):
             label = np.zeros((ny, nx), np.uint8)
             first = (index - slab[0].first_layer) * ny
-            paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
+            _paint(runs.offsets, runs.start, runs.stop, runs.label, first, label)
             z_mm = grid.origin_mm[2] + (index + 0.5) * grid.pitch_mm[2]
             yield Layer(index, z_mm, label, materials)

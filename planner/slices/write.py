@@ -26,18 +26,18 @@ from planner.slices.slices import (
 )
 from planner.voxels.columns import Grid
 
-__all__ = ["SLICES", "SliceStack", "SlicedMaterial", "layer_file", "make_slabs_on", "write_slices"]
+__all__ = ["SliceStack", "write_slices"]
 
 
 # ------------------------------------------------------------------------------------------------
 # A stack of layers as written: what of each material is where, and the files that say so.
 
 
-SLICES = FolderKind("slices.json", ("slices.json", "layers.csv", "layer_*.png"))
+_SLICES = FolderKind("slices.json", ("slices.json", "layers.csv", "layer_*.png"))
 """The folder of a stack."""
 
 
-def layer_file(index: int) -> str:
+def _layer_file(index: int) -> str:
     """Return the name of a layer's image."""
     return f"layer_{index:05d}.png"
 
@@ -108,7 +108,7 @@ class SliceStack:
     @property
     def files(self) -> tuple[str, ...]:
         """Names of the images, from the lowest layer up."""
-        return tuple(layer_file(index) for index in range(self.grid.shape[2]))
+        return tuple(_layer_file(index) for index in range(self.grid.shape[2]))
 
     def document(self) -> dict[str, Any]:
         """Return the stack as slices.json holds it."""
@@ -180,7 +180,7 @@ _SLABS_A_THREAD = 2  # in flight: one is made while the next is on its way
 _LARGE_TASK = "distributed.admin.large-graph-warning-threshold"
 
 
-def make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabImages]:
+def _make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabImages]:
     """Make slabs on a cluster, and yield them as they come.
 
     A slab carries its triangles there and its images back. When a worker dies, what it had is
@@ -344,7 +344,7 @@ def write_slices(
         Bad input, see `planner.slices.slices.open_shells`; a folder that may not be written; a
         cluster that cannot be used.
     """
-    target = check_target(folder, force=force, kind=SLICES)
+    target = check_target(folder, force=force, kind=_SLICES)
     if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
     if target.is_relative_to(plan_file(plan).resolve().parent):
@@ -360,10 +360,10 @@ def write_slices(
     layers = source.grid.shape[2]
     voxels = np.zeros((layers, len(source.shells)), np.int64)
     overlapping = open_rows = done = 0
-    with new_folder(folder, force=force, kind=SLICES) as scratch:
+    with new_folder(folder, force=force, kind=_SLICES) as scratch:
         for slab in _made(tasks, scheduler):
             for index, image in enumerate(slab.images, slab.first_layer):
-                (scratch / layer_file(index)).write_bytes(image)
+                (scratch / _layer_file(index)).write_bytes(image)
             voxels[slab.first_layer : slab.first_layer + len(slab.images)] = slab.voxels
             overlapping += slab.overlapping
             open_rows += slab.open_rows
@@ -379,7 +379,7 @@ def _made(tasks: Iterator[SlabTask], scheduler: str | None) -> Iterator[SlabImag
     if scheduler is None:
         return map(make_slab, tasks)
 
-    return make_slabs_on(scheduler, tasks)
+    return _make_slabs_on(scheduler, tasks)
 
 
 def _stack(

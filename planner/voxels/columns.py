@@ -13,17 +13,13 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
-    "LATTICE",
     "MOST_VOXELS",
     "Columns",
-    "Faults",
     "Grid",
     "LabelledColumns",
-    "bin_triangles",
     "check_reach",
     "cover_rows",
     "dense",
-    "fill_runs",
     "grid_for",
     "iterate_columns",
     "label_by_planes",
@@ -39,7 +35,7 @@ __all__ = [
 # ------------------------------------------------------------------------------------------------
 # The loops behind `planner.voxels.columns`: from triangles to runs of voxels along a line.
 #
-# Lattice units below are 1 / `LATTICE` of a voxel, with voxel centres at multiples of `LATTICE`.
+# Lattice units below are 1 / `_LATTICE` of a voxel, with voxel centres at multiples of `_LATTICE`.
 # Axes are called by what they do in a walk: columns stand along the *depth*, in rows of pixels.
 #
 # Every choice is made exactly, in integers, as if each centre were moved by infinitely small steps:
@@ -50,10 +46,10 @@ __all__ = [
 
 
 _SHIFT = 16
-LATTICE = 1 << _SHIFT
+_LATTICE = 1 << _SHIFT
 """Steps in a voxel that vertices are rounded to."""
 
-_VOXEL = 1.0 / LATTICE
+_VOXEL = 1.0 / _LATTICE
 _DOUBT = 2.0**-28
 # of a voxel: a depth nearer to a centre is decided in integers. Rounding errs by less than 2^-34:
 # depths are below 2^15 voxels, and a handful of operations err by 2^-53 of that each.
@@ -62,15 +58,15 @@ _DOUBT = 2.0**-28
 def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> NDArray[np.int64]:
     """Return vertices (n, 3) in lattice units; voxel (i, j, k) is centred at LATTICE ijk."""
     voxel = (vertices - origin) / pitch
-    return np.floor(voxel * LATTICE + 0.5).astype(np.int64) - LATTICE // 2
+    return np.floor(voxel * _LATTICE + 0.5).astype(np.int64) - _LATTICE // 2
 
 
 @inner_kernel
 def _ceil_voxel(coordinate: Any) -> Any:
-    return (coordinate + (LATTICE - 1)) >> _SHIFT
+    return (coordinate + (_LATTICE - 1)) >> _SHIFT
 
 
-def bin_triangles(
+def _bin_triangles(
     snapped: NDArray[np.int64], faces: NDArray[np.int32], nx: int, ny: int, slab_rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
     """Sort triangles into slabs of rows.
@@ -196,7 +192,7 @@ def _spans(
         cx, cy, cz = snapped[c, 0], snapped[c, 1], snapped[c, 2]
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         per_area = 1.0 / area
-        rise = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) * per_area * LATTICE
+        rise = ((bz - az) * (cy - ay) - (cz - az) * (by - ay)) * per_area * _LATTICE
         long_edge = 1.0 / ((cy - ay) << _SHIFT)
         lower = 1.0 / (max(by - ay, 1) << _SHIFT)
         upper = 1.0 / (max(cy - by, 1) << _SHIFT)
@@ -400,7 +396,7 @@ def _runs(
 
 
 @kernel
-def fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArray) -> None:
+def _fill_runs(offsets: IntArray, start: IntArray, stop: IntArray, dense: IntArray) -> None:
     """Set the voxels of runs to one in a zeroed (columns, nz) uint8 array."""
     for c in range(len(offsets) - 1):
         for r in range(offsets[c], offsets[c + 1]):
@@ -547,7 +543,7 @@ def grid_for(bounds_mm: FloatArray, pitch_mm: float | Sequence[float]) -> Grid:
     low, high = np.asarray(bounds_mm, dtype=np.float64)
     pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 3)
     with np.errstate(all="ignore"):
-        voxels = np.ceil((high - low) / pitch - 0.5 / LATTICE)
+        voxels = np.ceil((high - low) / pitch - 0.5 / _LATTICE)
     nx, ny, nz = (int(n) if 1 <= n <= 2**31 else 2**31 * int(n > 1) + 1 for n in voxels)
     x, y, z = (float(v) for v in low)
     px, py, pz = (float(p) for p in pitch)
@@ -581,7 +577,7 @@ def iterate_columns(
         raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
     check_reach(mesh, grid)
     snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
-    offsets, members, spans = bin_triangles(snapped, mesh.faces, nx, ny, rows)
+    offsets, members, spans = _bin_triangles(snapped, mesh.faces, nx, ny, rows)
     for slab, first in enumerate(range(0, ny, rows)):
         ids = members[offsets[slab] : offsets[slab + 1]]
         last = min(first + rows, ny)
@@ -605,7 +601,7 @@ def dense(columns: Columns) -> BoolArray:
     """Return whether each voxel is inside, (nx, rows, nz); one byte a voxel."""
     nx, _, nz = columns.grid.shape
     voxels = np.zeros((len(columns.offsets) - 1, nz), np.uint8)
-    fill_runs(columns.offsets, columns.start, columns.stop, voxels)
+    _fill_runs(columns.offsets, columns.start, columns.stop, voxels)
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
 
 

@@ -29,21 +29,16 @@ from planner.voxels.morphology import (
 
 __all__ = [
     "SOUND",
-    "Band",
-    "Finding",
-    "Place",
-    "Raster",
+    "PlanarBand",
     "ThinPlace",
+    "ThinWall",
     "longest_checked_mm",
-    "places_in",
     "raster_for",
     "room_mm",
-    "solid_words",
     "thin_places",
     "thin_solid_places",
     "thin_space_places",
     "thin_walls",
-    "turned",
 ]
 
 
@@ -52,8 +47,8 @@ __all__ = [
 
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
-COARSEST_RADIUS = 2
-SAMPLES = 8
+_COARSEST_RADIUS = 2
+_SAMPLES = 8
 """Voxels that a place brings to be measured at."""
 
 _SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
@@ -63,7 +58,7 @@ MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}
 
 
 @dataclass(frozen=True)
-class Band:
+class PlanarBand:
     """The part of a mesh with low <= normal . x < high, in mm; infinite where no plane cuts."""
 
     normal: FloatArray
@@ -108,7 +103,7 @@ class Raster:
 
 
 @dataclass(frozen=True)
-class Place:
+class ThinVoxels:
     """A connected set of thin voxels.
 
     Attributes
@@ -120,7 +115,7 @@ class Place:
     alone
         Whether it touches no other voxel of the band.
     core : (n, 3)
-        Up to `SAMPLES` voxels spread over it, each as far from the surface as its column goes.
+        Up to `_SAMPLES` voxels spread over it, each as far from the surface as its column goes.
     """
 
     deepest: IntArray
@@ -145,7 +140,7 @@ def raster_for(
         By the ball's radius in voxels: columns times lines of the ball.
     """
     order = np.argsort(high_mm - low_mm, kind="stable")
-    for radius in range(FINEST_RADIUS, COARSEST_RADIUS - 1, -1):
+    for radius in range(FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
         pitch = diameter_mm / (2 * radius + 1)
         origin = low_mm[order] - pitch
         shape = np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2
@@ -161,7 +156,7 @@ def raster_for(
     return Raster(order, grid, radius, max(min(rows, ny), _LEAST_ROWS))
 
 
-def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
+def thin_places(mesh: Mesh, band: PlanarBand, raster: Raster) -> list[ThinVoxels]:
     """Return the places of a band that the raster's ball does not reach.
 
     Opening by the ball leaves slivers at every convex edge; a place counts from the voxels on
@@ -169,10 +164,10 @@ def thin_places(mesh: Mesh, band: Band, raster: Raster) -> list[Place]:
     extends back to it. A sharp corner, where such voxels take up less than the ball's radius in
     every direction, does not count.
     """
-    return places_in(_chunks(mesh, band, raster), raster)
+    return _places_in(_chunks(mesh, band, raster), raster)
 
 
-def places_in(words: Iterator[tuple[Bits, ...]], raster: Raster) -> list[Place]:
+def _places_in(words: Iterator[tuple[Bits, ...]], raster: Raster) -> list[ThinVoxels]:
     """Return the places of a set that the raster's ball does not reach; see `thin_places`.
 
     Parameters
@@ -216,7 +211,7 @@ def _deepest(runs: IntArray, region: Bits, core: Bits, radius: int) -> tuple[Int
     return depth, voxel
 
 
-def _gather(runs: IntArray, shortest: int) -> list[Place]:
+def _gather(runs: IntArray, shortest: int) -> list[ThinVoxels]:
     # columns of runs: row, column, start, stop, touching, depth, voxel, first and last of core
     number = components(np.ascontiguousarray(runs[:, :4]))
     order = np.argsort(number, kind="stable")
@@ -231,9 +226,9 @@ def _gather(runs: IntArray, shortest: int) -> list[Place]:
             continue
         deepest = core[core[:, 5] == core[:, 5].max()]
         row, column, _, _, _, _, voxel = deepest[len(deepest) // 2, :7]
-        spread = np.linspace(0, len(core) - 1, SAMPLES).astype(np.int64)
+        spread = np.linspace(0, len(core) - 1, _SAMPLES).astype(np.int64)
         places.append(
-            Place(
+            ThinVoxels(
                 deepest=np.array([column, row, voxel]),
                 low=group[:, [1, 0, 2]].min(axis=0),
                 high=group[:, [1, 0, 3]].max(axis=0) + np.array([1, 1, 0]),
@@ -278,7 +273,7 @@ def _opened(words: Iterator[tuple[Bits, ...]], raster: Raster) -> Iterator[tuple
         yield region[first - low : last - low], opened[first - low : last - low]
 
 
-def _chunks(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]]:
+def _chunks(mesh: Mesh, band: PlanarBand, raster: Raster) -> Iterator[tuple[Bits, ...]]:
     # the band's voxels; sheets thinner than a voxel come from columns along the other two axes
     columns, _, voxels = raster.grid.shape
     sheets = np.concatenate(
@@ -295,10 +290,12 @@ def _chunks(mesh: Mesh, band: Band, raster: Raster) -> Iterator[tuple[Bits, ...]
         yield (bits,)
 
 
-def _thin_voxels(mesh: Mesh, band: Band, raster: Raster, turn: tuple[int, int, int]) -> IntArray:
+def _thin_voxels(
+    mesh: Mesh, band: PlanarBand, raster: Raster, turn: tuple[int, int, int]
+) -> IntArray:
     # voxels (n, 3) in the raster's axes where columns along another axis are one voxel thick
     found = [np.empty((0, 3), np.int64)]
-    for slab in iterate_columns(*turned(mesh, raster, turn), shortest=1):
+    for slab in iterate_columns(*_turned(mesh, raster, turn), shortest=1):
         thin = np.flatnonzero(slab.stop - slab.start == 1)
         column = np.searchsorted(slab.offsets, thin, side="right") - 1
         row, i = np.divmod(column, slab.grid.shape[0])
@@ -311,18 +308,18 @@ def _thin_voxels(mesh: Mesh, band: Band, raster: Raster, turn: tuple[int, int, i
 
 
 def _band_columns(
-    mesh: Mesh, band: Band, raster: Raster, rows: int
+    mesh: Mesh, band: PlanarBand, raster: Raster, rows: int
 ) -> Iterator[tuple[Columns, BoolArray]]:
     # columns along the raster's z, with the runs that lie in the band
     planes = np.array([band.low_mm, band.high_mm])
     cuts = planes[np.isfinite(planes)]
-    along, grid = turned(mesh, raster, (0, 1, 2))
+    along, grid = _turned(mesh, raster, (0, 1, 2))
     for slab in iterate_columns(along, grid, slab_rows=rows, shortest=1):
         labelled = label_by_planes(slab, band.normal[raster.order], cuts)
         yield labelled, labelled.label == int(np.isfinite(band.low_mm))
 
 
-def turned(mesh: Mesh, raster: Raster, turn: tuple[int, int, int]) -> tuple[Mesh, Grid]:
+def _turned(mesh: Mesh, raster: Raster, turn: tuple[int, int, int]) -> tuple[Mesh, Grid]:
     """Return mesh and grid with the raster's axes in another order."""
     axes = raster.order[list(turn)]
     odd = np.linalg.det(np.eye(3)[axes]) < 0  # a mirror image: turn the faces around
@@ -349,9 +346,9 @@ _POINTS = 7  # drawn along either edge of a cell and half a cell beyond it
 _BESIDE = 3  # rows on either side of a slab that cells reaching into it are told by
 
 
-def solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[Bits, ...]]:
+def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[Bits, ...]]:
     """Draw a closed mesh on a raster, slab by slab of `Raster.slab_rows` rows."""
-    along, grid = turned(mesh, raster, (0, 1, 2))
+    along, grid = _turned(mesh, raster, (0, 1, 2))
     corners = (along.vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     # rows are below 2^14: sorting whole ones takes a few passes over them
     row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
@@ -537,7 +534,7 @@ def thin_solid_places(
     widest = widest_passed_mm / raster.grid.pitch_mm[0]
     places = [
         place
-        for place in places_in(solid_words(mesh, raster), raster)
+        for place in _places_in(_solid_words(mesh, raster), raster)
         if np.sort(place.high - place.low)[2 if place.alone else 1] >= widest
     ]
     places.sort(key=lambda p: (-p.voxels, *p.low.tolist()))
@@ -593,7 +590,7 @@ def room_mm(
     return centres, diameters
 
 
-def _measured(mesh: Mesh, raster: Raster, place: Place, limit_mm: float) -> ThinPlace | None:
+def _measured(mesh: Mesh, raster: Raster, place: ThinVoxels, limit_mm: float) -> ThinPlace | None:
     pitch_mm = raster.grid.pitch_mm[0]
     voxels: IntArray = np.concatenate([place.deepest[None], place.core])
     points = np.array([raster.position_mm(voxel) for voxel in voxels])
@@ -644,7 +641,7 @@ _SOUND = 0.98  # of the minimum wall: walls drawn at the minimum come out rounde
 
 
 @dataclass(frozen=True)
-class Finding:
+class ThinWall:
     """A place that may not print.
 
     Attributes
@@ -679,14 +676,14 @@ class _Region:
 
     material: Hashable
     first: int
-    band: Band
+    band: PlanarBand
     thickness_mm: float
     inner_mm: FloatArray  # planes between its pieces
 
 
 def longest_checked_mm(minimum_wall_mm: float) -> float:
     """Return the longest extent of a part whose walls `thin_walls` can check."""
-    return (MOST_VOXELS - 3) * minimum_wall_mm / (2 * COARSEST_RADIUS + 1)
+    return (MOST_VOXELS - 3) * minimum_wall_mm / (2 * _COARSEST_RADIUS + 1)
 
 
 def thin_walls(
@@ -697,7 +694,7 @@ def thin_walls(
     minimum_wall_mm: float,
     *,
     limit: int = 20,
-) -> tuple[Finding, ...]:
+) -> tuple[ThinWall, ...]:
     """Find what is thinner than the minimum wall in the region of each material.
 
     Adjacent pieces of one material are one region. Places that touch are one finding.
@@ -740,13 +737,13 @@ def thin_walls(
             f"{len(levels)} levels make {len(levels) + 1} pieces, and there are {len(materials)} "
             "materials; give one for each piece"
         )
-    found: dict[Hashable, list[Finding]] = {}
+    found: dict[Hashable, list[ThinWall]] = {}
     unlisted: dict[Hashable, int] = {}
     for region in _regions(mesh, field, levels, materials):
-        findings, rest = _findings(mesh, region, minimum_wall_mm, limit)
+        findings, rest = _thin_walls_of(mesh, region, minimum_wall_mm, limit)
         found.setdefault(region.material, []).extend(findings)
         unlisted[region.material] = unlisted.get(region.material, 0) + rest
-    listed: list[Finding] = []
+    listed: list[ThinWall] = []
     for material, findings in found.items():
         findings.sort(key=lambda f: (-f.volume_mm3, f.label, f.place_mm))
         more = unlisted[material] + max(len(findings) - limit, 0)
@@ -774,7 +771,7 @@ def _regions(
     for material, group in itertools.groupby(range(len(materials)), key=materials.__getitem__):
         pieces = list(group)
         low, high = cuts[pieces[0]], cuts[pieces[-1] + 1]
-        band = Band(
+        band = PlanarBand(
             normal, low if low > start else -float(np.inf), high if high < end else float(np.inf)
         )
         thickness = min(high, end) - max(low, start)
@@ -784,14 +781,16 @@ def _regions(
     return regions
 
 
-def _findings(mesh: Mesh, region: _Region, wall_mm: float, limit: int) -> tuple[list[Finding], int]:
+def _thin_walls_of(
+    mesh: Mesh, region: _Region, wall_mm: float, limit: int
+) -> tuple[list[ThinWall], int]:
     """Return up to `limit` findings of a region, and how many places were not looked at."""
     raster = raster_for(*_bounds(mesh, region.band), wall_mm)
     drawn = _regions_drawn(region, raster.grid.pitch_mm[0])
     places = thin_places(mesh, drawn, raster)
     places.sort(key=lambda p: (-p.voxels, *p.low.tolist()))
     share = min(1.0, region.thickness_mm / raster.grid.pitch_mm[0])
-    findings: list[Finding] = []
+    findings: list[ThinWall] = []
     for seen, place in enumerate(places):
         if len(findings) == limit:
             return findings, len(places) - seen
@@ -801,7 +800,7 @@ def _findings(mesh: Mesh, region: _Region, wall_mm: float, limit: int) -> tuple[
     return findings, 0
 
 
-def _bounds(mesh: Mesh, band: Band) -> tuple[FloatArray, FloatArray]:
+def _bounds(mesh: Mesh, band: PlanarBand) -> tuple[FloatArray, FloatArray]:
     # of the part of the bounding box between the band's planes, by interval arithmetic
     low, high = mesh.bounds_mm
     terms = np.sort(np.stack([low * band.normal, high * band.normal]), axis=0)
@@ -815,18 +814,18 @@ def _bounds(mesh: Mesh, band: Band) -> tuple[FloatArray, FloatArray]:
     return narrow_low, narrow_high
 
 
-def _regions_drawn(region: _Region, pitch_mm: float) -> Band:
+def _regions_drawn(region: _Region, pitch_mm: float) -> PlanarBand:
     # a band thinner than a voxel is drawn one voxel thick, so that no centre misses it
     band = region.band
     spare = max(pitch_mm - region.thickness_mm, 0.0)
     if np.isfinite(band.low_mm) and np.isfinite(band.high_mm):
         spare /= 2
-    return Band(band.normal, band.low_mm - spare, band.high_mm + spare)
+    return PlanarBand(band.normal, band.low_mm - spare, band.high_mm + spare)
 
 
 def _measure(
-    mesh: Mesh, region: _Region, raster: Raster, place: Place, wall_mm: float, share: float
-) -> Finding | None:
+    mesh: Mesh, region: _Region, raster: Raster, place: ThinVoxels, wall_mm: float, share: float
+) -> ThinWall | None:
     pitch = raster.grid.pitch_mm[0]
     band = region.band
     centre, radius = inscribed_ball(
@@ -846,7 +845,7 @@ def _measure(
     x, y, z = centre.tolist()
     along = x * band.normal[0] + y * band.normal[1] + z * band.normal[2]
     small = place.alone and bool((extent - pitch < wall_mm).all())  # between voxel centres
-    return Finding(
+    return ThinWall(
         kind="fragment" if small else "thin-wall",
         label=region.first + int(np.searchsorted(region.inner_mm, along, side="right")),
         place_mm=(x, y, z),

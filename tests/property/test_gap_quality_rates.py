@@ -14,7 +14,7 @@ import pytest
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.quality import examine, predicted_stress_MPa
-from planner.gap.quality_records import Problem
+from planner.gap.quality_records import QualityProblem
 from planner.printers import printer
 from planner.simulation.bar import ProfileDesign
 
@@ -117,7 +117,7 @@ def clean(rng: Generator, *, tails: bool = False) -> Campaign:
     return Campaign("drawn", "connex3", PALETTE, tuple(specimens))
 
 
-def alarms(seeds: range, **options: bool) -> list[tuple[int, Problem]]:
+def alarms(seeds: range, **options: bool) -> list[tuple[int, QualityProblem]]:
     return [
         (seed, problem)
         for seed in seeds

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.virtual import imitate, planned_specimen, planned_strain, stated_effect
+from planner.gap.virtual import stated_effect, synthetic_campaign, virtual_specimen, virtual_strain
 from planner.palette import Palette, load_palette
 from planner.simulation.bar import ProfileDesign
 
@@ -45,9 +45,9 @@ def planned(palette: Palette) -> Planned:
             for k in range(replicates)
         ]
         rows += [{**USUAL, "batch": "b0", **one} for one in more]
-        strain = planned_strain(palette, [r["material"] for r in rows if "material" in r])
+        strain = virtual_strain(palette, [r["material"] for r in rows if "material" in r])
         specimens = [
-            planned_specimen(palette, id=f"S{k:03d}", strain=strain, camera=camera, **row)
+            virtual_specimen(palette, id=f"S{k:03d}", strain=strain, camera=camera, **row)
             for k, row in enumerate(rows)
         ]
         return Campaign("test", "connex3", palette, tuple(specimens), covariates)
@@ -68,7 +68,7 @@ def imitated(palette: Palette) -> Imitated:
 
     def measured(plan: Campaign, *effects: str, seed: int = 1, scatter: float = 0.03) -> Campaign:
         stated = [stated_effect(text, palette) for text in effects]
-        made = imitate(plan, stated, np.random.default_rng(seed), scatter=scatter)
+        made = synthetic_campaign(plan, stated, np.random.default_rng(seed), scatter=scatter)
         specimens = tuple(
             replace(new, covariates=old.covariates)
             for old, new in zip(plan.specimens, made.specimens, strict=True)

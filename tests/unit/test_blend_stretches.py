@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.grading.blends import laminated, stretches
+from planner.grading.blends import blend_segments, laminated
 from planner.grading.profile import Profile
 
 LADDER = (1.0, 2.0, 4.0, 10.0)
@@ -16,13 +16,13 @@ FALLING = Profile("falling", (0, 1), (12, 0.9), "linear")
 
 
 def test_stretches_part_where_the_target_passes_a_material():
-    found = stretches(RISING, LADDER)
+    found = blend_segments(RISING, LADDER)
     assert [(s.lower, s.upper) for s in found] == [(0, 1), (1, 2), (2, 3)]
     assert found[0].stop == pytest.approx(np.log10(2.0))
-    found = stretches(FALLING, LADDER)
+    found = blend_segments(FALLING, LADDER)
     assert [(s.lower, s.upper) for s in found] == [(3, 3), (2, 3), (1, 2), (0, 1), (0, 0)]
     assert not any(s.rising for s in found[1:4])
-    steps = stretches(Profile("s", (0, 0.5, 0.5, 1), (2, 2, 3, 3), "log"), LADDER)
+    steps = blend_segments(Profile("s", (0, 0.5, 0.5, 1), (2, 2, 3, 3), "log"), LADDER)
     assert [(s.lower, s.upper, s.run) for s in steps] == [(1, 1, 0), (1, 2, 1)]
 
 
@@ -36,7 +36,7 @@ def test_stretches_part_where_the_target_passes_a_material():
 def test_bands_in_turn_stretch_as_the_target_does(shape, start, end, periods):
     """Under one force each period elongates by the integral of the target's compliance."""
     profile = Profile("p", (0.0, 1.0), (start, end), shape)
-    laminate = laminated(profile, stretches(profile, LADDER), LADDER, periods)
+    laminate = laminated(profile, blend_segments(profile, LADDER), LADDER, periods)
     assert laminate[0][0].start == 0.0
     assert laminate[-1][0].stop == pytest.approx(1.0)
     own = sum((band.stop - band.start) / LADDER[band.grade] for band, _ in laminate)
@@ -52,6 +52,6 @@ def test_bands_in_turn_stretch_as_the_target_does(shape, start, end, periods):
 def test_bands_in_turn_begin_and_end_with_what_the_target_is_near_to(ends, periods):
     """What lies beyond a field that is held at its ends is all of the first or the last band."""
     profile = Profile("p", (0.0, 1.0), ends, "log")
-    laminate = laminated(profile, stretches(profile, LADDER), LADDER, periods)
+    laminate = laminated(profile, blend_segments(profile, LADDER), LADDER, periods)
     for (band, _), end in zip((laminate[0], laminate[-1]), ends, strict=True):
         assert band.grade == int(np.argmin(np.abs(np.log(np.array(LADDER) / end))))

@@ -17,17 +17,17 @@ from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError, FileError
 from planner.fields.basic import AxisField
 from planner.formats.threemf import read_threemf
-from planner.grading.blends import stretches
+from planner.grading.blends import blend_segments
 from planner.grading.dither import (
-    DealtField,
+    DitherField,
+    _dither_pieces,
     bayer_ranks,
     blue_noise_ranks,
-    deal_cells,
-    deal_voxels,
-    dealt_pieces,
+    count_cells,
+    dither_cells,
+    dither_voxels,
     dithered_profile,
     own_volumes,
-    tally,
     thresholds,
 )
 from planner.grading.profile import Profile, stiffness_scale
@@ -53,12 +53,12 @@ def bar(length=20.0):
 
 
 def dealt(mesh, profile, cell_mm, axis=(1.0, 0.0, 0.0)):
-    along = stretches(profile, LADDER)
+    along = blend_segments(profile, LADDER)
     n = np.array(axis) / np.linalg.norm(axis)
     reach = mesh.vertices @ n
     field = AxisField(tuple(n.tolist()), float(reach.min()), float(np.ptp(reach)))
-    pieces = dealt_pieces(along)
-    return DealtField(field, profile, LADDER, along, pieces, mesh.bounds_mm[0], cell_mm)
+    pieces = _dither_pieces(along)
+    return DitherField(field, profile, LADDER, along, pieces, mesh.bounds_mm[0], cell_mm)
 
 
 def check(mesh, field):
@@ -112,7 +112,7 @@ def test_volume_fractions_are_those_wanted():
     mesh = part(Manifold.cube([10, 10, 10]))
     for target in (2.3, 3.2):
         field = dealt(mesh, Profile("even", (0, 1), (target, target), "log"), 0.4)
-        counted = tally(mesh, field)
+        counted = count_cells(mesh, field)
         volumes = piece_volumes_mm3(check(mesh, field))
         achieved = volumes[1] / volumes.sum()
         # 15000 cells, less than half a tile: what is seen of it is even within a thousandth.
@@ -125,7 +125,7 @@ def test_a_tally_of_cells_is_near_the_exact_volumes():
     mesh = part(Manifold.sphere(4, 40))
     field = dealt(mesh, PROFILES["there and back"], 0.5)
     exact = piece_volumes_mm3(check(mesh, field))
-    counted = tally(mesh, field)
+    counted = count_cells(mesh, field)
     # Cells at the surface are counted by 27 of their points.
     np.testing.assert_allclose(
         counted.volume_mm3.sum(axis=0), exact, rtol=0, atol=0.02 * exact.sum()
@@ -155,15 +155,15 @@ def test_a_material_that_comes_back_is_not_walled_in():
 def test_voxels_and_cells_are_dealt_alike():
     limits = thresholds(blue_noise_ranks())
     fraction = np.random.default_rng(0).random((40, 33, 50)).astype(np.float32)
-    voxels = deal_voxels(fraction, limits)
+    voxels = dither_voxels(fraction, limits)
     cell = np.argwhere(np.ones(fraction.shape, dtype=bool))
-    cells = deal_cells(fraction.ravel().astype(float), cell, limits)
+    cells = dither_cells(fraction.ravel().astype(float), cell, limits)
     assert (voxels.ravel() == cells).mean() > 0.9999  # single against double precision
     for ranks in (bayer_ranks(), blue_noise_ranks()):
-        even = deal_voxels(np.full((64, 64, 64), 0.37, np.float32), thresholds(ranks))
+        even = dither_voxels(np.full((64, 64, 64), 0.37, np.float32), thresholds(ranks))
         assert even.mean() == pytest.approx(0.37, abs=1.0 / ranks.size)
     with pytest.raises(ArgumentError, match="power of two"):
-        deal_voxels(fraction, np.zeros((3, 3, 3)))
+        dither_voxels(fraction, np.zeros((3, 3, 3)))
 
 
 @pytest.fixture(scope="module")

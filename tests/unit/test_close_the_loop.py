@@ -17,7 +17,7 @@ from benchmarks.close_the_loop import (
     true_moduli_MPa,
 )
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.virtual import planned_specimen
+from planner.gap.virtual import virtual_specimen
 from planner.grading.grade import grade
 from planner.palette import Palette, Reference
 from planner.printers import printer
@@ -84,7 +84,7 @@ def test_a_measured_campaign_scatters_as_stated(palette) -> None:
 
 
 def _coupon(palette: Palette, number: int) -> Specimen:
-    return planned_specimen(
+    return virtual_specimen(
         palette, id=f"S{number}", gauge_mm=25.0, strain=0.3, material="FLX9760", width_mm=6.0,
         thickness_mm=3.0, rate_mm_s=0.85, temperature_C=23.0, soak_h=0.0, age_days=9.0,
         orientation="x", protocol="monotonic", batch="1",

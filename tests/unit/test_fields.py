@@ -6,9 +6,9 @@ from manifold3d import CrossSection, Manifold
 
 from planner.errors import ArgumentError
 from planner.fields.basic import (
-    Ball,
+    BallRegion,
     BlendField,
-    Box,
+    BoxRegion,
     ClampField,
     DistanceField,
     Field,
@@ -105,7 +105,7 @@ def test_harmonic_field_of_a_bar_is_linear_at_first_order():
     worst = []
     for pitch_mm in (0.5, 0.25):
         field = harmonic_field(
-            mesh, HalfSpace((2, 0, 0), (-1, 0, 0)), Box((10, -1, -1), (13, 4, 4)), pitch_mm
+            mesh, HalfSpace((2, 0, 0), (-1, 0, 0)), BoxRegion((10, -1, -1), (13, 4, 4)), pitch_mm
         )
         points = RNG.uniform([2, 0.5, 0.5], [10, 2.5, 2.5], (300, 3))
         worst.append(8 * np.abs(field.values(points) - (points[:, 0] - 2) / 8).max())
@@ -117,8 +117,8 @@ def test_harmonic_field_of_a_ring_segment_follows_the_bend():
     ring = CrossSection.circle(6, 90) - CrossSection.circle(4, 90)
     half = ring ^ CrossSection.square((20, 10)).translate((-10, 0))
     mesh = mesh_of(half.extrude(2))
-    start, end = HalfSpace((0, 0.3, 0), (0, -1, 0)), Ball((-5, 0, 1), 1.6)
-    start_only = Box((3, -1, -1), (7, 0.3, 3))
+    start, end = HalfSpace((0, 0.3, 0), (0, -1, 0)), BallRegion((-5, 0, 1), 1.6)
+    start_only = BoxRegion((3, -1, -1), (7, 0.3, 3))
     assert start.holds(np.array([[5.0, 0.0, 1.0]])).all()
     field = harmonic_field(mesh, start_only, end, 0.2)
     angle = np.linspace(0.3, 2.5, 12)
@@ -132,7 +132,7 @@ def test_geodesic_distance_goes_round_the_corner():
     mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
     errors = []
     for pitch_mm in (0.25, 0.125):
-        field = geodesic_field(mesh, Ball((1, 9, 1), 0.5), pitch_mm)
+        field = geodesic_field(mesh, BallRegion((1, 9, 1), 0.5), pitch_mm)
         # Straight to the inner corner at (2, 2), then straight on.
         length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
         found = field.cells.at(np.array([[9.0, 1.0, 1.0]]))[0]
@@ -151,9 +151,9 @@ def test_regions():
 @pytest.mark.parametrize(
     ("start", "end", "reason"),
     [
-        (HalfSpace((-9, 0, 0), (-1, 0, 0)), Ball((0, 0, 0), 9), "from= holds nothing"),
-        (Ball((0, 0, 0), 1), Ball((0, 0, 0), 1), "must lie apart"),
-        (Box((0, 0, 0), (1, 1, 1)), Box((2, 2, 2), (3, 3, 3)), "touches neither"),
+        (HalfSpace((-9, 0, 0), (-1, 0, 0)), BallRegion((0, 0, 0), 9), "from= holds nothing"),
+        (BallRegion((0, 0, 0), 1), BallRegion((0, 0, 0), 1), "must lie apart"),
+        (BoxRegion((0, 0, 0), (1, 1, 1)), BoxRegion((2, 2, 2), (3, 3, 3)), "touches neither"),
     ],
 )
 def test_regions_between_which_nothing_flows(start, end, reason):

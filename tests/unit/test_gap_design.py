@@ -13,7 +13,7 @@ from planner.gap.campaign import replicate_groups
 from planner.gap.design import (
     BATCHES,
     CampaignDesign,
-    Size,
+    SpecimenSize,
     candidates_of,
     design_campaign,
     filled,
@@ -21,7 +21,7 @@ from planner.gap.design import (
 )
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS
-from planner.gap.virtual import read_plan_of_campaign
+from planner.gap.virtual import read_design
 from planner.palette import Palette, load_palette
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
@@ -104,12 +104,12 @@ def test_an_effect_of_many_forms_weighs_no_more_than_another() -> None:
 
 def test_every_effect_has_candidates_that_make_it_testable(palette, made) -> None:
     for id, effect in EFFECTS.items():
-        candidates = candidates_of(palette, [id], Size())
+        candidates = candidates_of(palette, [id], SpecimenSize())
         assert untestable(effect, replace(made.campaign, specimens=candidates)) is None, id
 
 
 def test_sizes_are_the_labs_own(palette) -> None:
-    size = Size(width_mm=10.0, thickness_mm=4.0, gauge_mm=50.0)
+    size = SpecimenSize(width_mm=10.0, thickness_mm=4.0, gauge_mm=50.0)
     made = design_campaign(palette, ["orientation"], 4, size=size)
     assert {(s.width_mm, s.thickness_mm, s.gauge_mm) for s in made.campaign.specimens} == {
         (10.0, 4.0, 50.0)
@@ -122,7 +122,7 @@ def test_bars_where_boundaries_matter(palette, tmp_path, capsys) -> None:
     assert run([*arguments, str(tmp_path / "plan")]) in (0, 1)
     assert list((tmp_path / "plan" / "profiles").glob("*.csv"))
     assert "fields.csv" in capsys.readouterr().err
-    plan = read_plan_of_campaign(tmp_path / "plan", palette)
+    plan = read_design(tmp_path / "plan", palette)
     assert any(s.profile is not None for s in plan.specimens)
     assert run([*arguments, str(tmp_path / "plan.csv")]) == 2
     assert not (tmp_path / "plan.csv").exists()
@@ -141,7 +141,7 @@ def test_the_command_writes_a_campaign_to_be_measured(tmp_path, capsys, palette)
     document = json.loads(first + "\n}")
     assert [e["effect"] for e in document["expected"]] == ["rate", "moisture"]
     assert (tmp_path / "one" / "curves.csv").read_text().count("\n") == 1
-    plan = read_plan_of_campaign(tmp_path / "one", palette)
+    plan = read_design(tmp_path / "one", palette)
     assert len(plan.specimens) == document["specimens"]
     assert run(["gap", "diagnose", str(tmp_path / "one")]) == 2  # nothing is measured yet
     assert "no numbers" in capsys.readouterr().err
@@ -151,7 +151,7 @@ def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
     path = tmp_path / "plan.csv"
     arguments = ["gap", "design", "--effects", "orientation", "--budget", "4", "-q"]
     assert run([*arguments, "-o", str(path)]) in (0, 1)
-    assert len(read_plan_of_campaign(path, palette).specimens) == 4
+    assert len(read_design(path, palette).specimens) == 4
     assert run([*arguments, "-o", str(path)]) == 2  # it is there
 
 
@@ -182,4 +182,4 @@ def test_the_least_that_a_refusal_names_will_do(palette) -> None:
 
 def test_sizes_out_of_bounds_are_refused(palette) -> None:
     with pytest.raises(ArgumentError, match="--gauge-mm"):
-        design_campaign(palette, ["rate"], 8, size=Size(gauge_mm=float("nan")))
+        design_campaign(palette, ["rate"], 8, size=SpecimenSize(gauge_mm=float("nan")))

@@ -10,7 +10,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.effects import EFFECTS
-from planner.gap.virtual import imitate, planned_strain, read_plan_of_campaign, stated_effect
+from planner.gap.virtual import read_design, stated_effect, synthetic_campaign, virtual_strain
 from planner.materials.laws import make_law
 from planner.palette import Palette, load_palette
 
@@ -44,12 +44,12 @@ def listed(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def plan(listed: Path, palette: Palette) -> Campaign:
-    return read_plan_of_campaign(listed, palette, camera=True)
+    return read_design(listed, palette, camera=True)
 
 
 def made(plan: Campaign, *effects: str, scatter: float = 0.0, seed: int = 1) -> Campaign:
     stated = [stated_effect(text, plan.palette) for text in effects]
-    return imitate(plan, stated, np.random.default_rng(seed), scatter=scatter)
+    return synthetic_campaign(plan, stated, np.random.default_rng(seed), scatter=scatter)
 
 
 def test_without_effect_or_scatter_coupons_follow_the_law(plan, palette) -> None:
@@ -60,7 +60,7 @@ def test_without_effect_or_scatter_coupons_follow_the_law(plan, palette) -> None
         law = make_law(palette.resolve("FLX9760").law)
         force = 18.0 * law.nominal_stress_MPa(1.0 + s.strain)
         assert np.abs(s.force_N - force).max() < 5e-3 * force.max()
-    strain = planned_strain(palette, ["TangoPlus", "FLX9760", "FLX9795"])
+    strain = virtual_strain(palette, ["TangoPlus", "FLX9760", "FLX9795"])
     assert campaign.specimen("SIM-A1").strain.max() == pytest.approx(strain)
     assert strain < 0.6 * palette.resolve("FLX9795").elongation_at_break + 1e-12
 
@@ -87,7 +87,7 @@ def test_scatter_is_as_stated(palette, tmp_path) -> None:
     rows = [f"S{i},FLX9760,,6,3,25,0.85,23,0,9,x,monotonic,1" for i in range(200)]
     path = tmp_path / "many.csv"
     path.write_text(HEAD + "\n".join(rows) + "\n")
-    campaign = made(read_plan_of_campaign(path, palette), scatter=0.05)
+    campaign = made(read_design(path, palette), scatter=0.05)
     middle = np.log([s.force_N[70:90].mean() for s in campaign.specimens])
     assert np.std(middle) == pytest.approx(0.05, rel=4.0 / np.sqrt(400.0))
 
@@ -119,7 +119,7 @@ def test_the_command_writes_a_campaign_and_the_same_again(listed, tmp_path, caps
 
 def test_a_campaigns_specimens_are_followed_on_their_own_ways(listed, tmp_path, palette) -> None:
     assert run(["gap", "simulate", "--design", str(listed), "-o", str(tmp_path / "one"), "-q"]) == 0
-    plan = read_plan_of_campaign(tmp_path / "one", palette)
+    plan = read_design(tmp_path / "one", palette)
     first = read_campaign(tmp_path / "one")
     for old, new in zip(first.specimens, plan.specimens, strict=True):
         assert new.time_s[-1] == pytest.approx(old.time_s[-1], rel=1e-3)
@@ -153,4 +153,4 @@ def test_bad_designs_are_refused(plan, palette, tmp_path) -> None:
     path = tmp_path / "bare.csv"
     path.write_text("specimen,material,gauge_mm\nA,FLX9760,25\n")
     with pytest.raises(FileError, match="width_mm"):
-        read_plan_of_campaign(path, palette)
+        read_design(path, palette)

@@ -1,4 +1,4 @@
-"""Mounting a campaign: legs, shared tests, steps, slices and features."""
+"""Mounting a campaign: segments, shared tests, steps, slices and features."""
 
 from collections import Counter
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
-from planner.gap.observations import BRANCHES, mount
+from planner.gap.observations import BRANCHES, observation_model
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign, slice_edges_mm, step_places_mm
 from planner.simulation.bar_solver import law_tables, predict
@@ -53,9 +53,9 @@ def bar(id, design, *, rng, field=False):
     """A bar that follows the forward model, seen by a camera of 1 mm spacing."""
     blank = specimen(id)
     blank = replace(blank, material=None, profile=design)
-    mounted = mount(Campaign("c", "p", PALETTE, (blank,)))
-    found = predict(mounted.setup, LAWS)
-    steps_s = mounted.setup.time_s[0]
+    observed = observation_model(Campaign("c", "p", PALETTE, (blank,)))
+    found = predict(observed.setup, LAWS)
+    steps_s = observed.setup.time_s[0]
     force = np.interp(blank.time_s, steps_s, found.force_N[0])
     seen = None
     if field:
@@ -93,36 +93,38 @@ def mixed():
 
 
 @pytest.fixture(scope="module")
-def mounted(mixed):
-    return mount(mixed)
+def observed(mixed):
+    return observation_model(mixed)
 
 
-def test_replicates_share_a_test_whatever_their_batch(mounted):
-    assert mounted.tests == ((0, 3), (1, 6), (2,), (4,), (5,))
-    assert mounted.test_of.tolist() == [0, 1, 2, 0, 3, 4, 1]
-    assert mounted.limitations == ()
+def test_replicates_share_a_test_whatever_their_batch(observed):
+    assert observed.tests == ((0, 3), (1, 6), (2,), (4,), (5,))
+    assert observed.test_of.tolist() == [0, 1, 2, 0, 3, 4, 1]
+    assert observed.limitations == ()
 
 
-def test_legs_are_found(mounted):
-    kinds = [[leg.kind for leg in legs] for legs in mounted.legs]
+def test_legs_are_found(observed):
+    kinds = [[segment.kind for segment in segments] for segments in observed.segments]
     back_and_forth = ["loading", "unloading", "reloading", "unloading"]
     assert kinds == [["loading"], back_and_forth, ["loading"], ["loading", "hold"], ["loading"]]
-    ends = [leg.end_mm for leg in mounted.legs[1]]
+    ends = [segment.end_mm for segment in observed.segments[1]]
     # Turns lie between rows; the lines on both sides meet at the turn.
     np.testing.assert_allclose(ends, [5.0, 1.0, 10.0, 1.0], atol=1e-6)
-    np.testing.assert_allclose([leg.end_s for leg in mounted.legs[3]], [8.0, 308.0], atol=1e-6)
+    np.testing.assert_allclose(
+        [segment.end_s for segment in observed.segments[3]], [8.0, 308.0], atol=1e-6
+    )
 
 
-def test_steps_go_from_rest_through_all_legs(mounted):
-    setup = mounted.setup
+def test_steps_go_from_rest_through_all_legs(observed):
+    setup = observed.setup
     assert setup.time_s.shape == setup.travel_mm.shape == (5, 64)
     assert (setup.time_s[:, 0] == 0.0).all()
     assert (setup.travel_mm[:, 0] == 0.0).all()
     assert (np.diff(setup.time_s, axis=1) > 0.0).all()
-    for legs, leg_of_step in zip(mounted.legs, mounted.leg_of_step, strict=True):
-        assert min(Counter(leg_of_step.tolist()).values()) >= 6
-        assert len(set(leg_of_step.tolist())) == len(legs)
-    held = mounted.leg_of_step[3] == 1
+    for segments, segment_of_step in zip(observed.segments, observed.segment_of_step, strict=True):
+        assert min(Counter(segment_of_step.tolist()).values()) >= 6
+        assert len(set(segment_of_step.tolist())) == len(segments)
+    held = observed.segment_of_step[3] == 1
     since = setup.time_s[3, held] - 8.0
     # Even in the logarithm of time, but for halves of strides that features' steps leave.
     strides = np.diff(np.log1p(since / 0.3))
@@ -130,8 +132,8 @@ def test_steps_go_from_rest_through_all_legs(mounted):
     assert since[0] < 0.01 * since[-1]
 
 
-def test_covariates_are_the_records_or_unknown(mounted):
-    setup = mounted.setup
+def test_covariates_are_the_records_or_unknown(observed):
+    setup = observed.setup
     np.testing.assert_allclose(setup.rate_per_s, 1.0 / GAUGE_MM, rtol=1e-6)
     assert setup.known["temperature_C"].tolist() == [True, True, True, True, False]
     assert setup.temperature_C.tolist() == [23.0] * 5
@@ -141,9 +143,9 @@ def test_covariates_are_the_records_or_unknown(mounted):
     assert setup.is_bar.tolist() == [False, False, True, False, False]
 
 
-def test_features_lie_on_the_curves_within_noise(mounted):
-    raw = mounted.predicted(predict(mounted.setup, mounted.laws))
-    table = mounted.table
+def test_features_lie_on_the_curves_within_noise(observed):
+    raw = observed.predicted(predict(observed.setup, observed.laws))
+    table = observed.table
     assert np.bincount(table.specimen).tolist()[:2] == [8, 18]
     assert (np.diff(table.specimen) >= 0).all()
     force = ~table.is_field
@@ -152,11 +154,11 @@ def test_features_lie_on_the_curves_within_noise(mounted):
     assert np.std((raw - table.measured_raw)[force]) < 0.8 * NOISE_N
     # The camera's noise is 1e-4 a place, three places a bin; what is left is interpolation.
     assert np.abs(raw - table.measured_raw)[~force].max() < 5e-4
-    np.testing.assert_allclose(mounted.sensor_sd_N, NOISE_N, rtol=0.4)
+    np.testing.assert_allclose(observed.sensor_sd_N, NOISE_N, rtol=0.4)
 
 
-def test_features_by_branch(mounted):
-    table = mounted.table
+def test_features_by_branch(observed):
+    table = observed.table
     branches = [
         Counter(BRANCHES[b] for b in table.branch[table.specimen == place]) for place in range(7)
     ]
@@ -167,29 +169,29 @@ def test_features_by_branch(mounted):
     assert fields == 2 * 13  # of 39 places three a bin, at two instants
     held = table.time_s[(table.specimen == 4) & (table.branch == BRANCHES.index("hold"))]
     assert held[-1] == pytest.approx(300.0, rel=1e-3)  # since the hold began
-    steps = mounted.setup.travel_mm[table.test, table.step] / GAUGE_MM
+    steps = observed.setup.travel_mm[table.test, table.step] / GAUGE_MM
     np.testing.assert_allclose(table.strain, steps)
 
 
-def test_field_features_are_means_of_slices(mounted):
-    weights, table = mounted.field_weights, mounted.table
+def test_field_features_are_means_of_slices(observed):
+    weights, table = observed.field_weights, observed.table
     sums = np.bincount(weights.feature, weights.weight, minlength=len(table))
     np.testing.assert_allclose(sums, table.is_field.astype(float), atol=1e-12)
-    prediction = predict(mounted.setup, mounted.laws)
+    prediction = predict(observed.setup, observed.laws)
     even = replace(prediction, strain=np.full_like(prediction.strain, 0.123))
-    np.testing.assert_allclose(mounted.predicted(even)[table.is_field], 0.123)
+    np.testing.assert_allclose(observed.predicted(even)[table.is_field], 0.123)
 
 
-def test_written_and_read_campaign_mounts_alike(mixed, mounted, tmp_path):
-    again = mount(read_campaign(write_campaign(mixed, tmp_path / "c")))
-    assert again.tests == mounted.tests
+def test_written_and_read_campaign_mounts_alike(mixed, observed, tmp_path):
+    again = observation_model(read_campaign(write_campaign(mixed, tmp_path / "c")))
+    assert again.tests == observed.tests
     # Nine digits are written, of forces whose features a difference of noisy rows can magnify.
-    np.testing.assert_allclose(again.table.measured, mounted.table.measured, atol=1e-5)
+    np.testing.assert_allclose(again.table.measured, observed.table.measured, atol=1e-5)
 
 
 def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
     ends = [campaign(specimen("a"), specimen("b", ((0.0, 0.0), (end, end)))) for end in (9.0, 4.0)]
-    near, far = map(mount, ends)
+    near, far = map(observation_model, ends)
     assert near.tests == ((0, 1),)
     assert near.setup.travel_mm[0, -1] == pytest.approx(9.0)
     assert far.tests == ((0,), (1,))
@@ -197,14 +199,14 @@ def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
 
 def test_another_pace_is_another_test():
     slow = specimen("b", ((0.0, 0.0), (24.0, 12.0)))  # declared 1 mm/s, went at 0.5
-    found = mount(campaign(specimen("a"), slow))
+    found = observation_model(campaign(specimen("a"), slow))
     assert found.tests == ((0,), (1,))
     np.testing.assert_allclose(found.setup.rate_per_s * GAUGE_MM, [1.0, 0.5], rtol=1e-6)
 
 
 def test_measured_sections_are_allowed_for():
     thick = specimen("b", factor=1.1, measured_width_mm=11.0, measured_thickness_mm=3.0)
-    found = mount(campaign(specimen("a"), thick))
+    found = observation_model(campaign(specimen("a"), thick))
     assert found.tests == ((0, 1),)
     assert found.setup.area_mm2.tolist() == [pytest.approx(31.5)]
     np.testing.assert_allclose(found.measured_N[0], found.measured_N[1], rtol=1e-9, atol=1e-9)
@@ -214,20 +216,20 @@ def test_measured_sections_are_allowed_for():
 def test_only_what_came_before_a_break_counts():
     whole = specimen("a", rng=np.random.default_rng(0))
     force = np.where(whole.time_s > 8.0, 0.02 * whole.force_N, whole.force_N)
-    broken = mount(campaign(replace(whole, force_N=force)))
+    broken = observation_model(campaign(replace(whole, force_N=force)))
     assert 7.8 < broken.setup.travel_mm[0, -1] <= 8.0
     assert any("a: broke" in sentence for sentence in broken.limitations)
 
 
 def test_strain_beyond_the_laws_is_left_out():
-    far = mount(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
+    far = observation_model(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
     assert far.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.9 * GAUGE_MM)
-    firm = mount(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)), material="firm")))
+    firm = observation_model(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)), material="firm")))
     assert firm.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.5 * GAUGE_MM)
     rng = np.random.default_rng(1)
     graded = bar("a", SMOOTH, rng=rng)
     stretched = replace(graded, displacement_mm=graded.displacement_mm * 3.0)
-    found = mount(campaign(stretched))
+    found = observation_model(campaign(stretched))
     strain = predict(found.setup, found.laws).strain
     assert strain.max() <= 1.3 * 0.9 + 1e-6
     assert found.setup.travel_mm[0, -1] < 36.0
@@ -239,7 +241,10 @@ def test_noise_of_the_travel_makes_no_turns():
     for corners in (PULL, CYCLE, HOLD):
         clean = specimen("a", corners, rows=600)
         shaken = replace(clean, displacement_mm=clean.displacement_mm + 0.02 * rng.normal(size=600))
-        kinds = [[leg.kind for leg in mount(campaign(s)).legs[0]] for s in (clean, shaken)]
+        kinds = [
+            [segment.kind for segment in observation_model(campaign(s)).segments[0]]
+            for s in (clean, shaken)
+        ]
         assert kinds[0] == kinds[1]
 
 
@@ -247,7 +252,7 @@ def test_waiting_before_the_test_and_preload_are_taken_off():
     waiting = specimen("a", ((0.0, 0.0), (6.0, 0.0), (18.0, 12.0)))
     preload = specimen("b", ((0.0, 0.4), (11.6, 12.0)))
     for one in (waiting, preload):
-        found = mount(campaign(one)).setup
+        found = observation_model(campaign(one)).setup
         assert (found.time_s[0, 0], found.travel_mm[0, 0]) == (0.0, 0.0)
         # A wait is a rest within 0.4 % of the travel, so its end is known to as much.
         assert found.time_s[0, -1] == pytest.approx(12.0, abs=0.06)
@@ -258,8 +263,8 @@ def test_hold_after_a_ramp_of_two_rows_still_counts():
     travel = np.minimum(8.0 * time / 0.5, 8.0)
     force = 30.0 * LAWS.stress_MPa(0.0, travel / GAUGE_MM)
     fast = replace(specimen("a"), time_s=time, displacement_mm=travel, force_N=force)
-    found = mount(campaign(fast))
-    assert [leg.kind for leg in found.legs[0]] == ["loading", "hold"]
+    found = observation_model(campaign(fast))
+    assert [segment.kind for segment in found.segments[0]] == ["loading", "hold"]
     assert [BRANCHES[b] for b in found.table.branch] == ["loading"] + 5 * ["hold"]
 
 
@@ -267,8 +272,8 @@ def test_nothing_to_compare_is_refused():
     noise = np.random.default_rng(4).normal(size=240)
     idle = replace(specimen("a"), displacement_mm=0.01 * noise)
     with pytest.raises(FileError, match="no specimen loads"):
-        mount(campaign(idle))
-    partly = mount(campaign(specimen("b"), idle))
+        observation_model(campaign(idle))
+    partly = observation_model(campaign(specimen("b"), idle))
     assert partly.test_of.tolist() == [0, -1]
     assert "specimen a: no loading" in partly.limitations[0]
     assert np.isnan(partly.measured_N[1]).all()
@@ -276,7 +281,7 @@ def test_nothing_to_compare_is_refused():
 
 def test_unknown_section_is_one_and_said():
     bare = specimen("a", width_mm=None, thickness_mm=None)
-    found = mount(campaign(bare))
+    found = observation_model(campaign(bare))
     assert found.setup.area_mm2.tolist() == [1.0]
     assert not found.setup.known["width_mm"].any()
     assert "section is unknown" in found.limitations[0]
@@ -301,7 +306,7 @@ def test_slices_are_fine_at_steps_and_few():
 
 
 def test_slices_are_fine_enough_for_force_and_strain():
-    found = mount(campaign(bar("a", SMOOTH, rng=np.random.default_rng(5))))
+    found = observation_model(campaign(bar("a", SMOOTH, rng=np.random.default_rng(5))))
     setup = found.setup
     n = 4000
     fine = setup.with_(

@@ -9,8 +9,8 @@ import pytest
 from planner.gap.campaign import Campaign, Protocol, Specimen, StrainField
 from planner.gap.quality import examine, log_load, predicted_stress_MPa
 from planner.gap.quality_records import (
-    Kind,
-    Problem,
+    ProblemKind,
+    QualityProblem,
     clipping_problems,
     dead_cell_problems,
     dropouts,
@@ -63,7 +63,7 @@ def base(**changes: Any) -> list[Specimen]:
             for k in ks]  # fmt: skip
 
 
-def found(specimens: list[Specimen], kind: Kind) -> tuple[Problem, ...]:
+def found(specimens: list[Specimen], kind: ProblemKind) -> tuple[QualityProblem, ...]:
     problems = examine(campaign(*specimens))
     assert {p.kind for p in problems} <= {kind}
     return problems

@@ -10,7 +10,7 @@ import scipy.stats
 
 from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.diagnosis import Place
+from planner.gap.diagnosis import Location
 from planner.gap.localise import localise
 from planner.gap.localise_axes import (
     Noise,
@@ -70,7 +70,9 @@ class Case:
         shared = self.noise.shared @ rng.standard_normal(self.noise.shared.shape[1])
         return np.concatenate(pieces) + shared
 
-    def where(self, residual: FloatArray, *, seed: int = 1, draws: int = 999) -> tuple[Place, ...]:
+    def where(
+        self, residual: FloatArray, *, seed: int = 1, draws: int = 999
+    ) -> tuple[Location, ...]:
         return localise(
             self.campaign, self.table, residual, self.noise, np.random.default_rng(seed),
             permutations=draws,
@@ -179,7 +181,7 @@ BARS = case_of(
 )
 
 
-def named(places: Sequence[Place], axis: str) -> Place:
+def named(places: Sequence[Location], axis: str) -> Location:
     return next(p for p in places if p.axis == axis)
 
 

@@ -14,7 +14,7 @@ import trimesh
 from planner.errors import ArgumentError
 from planner.fields.basic import axis_field
 from planner.mesh.mesh import Mesh
-from planner.voxels.thin_places import Band, raster_for, thin_places, thin_walls
+from planner.voxels.thin_places import PlanarBand, raster_for, thin_places, thin_walls
 
 WALL = 0.6
 SHORT = 0.02 * WALL  # sizes are short of the true ones by at most this
@@ -198,7 +198,7 @@ def test_places_do_not_depend_on_slabs(slab_rows):
     fins = [box((4, 0.3, 8), centre=(0, 3.0 * i, 3)) for i in range(-2, 3)]
     plate = box((0.4, 20, 3), centre=(3, 0, -5), normal=(0.3, 0.2, 1))
     mesh = mesh_of(box((4, 16, 4), centre=(0, 0, -2)), *fins, plate)
-    band = Band(np.array([0.0, 0.0, 1.0]), -np.inf, 5.5)
+    band = PlanarBand(np.array([0.0, 0.0, 1.0]), -np.inf, 5.5)
     raster = raster_for(*mesh.bounds_mm, WALL)
     assert raster.grid.shape[1] > 3 * slab_rows
     whole = thin_places(mesh, band, raster)

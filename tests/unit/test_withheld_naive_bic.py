@@ -16,7 +16,7 @@ from benchmarks.withheld.reality.__main__ import main
 from benchmarks.withheld.scoring import read_answer
 from planner.errors import PlannerError
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.surrogate import branches_of, node_weights
+from planner.gap.evidence.surrogate import node_weights, signed_forms
 
 
 def test_schwarz_weighs_fit_against_parameters() -> None:
@@ -29,7 +29,7 @@ def test_schwarz_weighs_fit_against_parameters() -> None:
 
 
 def test_the_grid_finds_the_place_that_made_the_data() -> None:
-    branch = next(b for b in branches_of([EFFECTS["rate"]]) if b.form.name == "prony")
+    branch = next(b for b in signed_forms([EFFECTS["rate"]]) if b.form.name == "prony")
     nodes = np.random.default_rng(1).normal(size=(branch.nodes, 300))
     # A place of the grid itself: what is left is rounding
     place = [branch.least + 0.5 * (1.0 - branch.least), 0.25, -0.5]

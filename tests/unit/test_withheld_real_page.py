@@ -9,7 +9,7 @@ from benchmarks.withheld.real.expectations import EXPECTATIONS, probability_with
 from benchmarks.withheld.real.left_out_rate import LeftOutRate, left_out_rates, specimen_errors
 from benchmarks.withheld.real.page import Answered, page
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, Hypothesis, Place, Untestable
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, Hypothesis, Location, Untestable
 from planner.printers import printer
 
 PALETTE = printer("connex3").palette()
@@ -23,7 +23,7 @@ def diagnosis(verdict: str, *others: str, where: str = "material", **more: Any) 
     untested = (Untestable("rate", "no"), Untestable("temperature", "no"))
     changed = {
         "not_testable": untested,
-        "where": (Place(where, 0.8, (0.7, 0.9), 1e-4, "force 9 % above prediction"),),
+        "where": (Location(where, 0.8, (0.7, 0.9), 1e-4, "force 9 % above prediction"),),
         "gap": Gap(0.2, 0.1, 0.05, 0.67, (0.5, 0.8), 0.15, 0.12, "4 specimens left out"),
         "effect": (),
         **more,

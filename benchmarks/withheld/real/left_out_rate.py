@@ -10,7 +10,7 @@ from planner.gap.campaign import TOLERANCES, Campaign, levels
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effect import Stage
 from planner.gap.effects import effects_for
-from planner.gap.observations import mount
+from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import law_tables, predict
 
@@ -70,7 +70,7 @@ def specimen_errors(campaign: Campaign, found: tuple[FoundEffect, ...]) -> Float
 
     Effects of some specimens only say nothing of others and are left out.
     """
-    mounted = mount(campaign)
+    mounted = observation_model(campaign)
     effects = effects_for(campaign.palette)
     setup = mounted.setup
     acting = [one for one in found if not one.specimens]

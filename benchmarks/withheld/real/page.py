@@ -11,9 +11,9 @@ from planner.gap.effects import effects_for
 from planner.palette import Palette
 from planner.report.gap_text import (
     axis_words,
-    figure,
     headline,
     listed,
+    number_words,
     p_value,
     percent,
     probability,
@@ -186,7 +186,7 @@ def _rates(a: Answered) -> Iterator[str]:
         yield _table(
             heads,
             [
-                [figure(r.rate_mm_s), str(r.specimens), r.verdict, _percent(r.before),
+                [number_words(r.rate_mm_s), str(r.specimens), r.verdict, _percent(r.before),
                  _percent(r.after)]
                 for r in a.left_out
             ],

@@ -10,30 +10,29 @@ from scipy.special import logsumexp
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Branch, Candidate, Elimination, Gram, node_weights
+from planner.gap.evidence.surrogate import (
+    Candidate,
+    Elimination,
+    InnerProducts,
+    SignedForm,
+    node_weights,
+)
 from planner.gap.evidence.weigh import Effects, Priors, Refiner, Weighed
 from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
 
 __all__ = [
-    "LARGEST_SCATTER",
+    "FORMLESS",
     "UNKNOWN",
-    "caution",
+    "WIDTH_NATS",
     "class_of",
     "detectable_sizes",
-    "evened_out",
     "found_effects",
-    "misfits",
-    "most",
+    "heterogeneity_caution",
     "posterior",
     "ranking_of",
     "share_given_up",
-    "shy",
-    "signature_cosine",
     "verdict_of",
-    "with_unknown",
-    "with_unlike",
-    "without_misfits",
     "without_refuted",
 ]
 
@@ -44,14 +43,14 @@ __all__ = [
 
 UNKNOWN: Effects = ("unknown",)
 
-ALIKE_COSINE = 0.95
-ALIKE_NATS = 3.0
-SAME_COSINE = 0.99
+_ALIKE_COSINE = 0.95
+_ALIKE_NATS = 3.0
+_SAME_COSINE = 0.99
 
-LogOdds = Mapping[tuple[Effects, str], float]
+_LogOdds = Mapping[tuple[Effects, str], float]
 
 
-def posterior(runs: Sequence[LogOdds]) -> tuple[Hypothesis, ...]:
+def posterior(runs: Sequence[_LogOdds]) -> tuple[Hypothesis, ...]:
     """Return probabilities, most probable first, averaged over runs."""
     together: dict[Effects, float] = {}
     beside: dict[Effects, float] = {}
@@ -74,7 +73,7 @@ def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
     return ranking[0].effects
 
 
-def signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
+def _signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
     """Return the cosine of two candidates' whitened patterns, nuisances projected out."""
     first, second = _combination(problem, a), _combination(problem, b)
     m = weighed.nominal.products[: len(first), : len(first)]
@@ -87,7 +86,7 @@ def class_of(
 ) -> tuple[Effects, ...]:
     """Return the hypotheses that the data cannot tell from the verdict, itself first.
 
-    Those less than `ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
+    Those less than `_ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
     alike = [verdict]
@@ -95,7 +94,7 @@ def class_of(
     for h in ranking:
         if h.effects == verdict:
             continue
-        near = odds[h.effects] > odds[verdict] - ALIKE_NATS
+        near = odds[h.effects] > odds[verdict] - _ALIKE_NATS
         other = weighed.best.get(h.effects)
         if (
             not near
@@ -106,15 +105,15 @@ def class_of(
             near = (
                 mine.members is None
                 and other.members is None
-                and signature_cosine(problem, weighed, mine, other) > ALIKE_COSINE
-                and other.gain > mine.gain - 2.0 * ALIKE_NATS
+                and _signature_cosine(problem, weighed, mine, other) > _ALIKE_COSINE
+                and other.gain > mine.gain - 2.0 * _ALIKE_NATS
             )
         if near:
             alike.append(h.effects)
     return tuple(alike)
 
 
-def evened_out(
+def _evened_out(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
     """Return the ranking, the leading effect's probability shared with those that look the same.
@@ -132,8 +131,8 @@ def evened_out(
         if len(h.effects) == 1
         and (other := weighed.best.get(h.effects)) is not None
         and other.members is None
-        and abs(other.gain - mine.gain) < ALIKE_NATS
-        and signature_cosine(problem, weighed, mine, other) > SAME_COSINE
+        and abs(other.gain - mine.gain) < _ALIKE_NATS
+        and _signature_cosine(problem, weighed, mine, other) > _SAME_COSINE
     ]
     fits = np.array([weighed.best[h.effects].gain for h in alike])
     shares = np.exp(fits - logsumexp(fits)) * sum(h.probability for h in alike)
@@ -142,7 +141,7 @@ def evened_out(
     return tuple(sorted(found, key=lambda h: (-h.probability, h.effects)))
 
 
-def with_unknown(kept: Sequence[Hypothesis], lost: float) -> tuple[Hypothesis, ...]:
+def _with_unknown(kept: Sequence[Hypothesis], lost: float) -> tuple[Hypothesis, ...]:
     """Return a ranking of hypotheses that gave up a probability, and the unknown that takes it."""
     unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
     others = [h for h in kept if h.effects != UNKNOWN]
@@ -169,33 +168,35 @@ def _combination(problem: Problem, candidate: Candidate) -> FloatArray:
 # explanation, and its probability goes to the unknown.
 
 
-ALLOWED = 1.1
+_ALLOWED = 1.1
 """Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
 do not exceed by more than chance."""
 
-DEVIATIONS = 2.5
+_DEVIATIONS = 2.5
 
-MEASURED_LOG_SD = 0.2
+_MEASURED_LOG_SD = 0.2
 """Of the scatter's logarithm: below it replicates have measured it."""
 
 FORMLESS = 0.3
 """Share that goes to the unknown where no known form fits as it is."""
 
-EXPLAINED = 0.85
+_EXPLAINED = 0.85
 """Share of the excess mean square that stands for an effect even if its form is not exact: where an
 effect is a hundred times the noise, a form that is right to a few per cent leaves misfits."""
 
-HALF = 0.5
+_HALF = 0.5
 """Share below which departures do more than the effect that they are of."""
 
-ENOUGH_SPECIMENS = 6
-LEAST_SHARE, SHARE_EACH = 0.4, 0.065
+_ENOUGH_SPECIMENS = 6
+_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
 
-LEAST_PROBABILITY = 0.01
+_LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
 
 
-def misfits(problem: Problem, gram: Gram, candidate: Candidate) -> tuple[float, float]:
+def goodness_of_fit(
+    problem: Problem, gram: InnerProducts, candidate: Candidate
+) -> tuple[float, float]:
     """Return the mean square of what a candidate with effects leaves, 1 if it is right.
 
     Parameters
@@ -223,17 +224,17 @@ def misfits(problem: Problem, gram: Gram, candidate: Candidate) -> tuple[float, 
     return left, left
 
 
-def most(problem: Problem, rows: float) -> float:
+def largest_expected_misfit(problem: Problem, rows: float) -> float:
     """Return the mean square that a right hypothesis hardly exceeds.
 
     Without replicates scatter may be three times the usual, 9 %, and mean squares nine times.
     """
-    doubt = max(problem.scatter.log_sd - MEASURED_LOG_SD, 0.0) / (USUAL.log_sd - MEASURED_LOG_SD)
-    found = (ALLOWED + DEVIATIONS * np.sqrt(2.0 / rows)) * np.exp(2.0 * doubt * np.log(3.0))
+    doubt = max(problem.scatter.log_sd - _MEASURED_LOG_SD, 0.0) / (USUAL.log_sd - _MEASURED_LOG_SD)
+    found = (_ALLOWED + _DEVIATIONS * np.sqrt(2.0 / rows)) * np.exp(2.0 * doubt * np.log(3.0))
     return float(found)
 
 
-def without_misfits(
+def drop_poor_fits(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
     """Return the ranking, the probability of named hypotheses that do not fit given to unknown.
@@ -243,19 +244,19 @@ def without_misfits(
     judged one step more mildly.
     """
     gram = problem.whitened.gram()
-    limit = most(problem, gram.rows)
+    limit = largest_expected_misfit(problem, gram.rows)
     before = float(weighed.nominal.products[0, 0]) / gram.rows
     kept, lost = [], 0.0
     for h in ranking:
-        if h.effects in ((), UNKNOWN) or h.probability < LEAST_PROBABILITY:
+        if h.effects in ((), UNKNOWN) or h.probability < _LEAST_PROBABILITY:
             kept.append(h)
             continue
-        as_it_is, departing = misfits(problem, gram, weighed.best[h.effects])
+        as_it_is, departing = goodness_of_fit(problem, gram, weighed.best[h.effects])
         share = share_given_up(before, as_it_is, departing, limit)
         lost += share * h.probability
         if share < 1.0:
             kept.append(replace(h, probability=(1.0 - share) * h.probability))
-    return with_unknown(kept, lost) if lost else tuple(kept)
+    return _with_unknown(kept, lost) if lost else tuple(kept)
 
 
 def share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
@@ -269,21 +270,21 @@ def share_given_up(before: float, as_it_is: float, departing: float, limit: floa
     if as_it_is <= limit:
         return 0.0
     explained = 1.0 - (as_it_is - 1.0) / max(before - 1.0, 1e-12)
-    if explained >= EXPLAINED:
+    if explained >= _EXPLAINED:
         return 0.0 if departing <= limit else FORMLESS
-    return FORMLESS if explained >= HALF and departing <= limit else 1.0
+    return FORMLESS if explained >= _HALF and departing <= limit else 1.0
 
 
-def shy(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
+def temper_few_specimens(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
     """Return the ranking of a campaign of very few specimens: they show a gap, not its cause.
 
     What is named has at most 0.4 + 0.065 n together; the rest is unknown.
     """
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    share = LEAST_SHARE + SHARE_EACH * specimens
+    share = _LEAST_SHARE + _SHARE_EACH * specimens
     none = sum(h.probability for h in ranking if h.effects == ())
     most_named = share * (1.0 - none)
-    if specimens >= ENOUGH_SPECIMENS or named <= most_named:
+    if specimens >= _ENOUGH_SPECIMENS or named <= most_named:
         return tuple(ranking)
     kept = [
         replace(h, probability=h.probability * most_named / named)
@@ -291,34 +292,34 @@ def shy(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]
         else h
         for h in ranking
     ]
-    return with_unknown(kept, named - most_named)
+    return _with_unknown(kept, named - most_named)
 
 
 # ------------------------------------------------------------------------------------------------
 # Specimens that should be alike and are not: something differs that no column tells.
 
 
-LARGEST_SCATTER = 0.12
+_LARGEST_SCATTER = 0.12
 """Of replicates' levels: jetted specimens scatter by 1 to 9 %, and estimates are off by a third."""
 
 
-def with_unlike(problem: Problem, ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+def with_heterogeneity(problem: Problem, ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the ranking; where replicates are not alike, "none" gives way to the unknown.
 
     A gap no larger than what replicates differ by is no gap, unless they differ by what no print
     scatters: then the gap lies between them.
     """
     nothing = sum(h.probability for h in ranking if h.effects == ())
-    if not nothing or not _unlike(problem):
+    if not nothing or not _heterogeneous(problem):
         return tuple(ranking)
-    return with_unknown([h for h in ranking if h.effects != ()], nothing)
+    return _with_unknown([h for h in ranking if h.effects != ()], nothing)
 
 
-def caution(problem: Problem) -> str | None:
+def heterogeneity_caution(problem: Problem) -> str | None:
     """Return what to tell of replicates that are not alike; None where they are."""
-    if not _unlike(problem):
+    if not _heterogeneous(problem):
         return None
-    columns = _telling(problem.campaign, problem.mounted.tests)
+    columns = _telling(problem.campaign, problem.observed.tests)
     where = (
         f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which no "
         "effect claims"
@@ -331,9 +332,9 @@ def caution(problem: Problem) -> str | None:
     )
 
 
-def _unlike(problem: Problem) -> bool:
+def _heterogeneous(problem: Problem) -> bool:
     scatter = problem.scatter
-    return bool(scatter.degrees_of_freedom and scatter.specimen > LARGEST_SCATTER)
+    return bool(scatter.degrees_of_freedom and scatter.specimen > _LARGEST_SCATTER)
 
 
 def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
@@ -352,7 +353,7 @@ def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
 # From weighed hypotheses to the ranking that a diagnosis reports.
 
 
-GIVEN_UP = 0.7
+_GIVEN_UP = 0.7
 """Share of what is named that an explanation gives up which does not predict."""
 
 
@@ -362,9 +363,11 @@ def ranking_of(problem: Problem, weighed: Weighed) -> tuple[Hypothesis, ...]:
     What does not fit gives way to the unknown, what looks the same shares its probability, and few
     specimens name little; where replicates are not alike, something is at work.
     """
-    fitting = without_misfits(problem, weighed, posterior([weighed.log_odds]))
-    named = shy(evened_out(problem, weighed, fitting), len(problem.campaign.specimens))
-    return with_unlike(problem, named)
+    fitting = drop_poor_fits(problem, weighed, posterior([weighed.log_odds]))
+    named = temper_few_specimens(
+        _evened_out(problem, weighed, fitting), len(problem.campaign.specimens)
+    )
+    return with_heterogeneity(problem, named)
 
 
 def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -376,22 +379,22 @@ def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     kept = [
         h
         if h.effects in ((), UNKNOWN)
-        else replace(h, probability=(1.0 - GIVEN_UP) * h.probability)
+        else replace(h, probability=(1.0 - _GIVEN_UP) * h.probability)
         for h in ranking
     ]
-    lost = sum(GIVEN_UP * h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    return with_unknown(kept, lost)
+    lost = sum(_GIVEN_UP * h.probability for h in ranking if h.effects not in ((), UNKNOWN))
+    return _with_unknown(kept, lost)
 
 
 # ------------------------------------------------------------------------------------------------
 # How well a candidate's parameters are known.
 
 
-POINTS = 13
-DROP = 4.5
+_POINTS = 13
+_DROP = 4.5
 """Places whose log likelihood is lower than the best one's by this do not count."""
 
-LEVEL = 0.90
+_LEVEL = 0.90
 
 
 def found_effects(
@@ -432,13 +435,13 @@ def _found(products: FloatArray, candidate: Candidate, number: int) -> FoundEffe
     branch, place = candidate.branches[number], candidate.places[number]
     b, g = _inner(products, candidate, number)
     ends = [_reach(branch, place, d, b, g) for d in range(len(place))]
-    axes = [np.linspace(low, high, POINTS) for low, high in ends]
+    axes = [np.linspace(low, high, _POINTS) for low, high in ends]
     grid = list(product(*axes))
     weights = np.array([node_weights(branch, point) for point in grid])
     log = weights @ b - 0.5 * np.sum((weights @ g) * weights, axis=1)
     # The prior of a size is uniform in its logarithm: ds / s.
     log -= np.log([point[0] for point in grid])
-    mass = np.exp(log - log.max()).reshape([POINTS] * len(axes))
+    mass = np.exp(log - log.max()).reshape([_POINTS] * len(axes))
     interval: dict[str, tuple[float, float]] = {}
     best = branch.values(place)
     for d, parameter in enumerate(branch.form.parameters):
@@ -471,9 +474,9 @@ def _inner(
 
 
 def _reach(
-    branch: Branch, place: tuple[float, ...], d: int, b: FloatArray, g: FloatArray
+    branch: SignedForm, place: tuple[float, ...], d: int, b: FloatArray, g: FloatArray
 ) -> tuple[float, float]:
-    """Return how far along one direction the likelihood has not dropped by `DROP`."""
+    """Return how far along one direction the likelihood has not dropped by `_DROP`."""
     low, high = (branch.least, 1.0) if d == 0 else (-1.0, 1.0)
 
     def drop(x: float) -> float:
@@ -487,12 +490,12 @@ def _reach(
     ends = []
     for end in (low, high):
         inside, outside = place[d], end
-        if drop(end) <= DROP:
+        if drop(end) <= _DROP:
             ends.append(end)
             continue
         for _ in range(20):
             middle = 0.5 * (inside + outside)
-            inside, outside = (middle, outside) if drop(middle) <= DROP else (inside, middle)
+            inside, outside = (middle, outside) if drop(middle) <= _DROP else (inside, middle)
         ends.append(outside)
     # Other parameters move along: the reach at held ones is too short by up to this.
     widen = 1.0 if len(place) == 1 else 2.5
@@ -505,7 +508,7 @@ def _reach(
 def _quantiles(at: FloatArray, mass: FloatArray) -> tuple[float, float]:
     share = np.cumsum(mass)
     share = (share - 0.5 * mass) / share[-1]
-    tail = 0.5 * (1.0 - LEVEL)
+    tail = 0.5 * (1.0 - _LEVEL)
     low, high = np.interp([tail, 1.0 - tail], share, at).tolist()
     return low, high
 
@@ -544,7 +547,7 @@ def detectable_sizes(
 
 
 def _smallest(
-    problem: Problem, elimination: Elimination, branch: Branch, needed: float
+    problem: Problem, elimination: Elimination, branch: SignedForm, needed: float
 ) -> float | None:
     first = problem.nodes.start + branch.first
     own = slice(first, first + branch.nodes)

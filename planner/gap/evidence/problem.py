@@ -9,11 +9,11 @@ import scipy.linalg
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.effect import Effect, Stage
 from planner.gap.evidence.surrogate import (
-    Branch,
     Candidate,
+    SignedForm,
     Whitened,
-    branches_of,
     node_weights,
+    signed_forms,
     whiten,
 )
 from planner.gap.noise import (
@@ -22,32 +22,25 @@ from planner.gap.noise import (
     SpecimenNoise,
     calibration_columns,
     calibrations,
-    course_columns,
+    discrepancy_columns,
     estimate_scatter,
     field_columns,
     place_on_path,
     specimen_noise,
     step,
 )
-from planner.gap.observations import BRANCHES, FeatureTable, Mounted
+from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import LawTables, Setup, predict, predict_all
 
 __all__ = [
     "AMPLITUDES",
-    "Departures",
-    "Factors",
     "Problem",
-    "Progress",
-    "UnknownAxis",
     "applied",
-    "claimed_axes",
     "departures",
-    "discrepancy_factors",
     "own_axes",
     "set_up",
     "specimen_forces_N",
-    "unknown_axes",
 ]
 
 
@@ -63,16 +56,16 @@ __all__ = [
 # anything, if only it is large enough.
 
 
-SD = 0.15
+_SD = 0.15
 """Of an effect's size from branch to branch and from level to level."""
 
-MATERIAL_SD = 0.40
+_MATERIAL_SD = 0.40
 """Of its size from material to material: how effects go with the mixture is hardly known."""
 
-COURSE_SD = 0.45
+SHAPE_SD = 0.45
 """Of its change from the beginning of a path to its end."""
 
-TEST_SD = 0.06
+_TEST_SD = 0.06
 """Of its size from test to test and branch to branch, whatever they are."""
 
 _LEVELS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "thickness_mm", "width_mm")
@@ -100,30 +93,30 @@ class Factors:
         return self.path
 
 
-def discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
+def _discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
     """Return what any effect's form may depart by in a campaign."""
     specimens = campaign.specimens
-    path: list[FloatArray] = [SD * (table.branch == k) for k in range(len(BRANCHES))]
+    path: list[FloatArray] = [_SD * (table.branch == k) for k in range(len(BRANCHES))]
     peak = np.zeros(len(specimens))
     np.maximum.at(peak, table.specimen, table.strain)
     travel = 2.0 * table.strain / np.maximum(peak[table.specimen], 1e-12) - 1.0
-    path += [COURSE_SD * travel * (table.branch == k) for k in range(len(BRANCHES))]
-    path.append(COURSE_SD * (2.0 * travel**2 - 1.0))
+    path += [SHAPE_SD * travel * (table.branch == k) for k in range(len(BRANCHES))]
+    path.append(SHAPE_SD * (2.0 * travel**2 - 1.0))
     hold = table.branch == BRANCHES.index("hold")
     if hold.any():
         decades = np.log10(np.maximum(table.time_s, 0.1) / 10.0)
-        path += [COURSE_SD * hold * decades, COURSE_SD * hold * (decades**2 - 0.5)]
+        path += [SHAPE_SD * hold * decades, SHAPE_SD * hold * (decades**2 - 0.5)]
     for test in np.unique(table.test).tolist():
         of_test = table.test == test
         path += [
-            TEST_SD * (of_test & (table.branch == k))
+            _TEST_SD * (of_test & (table.branch == k))
             for k in np.unique(table.branch[of_test]).tolist()
         ]
     cells: list[tuple[float, Sequence[object]]] = [
-        (SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
+        (_SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
     ]
     pieces = [s.material if s.profile is None else s.profile.name for s in specimens]
-    cells += [(MATERIAL_SD, pieces), (SD, [s.orientation for s in specimens])]
+    cells += [(_MATERIAL_SD, pieces), (_SD, [s.orientation for s in specimens])]
     conditions: list[FloatArray] = []
     for sd, cell in cells:
         distinct = list(dict.fromkeys(cell))
@@ -193,15 +186,15 @@ def departures(
 AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 """Standard deviations of an unknown pattern, of the logarithm of force."""
 
-NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",
+_NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",
            "gauge_mm")  # fmt: skip
-ANY = "any"
+_ANY = "any"
 """All axes at once that effects claim: what is left when the right effect is not in the library."""
 
-CURVED = 0.4
+_CURVED = 0.4
 """Size of a course that bends or steps along a column, relative to a straight one's."""
 
-CHANGING = 0.4
+_CHANGING = 0.4
 """Size of what changes along a path, relative to what multiplies the whole of it."""
 
 _FIELD = BRANCHES.index("field")
@@ -217,7 +210,7 @@ class UnknownAxis:
     claimed: bool
 
 
-def unknown_axes(
+def _unknown_axes(
     campaign: Campaign,
     table: FeatureTable,
     sensitivity: FloatArray,
@@ -240,12 +233,12 @@ def unknown_axes(
     np.maximum.at(peak, table.specimen, table.strain)
     travel = table.strain / np.maximum(peak[table.specimen], 1e-12) - 0.5
     found = []
-    for name in (*NUMERIC, "orientation", "batch", *campaign.covariates):
+    for name in (*_NUMERIC, "orientation", "batch", *campaign.covariates):
         patterns = _specimen_patterns([_cell(s, name) for s in specimens])
         if patterns is None:
             continue
         rows = patterns[table.specimen]
-        changing = CHANGING * 2.0 * h * travel
+        changing = _CHANGING * 2.0 * h * travel
         columns = np.concatenate([rows * h[:, None], rows * changing[:, None]], axis=1)
         found.append(_axis(name, columns, claimed))
     strain = np.minimum(table.strain, 1.0)
@@ -272,7 +265,7 @@ def unknown_axes(
     found = [axis for axis in found if axis.columns.shape[1]]
     known = [axis.columns for axis in found if axis.claimed and axis.axis not in own]
     if len(known) > 1:
-        found.append(UnknownAxis(ANY, np.concatenate(known, axis=1), True))
+        found.append(UnknownAxis(_ANY, np.concatenate(known, axis=1), True))
     return tuple(found)
 
 
@@ -281,7 +274,7 @@ def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
     return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
 
 
-def claimed_axes(effects: Sequence[Effect]) -> frozenset[str]:
+def _claimed_axes(effects: Sequence[Effect]) -> frozenset[str]:
     """Return the axes along which effects vary."""
     return frozenset(own_axes(effects)).union(*[e.where for e in effects])
 
@@ -313,7 +306,7 @@ def _specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
         bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > 0.05)
-        patterns = np.stack([t, CURVED * bend, CURVED * leap], axis=1)
+        patterns = np.stack([t, _CURVED * bend, _CURVED * leap], axis=1)
     else:
         if len(distinct) > max(2, len(values) // 2):
             return None
@@ -343,7 +336,7 @@ def _position_patterns(
 # A campaign made ready for weighing: every column that any hypothesis needs, whitened.
 
 
-Progress = Callable[[int, int, str], None]
+_Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -365,8 +358,8 @@ class Problem:
     """
 
     campaign: Campaign
-    mounted: Mounted
-    branches: tuple[Branch, ...]
+    observed: ObservationModel
+    branches: tuple[SignedForm, ...]
     scatter: Scatter
     noise: SpecimenNoise
     ways: tuple[Calibration, ...]
@@ -383,12 +376,12 @@ class Problem:
     @property
     def laws(self) -> LawTables:
         """The palette's laws."""
-        return self.mounted.laws
+        return self.observed.laws
 
     @property
     def table(self) -> FeatureTable:
         """The figures."""
-        return self.mounted.table
+        return self.observed.table
 
     @property
     def nodes(self) -> slice:
@@ -423,21 +416,21 @@ class Problem:
 
 def set_up(
     campaign: Campaign,
-    mounted: Mounted,
+    observed: ObservationModel,
     effects: Sequence[Effect],
-    progress: Progress | None = None,
+    progress: _Progress | None = None,
 ) -> Problem:
     """Run the forward model at every node of every form, and whiten what comes out."""
-    branches = branches_of(effects)
-    ways = calibrations(campaign.palette, mounted.setup)
-    setups: list[Setup] = [mounted.setup]
-    setups += [way.applied(mounted.setup, step(way)) for way in ways]
+    branches = signed_forms(effects)
+    ways = calibrations(campaign.palette, observed.setup)
+    setups: list[Setup] = [observed.setup]
+    setups += [way.applied(observed.setup, step(way)) for way in ways]
     for branch in branches:
-        setups += [branch.form.apply(mounted.setup, v) for v in branch.node_values()]
-    table = mounted.table
+        setups += [branch.form.apply(observed.setup, v) for v in branch.node_values()]
+    table = observed.table
     figures = np.empty((len(setups), len(table)))
-    for k, prediction in enumerate(predict_all(setups, mounted.laws)):
-        figures[k] = mounted.predicted(prediction)
+    for k, prediction in enumerate(predict_all(setups, observed.laws)):
+        figures[k] = observed.predicted(prediction)
         if progress is not None and k % 20 == 0:
             progress(k, len(setups), "forward model")
     unpredicted = figures[0].copy()
@@ -448,19 +441,19 @@ def set_up(
         np.where(np.abs(table.measured_raw) > np.abs(unpredicted), table.measured_raw, unpredicted)
     )
     batch_of = _batches(campaign)
-    path = place_on_path(table, mounted.setup.time_s.shape[1] - 1)
-    noise_inputs = (mounted.sensor_sd_N, batch_of, path)
+    path = place_on_path(table, observed.setup.time_s.shape[1] - 1)
+    noise_inputs = (observed.sensor_sd_N, batch_of, path)
     scatter = estimate_scatter(table, sensitivity, *noise_inputs)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = calibration_columns(ways, changes[: len(ways)], np.zeros(len(table)))
     courses = np.concatenate(
-        [course_columns(campaign, table, sensitivity),
+        [discrepancy_columns(campaign, table, sensitivity),
          field_columns(table, unpredicted, sensitivity)], axis=1,
     )  # fmt: skip
     calibration = np.concatenate([calibration, courses], axis=1)
     chord = table.chord(unpredicted)
-    claimed, own = claimed_axes(effects), own_axes(effects)
-    unknown = unknown_axes(campaign, table, chord, claimed, own)
+    claimed, own = _claimed_axes(effects), own_axes(effects)
+    unknown = _unknown_axes(campaign, table, chord, claimed, own)
     gains = np.where(table.branch != _FIELD, chord, 0.0)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )
@@ -472,7 +465,7 @@ def set_up(
     nuisances = calibration.shape[1] + noise.batch.shape[1]
     return Problem(
         campaign=campaign,
-        mounted=mounted,
+        observed=observed,
         branches=branches,
         scatter=scatter,
         noise=noise,
@@ -483,7 +476,7 @@ def set_up(
         node_figures=changes[len(ways) :],
         calibration_figures=calibration.T,
         whitened=whiten(columns, noise, nuisances),
-        factors=discrepancy_factors(campaign, table),
+        factors=_discrepancy_factors(campaign, table),
         unknown=unknown,
         first_unknown=1 + len(changes) - len(ways) + gains.shape[1],
     )
@@ -523,9 +516,9 @@ def specimen_forces_N(problem: Problem, candidate: Candidate, setup: Setup) -> F
         Without the candidate's effects.
     """
     force = predict(applied(candidate, setup), problem.laws).force_N
-    mounted = problem.mounted
+    observed = problem.observed
     rows = [0] * len(problem.campaign.specimens)
-    for test, members in enumerate(mounted.tests):
+    for test, members in enumerate(observed.tests):
         for place in members:
             rows[place] = test
     forces: FloatArray = force[rows]

@@ -7,18 +7,19 @@ import numpy as np
 from scipy.special import logsumexp
 
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Branch, Candidate, Elimination
+from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm
 from planner.gap.noise import Scatter
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
-    "Pair",
+    "FORCE_UNITS",
+    "SHARES",
     "Pairs",
     "Search",
     "Singles",
     "best_pair",
     "best_single",
-    "best_subset",
+    "gains_of",
     "scan_pairs",
     "weigh_single",
     "weigh_subset",
@@ -334,7 +335,7 @@ _SETTLED = 1e-4
 
 
 @kernel
-def best_subset(
+def _best_subset(
     b: FloatArray, h: FloatArray, gammas: FloatArray, shares: FloatArray,
     belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
 ) -> int:  # fmt: skip
@@ -408,10 +409,10 @@ def best_subset(
 # The best parameters of every form and of the pairs that matter.
 
 
-PAIRS = 30
+_PAIRS = 30
 """Pairs of effects that pass the scan."""
 
-FORMS = 3
+_FORMS = 3
 """Combinations of forms of such a pair that are weighed."""
 
 
@@ -434,7 +435,7 @@ class Pairs:
     evidence: FloatArray
 
 
-Pair = tuple[int, int]
+_Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -479,12 +480,12 @@ class Search:
         sizes = np.zeros((count, count, 2))
         scan_pairs(*self.inner(elimination), self.firsts, self.shapes, self.lows, place,
                    self.effect, gain, sizes)  # fmt: skip
-        groups: dict[Pair, list[tuple[float, int, int]]] = {}
+        groups: dict[_Pair, list[tuple[float, int, int]]] = {}
         for k, other in np.argwhere(np.isfinite(gain)).tolist():
             low, high = sorted((int(self.effect[k]), int(self.effect[other])))
             groups.setdefault((low, high), []).append((float(gain[k, other]), k, other))
         ranked = sorted((sorted(group, reverse=True) for group in groups.values()), reverse=True)
-        chosen = [(k, o) for group in ranked[:PAIRS] for _, k, o in group[:FORMS]]
+        chosen = [(k, o) for group in ranked[:_PAIRS] for _, k, o in group[:_FORMS]]
         starts = np.zeros((len(chosen), 6))
         for row, (k, other) in enumerate(chosen):
             starts[row, :3], starts[row, 3:] = place[k], place[other]
@@ -516,7 +517,7 @@ class Search:
         self, numbers: Sequence[int], places: Sequence[FloatArray], gain: float, evidence: float
     ) -> Candidate:
         """Return the candidate of branches by number, effects sorted."""
-        branches: list[Branch] = [self.problem.branches[k] for k in numbers]
+        branches: list[SignedForm] = [self.problem.branches[k] for k in numbers]
         order = sorted(range(len(branches)), key=lambda i: branches[i].effect.id)
         cut = [tuple(p[: 1 + b.shapes].tolist()) for b, p in zip(branches, places, strict=True)]
         return Candidate(
@@ -538,19 +539,19 @@ FORCE_UNITS = (4.4482216152605, 9.80665, 25.4)
 _GAINS = np.geomspace(0.05, 0.6, 24)
 _UNITS = np.log(FORCE_UNITS)
 
-DISTINCT = 2.5
+_DISTINCT = 2.5
 """Deviations of the specimens' scatter by which a gain must exceed it: smaller ones are scatter."""
 
 SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
 """Of specimens that are members."""
 
-LEAST_MEMBERS = 2
+_LEAST_MEMBERS = 2
 """One specimen alone is an outlier of the data, not an effect."""
 
 
 def gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
     """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
-    some = _GAINS[DISTINCT * scatter.specimen <= _GAINS]
+    some = _GAINS[_DISTINCT * scatter.specimen <= _GAINS]
     gains = np.concatenate([some, -some, _UNITS, -_UNITS])
     of_units = np.arange(len(gains)) >= 2 * len(some)
     prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
@@ -592,11 +593,11 @@ def _best(b: FloatArray, h: FloatArray, beside: Candidate, scatter: Scatter) -> 
     gammas, prior = gains_of(scatter)
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty(len(gammas))
-    at = int(best_subset(b, h, gammas, SHARES, belief, best, evidence))
+    at = int(_best_subset(b, h, gammas, SHARES, belief, best, evidence))
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
-    if members.sum() < LEAST_MEMBERS:
+    if members.sum() < _LEAST_MEMBERS:
         total = -np.inf
     return replace(
         beside,

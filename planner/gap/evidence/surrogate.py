@@ -15,15 +15,14 @@ from planner.numerics import FloatArray, IntArray
 __all__ = [
     "SHAPE_NODES",
     "SIZE_NODES",
-    "Branch",
     "Candidate",
     "Elimination",
-    "Gram",
+    "InnerProducts",
+    "SignedForm",
     "Whitened",
-    "branches_of",
-    "figures_of",
+    "interpolated_features",
     "node_weights",
-    "value_at",
+    "signed_forms",
     "whiten",
 ]
 
@@ -46,7 +45,7 @@ Times of relaxation over decades take five."""
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class SignedForm:
     """One form with one sign of its size.
 
     Attributes
@@ -81,7 +80,7 @@ class Branch:
         size = self.form.size
         values = {size.name: self.sign * size.high * place[0] ** 2}
         for parameter, at in zip(self.form.parameters[1:], place[1:], strict=True):
-            values[parameter.name] = value_at(parameter, at)
+            values[parameter.name] = _value_at(parameter, at)
         return values
 
     def node_values(self) -> list[dict[str, float]]:
@@ -95,7 +94,7 @@ class Branch:
         return float((self.form.size.low / self.form.size.high) ** 0.5)
 
 
-def value_at(parameter: Parameter, at: float) -> float:
+def _value_at(parameter: Parameter, at: float) -> float:
     """Return a shape parameter's value at a place of its range, -1 to 1."""
     share = 0.5 * (at + 1.0)
     if parameter.log:
@@ -103,16 +102,16 @@ def value_at(parameter: Parameter, at: float) -> float:
     return float(parameter.low + share * (parameter.high - parameter.low))
 
 
-def branches_of(effects: Sequence[Effect]) -> tuple[Branch, ...]:
+def signed_forms(effects: Sequence[Effect]) -> tuple[SignedForm, ...]:
     """Return all branches of the effects, numbered, with their nodes one after another."""
-    found: list[Branch] = []
+    found: list[SignedForm] = []
     first = 0
     for effect in effects:
         for form in effect.forms:
             signs = (1.0, -1.0) if form.size.signed else (1.0,)
             for sign in signs:
                 weight = form.weight / sum(f.weight for f in effect.forms) / len(signs)
-                branch = Branch(len(found), effect, form, sign, first, weight)
+                branch = SignedForm(len(found), effect, form, sign, first, weight)
                 found.append(branch)
                 first += branch.nodes
     return tuple(found)
@@ -143,14 +142,14 @@ class Candidate:
     """
 
     effects: tuple[str, ...]
-    branches: tuple[Branch, ...] = ()
+    branches: tuple[SignedForm, ...] = ()
     places: tuple[tuple[float, ...], ...] = ()
     gain: float = 0.0
     log_evidence: float = 0.0
     members: FloatArray | None = None
     log_gain: float = 0.0
 
-    def values(self) -> list[tuple[Branch, Values]]:
+    def values(self) -> list[tuple[SignedForm, Values]]:
         """Return the branches with their parameters' values."""
         pairs = zip(self.branches, self.places, strict=True)
         return [(branch, branch.values(place)) for branch, place in pairs]
@@ -173,14 +172,14 @@ class Candidate:
 # Interpolation weights of a branch's nodes, and the figures of a candidate by them.
 
 
-def node_weights(branch: Branch, place: Sequence[float]) -> FloatArray:
+def node_weights(branch: SignedForm, place: Sequence[float]) -> FloatArray:
     """Return the weight of each node of a branch at a place."""
     size = _lagrange((0.0, *SIZE_NODES), place[0])[1:]
     shapes = [_lagrange(nodes, at) for nodes, at in zip(SHAPE_NODES, place[1:], strict=False)]
     return np.array([np.prod(parts) for parts in product(size, *shapes)])
 
 
-def figures_of(candidate: Candidate, node_figures: FloatArray) -> FloatArray:
+def interpolated_features(candidate: Candidate, node_figures: FloatArray) -> FloatArray:
     """Return how a candidate's effects change the figures, by interpolation, (N,)."""
     total = np.zeros(node_figures.shape[1])
     for branch, place in zip(candidate.branches, candidate.places, strict=True):
@@ -216,19 +215,19 @@ class Whitened:
     first_row: IntArray
     nuisances: int
 
-    def gram(self, weight: FloatArray | None = None) -> "Gram":
+    def gram(self, weight: FloatArray | None = None) -> "InnerProducts":
         """Return the inner products, specimens weighted by `weight` (n,)."""
         counts = np.diff(self.first_row)
         if weight is None:
-            return Gram(self.columns.T @ self.columns, float(counts.sum()), self.nuisances)
+            return InnerProducts(self.columns.T @ self.columns, float(counts.sum()), self.nuisances)
         rows = np.repeat(weight, counts)
         kept = rows > 0.0
         part = self.columns[kept] * np.sqrt(rows[kept])[:, None]
-        return Gram(part.T @ part, float(rows.sum()), self.nuisances)
+        return InnerProducts(part.T @ part, float(rows.sum()), self.nuisances)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gram:
+class InnerProducts:
     """Inner products (X, X) of weighted columns and the weighted number of rows."""
 
     products: FloatArray

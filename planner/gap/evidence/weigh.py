@@ -14,10 +14,10 @@ from planner.gap.evidence.search import (
     weigh_subset,
     weigh_subset_beside,
 )
-from planner.gap.evidence.surrogate import Candidate, Elimination, Gram, node_weights
+from planner.gap.evidence.surrogate import Candidate, Elimination, InnerProducts, node_weights
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Effects", "Priors", "Refiner", "Weighed", "Weight", "weigh"]
+__all__ = ["Effects", "Priors", "Refiner", "Weighed", "weigh"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -57,11 +57,11 @@ class Priors:
 # Weigh one candidate on its own columns, with what its form may depart by.
 
 
-ROUNDS = 4
-SETTLED = 0.1
+_ROUNDS = 4
+_SETTLED = 0.1
 """Change of the logarithm of a size that no longer matters."""
 
-LEAST_GROWTH = 1e-4
+_LEAST_GROWTH = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class Refiner:
     def __init__(
         self,
         problem: Problem,
-        gram: Gram,
+        gram: InnerProducts,
         candidate: Candidate,
         weight: FloatArray | None,
         *,
@@ -108,7 +108,9 @@ class Refiner:
         self._branch = found.branch
         self._extra = _inner(found.columns, white, rows)
         self._counts = sorted({0, found.own, len(found.branch)})
-        self._gram = Gram(gram.products[np.ix_(columns, columns)], gram.rows, gram.nuisances)
+        self._gram = InnerProducts(
+            gram.products[np.ix_(columns, columns)], gram.rows, gram.nuisances
+        )
         self._firsts = np.cumsum([0, *[b.nodes for b in candidate.branches]])[:-1].astype(np.int64)
         self._shapes = np.array([b.shapes for b in candidate.branches], dtype=np.int64)
         self._lows = np.array([b.least for b in candidate.branches])
@@ -121,16 +123,16 @@ class Refiner:
     def _settle(self, number: int) -> Elimination:
         """Find the size at which departures are as large as the effect itself."""
         start = np.array([place[0] for place in self.candidate.places])
-        for round_ in range(ROUNDS):
+        for round_ in range(_ROUNDS):
             elimination = self._eliminate(number, 1.0)
             if not self._counts[number]:
                 break
             place = np.array(self._weigh(elimination, 0.0).place)
-            growth = np.maximum((place[self._first_places()] / start) ** 2, LEAST_GROWTH)
+            growth = np.maximum((place[self._first_places()] / start) ** 2, _LEAST_GROWTH)
             if round_:
                 # Where small departures ask for a large effect and large ones for a small one.
                 growth = np.minimum(growth, self._growth[number])
-            if np.all(np.abs(np.log(growth / self._growth[number])) < SETTLED):
+            if np.all(np.abs(np.log(growth / self._growth[number])) < _SETTLED):
                 break
             self._growth[number] = growth
         else:
@@ -236,30 +238,30 @@ def _inner(
 
 
 Effects = tuple[str, ...]
-Hypothesis = tuple[Effects, str]
+_Hypothesis = tuple[Effects, str]
 
-FORMS = 3
+_FORMS = 3
 """Forms of a single effect that are weighed in full."""
 
-QUICK = 6
+_QUICK = 6
 """Hypotheses of one effect, and of two, that a quick weighing looks at in full."""
 
-WORTH_NATS = 15.0
+_WORTH_NATS = 15.0
 """Hypotheses this far below the best are not weighed at other scales of scatter."""
 
-WITH_UNKNOWN = 8
+_WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them."""
 
-OF_SOME = 0.25
+_OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does."""
 
-UNEVEN = 0.3
+_UNEVEN = 0.3
 """Prior share, of nothing at work, of specimens that scatter along some effect's pattern."""
 
-MOST_UNEVEN = 15.0
+_MOST_UNEVEN = 15.0
 """Log evidence that such scatter gains at most: above it, it would be an effect of a kind."""
 
-FREE = 0.15
+_FREE = 0.15
 """Prior share, of an effect with a covariate of its own, of courses along it that no form has."""
 
 
@@ -279,8 +281,8 @@ class Weighed:
 
     nominal: Elimination
     coarseness_nats: float
-    log_prior: dict[Hypothesis, float] = field(default_factory=dict)
-    log_evidence: dict[Hypothesis, float] = field(default_factory=dict)
+    log_prior: dict[_Hypothesis, float] = field(default_factory=dict)
+    log_evidence: dict[_Hypothesis, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
@@ -291,7 +293,7 @@ class Weighed:
         self.log_prior[key] = log_prior
 
     @property
-    def log_odds(self) -> dict[Hypothesis, float]:
+    def log_odds(self) -> dict[_Hypothesis, float]:
         """By hypothesis, priors included, evidence coarsened."""
         none = self.log_evidence[(), ""]
         most = max(max(self.log_evidence.values()) - none, 0.0)
@@ -358,7 +360,7 @@ def weigh(
                 result.offer(subset)
             ours[subset.effects] = float(
                 np.logaddexp(
-                    ours.get(subset.effects, -np.inf), subset.log_evidence + np.log(OF_SOME)
+                    ours.get(subset.effects, -np.inf), subset.log_evidence + np.log(_OF_SOME)
                 )
             )
         result.add((), "", logs.none, offset + _nothing(uneven))
@@ -393,9 +395,9 @@ def _nothing(uneven: dict[Effects, float]) -> float:
     """
     if not uneven:
         return 0.0
-    gains = [min(gain, MOST_UNEVEN) for gain in uneven.values()]
+    gains = [min(gain, _MOST_UNEVEN) for gain in uneven.values()]
     of_one = logsumexp(gains) - np.log(len(gains))
-    return float(np.logaddexp(np.log1p(-UNEVEN), np.log(UNEVEN) + of_one))
+    return float(np.logaddexp(np.log1p(-_UNEVEN), np.log(_UNEVEN) + of_one))
 
 
 class _LogPriors:
@@ -452,7 +454,7 @@ def _candidates(
     value = singles.evidence + logs.branch
     for effect in range(int(search.effect.max(initial=-1)) + 1):
         mine = np.flatnonzero(search.effect == effect)
-        for k in mine[np.argsort(-value[mine], kind="stable")][:FORMS].tolist():
+        for k in mine[np.argsort(-value[mine], kind="stable")][:_FORMS].tolist():
             place = [singles.place[k]]
             found.append(search.candidate([k], place, float(singles.gain[k]), float(value[k])))
     for row, both in enumerate(pairs.branches.tolist()):
@@ -472,7 +474,7 @@ def _first(candidates: list[Candidate], logs: _LogPriors) -> list[Candidate]:
             candidate = candidates[at]
             if len(candidate.effects) == size and candidate.effects not in seen:
                 seen.add(candidate.effects)
-                if len(seen) <= QUICK:
+                if len(seen) <= _QUICK:
                     kept.append(candidate)
     return kept
 
@@ -480,20 +482,20 @@ def _first(candidates: list[Candidate], logs: _LogPriors) -> list[Candidate]:
 def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[Refiner]:
     """Return those of hypotheses that another scatter could still make the best."""
     odds = {e: c.log_evidence + logs.of(e) for e, c in result.best.items()}
-    least = max(odds.values()) - WORTH_NATS
+    least = max(odds.values()) - _WORTH_NATS
     return [r for r in refiners if odds[r.candidate.effects] > least]
 
 
 def _best(
     problem: Problem,
-    gram: Gram,
+    gram: InnerProducts,
     weight: FloatArray | None,
     result: Weighed,
     ours: dict[Effects, float],
     logs: _LogPriors,
 ) -> list[tuple[Refiner, float]]:
     """Return the best hypotheses' best forms, and what their other forms add, in nats."""
-    ranked = sorted(ours, key=lambda e: -(ours[e] + logs.of(e)))[:WITH_UNKNOWN]
+    ranked = sorted(ours, key=lambda e: -(ours[e] + logs.of(e)))[:_WITH_UNKNOWN]
     chosen = []
     for effects in ranked:
         best = result.best[effects]
@@ -517,7 +519,7 @@ def _add_unknown(
             if owned is None:
                 result.add((), axis.axis, float(logs.unknown[number]), evidence)
             else:
-                result.add(owned, "", logs.of(owned), evidence + np.log(FREE))
+                result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
 
 
 def _add_subset(
@@ -535,7 +537,7 @@ def _add_subset(
     both = replace(both, log_evidence=both.log_evidence + logs.forms(refiner.candidate))
     if scale == 1.0:
         result.offer(both)
-    evidence = offset + both.log_evidence + np.log(OF_SOME)
+    evidence = offset + both.log_evidence + np.log(_OF_SOME)
     result.add(both.effects, "", logs.of(both.effects), evidence)
 
 
@@ -560,4 +562,4 @@ def _add_beside(
                 prior = logs.of(effects) + float(logs.beside[number])
                 result.add(effects, axis.axis, prior, evidence)
             else:
-                result.add(owned, "", logs.of(owned), evidence + np.log(FREE))
+                result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))

@@ -20,11 +20,11 @@ from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior import without_refuted
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.weigh import Priors
-from planner.gap.observations import mount
+from planner.gap.observations import observation_model
 
 
 def ready(campaign: Campaign, *effects: str) -> Problem:
-    return set_up(campaign, mount(campaign), [EFFECTS[id] for id in effects])
+    return set_up(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
 
 
 def closed(problem: Problem, *verdict: str) -> Gap:
@@ -55,7 +55,7 @@ def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
 
 
 def test_each_condition_is_left_out_once_with_its_replicates(rates: Campaign) -> None:
-    tests = mount(rates).tests
+    tests = observation_model(rates).tests
     folds = conditions_out(rates, tests)
     assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
     for members in tests:
@@ -121,7 +121,7 @@ def test_the_floor_is_the_scatter_of_replicates(planned, imitated) -> None:
     plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.85, 8.5])
     exact = imitated(plan, scatter=0.0)
     problem = ready(scaled(exact, [1.04, 0.96, 1.08, 0.92]))
-    measured = problem.mounted.measured_N
+    measured = problem.observed.measured_N
     course = np.mean((measured / measured.max(axis=1, keepdims=True)) ** 2, axis=1)
     # Variance of two, of which the mean is known from themselves alone: 2 d^2.
     by_hand = np.sqrt(np.mean(2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 * course))

@@ -11,14 +11,14 @@ from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.observations import mount
+from planner.gap.observations import observation_model
 
 
 @pytest.fixture(scope="module")
 def problem(planned, imitated) -> Problem:
     campaign = imitated(planned(2, material=["TangoPlus", "FLX9760"]))
     effects = [EFFECTS[id] for id in ("rate", "temperature")]
-    return set_up(campaign, mount(campaign), effects)
+    return set_up(campaign, observation_model(campaign), effects)
 
 
 def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.diagnose import diagnose, look_alikes
+from planner.gap.diagnose import confounders_of, diagnose
 from planner.gap.diagnosis import Diagnosis
 
 SURE = 0.8
@@ -47,7 +47,7 @@ def test_one_specimen_has_its_limits_said(of_one: Diagnosis) -> None:
     assert "one specimen only" in said(of_one)
     assert "no cause can be named" in said(of_one)
     assert "no two specimens were made and tested alike" in said(of_one)
-    alike = look_alikes(tuple(of_one.verdict.split("+")), of_one.not_testable)
+    alike = confounders_of(tuple(of_one.verdict.split("+")), of_one.not_testable)
     assert set(alike) <= set(of_one.limitations)
     assert (of_one.gap.closed, of_one.gap.floor) == (None, None)
     assert len(of_one.not_testable) > 5

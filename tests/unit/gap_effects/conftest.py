@@ -1,4 +1,4 @@
-"""Tests as they are mounted, made by hand, and effects at the middle of their bounds."""
+"""Tests as they are observed, made by hand, and effects at the middle of their bounds."""
 
 from collections.abc import Callable
 from typing import Any

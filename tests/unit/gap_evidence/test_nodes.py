@@ -10,16 +10,16 @@ from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import (
     SHAPE_NODES,
     SIZE_NODES,
-    Branch,
     Candidate,
-    branches_of,
-    figures_of,
+    SignedForm,
+    interpolated_features,
     node_weights,
+    signed_forms,
 )
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 
-BRANCHES = branches_of(list(EFFECTS.values()))
+BRANCHES = signed_forms(list(EFFECTS.values()))
 PLACES = 8
 
 USUAL_ERROR = 0.08
@@ -41,17 +41,17 @@ COARSE = {
 sizes and five values of a shape do not carry; 1.4 times as measured, so that none gets worse."""
 
 
-def change(problem: Problem, branch: Branch, places: list[list[float]]) -> FloatArray:
+def change(problem: Problem, branch: SignedForm, places: list[list[float]]) -> FloatArray:
     """Return what the forward model itself changes at places, (places, N)."""
-    setup = problem.mounted.setup
+    setup = problem.observed.setup
     setups = [branch.form.apply(setup, branch.values(place)) for place in places]
     table = problem.table
-    raw = np.array([problem.mounted.predicted(p) for p in predict_all(setups, problem.laws)])
+    raw = np.array([problem.observed.predicted(p) for p in predict_all(setups, problem.laws)])
     found: FloatArray = table.transformed(raw) - table.transformed(problem.unpredicted)
     return found
 
 
-def named(problem: Problem, effect: str, form: str) -> list[Branch]:
+def named(problem: Problem, effect: str, form: str) -> list[SignedForm]:
     return [b for b in problem.branches if (b.effect.id, b.form.name) == (effect, form)]
 
 
@@ -79,7 +79,7 @@ def test_branches_have_their_nodes_one_after_another() -> None:
 
 
 @pytest.mark.parametrize("branch", BRANCHES, ids=lambda b: f"{b.effect.id}-{b.form.name}{b.sign:+}")
-def test_places_are_within_the_priors(branch: Branch) -> None:
+def test_places_are_within_the_priors(branch: SignedForm) -> None:
     for s in (branch.least, 1.0):
         for t in (-1.0, 1.0):
             values = branch.values([s] + [t] * branch.shapes)
@@ -95,7 +95,7 @@ def test_nodes_are_exact(everything: Problem) -> None:
         (branch,) = named(everything, effect, form)
         place = (SIZE_NODES[2], *[nodes[0] for nodes in SHAPE_NODES[: branch.shapes]])
         candidate = Candidate((effect,), (branch,), (place,))
-        by_nodes = figures_of(candidate, everything.node_figures)
+        by_nodes = interpolated_features(candidate, everything.node_figures)
         exact = change(everything, branch, [list(place)])[0]
         assert by_nodes == pytest.approx(exact, rel=1e-9, abs=1e-9)
 

@@ -8,11 +8,11 @@ from scipy.stats import chi2
 
 from planner.gap.evidence.problem import Problem, set_up
 from planner.gap.noise import USUAL
-from planner.gap.observations import mount
+from planner.gap.observations import observation_model
 
 
 def ready(campaign) -> Problem:
-    return set_up(campaign, mount(campaign), ())
+    return set_up(campaign, observation_model(campaign), ())
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int
     problem = ready(imitated(cells, seed=seed))
     white = problem.whitened.columns[:, 0]
     squares, count = 0.0, 0
-    for members in problem.mounted.tests:
+    for members in problem.observed.tests:
         first = [problem.whitened.first_row[m] for m in members]
         size = int(problem.whitened.first_row[members[0] + 1] - first[0])
         # Four a test, in two batches in turn.

@@ -12,7 +12,7 @@ from planner.gap.diagnosis import (
     FoundEffect,
     Gap,
     Hypothesis,
-    Place,
+    Location,
     Quality,
     Traces,
     Untestable,
@@ -64,8 +64,8 @@ RATE = Diagnosis(
         Untestable("permanent-set", "no specimen was unloaded"),
     ),
     where=(
-        Place("rate_mm_s", 0.81, (0.7, 0.9), 1e-5, "force 20 % below prediction at 0.05 mm/s"),
-        Place("operator", 0.04, (0.0, 0.1), 0.4, ""),
+        Location("rate_mm_s", 0.81, (0.7, 0.9), 1e-5, "force 20 % below prediction at 0.05 mm/s"),
+        Location("operator", 0.04, (0.0, 0.1), 0.4, ""),
     ),
     gap=Gap(0.21, 0.03, 0.025, 0.973, (0.93, 0.99), 0.16, 0.04, "leave one condition out"),
     effect=(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.gap.diagnosis import Diagnosis, Place, Traces
+from planner.gap.diagnosis import Diagnosis, Location, Traces
 from planner.report.gap_figures import (
     closure_figure,
     curves_figure,
@@ -93,7 +93,7 @@ def test_unfinished_traces_still_draw(examples: Examples, traces: Traces) -> Non
     short, dead = whole.measured_N.copy(), whole.before_N.copy()
     short[1, 5:], dead[1] = np.nan, np.nan
     cut = replace(whole, measured_N=short, before_N=dead, after_N=np.full_like(dead, np.nan))
-    axes = tuple(Place(a, 0.5, (0.4, 0.6), 0.001, "") for a in ("strain", "time", "branch"))
+    axes = tuple(Location(a, 0.5, (0.4, 0.6), 0.001, "") for a in ("strain", "time", "branch"))
     diagnosis = replace(examples["rate"], traces=cut, where=axes)
     for svg in (curves_figure(diagnosis), residual_figure(diagnosis)):
         assert svg is not None

@@ -9,9 +9,9 @@ from planner.gap.diagnosis import Diagnosis, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.report.gap_text import (
     CLAUSES,
-    figure,
     headline,
     listed,
+    number_words,
     percent,
     probability,
     sentence,
@@ -80,7 +80,7 @@ def test_a_title_that_is_the_verdict_is_not_repeated(examples: Examples) -> None
 
 
 def test_figures_in_words() -> None:
-    assert [figure(v) for v in (0.0, 1234567.0, 0.1234, 12.0, 9.996, 1e-5)] == [
+    assert [number_words(v) for v in (0.0, 1234567.0, 0.1234, 12.0, 9.996, 1e-5)] == [
         "0",
         "1.23e6",
         "0.123",
