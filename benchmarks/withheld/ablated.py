@@ -40,14 +40,14 @@ def _as_it_is(problem: Problem, priors: Priors) -> _Part:
 def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     """Every figure differs by the sensor alone: no specimen, batch, slope or wandering."""
     scatter = replace(problem.scatter, specimen=_NONE, batch=_NONE, slope=_NONE, wander=_NONE)
-    table, mounted = problem.table, problem.mounted
+    table, observed = problem.table, problem.observed
     noise = specimen_noise(
         table,
         problem.sensitivity,
         scatter,
-        mounted.sensor_sd_N,
+        observed.sensor_sd_N,
         np.full(len(problem.campaign.specimens), -1),
-        place_on_path(table, mounted.setup.time_s.shape[1] - 1),
+        place_on_path(table, observed.setup.time_s.shape[1] - 1),
     )
     batches = problem.noise.batch.shape[1]
     columns = _unwhitened(problem)

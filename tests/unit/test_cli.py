@@ -312,7 +312,7 @@ def test_a_broken_plugin_is_named_and_the_others_work(monkeypatch, capsys) -> No
     import planner.printers as printers
 
     real = printers.installed_printers()
-    broken = EntryPoint("broken", "no_such_module:PRINTER", printers.GROUP)
+    broken = EntryPoint("broken", "no_such_module:PRINTER", "planner.printers")
     monkeypatch.setattr(printers, "installed_printers", lambda: {**real, "broken": broken})
     assert run(["printers"]) == 1
     printed = capsys.readouterr()

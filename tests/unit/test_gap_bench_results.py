@@ -2,10 +2,8 @@
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -108,12 +106,9 @@ def stand_in(
     monkeypatch: pytest.MonkeyPatch, diagnose: Callable[..., Any], to_document: Callable[..., Any]
 ) -> None:
     """Put another diagnosis in place of planner's, one that takes a campaign's name."""
-    for module, names in {
-        "diagnose": {"diagnose": diagnose},
-        "diagnosis_json": {"to_document": to_document},
-        "campaign_reader": {"read_campaign": lambda folder: folder.name},
-    }.items():
-        monkeypatch.setitem(sys.modules, f"planner.gap.{module}", SimpleNamespace(**names))
+    monkeypatch.setattr("planner.gap.diagnose.diagnose", diagnose)
+    monkeypatch.setattr("planner.gap.diagnosis.to_document", to_document)
+    monkeypatch.setattr("planner.gap.campaign_folder.read_campaign", lambda folder: folder.name)
 
 
 def test_no_answer_counts_as_wrong(lab: Path) -> None:

@@ -1,9 +1,7 @@
 """The runner of the withheld check, with a diagnosis that always gives one answer."""
 
 import json
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -95,9 +93,8 @@ def test_a_run_from_making_to_markdown(
         asked.append(without)
         return "unknown" if without else "none"
 
-    fakes = {"diagnose": {"diagnose": diagnose}, "diagnosis_json": {"to_document": document}}
-    for module, names in fakes.items():
-        monkeypatch.setitem(sys.modules, f"planner.gap.{module}", SimpleNamespace(**names))
+    monkeypatch.setattr("planner.gap.diagnose.diagnose", diagnose)
+    monkeypatch.setattr("planner.gap.diagnosis.to_document", document)
     folder = tmp_path / "run"
     command = ["--set", "development", "--seed", "5", "--count", "1", "--specimens", "20"]
     command += ["--jobs", "1", "--subset", "ci", "-o", str(folder)]
