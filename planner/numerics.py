@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,6 +59,8 @@ def inner_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **more: Any) -> F:
+    import numba  # half a second and 50 MB, which files without kernels do not pay
+
     options: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, **more}
     try:
         return cast(F, numba.njit(cache=True, **options)(function))

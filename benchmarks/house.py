@@ -1,0 +1,179 @@
+"""How large the house is, how many of its rooms a command passes, and what commands cost.
+
+python benchmarks/house.py                    sizes, and the files that two commands pass
+python benchmarks/house.py --against TREE     also the cost of commands as a ratio to another tree
+
+TREE is a checkout of another revision. Commands run in turn here and there, as whole processes,
+after one run that is not counted; medians of processor time and of peak memory are compared.
+"""
+
+import argparse
+import ast
+import io
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import tokenize
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LIMITS = {"files": 100, "code lines": 26_000, "exported names": 600}
+PASSED = {
+    "grade finger.stl": (45, ["grade", "finger.stl", "--from", "Tango", "--to", "Vero", "-o", "g"]),
+    "gap diagnose warm-lab": (50, ["gap", "diagnose", "warm-lab", "-o", "d"]),
+}
+COMMANDS = {
+    "grade dogbone": ["grade", "dogbone.stl", "--from", "Tango", "--to", "Vero", "--bands", "10"],
+    "grade finger": ["grade", "finger.stl", "--from", "Tango", "--to", "Vero"],
+    "grade gripper, radial": [
+        "grade", "gripper.stl", "--from", "Tango", "--to", "Vero", "--field", "radial: point=0 0 0"
+    ],
+    "grade dogbone, dither": [
+        "grade", "dogbone.stl", "--from", "FLX9750", "--to", "FLX9785", "--blend", "dither"
+    ],
+    "grade organic, 330k triangles": ["grade", "organic.stl", "--from", "Tango", "--to", "Vero"],
+    "slices": ["slices", "ready", "--pitch", "0.1", "-o", "out"],
+    "simulate": ["simulate", "ready", "-o", "out.csv"],
+    "fit": ["fit", "tensile", "-o", "out.toml"],
+    "gap diagnose": ["gap", "diagnose", "warm-lab", "-o", "told"],
+    "--help": ["--help"],
+}  # fmt: skip
+
+
+def code_lines(source: str) -> int:
+    """Count lines that hold code: no blank ones, no comments, no docstrings of any kind."""
+    words = {
+        line
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    blank = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+    held = {
+        line
+        for token in tokenize.generate_tokens(io.StringIO(source).readline)
+        if token.type not in blank and token.type != tokenize.ENDMARKER
+        for line in range(token.start[0], token.end[0] + 1)
+    }
+    return len(held - words)
+
+
+def exported(source: str) -> int:
+    """Count the names in a file's ``__all__``."""
+    return sum(
+        len(node.value.elts)
+        for node in ast.parse(source).body
+        if isinstance(node, ast.Assign)
+        and getattr(node.targets[0], "id", "") == "__all__"
+        and isinstance(node.value, ast.List)
+    )
+
+
+def sizes(root: Path) -> dict[str, int]:
+    """Return the measures of a tree's package."""
+    sources = [p.read_text(encoding="utf-8") for p in sorted((root / "planner").rglob("*.py"))]
+    return {
+        "files": len(sources),
+        "code lines": sum(map(code_lines, sources)),
+        "exported names": sum(map(exported, sources)),
+    }
+
+
+def passed(root: Path, arguments: Sequence[str]) -> int:
+    """Count the files of planner in which a command runs more than the file's own top level."""
+    script = (
+        "import sys, threading\n"
+        "seen = set()\n"
+        "def look(frame, event, _):\n"
+        "    if event == 'call' and frame.f_code.co_name != '<module>':\n"
+        "        seen.add(frame.f_code.co_filename)\n"
+        "sys.setprofile(look); threading.setprofile(look)\n"
+        "from planner.cli import run\n"
+        "run(sys.argv[2:])\n"
+        "sys.setprofile(None)\n"
+        "print('passed', sum(name.startswith(sys.argv[1]) for name in seen))\n"
+    )
+    with workplace(root) as folder:
+        done = subprocess.run(
+            [sys.executable, "-c", script, str(root / "planner"), *arguments],
+            cwd=folder, env=environment(root), capture_output=True, text=True, check=True,
+        )  # fmt: skip
+    return int(done.stdout.rsplit("passed", 1)[1])
+
+
+def workplace(root: Path) -> "tempfile.TemporaryDirectory[str]":
+    """Make a folder with a tree's samples."""
+    folder = tempfile.TemporaryDirectory(prefix="house-")
+    for sample in (root / "samples").iterdir():
+        (Path(folder.name) / sample.name).symlink_to(sample)
+    return folder
+
+
+def environment(root: Path) -> dict[str, str]:
+    """Return the environment in which `planner` is that of a tree."""
+    return {**os.environ, "PYTHONPATH": str(root), "PYTHONSAFEPATH": "1"}
+
+
+def cost(root: Path, folder: str, arguments: Sequence[str]) -> tuple[float, float]:
+    """Return processor seconds and peak MB of one run of a command."""
+    command = [sys.executable, "-m", "planner", *arguments]
+    process = subprocess.Popen(
+        command if "--help" in command else [*command, "--force"],
+        cwd=folder, env=environment(root), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    _, status, usage = os.wait4(process.pid, 0)
+    if os.waitstatus_to_exitcode(status) not in (0, 1):
+        raise SystemExit(f"planner {' '.join(arguments)} failed in {root}")
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0
+
+
+def compare(here: Path, there: Path, runs: int) -> None:
+    """Print the cost of every command in both trees, and their ratio."""
+    print(
+        f"{'command':32} {'cpu s':>7} {'was':>7} {'ratio':>6}   {'MB':>5} {'was':>5} {'ratio':>6}"
+    )
+    with workplace(here) as folder:
+        # In a process of its own: a child's peak memory begins at its parent's.
+        make = [sys.executable, "-m", "benchmarks.grade", "make", f"{folder}/organic.stl", "812"]
+        subprocess.run(make, cwd=ROOT, check=True)
+        cost(
+            here, folder, ["grade", "finger.stl", "--from", "Tango", "--to", "Vero", "-o", "ready"]
+        )
+        for name, arguments in COMMANDS.items():
+            taken: dict[Path, list[tuple[float, float]]] = {here: [], there: []}
+            for run in range(runs + 1):
+                for root in (here, there):
+                    one = cost(root, folder, arguments)
+                    if run:
+                        taken[root].append(one)
+            (cpu, mb), (cpu_was, mb_was) = (
+                [statistics.median(values) for values in zip(*taken[root], strict=True)]
+                for root in (here, there)
+            )
+            print(
+                f"{name:32} {cpu:7.2f} {cpu_was:7.2f} {cpu / cpu_was:6.2f}   "
+                f"{mb:5.0f} {mb_was:5.0f} {mb / mb_was:6.2f}"
+            )
+
+
+def main() -> None:
+    """Print the measures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
+    parser.add_argument("--against", type=Path, help="checkout of another revision")
+    parser.add_argument("--runs", type=int, default=5)
+    given = parser.parse_args()
+    for name, value in sizes(ROOT).items():
+        print(f"{name:28} {value:6}   limit {LIMITS[name]}")
+    for name, (limit, arguments) in PASSED.items():
+        print(f"{'files that ' + name + ' passes':40} {passed(ROOT, arguments):3}   limit {limit}")
+    if given.against:
+        compare(ROOT, given.against.resolve(), given.runs)
+
+
+if __name__ == "__main__":
+    main()
