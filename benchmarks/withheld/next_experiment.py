@@ -18,7 +18,6 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.design import Trial, trials_of
 from planner.gap.diagnose import diagnose
-from planner.gap.diagnosis import to_document
 from planner.gap.evidence.weigh import Priors
 from planner.gap.observations import observation_model
 from planner.palette import Palette
@@ -41,7 +40,7 @@ def next_answers(
     """
     with threadpool_limits(1, user_api="blas"):
         campaign = read_campaign(folder)
-        before = to_document(diagnose(campaign, without=without))
+        before = diagnose(campaign, without=without).document()
         if len(before["class"]) < 2 or not before["next_experiments"]:
             return {"before": before}
         trials = trials_of(campaign, observation_model(campaign).setup)

@@ -128,12 +128,11 @@ def _diagnosed(task: Task) -> "Outcome":
     from planner.errors import PlannerError
     from planner.gap.campaign_folder import read_campaign
     from planner.gap.diagnose import diagnose
-    from planner.gap.diagnosis import to_document
 
     started = time.perf_counter()
     try:
         campaign = read_campaign(task.folder)
-        document = to_document(diagnose(campaign, seed=task.seed, without=task.without))
+        document = diagnose(campaign, seed=task.seed, without=task.without).document()
     except PlannerError as error:
         return Outcome(None, None, str(error))
     except Exception as error:  # counted as no answer; the other campaigns go on

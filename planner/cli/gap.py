@@ -416,11 +416,10 @@ def _diagnose_report(
     diagnosis: "Diagnosis", output: Path | None, *, as_json: bool, quiet: bool
 ) -> None:
     from planner.cli.output import print_document, say, say_verdict, terminal_width
-    from planner.gap.diagnosis import encode_diagnosis
     from planner.report.gap_text import verdict_text
 
     if as_json:
-        print_document(encode_diagnosis(diagnosis))
+        print_document(diagnosis.json())
         return
     if quiet:
         return

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from planner import __version__
 from planner.formats.files import FolderKind, new_folder
-from planner.gap.diagnosis import Diagnosis, encode_diagnosis
+from planner.gap.diagnosis import Diagnosis
 from planner.report.gap_figures import (
     closure_figure,
     curves_figure,
@@ -342,7 +342,7 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     }
     figures = {name: svg for name, svg in drawn.items() if svg is not None}
     return {
-        "diagnosis.json": encode_diagnosis(diagnosis),
+        "diagnosis.json": diagnosis.json(),
         "report.html": _page(diagnosis, figures),
         "where.csv": _where_csv(diagnosis),
         "ranking.csv": _ranking_csv(diagnosis),

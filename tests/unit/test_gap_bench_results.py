@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -102,12 +103,14 @@ def lab(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def stand_in(
-    monkeypatch: pytest.MonkeyPatch, diagnose: Callable[..., Any], to_document: Callable[..., Any]
-) -> None:
+def stand_in(monkeypatch: pytest.MonkeyPatch, verdict_of: Callable[..., str]) -> None:
     """Put another diagnosis in place of planner's, one that takes a campaign's name."""
+
+    def diagnose(name: str, **options: Any) -> SimpleNamespace:
+        verdict = verdict_of(name, **options)
+        return SimpleNamespace(document=lambda: document(verdict))
+
     monkeypatch.setattr("planner.gap.diagnose.diagnose", diagnose)
-    monkeypatch.setattr("planner.gap.diagnosis.to_document", to_document)
     monkeypatch.setattr("planner.gap.campaign_folder.read_campaign", lambda folder: folder.name)
 
 
@@ -178,7 +181,7 @@ def test_what_stops_one_diagnosis_stops_no_other(
             raise ZeroDivisionError("division by zero")
         return f"{name} {seed} {','.join(without)}"
 
-    stand_in(monkeypatch, diagnose, lambda diagnosis: document(diagnosis))
+    stand_in(monkeypatch, diagnose)
     stages: list[str] = []
     tasks = [Task(lab / name, ("rate",), seed=3) for name in ("a", "b", "c")]
     done = list(diagnose_all(tasks, jobs=1, stage=stages.append))
@@ -198,7 +201,7 @@ def test_campaigns_are_diagnosed_and_scored(
     lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     verdicts = {"a": "rate", "b": "none"}
-    stand_in(monkeypatch, lambda name, **_: verdicts[name], document)
+    stand_in(monkeypatch, lambda name, **_: verdicts[name])
     given = {"truth": lab / "truth.json", "jobs": 1, "as_json": True}
     assert bench(lab / "campaigns", output=lab / "results.json", **given) == 0
     results = json.loads(capsys.readouterr().out)

@@ -10,7 +10,7 @@ import pytest
 from planner.cli import run
 from planner.errors import FileError, PaletteError
 from planner.gap.correct import corrected_palette
-from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, encode_diagnosis
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.virtual import usual_value
 from planner.materials.laws import make_law
@@ -181,7 +181,7 @@ def test_a_form_of_another_palette_is_refused(palette) -> None:
 def written(tmp_path: Path, palette: Palette) -> Callable[..., Path]:
     def write(*effects: FoundEffect) -> Path:
         path = tmp_path / "diagnosis.json"
-        path.write_bytes(encode_diagnosis(diagnosed(palette, *effects)))
+        path.write_bytes(diagnosed(palette, *effects).json())
         return tmp_path
 
     return write
@@ -230,6 +230,6 @@ def test_bad_input_is_one_line_and_no_file(written, tmp_path, capsys, arguments)
 def test_another_palette_of_that_name_is_not_taken_unasked(palette, tmp_path, capsys) -> None:
     other = replace(diagnosed(palette, found("temperature")), palette_sha256="0" * 64)
     path = tmp_path / "diagnosis.json"
-    path.write_bytes(encode_diagnosis(other))
+    path.write_bytes(other.json())
     assert run(["gap", "correct", str(path), "--temperature-C", "33"]) == 2
     assert "--palette" in capsys.readouterr().err

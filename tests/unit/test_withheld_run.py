@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -89,12 +90,12 @@ def test_a_run_from_making_to_markdown(
 ) -> None:
     asked: list[tuple[str, ...]] = []
 
-    def diagnose(campaign: object, *, seed: int, without: tuple[str, ...]) -> str:
+    def diagnose(campaign: object, *, seed: int, without: tuple[str, ...]) -> SimpleNamespace:
         asked.append(without)
-        return "unknown" if without else "none"
+        verdict = "unknown" if without else "none"
+        return SimpleNamespace(document=lambda: document(verdict))
 
     monkeypatch.setattr("planner.gap.diagnose.diagnose", diagnose)
-    monkeypatch.setattr("planner.gap.diagnosis.to_document", document)
     folder = tmp_path / "run"
     command = ["--set", "development", "--seed", "5", "--count", "1", "--specimens", "20"]
     command += ["--jobs", "1", "--subset", "ci", "-o", str(folder)]

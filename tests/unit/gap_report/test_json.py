@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.diagnosis import (
-    Diagnosis,
-    Hypothesis,
-    encode_diagnosis,
-    of_document,
-    read_diagnosis,
-    to_document,
-)
+from planner.gap.diagnosis import Diagnosis, Hypothesis, read_diagnosis
 from planner.report.gap_text import verdict_text
 
 Examples = dict[str, Diagnosis]
@@ -44,8 +37,14 @@ CONTRACT_GAP = {
 }
 
 
+def read(folder: Path, document: object) -> Diagnosis:
+    path = folder / "diagnosis.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return read_diagnosis(path)
+
+
 def test_the_document_has_the_keys_of_the_contract(diagnosis: Diagnosis) -> None:
-    document = json.loads(encode_diagnosis(diagnosis))
+    document = json.loads(diagnosis.json())
     assert set(document) >= CONTRACT
     assert set(document["gap"]) >= CONTRACT_GAP
     assert document["schema"] == 1
@@ -55,12 +54,11 @@ def test_the_document_has_the_keys_of_the_contract(diagnosis: Diagnosis) -> None
     assert "+".join(document["ranking"][0]["effects"]) == diagnosis.verdict
 
 
-def test_reading_a_document_gives_the_diagnosis_back(diagnosis: Diagnosis) -> None:
+def test_reading_a_document_gives_the_diagnosis_back(diagnosis: Diagnosis, tmp_path: Path) -> None:
     """But for the traces, and for digits beyond the sixth."""
-    document = to_document(diagnosis)
-    back = of_document(json.loads(encode_diagnosis(diagnosis)))
-    assert to_document(back) == document
-    assert encode_diagnosis(back) == encode_diagnosis(diagnosis)
+    back = read(tmp_path, json.loads(diagnosis.json()))
+    assert back.document() == diagnosis.document()
+    assert back.json() == diagnosis.json()
     assert (back.traces, back.same_class, back.where) == (
         None,
         diagnosis.same_class,
@@ -68,17 +66,17 @@ def test_reading_a_document_gives_the_diagnosis_back(diagnosis: Diagnosis) -> No
     )
 
 
-def test_figures_are_rounded_and_open_ends_are_null(examples: Examples) -> None:
-    document = to_document(examples["rate"])
+def test_figures_are_rounded_and_open_ends_are_null(examples: Examples, tmp_path: Path) -> None:
+    document = examples["rate"].document()
     assert document["ranking"][0]["probability"] == 0.912346
     assert document["effect"]["rate"]["interval"]["centre"] == [8.0, None]
-    assert of_document(document).effect[0].interval["centre"] == (8.0, np.inf)
+    assert read(tmp_path, document).effect[0].interval["centre"] == (8.0, np.inf)
     assert document["next_experiments"][0]["change"] == {"rate_mm_s": 0.005, "replicates": 3}
 
 
 def test_a_figure_that_must_be_known_is_never_written_as_nan(examples: Examples) -> None:
     with pytest.raises(ValueError, match=r"gap\.before"):
-        to_document(replace(examples["rate"], gap=replace(examples["rate"].gap, before=np.nan)))
+        replace(examples["rate"], gap=replace(examples["rate"].gap, before=np.nan)).document()
 
 
 def test_none_reads_alike_as_an_empty_hypothesis_and_by_name(examples: Examples) -> None:
@@ -86,7 +84,7 @@ def test_none_reads_alike_as_an_empty_hypothesis_and_by_name(examples: Examples)
     named = replace(
         examples["none"], ranking=(Hypothesis(("none",), 0.94),), same_class=(("none",),)
     )
-    assert to_document(named) == to_document(examples["none"])
+    assert named.document() == examples["none"].document()
     assert verdict_text(named) == verdict_text(examples["none"])
 
 
@@ -109,14 +107,26 @@ def test_none_reads_alike_as_an_empty_hypothesis_and_by_name(examples: Examples)
     ],
 )
 def test_a_document_that_is_no_diagnosis_is_refused_by_its_key(
-    change, named: str, examples: Examples
+    change, named: str, examples: Examples, tmp_path: Path
 ) -> None:
     with pytest.raises(FileError, match=named):
-        of_document({**to_document(examples["rate"]), **change})
+        read(tmp_path, {**examples["rate"].document(), **change})
+
+
+def test_the_contracts_keys_suffice_and_others_are_ignored(
+    examples: Examples, tmp_path: Path
+) -> None:
+    document = {k: v for k, v in examples["rate"].document().items() if k in CONTRACT}
+    document["gap"] = {k: v for k, v in document["gap"].items() if k in CONTRACT_GAP}
+    document["where"] = [{"axis": "time", "share": 0.1, "p": 0.5}]
+    document["effect"] = {"rate": {"parameters": {"rise": 0.1}, "interval": {}, "colour": "red"}}
+    back = read(tmp_path, document | {"weather": "fine"})
+    assert back.where[0].share_interval == (-np.inf, np.inf)
+    assert (back.effect[0].id, back.effect[0].form) == ("rate", "")
 
 
 def test_reading_a_file_names_it(tmp_path: Path, examples: Examples) -> None:
-    (tmp_path / "diagnosis.json").write_bytes(encode_diagnosis(examples["rate"]))
+    (tmp_path / "diagnosis.json").write_bytes(examples["rate"].json())
     assert read_diagnosis(tmp_path).verdict == read_diagnosis(tmp_path / "diagnosis.json").verdict
     for content, said in ((b"{", "not a JSON"), (b"[]", "JSON list"), (b"\xff", "not a JSON")):
         (tmp_path / "bad.json").write_bytes(content)
@@ -132,7 +142,7 @@ def test_the_reference_page_has_every_key(
     """Of the document and of each record in it; ids, names and units are data, not keys."""
     page = request.config.rootpath / "docs" / "reference" / "diagnosis.md"
     explained = page.read_text(encoding="utf-8")
-    document = to_document(replace(examples["rate"], remainder=examples["rate"].where))
+    document = replace(examples["rate"], remainder=examples["rate"].where).document()
     records = [document, document["palette"], document["gap"], document["remainder"]]
     for key in ("ranking", "where", "data_quality", "next_experiments", "detectable"):
         records += document[key]
