@@ -11,12 +11,15 @@
     └── OutputError          the result cannot be written
 
 Every message says what is wrong, where, what was got against what is allowed, and what to do.
+Arguments of public functions stand in it by their names, between backticks; the command line
+shows them as its options (`planner.cli.run`).
 A command maps any of them to exit code 2; whatever else escapes is a bug (exit code 70).
 """
 
 import difflib
 import math
 import operator
+from collections.abc import Iterable
 from typing import SupportsFloat, SupportsIndex
 
 __all__ = [
@@ -29,6 +32,7 @@ __all__ = [
     "UnknownNameError",
     "as_count",
     "as_number",
+    "did_you_mean",
     "nearest_names",
     "positive",
 ]
@@ -62,10 +66,16 @@ class OutputError(PlannerError):
     """A result that cannot be written: no permission, no space, or already there."""
 
 
-def nearest_names(name: str, known: list[str]) -> list[str]:
+def nearest_names(name: str, known: Iterable[str]) -> list[str]:
     """Return up to three of `known` that `name` may be a slip of, nearest first."""
     folded = {k.casefold(): k for k in known}
     return [folded[f] for f in difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.55)]
+
+
+def did_you_mean(name: str, known: Iterable[str], most: int = 1) -> str:
+    """Ask, with a space at the end, whether something near was meant; "" where nothing is near."""
+    near = nearest_names(name, known)[:most]
+    return f"did you mean {' or '.join(near)}? " if near else ""
 
 
 # ------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import OutputError, PaletteError, UnknownNameError, nearest_names
+from planner.errors import OutputError, PaletteError, UnknownNameError, did_you_mean
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -194,8 +194,7 @@ class Palette:
                 f"{', '.join(m.id for m in begun)}; give more letters"
             )
         known = [*ids, *(a for m in self.materials for a in m.aliases)]
-        near = nearest_names(name, known)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        hint = did_you_mean(name, known, most=3)
         raise UnknownNameError(
             f"no material {name!r} in palette {self.name}; {hint}it has {', '.join(ids)}"
         )
@@ -413,7 +412,7 @@ def write_palette(palette: Palette, path: str | Path, *, force: bool = False) ->
     """
     target = Path(path)
     if target.exists() and not force:
-        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
+        raise OutputError(f"{path}: exists already; replace it with `force`, or name another file")
     scratch = target.with_name(f".{target.name}.partial")
     try:
         scratch.write_bytes(encode_palette(palette))
@@ -421,7 +420,7 @@ def write_palette(palette: Palette, path: str | Path, *, force: bool = False) ->
     except OSError as error:
         raise OutputError(
             f"{path}: {error.strerror or error}; nothing was written; choose another place with "
-            "--output"
+            "`output`"
         ) from error
     finally:
         with contextlib.suppress(OSError):

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import FileError, OutputError, nearest_names
+from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document
 from planner.formats.threemf import Constituent
 from planner.numerics import Float32Array, IntArray
@@ -336,8 +336,7 @@ def plan_file(path: str | Path) -> Path:
         return file
     if not path.is_file():
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        near = nearest_names(path.name, siblings)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = did_you_mean(path.name, siblings)
         raise FileError(f"{path}: no such file or folder; {hint}give a plan.json or its folder")
     return path
 

@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import ArgumentError, PaletteError, UnknownNameError, nearest_names
+from planner.errors import ArgumentError, PaletteError, UnknownNameError, did_you_mean
 from planner.palette import Palette, load_palette, parse_palette
 
 __all__ = ["Printer", "installed_printers", "load_profile", "palette_of", "printer"]
@@ -136,8 +136,7 @@ class PrinterProfile:
         """
         wanted = self.palettes[0] if name is None else name
         if wanted not in self.palettes:
-            near = nearest_names(wanted, list(self.palettes))
-            hint = f"did you mean {near[0]}? " if near else ""
+            hint = did_you_mean(wanted, self.palettes)
             raise UnknownNameError(
                 f"no palette {wanted!r} for printer {self.name}; {hint}"
                 f"it has {', '.join(self.palettes)}"
@@ -206,8 +205,7 @@ def printer(name: str | Printer) -> Printer:
         raise ArgumentError(f"printer is a {type(name).__name__}; give a name or a Printer")
     found = installed_printers()
     if name not in found:
-        near = nearest_names(name, list(found))
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = did_you_mean(name, found)
         known = ", ".join(found) or "none"
         raise UnknownNameError(f"no printer {name!r}; {hint}installed: {known}")
     try:

@@ -7,6 +7,7 @@ Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, noth
 import contextlib
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -44,7 +45,7 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         if sys.stdout is not None:
             sys.stdout.flush()
     except PlannerError as error:
-        complain(str(error))
+        complain(_with_options(str(error), commands or app))
         return BAD_INPUT
     except BrokenPipeError:
         # The reader went away (as with `| head`): no one is left to tell, and nothing is wrong.
@@ -86,6 +87,17 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         # rich exits by itself where the reader of its output went away.
         raise BrokenPipeError from error
     return result if isinstance(result, int) else 0
+
+
+def _with_options(message: str, commands: typer.Typer) -> str:
+    """Show arguments, which a message names between backticks, as the options that give them."""
+    options: dict[str, str] = {}
+    groups: list[Any] = [typer.main.get_command(app), typer.main.get_command(commands)]
+    for command in groups:  # which grows by the groups within
+        groups += getattr(command, "commands", {}).values()
+        options |= {p.name: max(p.opts, key=len) for p in command.params if p.opts}
+    # msgspec quotes fields of files alike: "missing required field `coordinate`".
+    return re.sub(r"(?<!field )`(\w+)`", lambda named: options.get(named[1], named[0]), message)
 
 
 def _interrupted(error: BaseException | None) -> bool:

@@ -162,7 +162,7 @@ def materials(
 
 
 def invert(
-    modulus: Annotated[
+    modulus_MPa: Annotated[
         list[float], typer.Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
     ],
     at_strain: AtStrain = 0.1,
@@ -180,7 +180,7 @@ def invert(
     from planner.grading.blends import mixture_for
 
     _, chosen = choose(printer, palette)
-    found = [mixture_for(chosen, value, at_strain) for value in modulus]
+    found = [mixture_for(chosen, value, at_strain) for value in modulus_MPa]
     if as_json:
         print_document(
             {

@@ -46,11 +46,12 @@ def grade(
             "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
         ),
     ] = None,
-    pitch: Annotated[
+    pitch_mm: Annotated[
         float | None,
         typer.Option(
+            "--pitch",
             help="Grid, in mm, on which curved fields are drawn; by default 0.5, finer for parts "
-            "smaller than 25 mm, coarser for those larger than 63 mm."
+            "smaller than 25 mm, coarser for those larger than 63 mm.",
         ),
     ] = None,
     profile: Annotated[
@@ -75,11 +76,12 @@ def grade(
             "mixtures; see docs/how-to/blend-materials.md."
         ),
     ] = "nearest",
-    cell: Annotated[
+    cell_mm: Annotated[
         float | None,
         typer.Option(
+            "--cell",
             help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
-            "default."
+            "default.",
         ),
     ] = None,
     at_strain: AtStrain = 0.1,
@@ -121,11 +123,11 @@ def grade(
             to=to,
             axis=axis,
             field=field,
-            pitch_mm=pitch,
+            pitch_mm=pitch_mm,
             profile=profile,
             bands=bands,
             blend=blend,
-            cell_mm=cell,
+            cell_mm=cell_mm,
             at_strain=at_strain,
             unit=unit,
             printer=machine,
@@ -359,10 +361,11 @@ def slices(
         Path, typer.Argument(help="Folder that planner grade wrote, or its plan.json.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")],
-    pitch: Annotated[
+    pitch_mm: Annotated[
         str | None,
         typer.Option(
-            help="Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default."
+            "--pitch",
+            help="Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.",
         ),
     ] = None,
     indexed: Annotated[
@@ -388,12 +391,11 @@ def slices(
     from planner.cli.output import finding, print_document, progress_bar
     from planner.slices.write import write_slices
 
-    pitch_mm = None if pitch is None else _lengths(pitch)
     with progress_bar("layers", not quiet and not as_json) as advance:
         stack = write_slices(
             plan,
             output,
-            pitch_mm=pitch_mm,
+            pitch_mm=None if pitch_mm is None else _lengths(pitch_mm),
             indexed=indexed,
             printer=printer,
             scheduler=scheduler,
@@ -478,7 +480,7 @@ def simulate(
     to_strain: Annotated[
         float, typer.Option("--to-strain", help="Largest displacement over the bar's length.")
     ] = 0.3,
-    rate: Annotated[
+    rate_mm_s: Annotated[
         float | None,
         typer.Option(
             "--rate",
@@ -495,7 +497,7 @@ def simulate(
     ] = 100.0,
     steps: Annotated[int, typer.Option("--steps", help="Load steps up, and down or held.")] = 100,
     slices: Annotated[int, typer.Option("--slices", help="Slices of a plan or a profile.")] = 400,
-    between: Annotated[
+    between_mm: Annotated[
         str | None,
         typer.Option(
             "--between", help="START:STOP in mm along the axis: pull only this stretch of the bar."
@@ -553,13 +555,13 @@ def simulate(
     result = pull(
         source,
         to_strain=to_strain,
-        rate_mm_s=rate,
+        rate_mm_s=rate_mm_s,
         protocol=protocol,
         steps=steps,
         cycles=cycles,
         hold_s=hold_s,
         slices=slices,
-        between_mm=None if between is None else _between(between),
+        between_mm=None if between_mm is None else _between(between_mm),
         width_mm=width_mm,
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,

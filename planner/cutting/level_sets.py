@@ -543,7 +543,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
     """
     extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
     if not (np.isfinite(pitch_mm) and pitch_mm > 0.0):
-        raise ArgumentError(f"--pitch {pitch_mm}: it must be a positive number of mm")
+        raise ArgumentError(f"`pitch_mm` {pitch_mm}: it must be a positive number of mm")
     vertices = float((extent_mm / pitch_mm + 4.0).prod())
     longest = float(extent_mm.max()) / pitch_mm
     if vertices > MOST_VERTICES or longest > 16000:
@@ -551,7 +551,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
             float(np.cbrt(extent_mm.prod() / MOST_VERTICES)), float(extent_mm.max()) / 15990
         )
         raise ArgumentError(
-            f"--pitch {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
+            f"`pitch_mm` {pitch_mm:g}: this part would need {vertices:.2g} grid points, and "
             f"{MOST_VERTICES:.2g} are possible; a pitch of {1.1 * least:.2g} mm or more fits"
         )
     best: tuple[int, DividedField] | None = None
@@ -578,7 +578,7 @@ def split_curved(mesh: Mesh, field: Field, levels: FloatArray, pitch_mm: float) 
     raise ArgumentError(
         f"field {field.name!r}: no grid of {pitch_mm:g} mm gives sound shells{_fault(found)}; the "
         "part touches itself there, or levels are too close for its size: mend the part, use "
-        "fewer bands, or another --pitch"
+        "fewer bands, or another `pitch_mm`"
     )
 
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, MeshError, nearest_names
+from planner.errors import ArgumentError, MeshError, did_you_mean
 from planner.fields.basic import (
     AxisField,
     BallRegion,
@@ -168,9 +168,10 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         case ast.Name(id=name):
             if name in _VARIABLES or name in _CONSTANTS:
                 return
+            variables = [*_VARIABLES, *_CONSTANTS]
             raise ArgumentError(
-                f"expression {text!r}: {name} is unknown; {_near(name, [*_VARIABLES, *_CONSTANTS])}"
-                f"variables are {', '.join([*_VARIABLES, *_CONSTANTS])}"
+                f"expression {text!r}: {name} is unknown; {did_you_mean(name, variables)}"
+                f"variables are {', '.join(variables)}"
             )
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             _check(operand, text, depth + 1)
@@ -183,7 +184,7 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
             if name not in _FUNCTIONS:
                 raise ArgumentError(
                     f"expression {text!r}: there is no function {name}; "
-                    f"{_near(name, list(_FUNCTIONS))}functions are {', '.join(_FUNCTIONS)}"
+                    f"{did_you_mean(name, _FUNCTIONS)}functions are {', '.join(_FUNCTIONS)}"
                 )
             if len(arguments) != _FUNCTIONS[name][0]:
                 raise ArgumentError(
@@ -200,13 +201,6 @@ def _check(node: ast.expr, text: str, depth: int) -> None:
         f"expression {text!r}: {part!r} may not stand there; numbers, variables, + - * / ** %, "
         "parentheses and functions may"
     )
-
-
-def _near(name: str, known: list[str]) -> str:
-    from planner.errors import nearest_names
-
-    near = nearest_names(name, known)
-    return f"did you mean {near[0]}? " if near else ""
 
 
 def _value(node: ast.expr, known: Mapping[str, _Value]) -> _Value:
@@ -279,8 +273,7 @@ class FieldArguments:
                 bare.append(item)
                 continue
             if key not in keys:
-                near = nearest_names(key, list(keys))
-                hint = f"did you mean {near[0]}=? " if near else ""
+                hint = did_you_mean(f"{key}=", [f"{known}=" for known in keys])
                 raise ArgumentError(
                     f"field {kind}: there is no {key}=; {hint}it takes {', '.join(keys) or 'none'}"
                 )
@@ -650,7 +643,7 @@ def build_field(wish: object, setting: Setting) -> Field:
 
 def _parse(text: str, setting: Setting, depth: int) -> Field:
     if depth > _FIELD_DEEPEST:
-        raise ArgumentError(f"--field: fields are nested deeper than {_FIELD_DEEPEST}")
+        raise ArgumentError(f"`field`: fields are nested deeper than {_FIELD_DEEPEST}")
     composed = _COMPOSED.match(text)
     if composed and composed[1] in _RULES:
         return _RULES[composed[1]](_parts(composed[2]), text, setting, depth + 1)
@@ -658,10 +651,9 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
     if named is None or name not in _KINDS:
         known = [*_KINDS, *_RULES]
-        near = nearest_names(name, known)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = did_you_mean(name, known)
         raise ArgumentError(
-            f"--field {text.strip()!r}: there is no field {name!r}; {hint}there are "
+            f"`field` {text.strip()!r}: there is no field {name!r}; {hint}there are "
             f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
         )
     return _KINDS[name](named[2] or "", setting)
@@ -680,7 +672,7 @@ def _parts(text: str) -> list[str]:
 
 def _several(parts: list[str], text: str, setting: Setting, depth: int) -> tuple[Field, ...]:
     if len(parts) < 2:
-        raise ArgumentError(f"--field {text.strip()!r}: give two or more fields, parted by ;")
+        raise ArgumentError(f"`field` {text.strip()!r}: give two or more fields, parted by ;")
     return tuple(_parse(part, setting, depth) for part in parts)
 
 
@@ -694,20 +686,20 @@ def _maximum(parts: list[str], text: str, setting: Setting, depth: int) -> Field
 
 def _blend(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
     if len(parts) != 3:
-        raise ArgumentError(f"--field {text.strip()!r}: blend takes (field; field; weight 0 to 1)")
+        raise ArgumentError(f"`field` {text.strip()!r}: blend takes (field; field; weight 0 to 1)")
     weight = _number(parts[2], text)
     if not 0.0 <= weight <= 1.0:
-        raise ArgumentError(f"--field {text.strip()!r}: the weight {weight:g} is not 0 to 1")
+        raise ArgumentError(f"`field` {text.strip()!r}: the weight {weight:g} is not 0 to 1")
     first, second = (_parse(part, setting, depth) for part in parts[:2])
     return BlendField(first, second, weight)
 
 
 def _clamp(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
     if len(parts) != 3:
-        raise ArgumentError(f"--field {text.strip()!r}: clamp takes (field; lowest; highest)")
+        raise ArgumentError(f"`field` {text.strip()!r}: clamp takes (field; lowest; highest)")
     low, high = _number(parts[1], text), _number(parts[2], text)
     if not low < high:
-        raise ArgumentError(f"--field {text.strip()!r}: {low:g} is not below {high:g}")
+        raise ArgumentError(f"`field` {text.strip()!r}: {low:g} is not below {high:g}")
     return ClampField(_parse(parts[0], setting, depth), low, high)
 
 
@@ -716,7 +708,7 @@ def _number(part: str, text: str) -> float:
         return float(part)
     except ValueError:
         raise ArgumentError(
-            f"--field {text.strip()!r}: {part.strip()!r} must be a number"
+            f"`field` {text.strip()!r}: {part.strip()!r} must be a number"
         ) from None
 
 

@@ -252,7 +252,8 @@ def harmonic_field(
         x, y, z = (grid.centre_mm(lost) - origin_mm).tolist()
         raise ArgumentError(
             f"field harmonic: the body at ({x:.4g}, {y:.4g}, {z:.4g}) mm touches neither region; "
-            "name a region in each body, or take a finer --pitch if a wall is thinner than a cell"
+            "name a region in each body, or take a finer `pitch_mm` if a wall is thinner than a "
+            "cell"
         )
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
@@ -461,7 +462,7 @@ def geodesic_field(
         x, y, z = (grid.centre_mm(stray) - origin_mm).tolist()
         raise ArgumentError(
             f"field geodesic: no way leads from start= to ({x:.4g}, {y:.4g}, {z:.4g}) mm within "
-            "the part; name a region in each body, or take a finer --pitch if a wall is thinner "
+            "the part; name a region in each body, or take a finer `pitch_mm` if a wall is thinner "
             "than a cell"
         )
     length = np.full(tuple(n + 2 for n in inside.shape), np.inf)  # a border saves all tests

@@ -43,7 +43,7 @@ def check_absent(path: str | Path, *, force: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; name a file")
     if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
+        raise OutputError(f"{path}: exists already; replace it with `force`, or name another file")
 
 
 def write_whole(path: str | Path, data: bytes) -> None:
@@ -117,21 +117,21 @@ def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = 
             if content and kind.mark not in content:
                 raise OutputError(
                     f"{folder}: exists and holds no {kind.mark}, so planner did not write it and "
-                    "does not replace it; name another folder with --output"
+                    "does not replace it; name another folder with `output`"
                 )
             strangers = _strangers(target, kind)
             if strangers:
                 raise OutputError(
                     f"{folder}: holds {_listed(strangers)}, which planner did not write and does "
-                    "not delete; move that elsewhere, or name another folder with --output"
+                    "not delete; move that elsewhere, or name another folder with `output`"
                 )
             if content and not force:
                 raise OutputError(
-                    f"{folder}: exists already; replace it with --force, or name another folder "
-                    "with --output"
+                    f"{folder}: exists already; replace it with `force`, or name another folder "
+                    "with `output`"
                 )
         elif target.exists():
-            raise OutputError(f"{folder}: is a file; name a folder with --output")
+            raise OutputError(f"{folder}: is a file; name a folder with `output`")
         elif not target.parent.is_dir():
             raise OutputError(
                 f"{folder}: there is no folder {target.parent} to put it into; create that first"
@@ -178,7 +178,7 @@ def new_folder(
         earlier = _exchange(scratch, target)
     except OSError as error:
         raise OutputError(
-            f"{folder}: {_reason(error)}; nothing was written; choose another place with --output"
+            f"{folder}: {_reason(error)}; nothing was written; choose another place with `output`"
         ) from error
     finally:
         if scratch is not None:

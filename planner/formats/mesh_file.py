@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, nearest_names
+from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.formats.stl import decode_stl, require_finite
 from planner.numerics import Float32Array, FloatArray
 
@@ -126,9 +126,8 @@ def canonical_unit(unit: str) -> str:
     called = _ALSO_CALLED.get(folded, _ALSO_CALLED.get(folded.removesuffix("s"), folded))
     if called in _SCALE_MM:
         return called
-    near = nearest_names(unit, [*_SCALE_MM, *_ALSO_CALLED])
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ArgumentError(f"--unit {unit}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}")
+    hint = did_you_mean(unit, [*_SCALE_MM, *_ALSO_CALLED])
+    raise ArgumentError(f"`unit` {unit}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}")
 
 
 def unit_scale_mm(unit: str) -> float:
@@ -148,9 +147,8 @@ def _bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
-        near = nearest_names(path.name, _files_beside(path))
-        hint = f"did you mean {near[0]}?" if near else "check the name and the folder"
-        raise FileError(f"{path}: no such file; {hint}") from error
+        hint = did_you_mean(path.name, _files_beside(path)) or "check the name and the folder"
+        raise FileError(f"{path}: no such file; {hint.rstrip()}") from error
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise FileError(
             f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); check the file"

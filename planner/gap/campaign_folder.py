@@ -17,7 +17,7 @@ from typing import Literal, cast
 import msgspec
 import numpy as np
 
-from planner.errors import FileError, UnknownNameError, nearest_names
+from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import new_folder
 from planner.formats.tables import number, read_columns
 from planner.formats.tensile import ListedSpecimen as Row
@@ -539,8 +539,8 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
                 found[table.specimen] = table
                 continue
             hint = f"; its row names {listed.file or CURVES}" if listed else ""
-            near = [] if listed else nearest_names(table.specimen, list(by_id))
-            hint = f"; did you mean {near[0]}?" if near else hint
+            if listed is None and (question := did_you_mean(table.specimen, by_id)):
+                hint = f"; {question.rstrip()}"
             noted.add(
                 f"a curve in {name} but no row in {SPECIMENS}{hint}; left out", table.specimen
             )

@@ -347,7 +347,7 @@ def corrected_palette(
         The corrected laws would cross, or a law cannot follow.
     """
     use = _conditions(palette.reference, conditions or Reference())
-    for name, value in (("--width-mm", width_mm), ("--thickness-mm", thickness_mm)):
+    for name, value in (("`width_mm`", width_mm), ("`thickness_mm`", thickness_mm)):
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"{name} {value:g}: it must be above 0")
     known = [e for e in diagnosis.effect if e.id in CONDITION_EFFECTS or e.id in _PRINT_EFFECTS]
@@ -410,8 +410,8 @@ def _conditions(reference: Reference, asked: Reference) -> Reference:
         if value is None:
             value = STANDARD["rate_per_s" if name == "strain_rate_per_s" else name]
         if not low <= value <= high:
-            option = {"strain_rate_per_s": "rate-per-s"}.get(name, name.replace("_", "-"))
-            raise ArgumentError(f"--{option} {value:g}: it must be from {low:g} to {high:g}")
+            argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
+            raise ArgumentError(f"`{argument}` {value:g}: it must be from {low:g} to {high:g}")
         values[name] = float(value)
     return Reference(**values, orientation=asked.orientation or reference.orientation or "x")
 
@@ -423,7 +423,7 @@ def _applied(found: FoundEffect, palette: Palette) -> _Applied:
         raise FileError(
             f"diagnosis: effect {found.id} has the form {found.form!r}, which palette "
             f"{palette.name} has not; it has {', '.join(f.name for f in effect.forms)}: give the "
-            "palette that was diagnosed with --palette"
+            "palette that was diagnosed with `palette`"
         )
     missing = [p.name for p in form.parameters if p.name not in found.parameters]
     if missing:

@@ -593,7 +593,7 @@ def design_campaign(
         The palette has no elastic material, or a law that nothing can be predicted with.
     """
     library = effects_for(palette)
-    asked = tuple(effect_named(id, library, "--effects").id for id in effects)
+    asked = tuple(effect_named(id, library, "`effects`").id for id in effects)
     size = SpecimenSize() if size is None else size
     _check(asked, budget, size)
     # Small matrices: more threads only change the last digits.
@@ -603,17 +603,16 @@ def design_campaign(
 
 def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
     if not asked:
-        raise ArgumentError("--effects: none; name those to tell apart, as in rate,moisture")
+        raise ArgumentError("`effects`: none; name those to tell apart, as in rate,moisture")
     double = next((id for id in asked if asked.count(id) > 1), None)
     if double is not None:
-        raise ArgumentError(f"--effects: {double} stands twice; name each effect once")
+        raise ArgumentError(f"`effects`: {double} stands twice; name each effect once")
     if budget > _MOST:
-        raise ArgumentError(f"--budget {budget}: it must be at most {_MOST} specimens")
+        raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")
     for name in ("width_mm", "thickness_mm", "gauge_mm"):
         value = getattr(size, name)
         if not 0.1 <= value <= 1000.0:
-            option = name.replace("_", "-")
-            raise ArgumentError(f"--{option} {value:g}: it must be from 0.1 to 1000")
+            raise ArgumentError(f"`{name}` {value:g}: it must be from 0.1 to 1000")
 
 
 def _designed(
@@ -635,7 +634,7 @@ def _designed(
     least = BATCHES * int(counts.sum())
     if budget < least:
         raise ArgumentError(
-            f"--budget {budget}: too few specimens to test {', '.join(asked)}: it takes at least "
+            f"`budget` {budget}: too few specimens to test {', '.join(asked)}: it takes at least "
             f"{least}, {least // BATCHES} conditions in {BATCHES} batches; raise the budget, or "
             "ask for fewer effects"
         )

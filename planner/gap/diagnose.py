@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from planner.errors import UnknownNameError, nearest_names
+from planner.errors import UnknownNameError, did_you_mean
 from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
@@ -302,10 +302,9 @@ def _library(
 ) -> tuple[tuple[Effect, ...], tuple[Untestable, ...]]:
     for id in without:
         if id not in EFFECTS:
-            near = nearest_names(id, list(EFFECTS))
-            hint = f"did you mean {near[0]}? " if near else ""
+            hint = did_you_mean(id, EFFECTS)
             raise UnknownNameError(
-                f"--without {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
+                f"`without` {id}: no such effect; {hint}there are {', '.join(EFFECTS)}"
             )
     effects, reasons = [], []
     for id, effect in effects_for(campaign.palette).items():

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import read_specimens
 from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField
@@ -372,8 +372,7 @@ def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
     """
     if id in effects:
         return effects[id]
-    near = nearest_names(id, list(effects))
-    hint = f"did you mean {near[0]}? " if near else ""
+    hint = did_you_mean(id, effects)
     raise UnknownNameError(f"{option} {id}: no such effect; {hint}there are {', '.join(effects)}")
 
 
@@ -397,13 +396,13 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
         A value that is no number, or beyond what the effect may have.
     """
     id, _, rest = text.partition(":")
-    effect = effect_named(id.strip(), effects_for(palette), "--effect")
+    effect = effect_named(id.strip(), effects_for(palette), "`effect`")
     given: dict[str, str] = {}
     for pair in filter(None, (part.strip() for part in rest.split(","))):
         name, equals, value = pair.partition("=")
         if not equals or not value.strip():
             raise ArgumentError(
-                f"--effect {text}: {pair!r} is no NAME=VALUE; write it as rate:rise=0.12"
+                f"`effect` {text}: {pair!r} is no NAME=VALUE; write it as rate:rise=0.12"
             )
         given[name.strip()] = value.strip()
     form = _form(effect, given.pop("form", None), given, text)
@@ -418,10 +417,9 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
 def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str) -> Form:
     forms = {form.name: form for form in effect.forms}
     if name is not None and name not in forms:
-        near = nearest_names(name, list(forms))
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = did_you_mean(name, forms)
         raise UnknownNameError(
-            f"--effect {text}: {effect.id} has no form {name!r}; {hint}its forms are "
+            f"`effect` {text}: {effect.id} has no form {name!r}; {hint}its forms are "
             f"{', '.join(forms)}"
         )
     candidates = list(forms.values()) if name is None else [forms[name]]
@@ -431,7 +429,7 @@ def _form(effect: Effect, name: str | None, given: Mapping[str, str], text: str)
     which = "no form" if name is None else f"form {name} does not"
     owns = "; ".join(f"{f.name}: {', '.join(p.name for p in f.parameters)}" for f in candidates)
     raise UnknownNameError(
-        f"--effect {text}: {which} take{'s' if name is None else ''} {', '.join(given)} ({owns})"
+        f"`effect` {text}: {which} take{'s' if name is None else ''} {', '.join(given)} ({owns})"
     )
 
 
@@ -445,7 +443,7 @@ def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
         low = -high if parameter.signed else 0.0
     if not low <= value <= high:
         raise ArgumentError(
-            f"--effect {whole}: {parameter.name} is {text}; it must be from {low:g} to {high:g}"
+            f"`effect` {whole}: {parameter.name} is {text}; it must be from {low:g} to {high:g}"
             + (f" {parameter.unit}" if parameter.unit != "1" else "")
         )
     return value
@@ -504,7 +502,7 @@ def synthetic_campaign(
         A law that nothing can be predicted with.
     """
     if not 0.0 <= scatter <= 0.3:
-        raise ArgumentError(f"--scatter {scatter:g}: it must be from 0 to 0.3")
+        raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to 0.3")
     laws = law_tables(plan.palette)
     batches = {
         name: _BATCH * scatter * float(rng.standard_normal())

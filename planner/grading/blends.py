@@ -106,7 +106,7 @@ def mixture_for(palette: Palette, modulus_MPa: float, at_strain: float) -> Mixtu
         The modulus is not a positive number, or the strain is out of range.
     """
     if not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
-        raise ArgumentError(f"--modulus {modulus_MPa:g}: it must be above 0 MPa")
+        raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")
     scale = stiffness_scale(palette, at_strain)
     low, high = scale.moduli_MPa[0], scale.moduli_MPa[-1]
     within = min(max(modulus_MPa, low), high)
@@ -408,7 +408,7 @@ def mixed_bands(
     else:
         if count > _MOST_MIXTURES:
             raise ArgumentError(
-                f"--blend mix --bands {count}: each mixture is a file of its own; up to "
+                f"`blend` mix `bands` {count}: each mixture is a file of its own; up to "
                 f"{_MOST_MIXTURES} are possible"
             )
         bands = equal_bands(profile, scale.moduli_MPa, count)

@@ -389,7 +389,7 @@ def differences(before: Plan, after: Plan, tolerance: float = 1e-6) -> tuple[Dif
         differ whenever anything else does, and sometimes when nothing does.
     """
     if not 0.0 <= tolerance <= 1.0:
-        raise ArgumentError(f"--tolerance {tolerance:g}: it must be a number from 0 to 1")
+        raise ArgumentError(f"`tolerance` {tolerance:g}: it must be a number from 0 to 1")
     return tuple(_compare(before, after, tolerance))
 
 

@@ -497,9 +497,10 @@ def check_size(mesh: Mesh, dealt: DitherField) -> None:
         larger *= 1.01
     coarser = math.ceil(dealt.cell_mm * larger * 20.0) / 20.0
     raise ArgumentError(
-        f"--cell {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} cells "
-        f"of that size, whose shells would have some {triangles:.2g} triangles; up to "
-        f"{_MOST_TRIANGLES:.2g} are possible: take --cell {coarser:g} or larger, or --blend bands:4"
+        f"`cell_mm` {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} "
+        f"cells of that size, whose shells would have some {triangles:.2g} triangles; up to "
+        f"{_MOST_TRIANGLES:.2g} are possible: take `cell_mm` {coarser:g} or larger, or `blend` "
+        "bands:4"
     )
 
 

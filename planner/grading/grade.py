@@ -14,7 +14,7 @@ import numpy as np
 from planner import __version__
 from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
 from planner.cutting.pieces import Pieces, piece_volumes_mm3, split
-from planner.errors import ArgumentError, as_count, as_number, nearest_names, positive
+from planner.errors import ArgumentError, as_count, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
@@ -196,12 +196,11 @@ def _blend_choice(text: object) -> BlendChoice:
             periods = 0
         if not 1 <= periods <= _MOST_PERIODS:
             raise ArgumentError(
-                f"--blend {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
+                f"`blend` {text}: N must be a whole number from 1 to {_MOST_PERIODS}, as in bands:4"
             )
         return BlendChoice("bands", periods)
-    near = nearest_names(str(text), ["nearest", "dither", "bands:4", "mix"])
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ArgumentError(f"--blend {text}: no such blend; {hint}it takes {', '.join(_BLENDS)}")
+    hint = did_you_mean(str(text), ["nearest", "dither", "bands:4", "mix"])
+    raise ArgumentError(f"`blend` {text}: no such blend; {hint}it takes {', '.join(_BLENDS)}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -314,13 +313,13 @@ def _design_pieces(
     """
     if bands is not None and choice.kind in ("dither", "bands"):
         raise ArgumentError(
-            f"--bands {bands}: it goes with --blend nearest or mix"
-            + ("; write --blend bands:N for N periods" if choice.kind == "bands" else "")
+            f"`bands` {bands}: it goes with `blend` nearest or mix"
+            + ("; write `blend` bands:N for N periods" if choice.kind == "bands" else "")
         )
     if bands is not None and not 1 <= bands <= _MOST_BANDS:
-        raise ArgumentError(f"--bands {bands}: it must be a whole number from 1 to {_MOST_BANDS}")
+        raise ArgumentError(f"`bands` {bands}: it must be a whole number from 1 to {_MOST_BANDS}")
     if cell_mm is not None and choice.kind != "dither":
-        raise ArgumentError(f"--cell {cell_mm:g}: it goes with --blend dither")
+        raise ArgumentError(f"`cell_mm` {cell_mm:g}: it goes with `blend` dither")
     moduli = scale.moduli_MPa
     if choice.kind == "mix":
         return Design(choice, *mixed_bands(target, scale, bands, machine))
@@ -446,11 +445,11 @@ def grade(
     """
     machine = load_printer(printer)
     if field is not None and axis is not None:
-        raise ArgumentError("give --axis or --field, not both; --field 'axis: z' is an axis too")
-    pitch_mm = None if pitch_mm is None else positive(pitch_mm, "--pitch")
-    bands = None if bands is None else as_count(bands, "--bands")
-    at_strain = as_number(at_strain, "--at-strain")
-    cell_mm = None if cell_mm is None else positive(cell_mm, "--cell")
+        raise ArgumentError("give `axis` or `field`, not both; `field` 'axis: z' is an axis too")
+    pitch_mm = None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`")
+    bands = None if bands is None else as_count(bands, "`bands`")
+    at_strain = as_number(at_strain, "`at_strain`")
+    cell_mm = None if cell_mm is None else positive(cell_mm, "`cell_mm`")
     choice = _blend_choice(blend)
     scale = stiffness_scale(palette_of(machine, palette), at_strain)
     target, start, end = _target(profile, from_, to, scale)
@@ -523,19 +522,19 @@ def _target(
     if isinstance(profile, Path) or profile.casefold().endswith(".csv"):
         if start is not None or end is not None:
             raise ArgumentError(
-                f"--profile {profile} names its own targets; leave out --from and --to"
+                f"`profile` {profile} names its own targets; leave out `from_` and `to`"
             )
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
         return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
     if start is None or end is None:
         ids = ", ".join(material.id for material in palette.materials)
         raise ArgumentError(
-            "give both ends of the gradient, as in --from Tango --to Vero; palette "
+            "give both ends of the gradient, as in `from_` Tango `to` Vero; palette "
             f"{palette.name} has {ids}"
         )
     if start == end:
         raise ArgumentError(
-            f"--from {from_} and --to {to} are one material, {start}; a gradient needs two"
+            f"`from_` {from_} and `to` {to} are one material, {start}; a gradient needs two"
         )
     return between(profile, scale.modulus_of(start), scale.modulus_of(end)), start, end
 
@@ -592,7 +591,7 @@ def _check_thickness(
     thickness_mm = (thinnest.stop - thinnest.start) * span_mm
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
-        unit = next((warning for warning in warnings if "--unit" in warning), None)
+        unit = next((w.replace("--unit", "`unit`") for w in warnings if "--unit" in w), None)
         raise ArgumentError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "

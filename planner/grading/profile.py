@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, nearest_names
+from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.materials.mixtures import CoefficientModel, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
@@ -167,7 +167,7 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
             count = 0
         if not 2 <= count <= 10_000:
             raise ArgumentError(
-                f"--profile {spec}: the number of steps must be a whole number from 2 to 10000, "
+                f"`profile` {spec}: the number of steps must be a whole number from 2 to 10000, "
                 "as in steps:5"
             )
         ratio = end_MPa / start_MPa
@@ -176,9 +176,8 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
             positions += [i / count, (i + 1) / count]
             moduli += [start_MPa * ratio ** (i / (count - 1))] * 2
         return Profile(spec, tuple(positions), tuple(moduli), "log")
-    near = nearest_names(spec, ["log", "linear", "smooth", "steps:5"])
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise ArgumentError(f"--profile {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
+    hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5"])
+    raise ArgumentError(f"`profile` {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
 
 
 def read_profile(
@@ -299,7 +298,7 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     model = CoefficientModel(palette)
     if not 0.0 < at_strain <= model.strain_limit:
         raise ArgumentError(
-            f"--at-strain {at_strain:g}: the working strain must be above 0 and at most "
+            f"`at_strain` {at_strain:g}: the working strain must be above 0 and at most "
             f"{model.strain_limit:g}, where the first elastic material of palette {palette.name} "
             "breaks; strains are fractions, so 10 % is 0.1"
         )

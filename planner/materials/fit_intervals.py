@@ -379,7 +379,7 @@ def fit_material(
         )
         raise ArgumentError(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
-            f"and a tenth beyond ({falls}); try --law all"
+            f"and a tenth beyond ({falls}); try `law` all"
         )
     notes.extend(_doubts(material, chosen))
     ends = intervals(chosen.fit, sample, level)

@@ -117,7 +117,7 @@ def write_characteristics(
     """
     path = Path(path)
     if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; replace it with --force, or name another file")
+        raise OutputError(f"{path}: exists already; replace it with `force`, or name another file")
     partial = path.with_name(f".{path.name}.partial")
     try:
         partial.write_text(characteristics_csv(materials), encoding="utf-8", newline="")
@@ -329,7 +329,7 @@ def _coordinates(
     if missing:
         raise ArgumentError(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
-            f"--coordinate {missing[0]}=... or a column coordinate in specimens.csv, or none"
+            f"`coordinate` {missing[0]}=... or a column coordinate in specimens.csv, or none"
         )
     for softer, harder in itertools.pairwise(ordered):
         if not found[softer] < found[harder]:

@@ -325,7 +325,7 @@ def _strain(
     if dimensions.gauge_mm is None:
         raise FileError(
             f"{where}: the gauge length is unknown, so displacement gives no strain; add "
-            "gauge_mm to specimens.csv, or give --gauge-mm"
+            "gauge_mm to specimens.csv, or give `gauge_mm`"
         )
     displacement = columns["displacement_mm"]
     load = next(columns[name] for name in _LOADS if name in columns)
@@ -352,7 +352,7 @@ def _stress(
     if dimensions.area_mm2 is None:
         raise FileError(
             f"{where}: the section is unknown, so force gives no stress; add width_mm and "
-            "thickness_mm to specimens.csv, or give --width-mm and --thickness-mm"
+            "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
         )
     return columns["force_N"] / dimensions.area_mm2
 

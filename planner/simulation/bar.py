@@ -86,8 +86,8 @@ class Bar:
             empty = np.flatnonzero(~(self.area_mm2 > 0.0))
             raise ArgumentError(
                 f"the bar has no cross-section at {self.x_mm[empty[0]]:.4g} mm along its axis "
-                f"({len(empty)} of {n} slices), so it carries no force; take a stretch (--between) "
-                "that leaves this out, or another part"
+                f"({len(empty)} of {n} slices), so it carries no force; take a stretch "
+                "(`between_mm`) that leaves this out, or another part"
             )
 
     @property
@@ -143,7 +143,7 @@ def bar_between(
     low, high = float(edges_mm[0]), float(edges_mm[-1])
     if not low <= start < stop <= high:
         raise ArgumentError(
-            f"--between {start:g}:{stop:g}: it must rise and lie on the bar, which goes from "
+            f"`between_mm` {start:g}:{stop:g}: it must rise and lie on the bar, which goes from "
             f"{low:.6g} to {high:.6g} mm along its axis"
         )
     inner = edges_mm[(edges_mm > start) & (edges_mm < stop)]
@@ -223,7 +223,7 @@ def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
     if field.get("name") != "axis":
         raise ArgumentError(
             f"the plan's field is {field.get('name')!r}; a bar is simulated along an axis: grade "
-            "along one (--axis), or give a profile file"
+            "along one (`axis`), or give a profile file"
         )
     try:
         x, y, z = (float(value) for value in field["direction"])

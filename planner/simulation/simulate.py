@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, UnknownNameError, nearest_names
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray
@@ -97,10 +97,10 @@ def loading_path(
     ArgumentError
         An unknown protocol, or a figure outside what it may be.
     """
-    for name, value in (("--rate", rate_mm_s), ("--hold-s", hold_s)):
+    for name, value in (("`rate_mm_s`", rate_mm_s), ("`hold_s`", hold_s)):
         if not 0.0 < value < np.inf:
             raise ArgumentError(f"{name} {value:g}: it must be above 0 and finite")
-    for name, count in (("--steps", steps), ("--cycles", cycles)):
+    for name, count in (("`steps`", steps), ("`cycles`", cycles)):
         if not 1 <= count <= 10_000:
             raise ArgumentError(f"{name} {count}: it must be a whole number from 1 to 10000")
     up = np.linspace(0.0, to_displacement_mm, steps + 1)
@@ -118,10 +118,9 @@ def loading_path(
             np.concatenate([ramp_s, ramp_s[-1] + held]),
             np.concatenate([up, np.full(steps, up[-1])]),
         )
-    near = nearest_names(protocol, list(_PROTOCOLS))
-    hint = f"did you mean {near[0]}? " if near else ""
+    hint = did_you_mean(protocol, _PROTOCOLS)
     raise ArgumentError(
-        f"--protocol {protocol}: no such protocol; {hint}it may be {', '.join(_PROTOCOLS)}"
+        f"`protocol` {protocol}: no such protocol; {hint}it may be {', '.join(_PROTOCOLS)}"
     )
 
 
@@ -498,7 +497,7 @@ def _of_plan(
         except UnknownNameError as error:
             raise UnknownNameError(
                 f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
-                "--palette"
+                "`palette`"
             ) from error
     else:
         chosen = _palette(palette, printer)
@@ -554,7 +553,7 @@ def _force_interval_N(
         A level that is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
-        raise ArgumentError(f"--level {level:g}: it must be between 0 and 1")
+        raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)
@@ -643,11 +642,11 @@ def simulate(
     """
     if not 0.0 < to_strain <= _MOST_STRAIN:
         raise ArgumentError(
-            f"--to-strain {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
+            f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
             "are fractions, so 30 % is 0.3"
         )
     if not 1 <= slices <= 10_000:
-        raise ArgumentError(f"--slices {slices}: it must be a whole number from 1 to 10000")
+        raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
     opened = _open_source(
         source,
         palette=palette,
@@ -705,7 +704,7 @@ def simulate_bar(
     if states > _MOST_STATES:
         raise ArgumentError(
             f"{len(bar.coordinate)} slices over {len(path.time_s)} steps make {states} states; up "
-            "to 20 million are possible: take fewer --slices, --steps or --cycles"
+            "to 20 million are possible: take fewer `slices`, `steps` or `cycles`"
         )
     model = CoefficientModel(palette)
     response = elastic_response(model, bar.coordinate)

@@ -256,8 +256,8 @@ def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Prin
     except UnknownNameError as error:
         if needed:
             raise UnknownNameError(
-                f"{error}; or give the size of a voxel with --pitch, or another printer with "
-                "--printer"
+                f"{error}; or give the size of a voxel with `pitch_mm`, or another printer with "
+                "`printer`"
             ) from error
         return None
 

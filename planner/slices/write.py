@@ -203,7 +203,7 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabIm
         r"(tcp|tls|ws|wss)://[^\s:/]+:\d+", scheduler
     ):
         raise ArgumentError(
-            f"--scheduler {scheduler}: is no address of a scheduler; give what dask scheduler "
+            f"`scheduler` {scheduler}: is no address of a scheduler; give what dask scheduler "
             "prints, as tcp://127.0.0.1:8786"
         )
     try:
@@ -211,8 +211,8 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabIm
         dask: Any = import_module("dask")
     except ImportError as error:
         raise ArgumentError(
-            f"--scheduler {scheduler}: Dask is not installed ({error}); "
-            "pip install 'planner[distributed]', or leave --scheduler out"
+            f"`scheduler` {scheduler}: Dask is not installed ({error}); "
+            "pip install 'planner[distributed]', or leave `scheduler` out"
         ) from error
     with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
         threads = _threads(client, scheduler)
@@ -232,7 +232,7 @@ def _client(distributed: Any, scheduler: str) -> Any:
         return distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
     except OSError as error:  # TimeoutError is one
         raise ArgumentError(
-            f"--scheduler {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
+            f"`scheduler` {scheduler}: no scheduler answers there within {_CONNECT_S} s; give the "
             "address that dask scheduler prints"
         ) from error
 
@@ -242,7 +242,7 @@ def _threads(client: Any, scheduler: str) -> int:
         client.wait_for_workers(1, timeout=_CONNECT_S)
     except TimeoutError as error:
         raise ArgumentError(
-            f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}"
+            f"`scheduler` {scheduler}: has no workers; start some: dask worker {scheduler}"
         ) from error
     return max(1, int(sum(client.nthreads().values())))
 
@@ -275,7 +275,7 @@ def _some_of(distributed: Any, client: Any, waiting: set[Any], scheduler: str) -
         except TimeoutError as error:
             if not client.nthreads():
                 raise OutputError(
-                    f"--scheduler {scheduler}: all its workers are gone; start some again"
+                    f"`scheduler` {scheduler}: all its workers are gone; start some again"
                 ) from error
 
 
@@ -286,12 +286,12 @@ def _result(distributed: Any, future: Any, scheduler: str) -> SlabImages:
         raise
     except ImportError as error:
         raise ArgumentError(
-            f"--scheduler {scheduler}: its workers cannot import what they need ({error}); install "
+            f"`scheduler` {scheduler}: its workers cannot import what they need ({error}); install "
             "planner there"
         ) from error
     except distributed.KilledWorker as error:
         raise OutputError(
-            f"--scheduler {scheduler}: several workers died over one slab; give them more memory"
+            f"`scheduler` {scheduler}: several workers died over one slab; give them more memory"
         ) from error
     return slab
 
@@ -350,7 +350,7 @@ def write_slices(
     if target.is_relative_to(plan_file(plan).resolve().parent):
         raise OutputError(
             f"{folder}: lies in the plan's own folder, which would then no longer be sound; name "
-            "another folder with --output"
+            "another folder with `output`"
         )
     source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
     edges_mm = source.grid.pitch_mm

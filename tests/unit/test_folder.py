@@ -49,7 +49,7 @@ def test_permissions_are_those_of_any_folder(tmp_path):
 
 def test_earlier_output_needs_force(tmp_path):
     write(tmp_path / "out", "old")
-    with pytest.raises(OutputError, match="exists already; replace it with --force"):
+    with pytest.raises(OutputError, match="exists already; replace it with `force`"):
         write(tmp_path / "out")
     assert content(tmp_path / "out")["plan.json"] == "old"
     write(tmp_path / "out", force=True)

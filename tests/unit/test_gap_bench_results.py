@@ -163,7 +163,7 @@ def test_wrong_usage_writes_nothing(lab: Path) -> None:
         bench(lab / "campaigns", truth=truth, sha256="1", output=lab / "results.json")
     assert not (lab / "results.json").exists()
     (lab / "results.json").write_text("mine")
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="`force`"):
         bench(lab / "campaigns", truth=truth, output=lab / "results.json")
     (lab / "campaigns" / "c").mkdir()
     (lab / "campaigns" / "c" / "campaign.toml").write_text("schema = 1\n")

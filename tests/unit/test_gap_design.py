@@ -181,5 +181,5 @@ def test_the_least_that_a_refusal_names_will_do(palette) -> None:
 
 
 def test_sizes_out_of_bounds_are_refused(palette) -> None:
-    with pytest.raises(ArgumentError, match="--gauge-mm"):
+    with pytest.raises(ArgumentError, match="`gauge_mm`"):
         design_campaign(palette, ["rate"], 8, size=SpecimenSize(gauge_mm=float("nan")))

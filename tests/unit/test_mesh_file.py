@@ -62,7 +62,7 @@ def test_units(unit, millimetres, box, tmp_path):
 
 
 def test_unknown_unit(tmp_path):
-    with pytest.raises(ArgumentError, match=r"--unit inhc: no such unit; did you mean inch\?"):
+    with pytest.raises(ArgumentError, match=r"`unit` inhc: no such unit; did you mean inch\?"):
         read_mesh(tmp_path / "not even there.stl", "inhc")
     with pytest.raises(ArgumentError, match="it may be mm, cm, m, inch, ft, um"):
         unit_scale_mm("parsec")

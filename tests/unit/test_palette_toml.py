@@ -123,7 +123,7 @@ def test_writing_is_whole_or_not_at_all(tmp_path: Path) -> None:
     target = tmp_path / "p.toml"
     write_palette(palette, target)
     assert load_palette(target).materials == palette.materials
-    with pytest.raises(OutputError, match=r"p\.toml: exists already; replace it with --force"):
+    with pytest.raises(OutputError, match=r"p\.toml: exists already; replace it with `force`"):
         write_palette(palette, target)
     write_palette(palette, target, force=True)
     with pytest.raises(OutputError, match="nothing was written"):

@@ -76,7 +76,7 @@ def test_interval_leaves_out_what_lies_beyond_a_jump() -> None:
 
 @pytest.mark.parametrize("spec", ["lgo", "steps:1", "steps:x", "steps:", "cubic"])
 def test_unknown_profiles_are_refused(spec: str) -> None:
-    with pytest.raises(ArgumentError, match="--profile"):
+    with pytest.raises(ArgumentError, match="`profile`"):
         between(spec, 1.0, 2.0)
 
 

@@ -128,6 +128,6 @@ def test_without_the_plugin_layers_need_a_pitch(plan: Path, tmp_path: Path) -> N
 
     certificate = here.certify(plan)  # needs the files alone
     assert all(check.ok for check in certificate.checks.values())
-    with pytest.raises(UnknownNameError, match=r"no printer 'duojet'.*--pitch"):
+    with pytest.raises(UnknownNameError, match=r"no printer 'duojet'.*`pitch_mm`"):
         here.write_slices(plan, tmp_path / "s")
     assert here.write_slices(plan, tmp_path / "s", pitch_mm=0.5).printer == "duojet"

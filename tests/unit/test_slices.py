@@ -325,7 +325,7 @@ def test_plans_folders_and_printers_that_are_none(dogbone: Path, tmp_path: Path)
         with pytest.raises(ArgumentError, match=next(iter(wrong))):
             planner.write_slices(dogbone, tmp_path / "s", **wrong)
     planner.write_slices(dogbone, tmp_path / "s", pitch_mm=1.0)
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="`force`"):
         planner.write_slices(dogbone, tmp_path / "s", pitch_mm=0.5)
     planner.write_slices(dogbone, tmp_path / "s", pitch_mm=2.0, force=True)
     assert len(list((tmp_path / "s").glob("*.png"))) == 2
@@ -337,7 +337,7 @@ def test_a_printer_that_is_not_installed(dogbone: Path, tmp_path: Path) -> None:
     shutil.copytree(dogbone, folder)
     text = (folder / "plan.json").read_text().replace('"connex3"', '"elsewhere"')
     (folder / "plan.json").write_text(text)
-    with pytest.raises(UnknownNameError, match="--pitch"):
+    with pytest.raises(UnknownNameError, match="`pitch_mm`"):
         planner.write_slices(folder, tmp_path / "s")
     stack = planner.write_slices(folder, tmp_path / "s", pitch_mm=1.0)
     known = planner.write_slices(dogbone, tmp_path / "t", pitch_mm=1.0)

@@ -105,7 +105,7 @@ def test_an_effect_taken_out_is_missed_and_not_replaced(rate_campaign) -> None:
 
 
 def test_without_takes_effects_that_there_are(rate_campaign) -> None:
-    with pytest.raises(UnknownNameError, match=r"--without rat: no such effect; did you mean rate"):
+    with pytest.raises(UnknownNameError, match=r"`without` rat: no such effect; did you mean rate"):
         diagnose(rate_campaign, without=["rat"])
 
 

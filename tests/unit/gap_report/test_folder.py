@@ -62,7 +62,7 @@ def test_the_folder_is_whole_and_the_same_each_time(diagnosis: Diagnosis, tmp_pa
 
 def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None:
     target = write_diagnosis(examples["rate"], tmp_path / "out")
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="`force`"):
         write_diagnosis(examples["none"], target)
     write_diagnosis(examples["none"], target, force=True)
     assert read_diagnosis(target).verdict == "none"
