@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,13 @@ from planner.numerics import FloatArray
 __all__ = [
     "QUANTITY_UNITS",
     "TextRow",
+    "finite_number",
+    "finite_numbers",
     "is_unit",
     "number",
     "read_columns",
+    "read_records",
+    "read_rows",
     "read_text",
     "split_rows",
     "unit_factor",
@@ -32,6 +37,9 @@ __all__ = [
 
 TextRow = tuple[int, list[str]]
 """Line number in the file, and its cells without blanks around them."""
+
+Record = dict[str | Any, str | Any]
+"""A row's cells by heading, None where the row ends before."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 
@@ -82,6 +90,69 @@ def _iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
             start = reader.line_num + 1
     except csv.Error as error:
         raise FileError(f"line {start}: {error}") from error
+
+
+def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
+    """Read a table: its headings, its separator (the likeliest) and its rows that are not blank.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, is empty, or is binary.
+    """
+    text = read_text(path)
+    first = next(line for line in text.splitlines() if line.strip())
+    separator = max(",;\t", key=first.count)
+    rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
+    return next(rows)[1], separator, rows
+
+
+def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str, Record]]]:
+    """Read a file separated by commas: its headings, and each row by heading.
+
+    Parameters
+    ----------
+    what
+        What errors call the file, before its path.
+
+    Returns
+    -------
+    headings, records
+        Each record with what errors call its place.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or is no CSV.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{what} {path}: cannot be read ({reason}); give a CSV file") from error
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    try:
+        headings = tuple(reader.fieldnames or ())
+        return headings, [(f"{what} {path}, line {reader.line_num}", row) for row in reader]
+    except csv.Error as error:
+        raise FileError(f"{what} {path}: {error}; it is not a CSV file") from error
+
+
+def finite_number(text: str | None, where: str) -> float:
+    """Return the number in a cell of a record.
+
+    Raises
+    ------
+    FileError
+        There is none, or it is not finite.
+    """
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FileError(f"{where} is {text!r}; it must be a finite number")
+    return value
 
 
 def number(cell: str, separator: str) -> float | None:
@@ -241,11 +312,7 @@ def read_columns(
         no finite number; the message names file, line and column.
     """
     where = path.name
-    text = read_text(path)
-    first = next(line for line in text.splitlines() if line.strip())
-    separator = max(",;\t", key=first.count)
-    rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
-    headings = next(rows)[1]
+    headings, separator, rows = read_rows(path)
     places: dict[str, tuple[int, float]] = {}
     named: int | None = None
     for index, heading in enumerate(headings):
@@ -277,7 +344,7 @@ def read_columns(
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
     numbers = {
-        name: factor * _numbers(columns_of_text[i], lines, separator, where, headings[i])
+        name: factor * finite_numbers(columns_of_text[i], lines, separator, where, headings[i])
         for name, (i, factor) in places.items()
     }
     return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
@@ -305,9 +372,16 @@ def _column(
     return None
 
 
-def _numbers(
+def finite_numbers(
     cells: Sequence[str], lines: Sequence[int], separator: str, where: str, heading: str
 ) -> FloatArray:
+    """Return a column's numbers.
+
+    Raises
+    ------
+    FileError
+        A cell has none, or one that is not finite; the message names file, line and column.
+    """
     values = [number(cell, separator) for cell in cells]
     for line, cell, value in zip(lines, cells, values, strict=True):
         if value is None or not math.isfinite(value):

@@ -2,24 +2,36 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.tables import TextRow, is_unit, number, read_text, split_rows, unit_factor
+from planner.formats.tables import (
+    TextRow,
+    finite_numbers,
+    is_unit,
+    number,
+    read_rows,
+    read_text,
+    split_rows,
+    unit_factor,
+)
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
+    "SPECIMEN_COLUMNS",
+    "SPECIMEN_TEXTS",
     "ListedSpecimen",
+    "Orientation",
+    "Protocol",
+    "SpecimenConditions",
     "TensileTable",
-    "column_of",
     "is_specimens_file",
-    "parse_heading",
     "read_specimens",
     "read_tensile",
 ]
@@ -70,7 +82,7 @@ _SPACED = re.compile(r"(.+)\s(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
-class Heading:
+class _Heading:
     """A heading taken apart: a key of the known meanings, and its unit (None: not stated)."""
 
     text: str
@@ -79,19 +91,19 @@ class Heading:
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
-    """Canonical column name, and the factor to its unit."""
+class _Meaning:
+    """Canonical column name of a heading, and the factor to its unit."""
 
+    heading: _Heading
     column: str
     factor: float
-    unit_stated: bool
 
 
 def _meaning(name: str) -> str | None:
     return _MEANING.get(re.sub(r"[\s_]+", " ", name).strip().casefold())
 
 
-def parse_heading(text: str) -> Heading | None:
+def _parse_heading(text: str) -> _Heading | None:
     """Take a heading apart, or return None where it names nothing that is known.
 
     "Load (lbf)", "Load [lbf]", "force_N", "Load N" and a bare "Load" are understood.
@@ -100,23 +112,23 @@ def parse_heading(text: str) -> Heading | None:
     if bracketed and (meaning := _meaning(bracketed[1])) is not None:
         # "Tensile strain (Displacement)" names where the strain comes from, not a unit.
         if is_unit(bracketed[2]) or _meaning(text) is None:
-            return Heading(text, meaning, bracketed[2])
-        return Heading(text, meaning, None)
+            return _Heading(text, meaning, bracketed[2])
+        return _Heading(text, meaning, None)
     if (meaning := _meaning(text)) is not None:
-        return Heading(text, meaning, None)
-    if bracketed and (inner := parse_heading(bracketed[1])) is not None:
-        return Heading(text, inner.meaning, bracketed[2])
+        return _Heading(text, meaning, None)
+    if bracketed and (inner := _parse_heading(bracketed[1])) is not None:
+        return _Heading(text, inner.meaning, bracketed[2])
     suffixed = _SUFFIXED.fullmatch(text)
     if suffixed and (meaning := _meaning(suffixed[1])) is not None:
-        return Heading(text, meaning, suffixed[2])
+        return _Heading(text, meaning, suffixed[2])
     spaced = _SPACED.fullmatch(text)
     # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
     if spaced and is_unit(spaced[2]) and (meaning := _meaning(spaced[1])) is not None:
-        return Heading(text, meaning, spaced[2])
+        return _Heading(text, meaning, spaced[2])
     return None
 
 
-def column_of(heading: Heading, *, where: str) -> Meaning:
+def _column_of(heading: _Heading, *, where: str) -> _Meaning:
     """Return the canonical column of a heading, with the factor to its unit.
 
     Raises
@@ -135,7 +147,7 @@ def column_of(heading: Heading, *, where: str) -> Meaning:
             f"{where}: no unit; write it in the heading, as '{heading.text} (unit)', "
             f"or name the columns yourself, as {column}"
         )
-    return Meaning(column, unit_factor(quantity, unit or "", where=where), unit is not None)
+    return _Meaning(heading, column, unit_factor(quantity, unit or "", where=where))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -277,7 +289,7 @@ _LOADS = {"force", "stress", "true stress"}
 @dataclass(frozen=True, slots=True)
 class _Layout:
     separator: str
-    headings: list[Heading | None]
+    headings: list[_Heading | None]
     head: list[TextRow]
     body: list[TextRow]
 
@@ -309,12 +321,12 @@ def read_tensile(
     layout = _layout(read_text(path), where, columns)
     head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
-    meanings: dict[int, Meaning] = {}
+    meanings: dict[int, _Meaning] = {}
     for index, heading in enumerate(headings):
         if heading is None or heading.meaning == "specimen":
             continue
         try:
-            meaning = column_of(heading, where=where)
+            meaning = _column_of(heading, where=where)
         except FileError as error:
             if heading.meaning != "time":
                 raise
@@ -331,15 +343,16 @@ def read_tensile(
         raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
     if ended is not None:
         notes.append(f"{where}: what stands from line {ended} on is no part of the record")
+    lines = [line for line, _ in rows]
     values = {
-        m.column: _numbers(rows, i, layout.separator, where, headings[i]) * m.factor
+        m.column: m.factor
+        * finite_numbers([c[i] for _, c in rows], lines, layout.separator, where, m.heading.text)
         for i, m in meanings.items()
     }
-    without_unit = {m.column for m in meanings.values() if not m.unit_stated}
+    without_unit = {m.column for m in meanings.values() if m.heading.unit is None}
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
         without_unit.discard("stretch")
-    lines = np.array([line for line, _ in rows], dtype=np.int64)
     named = next((i for i, h in enumerate(headings) if h and h.meaning == "specimen"), None)
     groups: dict[str, list[int]] = {}
     for position, (_, cells) in enumerate(rows):
@@ -348,7 +361,7 @@ def read_tensile(
         TensileTable(
             file=where,
             columns=MappingProxyType({name: array[at] for name, array in values.items()}),
-            lines=lines[at],
+            lines=np.array(lines, dtype=np.int64)[at],
             specimen=specimen or str(head.get("specimen", "")),
             metadata=MappingProxyType(head),
             without_unit=frozenset(without_unit),
@@ -358,10 +371,10 @@ def read_tensile(
     )
 
 
-def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None], list[str]]:
+def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[_Heading | None], list[str]]:
     units = _mark10_units(layout.head, where=where)
-    headings: list[Heading | None] = [
-        Heading(h.text, h.meaning, units[h.meaning])
+    headings: list[_Heading | None] = [
+        _Heading(h.text, h.meaning, units[h.meaning])
         if h is not None and h.unit is None and h.meaning in units
         else h
         for h in layout.headings
@@ -378,7 +391,7 @@ def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
     for separator in _SEPARATORS[:3]:
         rows = split_rows(text, separator)
         for place, (_, cells) in enumerate(rows):
-            headings = [parse_heading(cell) if cell else None for cell in cells]
+            headings = [_parse_heading(cell) if cell else None for cell in cells]
             meanings = {h.meaning for h in headings if h is not None}
             if not (meanings & _LENGTHS and meanings & _LOADS):
                 continue
@@ -397,7 +410,7 @@ def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
 def _nearest(text: str) -> str:
     """Quote the row that comes nearest to one of headings."""
     rows = [row for separator in _SEPARATORS[:3] for row in split_rows(text, separator)]
-    known = [sum(parse_heading(cell) is not None for cell in cells if cell) for _, cells in rows]
+    known = [sum(_parse_heading(cell) is not None for cell in cells if cell) for _, cells in rows]
     if not any(known):
         return ""
     line, cells = rows[known.index(max(known))]
@@ -406,9 +419,9 @@ def _nearest(text: str) -> str:
 
 
 def _layout_by_position(text: str, name: str, columns: Sequence[str]) -> _Layout:
-    headings: list[Heading | None] = []
+    headings: list[_Heading | None] = []
     for column in columns:
-        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
+        heading = None if column.strip() in ("", "-") else _parse_heading(column.strip())
         if heading is None and column.strip() not in ("", "-"):
             raise FileError(
                 f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
@@ -440,11 +453,11 @@ def _is_unit_row(cells: list[str], separator: str) -> bool:
     )
 
 
-def _with_units(headings: list[Heading | None], units: list[str]) -> list[Heading | None]:
+def _with_units(headings: list[_Heading | None], units: list[str]) -> list[_Heading | None]:
     padded = units + [""] * (len(headings) - len(units))
     return [
         h if h is None or h.unit is not None or not unit.strip("()[] ")
-        else Heading(h.text, h.meaning, unit.strip("()[] "))
+        else _Heading(h.text, h.meaning, unit.strip("()[] "))
         for h, unit in zip(headings, padded, strict=False)
     ]  # fmt: skip
 
@@ -469,48 +482,153 @@ def _data_rows(layout: _Layout, wanted: set[int], where: str) -> tuple[list[Text
     return rows, None
 
 
-def _numbers(
-    rows: list[TextRow], index: int, separator: str, where: str, heading: Heading | None
-) -> FloatArray:
-    values = np.empty(len(rows))
-    for position, (line, cells) in enumerate(rows):
-        value = number(cells[index], separator)
-        if value is None or not np.isfinite(value):
-            called = "" if heading is None else heading.text
-            raise FileError(
-                f"{where}, line {line}, column {called!r}: {cells[index]!r} is no finite number; "
-                "repair or remove the line"
-            )
-        values[position] = value
-    return values
-
-
 # ------------------------------------------------------------------------------------------------
 # The list of specimens: what each one is, its size and how it was tested.
 
 
-_POSITIVE = (
-    "width_mm", "thickness_mm", "gauge_mm", "measured_width_mm", "measured_thickness_mm",
-    "rate_mm_s",
-)  # fmt: skip
-_FROM_TO = {
-    "temperature_C": (-100.0, 300.0),
-    "soak_h": (0.0, math.inf),
-    "age_days": (0.0, math.inf),
-}
-"""Beyond these temperatures every elastomer and jetted resin is glass, or decomposes."""
-
-_NUMBERS = (*_POSITIVE, *_FROM_TO)
-_CHOICES = {
-    "orientation": ("x", "y", "z"),
-    "protocol": ("monotonic", "cyclic", "relaxation"),
-}
-_SPECIMEN_TEXTS = ("specimen", "material", "profile", "file", "batch")
-_COLUMNS = (*_SPECIMEN_TEXTS, *_CHOICES, *_NUMBERS)
+Orientation = Literal["x", "y", "z"]
+Protocol = Literal["monotonic", "cyclic", "relaxation"]
 
 
 @dataclass(frozen=True, slots=True)
-class ListedSpecimen:
+class SpecimenColumn:
+    """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
+
+    Attributes
+    ----------
+    name
+        With its unit as suffix.
+    title
+        What it is, in words.
+    at
+        A sentence's end that tells a value.
+    label
+        The same beside a curve; "" where a curve is not named by it.
+    called
+        Headings of the same quantity that leave the unit open.
+    choices
+        What a cell may say; None for a number, none for any text.
+    between
+        Least and largest number.
+    plausible
+        What tensile specimens have, in mm: beyond, the cell is doubted.
+    tolerance
+        How far apart, absolute and relative, two specimens of one condition may be.
+    scale
+        On which a load's trend over the column is smooth.
+    usual
+        Stands in where neither specimen nor palette tells.
+    is_size
+        Whether it belongs to the specimen's size; the others are conditions of print and test.
+    """
+
+    name: str
+    title: str
+    at: str
+    label: str = ""
+    called: tuple[str, ...] = ()
+    choices: tuple[str, ...] | None = None
+    between: tuple[float, float] | None = None
+    plausible: tuple[float, float] = (0.0, math.inf)
+    tolerance: tuple[float, float] | None = None
+    scale: Callable[[FloatArray], FloatArray] = np.positive
+    usual: float | None = None
+    is_size: bool = False
+
+
+_WIDTHS_MM, _THICKNESSES_MM, _GAUGES_MM = (0.5, 100.0), (0.1, 50.0), (2.0, 500.0)
+"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
+gauges of 4 to 80 mm; labs go further, but not beyond these."""
+
+_TEMPERATURES_C = (-100.0, 300.0)
+"""Beyond these every elastomer and jetted resin is glass, or decomposes."""
+
+SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
+    {
+        column.name: column
+        for column in (
+            SpecimenColumn(
+                "rate_mm_s", "crosshead speed", "at {} mm/s", "{:g} mm/s", ("rate",),
+                tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
+            ),
+            SpecimenColumn(
+                "temperature_C", "temperature", "at {} degC", "{:g} °C", ("temperature",),
+                between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
+            ),
+            SpecimenColumn(
+                "soak_h", "soaking time", "after {} h of soaking", "{:g} h soaked", ("soak",),
+                between=(0.0, math.inf), tolerance=(0.25, 0.05), usual=0.0,
+                scale=lambda hours: np.sqrt(np.maximum(hours, 0.0)),
+            ),
+            SpecimenColumn(
+                "age_days", "age at the test", "at an age of {} days", "{:g} d old", ("age",),
+                between=(0.0, math.inf), tolerance=(0.5, 0.1), usual=7.0,
+                scale=lambda days: np.log1p(np.maximum(days, 0.0)),
+            ),
+            SpecimenColumn(
+                "orientation", "orientation on the tray", "along {}", "{}",
+                choices=get_args(Orientation),
+            ),
+            SpecimenColumn(
+                "protocol", "protocol", "in {} tests", "{}", choices=get_args(Protocol)
+            ),
+            SpecimenColumn("batch", "batch", "in batch {}", choices=()),
+            SpecimenColumn(
+                "width_mm", "width", "at a width of {} mm", called=("width",),
+                plausible=_WIDTHS_MM, tolerance=(0.0, 0.02), is_size=True,
+            ),
+            SpecimenColumn(
+                "thickness_mm", "thickness", "at a thickness of {} mm", called=("thickness",),
+                plausible=_THICKNESSES_MM, tolerance=(0.0, 0.02), is_size=True,
+            ),
+            SpecimenColumn(
+                "measured_width_mm", "measured width", "at a measured width of {} mm",
+                called=("measured width",), plausible=_WIDTHS_MM, is_size=True,
+            ),
+            SpecimenColumn(
+                "measured_thickness_mm", "measured thickness", "at a measured thickness of {} mm",
+                called=("measured thickness",), plausible=_THICKNESSES_MM, is_size=True,
+            ),
+            SpecimenColumn(
+                "gauge_mm", "gauge length", "at a gauge of {} mm",
+                called=("gauge", "gauge length", "gage", "gage length"),
+                plausible=_GAUGES_MM, tolerance=(0.0, 0.02), is_size=True,
+            ),
+        )
+    }
+)  # fmt: skip
+"""What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
+
+SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
+"""The columns that say which specimen it is, what it is made of and where its curve stands."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SpecimenConditions:
+    """How a specimen was made and tested, and its section; None stands for what is unknown."""
+
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    measured_width_mm: float | None = None
+    measured_thickness_mm: float | None = None
+    rate_mm_s: float | None = None
+    temperature_C: float | None = None
+    soak_h: float | None = None
+    age_days: float | None = None
+    orientation: Orientation | None = None
+    protocol: Protocol | None = None
+    batch: str | None = None
+
+    @property
+    def area_mm2(self) -> float | None:
+        """Undeformed section, from measured sizes where there are any; None where unknown."""
+        width = self.measured_width_mm or self.width_mm
+        thickness = self.measured_thickness_mm or self.thickness_mm
+        return None if width is None or thickness is None else width * thickness
+
+
+@dataclass(frozen=True, slots=True)
+class ListedSpecimen(SpecimenConditions):
     """One row of specimens.csv; None or "" stands for an empty cell, which means unknown.
 
     Attributes
@@ -525,26 +643,12 @@ class ListedSpecimen:
     material: str = ""
     profile: str = ""
     file: str = ""
-    batch: str = ""
-    width_mm: float | None = None
-    thickness_mm: float | None = None
     gauge_mm: float | None = None
-    measured_width_mm: float | None = None
-    measured_thickness_mm: float | None = None
-    rate_mm_s: float | None = None
-    temperature_C: float | None = None
-    soak_h: float | None = None
-    age_days: float | None = None
-    orientation: str = ""
-    protocol: str = ""
     covariates: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def area_mm2(self) -> float | None:
-        """Undeformed section, from measured sizes where there are any."""
-        width = self.measured_width_mm or self.width_mm
-        thickness = self.measured_thickness_mm or self.thickness_mm
-        return None if width is None or thickness is None else width * thickness
+    def conditions(self) -> dict[str, Any]:
+        """Return what the row says in each of `SPECIMEN_COLUMNS`."""
+        return {name: getattr(self, name) for name in SPECIMEN_COLUMNS}
 
 
 def is_specimens_file(path: str | Path) -> bool:
@@ -567,12 +671,9 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
         message names line and column.
     """
     path = Path(path)
-    text = read_text(path)
-    lines = text.splitlines()
-    separator = max(",;\t", key=next((line for line in lines if line.strip()), "").count)
-    rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
-    known = {name.casefold(): name for name in _COLUMNS}
-    columns = [known.get(name.casefold(), name) for name in rows[0][1]]
+    headings, separator, rows = read_rows(path)
+    known = {name.casefold(): name for name in (*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS)}
+    columns = [known.get(name.casefold(), name) for name in headings]
     for name in columns:
         if columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
@@ -581,30 +682,28 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
             f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
             "'profile') are needed"
         )
-    specimens: list[ListedSpecimen] = []
-    seen: dict[str, int] = {}
-    for line, cells in rows[1:]:
+    specimens: dict[str, tuple[int, ListedSpecimen]] = {}
+    for line, cells in rows:
+        where = f"{path.name}, line {line}"
         if len(cells) > len(columns):
             raise FileError(
-                f"{path.name}, line {line}: {len(cells)} cells for {len(columns)} columns; a "
-                "comma within a cell needs quotes"
+                f"{where}: {len(cells)} cells for {len(columns)} columns; a comma within a cell "
+                "needs quotes"
             )
-        record = dict(zip(columns, cells, strict=False))
-        specimen = _specimen(record, separator, f"{path.name}, line {line}")
-        if specimen.specimen in seen:
+        row = _listed(dict(zip(columns, cells, strict=False)), separator, where)
+        before = specimens.setdefault(row.specimen, (line, row))[0]
+        if before != line:
             raise FileError(
-                f"{path.name}, line {line}: specimen {specimen.specimen!r} stands on line "
-                f"{seen[specimen.specimen]} already; give each specimen its own id"
+                f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
+                "specimen its own id"
             )
-        seen[specimen.specimen] = line
-        specimens.append(specimen)
     if not specimens:
         raise FileError(f"{path.name}: no specimen; write one row a specimen")
-    return tuple(specimens)
+    return tuple(row for _, row in specimens.values())
 
 
-def _specimen(record: Mapping[str, str], separator: str, where: str) -> ListedSpecimen:
-    texts: dict[str, Any] = {name: record.get(name, "") for name in _SPECIMEN_TEXTS}
+def _listed(record: Mapping[str, str], separator: str, where: str) -> ListedSpecimen:
+    texts: dict[str, Any] = {name: record.get(name, "") for name in SPECIMEN_TEXTS}
     if not texts["specimen"]:
         raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
     if bool(texts["material"]) == bool(texts["profile"]):
@@ -612,36 +711,33 @@ def _specimen(record: Mapping[str, str], separator: str, where: str) -> ListedSp
             f"{where}: give exactly one of 'material' and 'profile' (got "
             f"{texts['material']!r} and {texts['profile']!r})"
         )
-    for name, allowed in _CHOICES.items():
-        texts[name] = record.get(name, "").casefold()
-        if texts[name] and texts[name] not in allowed:
-            raise FileError(
-                f"{where}: {name} is {record[name]!r}; it must be one of {', '.join(allowed)}"
-            )
-    sizes: dict[str, Any] = {
-        name: _size(record.get(name, ""), name, separator, where) for name in _NUMBERS
+    conditions: dict[str, Any] = {
+        column.name: _condition(record.get(column.name, ""), column, separator, where)
+        for column in SPECIMEN_COLUMNS.values()
     }
-    return ListedSpecimen(
-        **texts,
-        **sizes,
-        covariates=MappingProxyType(
-            {name: value for name, value in record.items() if name not in _COLUMNS and name}
-        ),
-    )
+    known = {*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS, ""}
+    others = {name: value for name, value in record.items() if name not in known}
+    return ListedSpecimen(**texts, **conditions, covariates=MappingProxyType(others))
 
 
-def _size(cell: str, name: str, separator: str, where: str) -> float | None:
+def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) -> str | float | None:
     if not cell:
         return None
+    if column.choices is not None:
+        if column.choices and cell.casefold() not in column.choices:
+            allowed = ", ".join(column.choices)
+            raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
+        return cell.casefold() if column.choices else cell
     value = number(cell, separator)
-    if value is None or not math.isfinite(value) or (name in _POSITIVE and value <= 0):
-        must = "a number above 0" if name in _POSITIVE else "a number"
-        raise FileError(f"{where}: {name} is {cell!r}; it must be {must}, or empty if unknown")
-    low, high = _FROM_TO.get(name, (-math.inf, math.inf))
-    if not low <= value <= high:
+    hint = ""
+    if value is None or not math.isfinite(value) or (column.between is None and value <= 0):
+        must = "a number" if column.between else "a number above 0"
+    else:
+        low, high = column.between or (0.0, math.inf)
+        if low <= value <= high:
+            return value
         must = f"from {low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
-        hint = "; kelvin or degrees Fahrenheit?" if name == "temperature_C" else ""
-        raise FileError(
-            f"{where}: {name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
-        )
-    return value
+        hint = "; kelvin or degrees Fahrenheit?" if column.name == "temperature_C" else ""
+    raise FileError(
+        f"{where}: {column.name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
+    )

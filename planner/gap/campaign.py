@@ -2,11 +2,12 @@
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from types import MappingProxyType
 
 import numpy as np
 
 from planner.errors import FileError
+from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -15,8 +16,6 @@ from planner.simulation.bar import ProfileDesign
 __all__ = [
     "TOLERANCES",
     "Campaign",
-    "Orientation",
-    "Protocol",
     "Specimen",
     "StrainField",
     "axis_columns",
@@ -28,10 +27,6 @@ __all__ = [
 
 # ------------------------------------------------------------------------------------------------
 # One specimen of a campaign: what it is, how it was tested, what was measured.
-
-
-Orientation = Literal["x", "y", "z"]
-Protocol = Literal["monotonic", "cyclic", "relaxation"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +55,7 @@ class StrainField:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Specimen:
+class Specimen(SpecimenConditions):
     """One specimen; None stands for what is unknown, never for "as the palette's reference".
 
     Attributes
@@ -94,17 +89,6 @@ class Specimen:
     gauge_mm: float
     material: str | None = None
     profile: ProfileDesign | None = None
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-    measured_width_mm: float | None = None
-    measured_thickness_mm: float | None = None
-    rate_mm_s: float | None = None
-    temperature_C: float | None = None
-    soak_h: float | None = None
-    age_days: float | None = None
-    orientation: Orientation | None = None
-    protocol: Protocol | None = None
-    batch: str | None = None
     covariates: Mapping[str, str | float | None] = field(default_factory=dict)
     strain_field: StrainField | None = None
     time_recorded: bool = True
@@ -145,13 +129,6 @@ class Specimen:
         """Travel over gauge length."""
         return self.displacement_mm / self.gauge_mm
 
-    @property
-    def area_mm2(self) -> float | None:
-        """Undeformed section, measured sizes first; None where a design alone gives it."""
-        width = self.measured_width_mm or self.width_mm
-        thickness = self.measured_thickness_mm or self.thickness_mm
-        return None if width is None or thickness is None else width * thickness
-
     def section_mm2(self, x_mm: FloatArray) -> FloatArray | None:
         """Return the undeformed section along the gauge, the design's where it has one.
 
@@ -188,15 +165,9 @@ def _freeze(value: object, names: tuple[str, ...]) -> None:
 # Which specimens were made and tested alike, so that they differ by scatter alone.
 
 
-TOLERANCES: dict[str, tuple[float, float]] = {
-    "rate_mm_s": (0.0, 0.05),
-    "temperature_C": (1.0, 0.0),
-    "soak_h": (0.25, 0.05),
-    "age_days": (0.5, 0.1),
-    "gauge_mm": (0.0, 0.02),
-    "width_mm": (0.0, 0.02),
-    "thickness_mm": (0.0, 0.02),
-}
+TOLERANCES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {c.name: c.tolerance for c in SPECIMEN_COLUMNS.values() if c.tolerance is not None}
+)
 """How far apart, absolute and relative, two specimens of one condition may be."""
 
 
@@ -266,11 +237,6 @@ def _design_key(specimen: Specimen) -> Hashable:
 # What a campaign cannot tell, whatever is made of it.
 
 
-_CONDITIONS = (
-    "rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch",
-)  # fmt: skip
-
-
 def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[str, ...]:
     """Return one sentence a limitation that the specimens themselves show."""
     return (
@@ -299,9 +265,9 @@ def _of_replicates(specimens: Sequence[Specimen]) -> Iterator[str]:
 
 
 def _of_unknowns(specimens: Sequence[Specimen]) -> Iterator[str]:
-    for name in _CONDITIONS:
+    for name, column in SPECIMEN_COLUMNS.items():
         unknown = [s.id for s in specimens if getattr(s, name) is None]
-        if not unknown:
+        if column.is_size or not unknown:
             continue
         of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
         yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
@@ -409,13 +375,6 @@ class Campaign:
 # What each specimen has on every axis that a column of specimens.csv gives.
 
 
-_COLUMNS = (
-    "rate_mm_s", "temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch",
-    "width_mm", "thickness_mm", "measured_width_mm", "measured_thickness_mm", "gauge_mm",
-)  # fmt: skip
-"""Known columns along which a gap may vary, besides material and design."""
-
-
 def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:
     """Return the columns by name, each with a value a specimen in the campaign's order.
 
@@ -427,7 +386,7 @@ def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, .
         "specimen": tuple(s.id for s in specimens),
         "material": tuple(s.material or (s.profile.name if s.profile else None) for s in specimens),
     }
-    for name in _COLUMNS:
+    for name in SPECIMEN_COLUMNS:
         columns[name] = tuple(getattr(s, name) for s in specimens)
     for name in campaign.covariates:
         columns[name] = tuple(s.covariates.get(name) for s in specimens)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, cast
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -20,9 +20,15 @@ import numpy as np
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import new_folder
 from planner.formats.tables import number, read_columns
+from planner.formats.tensile import (
+    SPECIMEN_COLUMNS,
+    SPECIMEN_TEXTS,
+    TensileTable,
+    read_specimens,
+    read_tensile,
+)
 from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.tensile import TensileTable, read_specimens, read_tensile
-from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField, named
+from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
@@ -46,25 +52,7 @@ __all__ = [
 # The further columns of specimens.csv: covariates, and slips in headings.
 
 
-_KNOWN_COLUMNS = (
-    "specimen", "material", "profile", "file", "width_mm", "thickness_mm", "gauge_mm",
-    "measured_width_mm", "measured_thickness_mm", "rate_mm_s", "temperature_C", "soak_h",
-    "age_days", "orientation", "protocol", "batch",
-)  # fmt: skip
-_QUANTITIES = {
-    "width": "width_mm",
-    "thickness": "thickness_mm",
-    "gauge": "gauge_mm",
-    "gauge length": "gauge_mm",
-    "gage": "gauge_mm",
-    "gage length": "gauge_mm",
-    "measured width": "measured_width_mm",
-    "measured thickness": "measured_thickness_mm",
-    "rate": "rate_mm_s",
-    "temperature": "temperature_C",
-    "soak": "soak_h",
-    "age": "age_days",
-}
+_QUANTITIES = {called: name for name, c in SPECIMEN_COLUMNS.items() for called in c.called}
 _UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
 _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
@@ -84,7 +72,8 @@ def check_headings(rows: Sequence[Row], where: str) -> Iterator[str]:
                 f"{where}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
             )
-        near = [n for n in nearest_names(heading, list(_KNOWN_COLUMNS)) if _alike(n, heading)]
+        known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
+        near = [n for n in nearest_names(heading, known) if _alike(n, heading)]
         if near:
             yield (
                 f"{where}: column {heading!r} is unknown and kept as a covariate; rename it if "
@@ -599,26 +588,16 @@ def _specimen(
         place.noted.add(note, row.specimen)
     if measured_field is not None and measured_field.note:
         place.noted.add(measured_field.note, row.specimen)
+    known = {"gauge_mm": gauge, "width_mm": width, "thickness_mm": thickness, "rate_mm_s": rate}
     return Specimen(
         id=row.specimen,
         time_s=record.time_s,
         displacement_mm=record.displacement_mm,
         force_N=record.force_N,
         time_recorded=record.time_recorded,
-        gauge_mm=gauge,
         material=material,
         profile=design,
-        width_mm=width,
-        thickness_mm=thickness,
-        measured_width_mm=row.measured_width_mm,
-        measured_thickness_mm=row.measured_thickness_mm,
-        rate_mm_s=rate,
-        temperature_C=row.temperature_C,
-        soak_h=row.soak_h,
-        age_days=row.age_days,
-        orientation=cast("Orientation | None", row.orientation or None),
-        protocol=cast("Protocol | None", row.protocol or None),
-        batch=row.batch or None,
+        **(row.conditions() | known),
         covariates=covariates,
         strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
     )
@@ -647,11 +626,8 @@ _SIGNIFICANT_DIGITS = 9
 """Figures are rounded to this: finer than any measurement, coarser than the last bits in which
 mathematical libraries of different machines differ."""
 
-_NUMBERS = (
-    "width_mm", "thickness_mm", "measured_width_mm", "measured_thickness_mm", "gauge_mm",
-    "rate_mm_s", "temperature_C", "soak_h", "age_days",
-)  # fmt: skip
-_TEXTS = ("orientation", "protocol", "batch")
+_WRITTEN = sorted(SPECIMEN_COLUMNS, key=lambda name: not SPECIMEN_COLUMNS[name].is_size)
+"""Sizes go before conditions."""
 
 
 def specimens_csv(campaign: Campaign) -> bytes:
@@ -706,13 +682,13 @@ def _campaign_toml(campaign: Campaign) -> str:
 
 
 def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[Sequence[str]]:
-    yield ("specimen", "material", "profile", *_NUMBERS, *_TEXTS, *campaign.covariates)
+    yield ("specimen", "material", "profile", *_WRITTEN, *campaign.covariates)
     for s, profile in zip(campaign.specimens, profiles, strict=True):
         yield (
             s.id,
             s.material or "",
             profile,
-            *(_cell(getattr(s, name)) for name in (*_NUMBERS, *_TEXTS)),
+            *(_cell(getattr(s, name)) for name in _WRITTEN),
             *(_cell(s.covariates.get(name)) for name in campaign.covariates),
         )
 

@@ -4,14 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import read_specimens
-from planner.gap.campaign import Campaign, Orientation, Protocol, Specimen, StrainField
+from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
     CURVES,
     SPECIMENS,
@@ -275,28 +275,21 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     specimens = []
     for row, design in zip(rows, designs, strict=True):
         own = covariates[row.specimen]
+        conditions = row.conditions()
+        conditions["gauge_mm"] = _gauge_mm(row, design, file)
+        for size in ("width_mm", "thickness_mm"):
+            conditions[size] = _size(row, size, design, file)
         specimens.append(
             virtual_specimen(
                 palette,
                 id=row.specimen,
-                gauge_mm=_gauge_mm(row, design, file),
                 strain=_figure(own.get("to_strain"), strain, row, file, "to_strain"),
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
                 material=palette.resolve(row.material).id if row.material else None,
                 profile=design,
-                width_mm=_size(row, "width_mm", design, file),
-                thickness_mm=_size(row, "thickness_mm", design, file),
-                measured_width_mm=row.measured_width_mm,
-                measured_thickness_mm=row.measured_thickness_mm,
-                rate_mm_s=row.rate_mm_s,
-                temperature_C=row.temperature_C,
-                soak_h=row.soak_h,
-                age_days=row.age_days,
-                orientation=cast("Orientation | None", row.orientation or None),
-                protocol=cast("Protocol | None", row.protocol or None),
-                batch=row.batch or None,
                 covariates=own,
+                **conditions,
             )
         )
     return Campaign(

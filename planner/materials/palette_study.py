@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 
@@ -421,8 +421,7 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     if unknown:
         notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
     means = {condition: float(np.mean(v)) for condition, v in values.items() if v}
-    one = cast(Literal["x", "y", "z"], orientations[0]) if len(orientations) == 1 else None
-    return Reference(**means, orientation=one)
+    return Reference(**means, orientation=orientations[0] if len(orientations) == 1 else None)
 
 
 def _ids(materials: Sequence[str]) -> dict[str, str]:

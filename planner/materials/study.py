@@ -517,7 +517,7 @@ def read_study(
     notes.extend(
         f"specimen {row.specimen}: no curve among the files"
         for row in rows.values()
-        if row.specimen not in found and not row.profile and row.protocol in ("", "monotonic")
+        if row.specimen not in found and not row.profile and row.protocol in (None, "monotonic")
     )
     if unstated:
         largest = [float(found[name][1].strain[-1]) for name in unstated]
@@ -658,7 +658,7 @@ def _some(names: Sequence[str]) -> str:
 def _left_out(row: ListedSpecimen, notes: list[str]) -> bool:
     if row.profile:
         notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
-    elif row.protocol not in ("", "monotonic"):
+    elif row.protocol not in (None, "monotonic"):
         notes.append(f"specimen {row.specimen}: protocol {row.protocol}; left out")
     else:
         return False

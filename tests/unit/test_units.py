@@ -1,10 +1,12 @@
 """Units: published factors, cases that differ, and refusal by name."""
 
+from pathlib import Path
+
 import pytest
 
 from planner.errors import FileError
 from planner.formats.tables import is_unit, unit_factor
-from planner.formats.tensile import column_of, parse_heading
+from planner.formats.tensile import TensileTable, read_tensile
 
 
 @pytest.mark.parametrize(
@@ -41,6 +43,13 @@ def test_unknown_unit_is_refused_by_name_with_the_known_ones() -> None:
     assert not is_unit("")
 
 
+def read(tmp_path: Path, heading: str) -> TensileTable:
+    """A column of ones under a heading, beside a load and a travel that are understood."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{heading};true_stress_MPa;stretch\n" + "1;1;1\n" * 3)
+    return read_tensile(path)[0]
+
+
 @pytest.mark.parametrize(
     ("text", "column", "factor"),
     [
@@ -54,34 +63,25 @@ def test_unknown_unit_is_refused_by_name_with_the_known_ones() -> None:
         ("Elongation (mm)", "displacement_mm", 1.0),
         ("Engineering Stress (MPa)", "stress_MPa", 1.0),
         ("True Strain", "true_strain", 1.0),
-        ("Stretch", "stretch", 1.0),
         ("Time (min)", "time_s", 60.0),
     ],
 )
-def test_headings_are_understood(text: str, column: str, factor: float) -> None:
-    heading = parse_heading(text)
-    assert heading is not None
-    meaning = column_of(heading, where="")
-    assert meaning.column == column
+def test_headings_are_understood(tmp_path: Path, text: str, column: str, factor: float) -> None:
     # 1e-12: one rounding of the pound's factor.
-    assert meaning.factor == pytest.approx(factor, rel=1e-12)
+    assert read(tmp_path, text).columns[column][0] == pytest.approx(factor, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["Maximum Load (N)", "Reading", "Tensile strain at Break (%)", ""])
-def test_other_headings_are_not(text: str) -> None:
-    assert parse_heading(text) is None
+def test_other_headings_are_not(tmp_path: Path, text: str) -> None:
+    assert set(read(tmp_path, text).columns) == {"true_stress_MPa", "strain"}
 
 
-@pytest.mark.parametrize("text", ["Load", "Extension", "Stress", "Time"])
-def test_a_unit_has_to_be_stated_where_it_matters(text: str) -> None:
-    heading = parse_heading(text)
-    assert heading is not None
+@pytest.mark.parametrize("text", ["Load", "Extension", "Stress"])
+def test_a_unit_has_to_be_stated_where_it_matters(tmp_path: Path, text: str) -> None:
     with pytest.raises(FileError, match=f"column '{text}': no unit"):
-        column_of(heading, where="a.csv")
+        read(tmp_path, text)
 
 
-def test_a_strain_in_millimetres_is_refused() -> None:
-    heading = parse_heading("Strain (mm)")
-    assert heading is not None
+def test_a_strain_in_millimetres_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="unknown unit 'mm' of strain"):
-        column_of(heading, where="a.csv")
+        read(tmp_path, "Strain (mm)")
