@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from planner.errors import ArgumentError, PaletteError
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
-from planner.gap.effect import STANDARD, Effect, untestable
+from planner.gap.effect import STANDARD, Effect, reference_condition, untestable
 from planner.gap.effects import effects_for
 from planner.gap.evidence.posterior import UNKNOWN, WIDTH_NATS, detectable_sizes
 from planner.gap.evidence.problem import Problem, applied, set_up
@@ -731,9 +731,9 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     soft, middle, hard = grades[0].id, grades[len(grades) // 2].id, grades[-1].id
     r = setup.reference
     rate = reference.rate_mm_s or 1.0
-    temperature = r.temperature_C if r.temperature_C is not None else 23.0
-    age = r.age_days if r.age_days is not None else 9.0
-    soak = r.soak_h if r.soak_h is not None else 0.0
+    temperature, soak, age = (
+        reference_condition(setup, name) for name in ("temperature_C", "soak_h", "age_days")
+    )
     width, thickness = reference.width_mm or 6.0, reference.thickness_mm or 3.0
     changes: list[dict[str, Any]] = [
         {"protocol": "monotonic"},
@@ -762,7 +762,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
         if all(getattr(reference, k, None) == v for k, v in change.items()):
             continue
         specimen = _specimen(reference, change, number, campaign.palette, soft, hard)
-        trials.append(Trial(change, specimen, _hours(specimen)))
+        trials.append(Trial(change, specimen, _hours(specimen, age)))
     return tuple(trials)
 
 
@@ -853,9 +853,9 @@ def _specimen(
     )
 
 
-def _hours(specimen: Specimen) -> float:
+def _hours(specimen: Specimen, least_days: float) -> float:
     test_h = float(specimen.time_s[-1]) / 3600.0
-    waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - 9.0, 0.0)
+    waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
     return _PREPARATION_H + test_h + _WAITING_SHARE * waiting
 
 

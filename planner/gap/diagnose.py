@@ -8,6 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from planner.errors import UnknownNameError, did_you_mean
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
@@ -100,14 +101,6 @@ def _whitened_figures(problem: Problem, candidate: Candidate) -> FloatArray:
 # Curves to draw: what was predicted before and after, and what was measured.
 
 
-_NAMED = (
-    ("rate_mm_s", "{:g} mm/s"),
-    ("temperature_C", "{:g} °C"),
-    ("soak_h", "{:g} h soaked"),
-    ("age_days", "{:g} d old"),
-)
-
-
 def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     """Return the traces of a campaign and its verdict's candidate."""
     observed, specimens = problem.observed, problem.campaign.specimens
@@ -135,13 +128,10 @@ def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
     """Return what a test is, by the columns that vary in the campaign."""
     profile = specimen.profile
     parts = [specimen.material or (f"bar {profile.name}" if profile is not None else "")]
-    for name, text in _NAMED:
+    for name, column in SPECIMEN_COLUMNS.items():
         value = getattr(specimen, name)
-        if value is not None and len({getattr(s, name) for s in specimens}) > 1:
-            parts.append(text.format(value))
-    for name in ("orientation", "protocol"):
-        if len({getattr(s, name) for s in specimens}) > 1 and getattr(specimen, name):
-            parts.append(str(getattr(specimen, name)))
+        if column.label and value is not None and len({getattr(s, name) for s in specimens}) > 1:
+            parts.append(column.label.format(value))
     return ", ".join(parts)
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.quality_records import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
@@ -241,7 +242,8 @@ _CHANNELS: Mapping[str, Callable[[Sequence[Specimen]], str | None]] = MappingPro
 
 
 STANDARD: Mapping[str, float] = MappingProxyType(
-    {"rate_per_s": 0.03, "temperature_C": 23.0, "soak_h": 0.0, "age_days": 7.0}
+    {"rate_per_s": 0.03}
+    | {name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None}
 )
 """What stands in where a palette does not say at which conditions it was measured."""
 

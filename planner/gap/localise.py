@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Location
 from planner.gap.localise_axes import (
@@ -55,19 +56,6 @@ __all__ = ["localise"]
 # What is seen along an axis, in one sentence with figures.
 
 
-_PHRASES = {
-    "material": "in {}",
-    "rate_mm_s": "at {} mm/s",
-    "temperature_C": "at {} degC",
-    "soak_h": "after {} h of soaking",
-    "age_days": "at an age of {} days",
-    "width_mm": "at a width of {} mm",
-    "thickness_mm": "at a thickness of {} mm",
-    "gauge_mm": "at a gauge of {} mm",
-    "orientation": "along {}",
-    "protocol": "in {} tests",
-    "batch": "in batch {}",
-}
 _MOST_LEVELS = 6
 _ALIKE = 0.01
 _NAMED = 4
@@ -107,7 +95,9 @@ def _column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps
     of_row : (N,)
         Number of each row's specimen.
     """
-    phrase = _PHRASES.get(column.name, f"where {column.name} is {{}}")
+    known = SPECIMEN_COLUMNS.get(column.name)
+    phrase = known.at if known else f"where {column.name} is {{}}"
+    phrase = "in {}" if column.name == "material" else phrase
     force = ~table.is_field
     found = []
     for label, members in _groups(column):

@@ -1,12 +1,13 @@
 """Axes along which a gap may vary, and residuals on a scale where noise has unit variance."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.special
 
 from planner.errors import ArgumentError
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.observations import FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -357,16 +358,6 @@ def explained_by(basis: FloatArray, y: FloatArray) -> float:
 
 _Value = str | float | None
 
-_NUMBERS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
-    "rate_mm_s": lambda v: np.log(np.maximum(v, 1e-9)),
-    "temperature_C": np.positive,
-    "soak_h": lambda v: np.sqrt(np.maximum(v, 0.0)),
-    "age_days": lambda v: np.log1p(np.maximum(v, 0.0)),
-    "width_mm": np.positive,
-    "thickness_mm": np.positive,
-    "gauge_mm": np.positive,
-}
-_TEXTS = ("orientation", "protocol", "batch")
 _DEGREE = 2
 _MOST_LEVELS = 8
 
@@ -410,8 +401,9 @@ def campaign_columns(campaign: Campaign, specimen: IntArray) -> tuple[Column, ..
     """
     chosen = [campaign.specimens[i] for i in specimen.tolist()]
     found = [_column("material", [_material(s) for s in chosen])]
-    found += [_column(name, [_size(s, name) for s in chosen]) for name in _NUMBERS]
-    found += [_column(name, [getattr(s, name) for s in chosen]) for name in _TEXTS]
+    found += [_column(name, [_size(s, name) for s in chosen]) for name in TOLERANCES]
+    texts = [name for name, c in SPECIMEN_COLUMNS.items() if c.choices is not None]
+    found += [_column(name, [getattr(s, name) for s in chosen]) for name in texts]
     names = dict.fromkeys((*campaign.covariates, *(k for s in chosen for k in s.covariates)))
     found += [_column(name, [s.covariates.get(name) for s in chosen]) for name in names]
     return tuple(column for column in found if column is not None)
@@ -476,8 +468,8 @@ def _of_numbers(name: str, values: tuple[_Value, ...]) -> Column | None:
 
 
 def _scaled(name: str, values: FloatArray) -> FloatArray:
-    if name in _NUMBERS:
-        return _NUMBERS[name](values)
+    if name in SPECIMEN_COLUMNS:
+        return SPECIMEN_COLUMNS[name].scale(values)
     wide = values.min() > 0.0 and values.max() > 20.0 * values.min()
     return np.log(values) if wide else values
 

@@ -1,11 +1,12 @@
 """Data quality of a campaign: records held against each other and against the palette."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.quality_records import (
     QualityProblem,
@@ -319,12 +320,6 @@ def _problems(
 
 _ROUNDS = 60
 _SMALLEST = 1e-4
-_SCALES: Mapping[str, Callable[[FloatArray], FloatArray]] = {
-    "rate_mm_s": np.log,
-    "temperature_C": np.positive,
-    "soak_h": lambda hours: np.sqrt(np.maximum(hours, 0.0)),
-    "age_days": lambda days: np.log1p(np.maximum(days, 0.0)),
-}
 
 
 def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
@@ -353,13 +348,13 @@ def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> 
 def _design(specimens: Sequence[Specimen]) -> FloatArray:
     pieces = [s.material if s.profile is None else f"design {s.profile.name}" for s in specimens]
     columns = _indicators(pieces) + _indicators([s.orientation for s in specimens])[1:]
-    for name, scale in _SCALES.items():
-        known = [v for s in specimens if (v := getattr(s, name)) is not None]
-        if not known:
-            continue
-        usual = float(np.median(known))
+    for name, described in SPECIMEN_COLUMNS.items():
         values = [getattr(s, name) for s in specimens]
-        column = scale(np.array([usual if v is None else v for v in values], dtype=np.float64))
+        known = [v for v in values if v is not None]
+        if described.is_size or described.choices is not None or not known:
+            continue
+        usual = np.median(known)
+        column = described.scale(np.array([usual if v is None else v for v in values]))
         spread = float(np.ptp(column))
         if spread > 1e-9:
             columns.append((column - column.mean()) / spread)

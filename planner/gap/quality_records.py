@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Specimen, replicate_groups
 from planner.materials.characterise import noise_sd
 from planner.numerics import FloatArray, IntArray
@@ -413,16 +414,6 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 # Sizes that no tensile specimen has, and measured ones far from nominal.
 
 
-_PLAUSIBLE_MM = {
-    "width_mm": (0.5, 100.0),
-    "thickness_mm": (0.1, 50.0),
-    "gauge_mm": (2.0, 500.0),
-    "measured_width_mm": (0.5, 100.0),
-    "measured_thickness_mm": (0.1, 50.0),
-}
-"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
-gauges of 4 to 80 mm; labs go further, but not beyond these."""
-
 _DEVIATION = 0.25
 """Jetted parts print up to 0.3 mm oversize; a quarter of a size is none of that."""
 
@@ -431,9 +422,11 @@ _SLACK_MM = 0.4
 
 def size_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield implausible sizes; one that all specimens share is the campaign's."""
-    for name, (low, high) in _PLAUSIBLE_MM.items():
-        sized = [s for s in specimens if getattr(s, name) is not None]
-        yield from _gathered(tuple(_implausible(sized, name, low, high)), len(sized))
+    for name, column in SPECIMEN_COLUMNS.items():
+        if column.is_size:
+            sized = [s for s in specimens if getattr(s, name) is not None]
+            problems = tuple(_implausible(sized, name, *column.plausible))
+            yield from _gathered(problems, len(sized))
     for name in ("width_mm", "thickness_mm"):
         yield from _against_nominal(specimens, name)
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.errors import FileError
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.quality_records import speed_mm_s
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
@@ -591,8 +592,6 @@ def _smooth(
 
 
 _ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
-_USUAL: Mapping[str, float] = {"temperature_C": 23.0, "soak_h": 0.0, "age_days": 1.0}
-"""Stand in for conditions that neither specimens nor palette tell; no test is at them then."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -641,10 +640,12 @@ def assemble(
     reference = campaign.palette.reference
     covariates: dict[str, FloatArray] = {}
     known: dict[str, BoolArray] = {}
-    for name, usual in _USUAL.items():
-        stands = getattr(reference, name)
-        values = [[getattr(s, name) for s in group] for group in groups]
-        covariates[name], known[name] = _means(values, usual if stands is None else stands)
+    for name, column in SPECIMEN_COLUMNS.items():
+        if column.usual is not None:
+            stands = getattr(reference, name)
+            stands = column.usual if stands is None else stands
+            values = [[getattr(s, name) for s in group] for group in groups]
+            covariates[name], known[name] = _means(values, stands)
     for name in ("width_mm", "thickness_mm"):
         sizes = [[_nominal_size_mm(s, name) for s in group] for group in groups]
         covariates[name], known[name] = _means(sizes, 1.0)

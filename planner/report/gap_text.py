@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.diagnosis import (
     Detectable,
     Diagnosis,
@@ -66,24 +67,13 @@ CLAUSES: Mapping[str, str] = {
 """What each effect does, as the end of a sentence."""
 
 _AXES: Mapping[str, str] = {
-    "age_days": "age at the test",
-    "batch": "batch",
+    **{name: column.title for name, column in SPECIMEN_COLUMNS.items()},
     "branch": "branch of the path",
-    "gauge_mm": "gauge length",
     "material": "material or design",
-    "measured_thickness_mm": "measured thickness",
-    "measured_width_mm": "measured width",
-    "orientation": "orientation on the tray",
     "position": "position along the bar",
-    "protocol": "protocol",
-    "rate_mm_s": "crosshead speed",
-    "soak_h": "soaking time",
     "specimen": "single specimens",
     "strain": "strain",
-    "temperature_C": "temperature",
-    "thickness_mm": "thickness",
     "time": "time",
-    "width_mm": "width",
 }
 
 _UNITS: Mapping[str, str] = {

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.campaign import Campaign, Protocol, Specimen, StrainField
+from planner.formats.tensile import Protocol
+from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.quality import examine, log_load, predicted_stress_MPa
 from planner.gap.quality_records import (
     ProblemKind,

@@ -68,8 +68,6 @@ SHAPE_SD = 0.45
 _TEST_SD = 0.06
 """Of its size from test to test and branch to branch, whatever they are."""
 
-_LEVELS = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "thickness_mm", "width_mm")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factors:
@@ -113,7 +111,9 @@ def _discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
             for k in np.unique(table.branch[of_test]).tolist()
         ]
     cells: list[tuple[float, Sequence[object]]] = [
-        (_SD, levels([getattr(s, name) for s in specimens], *TOLERANCES[name])) for name in _LEVELS
+        (_SD, levels([getattr(s, name) for s in specimens], *tolerance))
+        for name, tolerance in TOLERANCES.items()
+        if name != "gauge_mm"
     ]
     pieces = [s.material if s.profile is None else s.profile.name for s in specimens]
     cells += [(_MATERIAL_SD, pieces), (_SD, [s.orientation for s in specimens])]
@@ -186,8 +186,6 @@ def departures(
 AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
 """Standard deviations of an unknown pattern, of the logarithm of force."""
 
-_NUMERIC = ("rate_mm_s", "temperature_C", "soak_h", "age_days", "width_mm", "thickness_mm",
-           "gauge_mm")  # fmt: skip
 _ANY = "any"
 """All axes at once that effects claim: what is left when the right effect is not in the library."""
 
@@ -233,7 +231,7 @@ def _unknown_axes(
     np.maximum.at(peak, table.specimen, table.strain)
     travel = table.strain / np.maximum(peak[table.specimen], 1e-12) - 0.5
     found = []
-    for name in (*_NUMERIC, "orientation", "batch", *campaign.covariates):
+    for name in (*TOLERANCES, "orientation", "batch", *campaign.covariates):
         patterns = _specimen_patterns([_cell(s, name) for s in specimens])
         if patterns is None:
             continue
