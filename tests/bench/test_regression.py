@@ -1,6 +1,6 @@
 """The diagnosis on campaigns whose cause is withheld: a regression with a pinned seed.
 
-Run by hand or in CI with ``pytest -m bench tests/bench``; two minutes on 2 free cores. The whole
+Run by hand or in CI with ``pytest -n 2 -m bench tests/bench``; two minutes on 2 free cores. The whole
 check, its targets and what it measures: benchmarks/withheld/README.md. Thresholds lie below what
 the method reached when they were set, by about what a change of little consequence may move of so
 few campaigns; raise them when the method gets better, never lower them to let a change pass.
@@ -55,7 +55,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.bench
 def test_no_figure_has_fallen_behind(results: dict[str, Any]) -> None:
     rates = {r["tier"]: r["rates"] for r in results["summary"]["rows"] if r["by"] == "all"}
     behind = []
@@ -70,13 +69,11 @@ def test_no_figure_has_fallen_behind(results: dict[str, Any]) -> None:
     assert not behind, "\n".join(behind)
 
 
-@pytest.mark.bench
 def test_probabilities_are_worth_something(results: dict[str, Any]) -> None:
     overall = results["summary"]["overall"]
     assert overall["log_gain"] >= LEAST_LOG_GAIN
     assert overall["area_unknown"] >= LEAST_AREA_UNKNOWN
 
 
-@pytest.mark.bench
 def test_every_campaign_was_answered(results: dict[str, Any]) -> None:
     assert results["problems"] == {}
