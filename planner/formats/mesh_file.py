@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.formats.stl import decode_stl, require_finite
+from planner.formats.tables import QUANTITY_UNITS
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]
@@ -19,7 +20,7 @@ __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_sca
 MILLIMETRES = "mm"
 
 _SCALE_MM: Mapping[str, float] = MappingProxyType(
-    {MILLIMETRES: 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4, "ft": 304.8, "um": 0.001}
+    {unit: QUANTITY_UNITS["length"][unit] for unit in (MILLIMETRES, "cm", "m", "inch", "ft", "um")}
 )
 _ALIASES = (
     ("mm", ("millimeter", "millimetre")),

@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.errors import FileError
 from planner.formats.tables import (
+    QUANTITY_UNITS,
     TextRow,
     finite_numbers,
     is_unit,
@@ -167,7 +168,11 @@ _PREAMBLE_TEXTS = {
     "specimen name": "specimen",
     "specimen id": "specimen",
 }
-_SPEED = {"mm/min": 1 / 60, "mm/s": 1.0, "in/min": 25.4 / 60, "in/s": 25.4}
+_SPEED = {
+    f"{length}/{time}": QUANTITY_UNITS["length"][length] / QUANTITY_UNITS["time"][time]
+    for length in ("mm", "in")
+    for time in ("min", "s")
+}
 _KEY = re.compile(r"(?:.* : )?(?:specimen )?(.*?)\s*(?:[\(\[](.*)[\)\]])?\s*:?", re.IGNORECASE)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.quality_records import (
@@ -376,15 +377,13 @@ class _Slip:
     low: str
 
 
-_INCH = 25.4
+_INCH, _FORCES_N = QUANTITY_UNITS["length"]["in"], QUANTITY_UNITS["force"]
 _SLIPS = (
-    _Slip(4.4482216, "N taken for lbf", "lbf taken for N"),
-    _Slip(9.80665, "N taken for kgf", "kgf taken for N"),
-    _Slip(1 / 0.00980665, "gf taken for N", "N taken for gf"),
-    _Slip(1 / 0.00689475729, "psi taken for MPa", "MPa taken for psi"),
-    _Slip(1000.0, "mN taken for N, or N for kN", "kN taken for N, or N for mN"),
-)
-_INCHES = (
+    _Slip(_FORCES_N["lbf"], "N taken for lbf", "lbf taken for N"),
+    _Slip(_FORCES_N["kgf"], "N taken for kgf", "kgf taken for N"),
+    _Slip(1 / _FORCES_N["gf"], "gf taken for N", "N taken for gf"),
+    _Slip(1 / QUANTITY_UNITS["stress"]["psi"], "psi taken for MPa", "MPa taken for psi"),
+    _Slip(_FORCES_N["kN"], "mN taken for N, or N for kN", "kN taken for N, or N for mN"),
     _Slip(_INCH, "a size in inches taken for mm", "a size or travel in mm taken for inches"),
     _Slip(_INCH**2, "width and thickness in inches taken for mm",
           "width and thickness in mm taken for inches"),
@@ -562,7 +561,7 @@ def _problem(specimen: str | None, shift: float, whose: str) -> QualityProblem:
 
 
 def _slip(shift: float, tolerance: float) -> _Slip | None:
-    nearest = min((*_SLIPS, *_INCHES), key=lambda s: abs(abs(shift) - math.log(s.factor)))
+    nearest = min(_SLIPS, key=lambda s: abs(abs(shift) - math.log(s.factor)))
     return nearest if abs(abs(shift) - math.log(nearest.factor)) < tolerance else None
 
 

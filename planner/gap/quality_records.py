@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Specimen, replicate_groups
 from planner.materials.characterise import noise_sd
@@ -345,11 +346,12 @@ def _times(count: int, what: str) -> str:
 _TOLERANCE = 0.1
 """Machines hold a speed to 1 %; what is 10 % off is another speed."""
 
+_MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
 _SLIPS = (
-    (60.0, "mm/s and mm/min, or s and min, were mixed up"),
-    (25.4, "mm and inches were mixed up in travel or rate"),
-    (1524.0, "mm/s and in/min were mixed up"),
-    (1000.0, "s and ms were mixed up"),
+    (_MINUTE, "mm/s and mm/min, or s and min, were mixed up"),
+    (_INCH, "mm and inches were mixed up in travel or rate"),
+    (_INCH * _MINUTE, "mm/s and in/min were mixed up"),
+    (1.0 / QUANTITY_UNITS["time"]["ms"], "s and ms were mixed up"),
 )
 
 
@@ -438,7 +440,7 @@ def _implausible(
         size: float = getattr(s, name)
         if low <= size <= high:
             continue
-        inches = size * 25.4 if size < low else size / 25.4
+        inches = size * _INCH if size < low else size / _INCH
         reason = "; inches?" if low <= inches <= high and size < low else ""
         yield QualityProblem(
             "size",

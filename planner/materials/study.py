@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
+from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import (
     ListedSpecimen,
     TensileTable,
@@ -65,17 +66,19 @@ _EVEN = 0.05
 _JITTER_SHARE = 0.02
 """Noise of an optically measured strain, as a share of its range."""
 
+_PSI_MPA, _POUND_N = QUANTITY_UNITS["stress"]["psi"], QUANTITY_UNITS["force"]["lbf"]
+_INCH_MM = QUANTITY_UNITS["length"]["in"]
 _SLIPS = (
     (100.0, "per cent given as fractions: write the unit '%'"),
     (0.01, "fractions marked as '%': correct the unit"),
-    (1 / 0.00689475729, "psi given as MPa: write the unit 'psi'"),
-    (0.00689475729, "MPa marked as psi: correct the unit"),
+    (1 / _PSI_MPA, "psi given as MPa: write the unit 'psi'"),
+    (_PSI_MPA, "MPa marked as psi: correct the unit"),
     (1000.0, "kPa given as MPa, or N as kN: correct the unit"),
     (0.001, "MPa marked as kPa, or N as kN: correct the unit"),
-    (25.4, "a length in mm marked as inches, or the reverse: correct the unit"),
-    (1 / 25.4, "a length in inches marked as mm, or the reverse: correct the unit"),
-    (4.448222, "a load in N marked as lbf, or the reverse: correct the unit"),
-    (1 / 4.448222, "a load in lbf marked as N, or the reverse: correct the unit"),
+    (_INCH_MM, "a length in mm marked as inches, or the reverse: correct the unit"),
+    (1 / _INCH_MM, "a length in inches marked as mm, or the reverse: correct the unit"),
+    (_POUND_N, "a load in N marked as lbf, or the reverse: correct the unit"),
+    (1 / _POUND_N, "a load in lbf marked as N, or the reverse: correct the unit"),
 )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
+from planner.formats.mesh_file import unit_scale_mm
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, repeats_index, weld, weld_points
 from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
@@ -76,7 +77,7 @@ def place(mesh: Mesh) -> tuple[Mesh, FloatArray]:
 _FARTHEST_MM = 1e6
 _SMALL_MM = 1.0
 _LIKELY_MM = (5.0, 300.0)
-_UNITS_MM = (("inch", 25.4), ("cm", 10.0), ("m", 1000.0), ("um", 0.001))
+_LIKELY_UNITS = ("inch", "cm", "m", "um")
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +267,8 @@ def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> It
 def _unit_hint(extent: FloatArray) -> str:
     """Name the unit in which the part would have the size of most parts."""
     low, high = _LIKELY_MM
-    for unit, scale in _UNITS_MM:
+    for unit in _LIKELY_UNITS:
+        scale = unit_scale_mm(unit)
         if low <= scale * extent.max() <= high:
             size = " x ".join(f"{scale * length:.4g}" for length in extent)
             return f"; it looks like {unit}: with --unit {unit} it is {size} mm"

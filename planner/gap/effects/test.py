@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from planner.formats.tables import QUANTITY_UNITS
 from planner.gap.effect import Apply, Effect, Form, Parameter, Values
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
@@ -86,6 +87,7 @@ _SCALE_RARE = 0.1
 """How usual a wrong unit is, beside a gain that is a little off."""
 
 _UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
+_FORCES_N = QUANTITY_UNITS["force"]
 
 
 def _gained(setup: Setup, values: Values) -> Setup:
@@ -117,8 +119,10 @@ FORCE_SCALE = Effect(
             "shown = F exp(a)",
             "ISO 7500-1 (verification of the force-measuring system)",
         ),
-        _unit("pound-force", 4.4482216, "newtons shown as pounds-force or the reverse"),
-        _unit("kilogram-force", 9.80665, "newtons shown as kilograms-force or the reverse"),
+        _unit("pound-force", _FORCES_N["lbf"], "newtons shown as pounds-force or the reverse"),
+        _unit(
+            "kilogram-force", _FORCES_N["kgf"], "newtons shown as kilograms-force or the reverse"
+        ),
         Form(
             "other-unit",
             (
@@ -321,7 +325,7 @@ MACHINE_COMPLIANCE = Effect(
 # Strain scale: the length that strains is not the gauge length, or travel is read wrongly.
 
 
-_INCH = math.log(25.4)
+_INCH = math.log(QUANTITY_UNITS["length"]["in"])
 
 
 def _factor(setup: Setup, values: Values) -> Setup:

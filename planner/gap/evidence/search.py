@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
+from planner.formats.tables import QUANTITY_UNITS
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm
 from planner.gap.noise import Scatter
@@ -533,7 +534,11 @@ class Search:
 # Some specimens, but not the others, have their force off by one factor.
 
 
-FORCE_UNITS = (4.4482216152605, 9.80665, 25.4)
+FORCE_UNITS = (
+    QUANTITY_UNITS["force"]["lbf"],
+    QUANTITY_UNITS["force"]["kgf"],
+    QUANTITY_UNITS["length"]["in"],
+)
 """Pounds and kilograms for newtons; inches, where somebody scaled the wrong column."""
 
 _GAINS = np.geomspace(0.05, 0.6, 24)
