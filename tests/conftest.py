@@ -1,10 +1,82 @@
-"""Where the samples and, if it is there, the shared data lie."""
+"""Where samples and shared data lie; small campaigns by planner's own forward model."""
 
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from planner.gap.campaign import Campaign
+from planner.gap.virtual import stated_effect, synthetic_campaign, virtual_specimen, virtual_strain
+from planner.palette import Palette, load_palette
+from planner.simulation.bar import ProfileDesign
+
 ROOT = Path(__file__).resolve().parents[1]
+PALETTE = ROOT / "printers/connex3/palettes/connex3-tango-vero.toml"
+USUAL: Mapping[str, Any] = {
+    "width_mm": 6.0, "thickness_mm": 3.0, "gauge_mm": 25.0, "rate_mm_s": 0.85,
+    "temperature_C": 23.0, "soak_h": 0.0, "age_days": 9.0, "orientation": "x",
+    "protocol": "monotonic",
+}  # fmt: skip
+
+Planned = Callable[..., Campaign]
+Imitated = Callable[..., Campaign]
+
+
+@pytest.fixture(scope="session")
+def palette() -> Palette:
+    return load_palette(PALETTE)
+
+
+@pytest.fixture(scope="session")
+def planned(palette: Palette) -> Planned:
+    """A full factorial of the columns given as lists, each cell repeated."""
+
+    def plan(
+        replicates: int = 1, *, batches: int = 2, more: Sequence[Mapping[str, Any]] = (),
+        covariates: tuple[str, ...] = (), camera: bool = False, **columns: Sequence[Any],
+    ) -> Campaign:  # fmt: skip
+        names = list(columns)
+        rows: list[dict[str, Any]] = [
+            {**USUAL, **dict(zip(names, cell, strict=True)), "batch": f"b{k % batches}"}
+            for cell in (itertools.product(*columns.values()) if columns else ())
+            for k in range(replicates)
+        ]
+        rows += [{**USUAL, "batch": "b0", **one} for one in more]
+        strain = virtual_strain(palette, [r["material"] for r in rows if "material" in r])
+        specimens = [
+            virtual_specimen(palette, id=f"S{k:03d}", strain=strain, camera=camera, **row)
+            for k, row in enumerate(rows)
+        ]
+        return Campaign("test", "connex3", palette, tuple(specimens), covariates)
+
+    return plan
+
+
+@pytest.fixture(scope="session")
+def step_bar(palette: Palette) -> ProfileDesign:
+    """A bar of two materials, half and half."""
+    ends = [palette.resolve(name).coordinate for name in ("TangoPlus", "FLX9785")]
+    return ProfileDesign("step", np.array([0.0, 16.0, 16.0, 32.0]), np.repeat(ends, 2))
+
+
+@pytest.fixture(scope="session")
+def imitated(palette: Palette) -> Imitated:
+    """A plan as if measured with effects; the column that says so is taken off again."""
+
+    def measured(plan: Campaign, *effects: str, seed: int = 1, scatter: float = 0.03) -> Campaign:
+        stated = [stated_effect(text, palette) for text in effects]
+        made = synthetic_campaign(plan, stated, np.random.default_rng(seed), scatter=scatter)
+        specimens = tuple(
+            replace(new, covariates=old.covariates)
+            for old, new in zip(plan.specimens, made.specimens, strict=True)
+        )
+        return replace(made, specimens=specimens, covariates=plan.covariates)
+
+    return measured
 
 
 @pytest.fixture(scope="session")

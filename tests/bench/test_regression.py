@@ -1,9 +1,9 @@
 """The diagnosis on campaigns whose cause is withheld: a regression with a pinned seed.
 
-Run by hand or in CI with ``pytest -n 2 -m bench tests/bench``; two minutes on 2 free cores. The whole
-check, its targets and what it measures: benchmarks/withheld/README.md. Thresholds lie below what
-the method reached when they were set, by about what a change of little consequence may move of so
-few campaigns; raise them when the method gets better, never lower them to let a change pass.
+Run by hand or in CI with ``pytest -n 2 -m bench tests/bench``; two minutes on 2 free cores. The
+whole check, its targets and what it measures: benchmarks/withheld/README.md. Thresholds lie below
+what the method reached when they were set, by about what a change of little consequence may move of
+so few campaigns; raise them when the method gets better, never lower them to let a change pass.
 """
 
 import json
