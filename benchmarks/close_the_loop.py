@@ -23,9 +23,10 @@ import numpy as np
 from benchmarks.withheld.reality.__main__ import main as reality
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.correct import CONDITION_EFFECTS, corrected_palette
+from planner.gap.correct import corrected_palette
 from planner.gap.design import design_campaign
 from planner.gap.diagnose import diagnose
+from planner.gap.effects import EFFECTS
 from planner.gap.virtual import virtual_specimen
 from planner.grading.grade import grade
 from planner.grading.profile import Profile
@@ -258,7 +259,7 @@ def withheld(count: int, seed: int) -> list[Closed]:
         for path in sorted(folder.iterdir()):
             campaign = read_campaign(path)
             verdict = diagnose(campaign).verdict
-            name = CONDITION_EFFECTS.get(verdict)
+            name = EFFECTS[verdict].condition if verdict in EFFECTS else None
             print(f"{path.name}: {verdict}", file=sys.stderr, flush=True)
             if name is None or name == "orientation":
                 continue

@@ -8,8 +8,6 @@ from planner.gap.effects import EFFECTS
 
 TARGET = Path(__file__).with_name("gap-effects.md")
 
-STAGES = ("composition", "law", "geometry", "boundary", "sensor")
-
 HEAD = f"""# The effects of the gap
 
 Made by `docs/explanation/make_gap_effects.py` from `planner/gap/effects`; do not edit.
@@ -26,8 +24,8 @@ most two parameters more give a form its shape.
 
 Everything is told relative to the palette's reference: at its rate, temperature, soaking, age and
 direction an effect of these changes nothing. Where a palette does not name one of them,
-{STANDARD["rate_per_s"]:g} /s, {STANDARD["temperature_C"]:g} °C, {STANDARD["soak_h"]:g} h and
-{STANDARD["age_days"]:g} days along x stand in; a specimen whose own is unknown counts as being at
+{STANDARD.strain_rate_per_s:g} /s, {STANDARD.temperature_C:g} °C, {STANDARD.soak_h:g} h and
+{STANDARD.age_days:g} days along x stand in; a specimen whose own is unknown counts as being at
 the reference. A law that relaxes is made stiffer at once by as much as it relaxes in the palette's
 own test (a pull at the reference's rate to strain 0.15), so that this test stays what it was.
 
@@ -72,7 +70,7 @@ def page() -> str:
         "| effect | stage | varies along | needs |",
         "| --- " * 4 + "|",
     ]
-    ordered = sorted(EFFECTS.values(), key=lambda effect: (STAGES.index(effect.stage), effect.id))
+    ordered = sorted(EFFECTS.values(), key=lambda effect: (effect.order, effect.id))
     for effect in ordered:
         where = ", ".join(f"`{axis}`" for axis in effect.where)
         lines.append(f"| `{effect.id}` | {effect.stage} | {where} | {_needs(effect)} |")

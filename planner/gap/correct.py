@@ -1,17 +1,18 @@
 """A palette for the conditions of use, from what a diagnosis has found."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis, FoundEffect
-from planner.gap.effect import STANDARD, Effect, Form, Values
-from planner.gap.effects import effects_for
+from planner.gap.effect import Effect, StatedEffect, stated, with_effects
+from planner.gap.effects import effect_named, effects_for
 from planner.gap.virtual import single_test, virtual_specimen
 from planner.materials.characterise import Curve
 from planner.materials.fit import fit_law, law_stress_MPa, sample_of, stability
@@ -26,122 +27,9 @@ from planner.palette import (
     encode_palette,
     parse_palette,
 )
-from planner.simulation.bar_solver import STRAIN_END, LawTables, Setup, law_tables, predict
+from planner.simulation.bar_solver import STRAIN_END, LawTables, law_tables, predict
 
-__all__ = ["CONDITION_EFFECTS", "Correction", "corrected_palette"]
-
-
-# ------------------------------------------------------------------------------------------------
-# What a verdict means where no palette can hold it: what to do instead, with figures.
-
-
-_TEST_EFFECTS = (
-    "force-offset", "force-scale", "grip-slack", "grip-slip", "machine-compliance", "strain-scale",
-)  # fmt: skip
-"""Effects of the test itself: what was printed is as predicted, what was read is not."""
-
-_TEST: Mapping[str, str] = MappingProxyType(
-    {
-        "force-offset": "zero the load cell before every test, or take the offset off the curves",
-        "force-scale": "check the load cell's calibration and the unit of force, and divide the "
-        "curves by the factor",
-        "grip-slack": "take the toe off the curves, or start at a small preload",
-        "grip-slip": "grip harder, or read the strain from the specimen, not from the grips",
-        "machine-compliance": "take compliance times force off the travel, or read the strain "
-        "from the specimen",
-        "strain-scale": "measure the gauge length that strains, and divide the travel by it",
-    }
-)
-
-
-def _instead(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
-    """Return a sentence on an effect that a palette cannot hold.
-
-    Parameters
-    ----------
-    width_mm, thickness_mm
-        Of the section that figures are given for.
-    """
-    if found.id in _TEST_EFFECTS:
-        return (
-            f"{found.id}: the print was right, the measurement was off ({_figures(found)}); the "
-            f"palette stays as it is: {_TEST[found.id]}, and diagnose again"
-        )
-    return _OTHERS[found.id](found, width_mm, thickness_mm)
-
-
-def _figures(found: FoundEffect) -> str:
-    return ", ".join(
-        f"{name} {value:.3g}{'' if (u := found.units.get(name, '1')) == '1' else ' ' + u}"
-        for name, value in found.parameters.items()
-    )
-
-
-def _section(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
-    head = f"{found.id}: the section is other than drawn, which no palette can hold; "
-    if found.form == "rounded":
-        lost = (4.0 - math.pi) * found.parameters["radius"] ** 2
-        return (
-            f"{head}corners of {found.parameters['radius']:.2f} mm take {lost:.2f} mm2 off every "
-            f"section: draw a section of {width_mm:g} x {thickness_mm:g} mm "
-            f"{lost / width_mm:.2f} mm thicker"
-        )
-    over = found.parameters["oversize"]
-    which = {
-        "thickness": "the thickness (across the layers)",
-        "width": "the width",
-    }.get(found.form, "width and thickness each")
-    return f"{head}draw {which} {abs(over):.2f} mm {'smaller' if over > 0.0 else 'larger'}"
-
-
-def _skin(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
-    depth = found.parameters["depth"]
-    excess = math.expm1(found.parameters["log_stiffness"])
-
-    def stress_factor(scale: float) -> float:
-        inside = 1.0
-        if found.form != "faces":
-            inside *= max(1.0 - 2.0 * depth / (width_mm * scale), 0.0)
-        if found.form != "edges":
-            inside *= max(1.0 - 2.0 * depth / (thickness_mm * scale), 0.0)
-        return 1.0 + excess * (1.0 - inside)
-
-    return (
-        f"skin: a layer of {depth:.2f} mm bears {1.0 + excess:.2f} times the inside's stress, so "
-        "the stiffness goes with the size of the section, which no palette can hold: about "
-        f"{stress_factor(1.0):.2f} times the law's at {width_mm:g} x {thickness_mm:g} mm, "
-        f"{stress_factor(3.0):.2f} times at three times that; divide the target by the factor of "
-        "your section, or take the skin off"
-    )
-
-
-def _bleed(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
-    length = next(iter(found.parameters.values()))
-    reach = {"gaussian": 2.0, "exponential": 2.0}.get(found.form, 1.0) * length
-    return (
-        f"interface-bleed: mixtures run into each other over about {reach:.2f} mm to either side "
-        "of a boundary, which is a property of the design, not of a palette: keep bands wider "
-        f"than {2.0 * reach:.2f} mm, and draw steps as ramps where it matters"
-    )
-
-
-def _unloading(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
-    return (
-        f"{found.id} ({_figures(found)}): it changes what follows the first loading alone; the "
-        "law, which is the first loading's, stays as it is; a part that is used over and over is "
-        "softer than planned below its largest strain so far"
-    )
-
-
-_OTHERS: Mapping[str, Callable[[FoundEffect, float, float], str]] = MappingProxyType(
-    {
-        "cross-section": _section,
-        "skin": _skin,
-        "interface-bleed": _bleed,
-        "softening": _unloading,
-        "permanent-set": _unloading,
-    }
-)
+__all__ = ["Correction", "corrected_palette"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -258,17 +146,15 @@ def _exponents(law: LawParameters) -> FloatArray | None:
 # A palette for the conditions of use, from a diagnosis: how the loop from print to plan closes.
 
 
-CONDITION_EFFECTS: Mapping[str, str] = {
-    "rate": "strain_rate_per_s",
-    "temperature": "temperature_C",
-    "moisture": "soak_h",
-    "ageing": "age_days",
-    "orientation": "orientation",
-}
-"""Effects of a condition, with the name of the condition: none at the palette's own."""
-
-_PRINT_EFFECTS = ("composition-offset", "material-law")
-"""Effects on what is printed, whatever the conditions."""
+_CONDITIONS: Mapping[str, tuple[str, float, float]] = MappingProxyType(
+    {
+        "strain_rate_per_s": ("a strain rate of {:g} per s", 1e-9, 1e6),
+        "temperature_C": ("{:g} degC", -100.0, 200.0),
+        "soak_h": ("{:g} h of soaking", 0.0, 1e6),
+        "age_days": ("an age of {:g} days", 0.0, 1e5),
+    }
+)
+"""The conditions of use in words, and what they may be."""
 
 _GAUGE_mm = 25.0
 _BREAK_SHARE = 0.95
@@ -307,13 +193,6 @@ class Correction:
     left: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class _Applied:
-    effect: Effect
-    form: Form
-    values: Values
-
-
 def corrected_palette(
     palette: Palette,
     diagnosis: Diagnosis,
@@ -342,30 +221,43 @@ def corrected_palette(
     ArgumentError
         A condition or size outside what it may be.
     FileError
-        The diagnosis names an effect or a form that this palette has not.
+        The diagnosis names a form or parameters that this palette has not.
     PaletteError
         The corrected laws would cross, or a law cannot follow.
+    UnknownNameError
+        The diagnosis names an effect that there is not.
     """
-    use = _conditions(palette.reference, conditions or Reference())
+    use = _conditions(conditions or Reference(), palette.reference)
     for name, value in (("`width_mm`", width_mm), ("`thickness_mm`", thickness_mm)):
         if not 0.0 < value < math.inf:
             raise ArgumentError(f"{name} {value:g}: it must be above 0")
-    known = [e for e in diagnosis.effect if e.id in CONDITION_EFFECTS or e.id in _PRINT_EFFECTS]
-    others = [e for e in diagnosis.effect if e not in known]
-    left = tuple(e.id for e in others)
-    notes = [_instead(e, width_mm, thickness_mm) for e in others]
+    library = effects_for(palette)
+    known: list[FoundEffect] = []
+    left, notes = [], []
+    for found in diagnosis.effect:
+        effect = effect_named(found.id, library, "diagnosis: effect")
+        if effect.advice is None:
+            known.append(found)
+        else:
+            left.append(found.id)
+            notes.append(effect.advice(found, width_mm, thickness_mm))
     notes += _doubts(diagnosis)
-    applied = [_applied(e, palette) for e in known]
+    applied = [_stated(e, library[e.id], palette.name) for e in known]
     section = (width_mm, thickness_mm)
     factors = _Factors(palette, use, section)
     logs = {m.id: factors.log_factor(m, applied) for m in palette.materials}
-    notes += _idle(known, palette.reference, use)
-    corrected = [e.id for e, one in zip(known, applied, strict=True) if factors.matters([one])]
+    notes += [
+        f"{one.effect.id}: nothing changes at {_in_words(use, own)}, the palette's own; "
+        "state the condition of use to have it corrected"
+        for one in applied
+        if (own := one.effect.condition) and getattr(factors.own, own) == getattr(use, own)
+    ]
+    corrected = [one.effect.id for one in applied if factors.matters([one])]
     asked = diagnosis.recalibration if recalibrate else {}
     if recalibrate and any(material in asked for material in logs):
         corrected.append("recalibration")
     if not corrected:
-        return Correction(palette, (), tuple(notes), left=left)
+        return Correction(palette, (), tuple(notes), left=tuple(left))
     materials, misfit, factor, tension_alone = [], {}, {}, []
     for material in palette.materials:
         level = asked.get(material.id, (0.0, 0.0))[0]
@@ -390,47 +282,44 @@ def corrected_palette(
         name=palette.name.removesuffix("-corrected") + "-corrected",
         materials=tuple(materials),
         reference=use,
-        source=_source(palette, diagnosis, known, corrected, use, thickness_mm),
+        source=_source(palette, diagnosis, applied, corrected, use, thickness_mm),
     )
-    return Correction(_checked(made), tuple(corrected), tuple(notes), misfit, factor, left)
+    return Correction(_checked(made), tuple(corrected), tuple(notes), misfit, factor, tuple(left))
 
 
-def _conditions(reference: Reference, asked: Reference) -> Reference:
+def _conditions(asked: Reference, own: Reference) -> Reference:
     """Return the conditions of use, each stated, the palette's own or the usual one."""
-    values = {}
-    for name, low, high in (
-        ("strain_rate_per_s", 1e-9, 1e6),
-        ("temperature_C", -100.0, 200.0),
-        ("soak_h", 0.0, 1e6),
-        ("age_days", 0.0, 1e5),
-    ):
-        value = getattr(asked, name)
-        if value is None:
-            value = getattr(reference, name)
-        if value is None:
-            value = STANDARD["rate_per_s" if name == "strain_rate_per_s" else name]
+    use = stated(asked, own)
+    for name, (_, low, high) in _CONDITIONS.items():
+        value = getattr(use, name)
         if not low <= value <= high:
             argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
             raise ArgumentError(f"`{argument}` {value:g}: it must be from {low:g} to {high:g}")
-        values[name] = float(value)
-    return Reference(**values, orientation=asked.orientation or reference.orientation or "x")
+    numbers: dict[str, Any] = {name: float(getattr(use, name)) for name in _CONDITIONS}
+    return replace(use, **numbers)
 
 
-def _applied(found: FoundEffect, palette: Palette) -> _Applied:
-    effect = effects_for(palette)[found.id]
-    form = next((f for f in effect.forms if f.name == found.form), None)
+def _in_words(at: Reference, name: str) -> str:
+    if name == "orientation":
+        return f"orientation {at.orientation}"
+    return _CONDITIONS[name][0].format(getattr(at, name))
+
+
+def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
+    form = effect.form(found.form)
     if form is None:
         raise FileError(
-            f"diagnosis: effect {found.id} has the form {found.form!r}, which palette "
-            f"{palette.name} has not; it has {', '.join(f.name for f in effect.forms)}: give the "
-            "palette that was diagnosed with `palette`"
+            f"diagnosis: effect {found.id} has the form {found.form!r}, which palette {palette} "
+            f"has not; it has {', '.join(f.name for f in effect.forms)}: give the palette that "
+            "was diagnosed with `palette`"
         )
     missing = [p.name for p in form.parameters if p.name not in found.parameters]
     if missing:
         raise FileError(
             f"diagnosis: effect {found.id}: parameter {missing[0]!r} of form {form.name} is missing"
         )
-    return _Applied(effect, form, found.parameters)
+    values = {p.name: found.parameters[p.name] for p in form.parameters}
+    return StatedEffect(effect, form, values)
 
 
 class _Factors:
@@ -438,14 +327,14 @@ class _Factors:
 
     def __init__(self, palette: Palette, use: Reference, section_mm: tuple[float, float]) -> None:
         self.palette, self.use, self.section_mm = palette, use, section_mm
-        self.own = _conditions(palette.reference, Reference())
+        self.own = _conditions(Reference(), palette.reference)
         self.laws: LawTables = law_tables(palette)
 
     def log_factor(
-        self, material: Material, effects: Sequence[_Applied]
+        self, material: Material, effects: Sequence[StatedEffect]
     ) -> tuple[FloatArray, FloatArray]:
         """Return strains above 0 up to near the break, and ln factor there."""
-        ours = [e for e in effects if e.effect.id in CONDITION_EFFECTS]
+        ours = [e for e in effects if e.effect.condition]
         end = min(_BREAK_SHARE * material.elongation_at_break, STRAIN_END)
         strain = end * np.linspace(0.0, 1.0, _STEPS + 1)
         after = self._force_N(material, self.use, effects, strain)
@@ -459,13 +348,13 @@ class _Factors:
             )
         return strain[1:], log
 
-    def matters(self, effects: Sequence[_Applied]) -> bool:
+    def matters(self, effects: Sequence[StatedEffect]) -> bool:
         """Return whether effects change any law at the conditions of use."""
         logs = [self.log_factor(m, effects)[1] for m in self.palette.materials]
         return max(float(np.abs(log).max()) for log in logs) > _NOTABLE
 
     def spread(
-        self, material: Material, found: Sequence[FoundEffect], effects: Sequence[_Applied]
+        self, material: Material, found: Sequence[FoundEffect], effects: Sequence[StatedEffect]
     ) -> float:
         """Return the deviation of the mean ln factor, from the parameters' intervals."""
         total = 0.0
@@ -485,7 +374,7 @@ class _Factors:
         self,
         material: Material,
         at: Reference,
-        effects: Sequence[_Applied],
+        effects: Sequence[StatedEffect],
         strain: FloatArray,
     ) -> FloatArray:
         assert at.strain_rate_per_s is not None
@@ -507,25 +396,8 @@ class _Factors:
         campaign = Campaign("use", "", self.palette, (specimen,))
         setup = single_test(campaign, 0, strain / at.strain_rate_per_s, strain * _GAUGE_mm)
         assert setup is not None
-        force: FloatArray = predict(_with(setup, effects), self.laws).force_N[0]
+        force: FloatArray = predict(with_effects(setup, effects), self.laws).force_N[0]
         return force
-
-
-def _with(setup: Setup, effects: Sequence[_Applied]) -> Setup:
-    for one in sorted(effects, key=lambda e: e.effect.stage):  # composition before law
-        setup = one.form.apply(setup, one.values)
-    return setup
-
-
-def _idle(known: Sequence[FoundEffect], own: Reference, use: Reference) -> list[str]:
-    """Say of each effect of a condition that the condition of use is the palette's own."""
-    before = _conditions(own, Reference())
-    return [
-        f"{e.id}: nothing changes at {_condition_text(name, use)}, the palette's own; state the "
-        "condition of use to have it corrected"
-        for e in known
-        if (name := CONDITION_EFFECTS.get(e.id)) and getattr(before, name) == getattr(use, name)
-    ]
 
 
 def _doubts(diagnosis: Diagnosis) -> list[str]:
@@ -566,34 +438,23 @@ def _about(
     return notes
 
 
-def _condition_text(name: str, at: Reference) -> str:
-    value = getattr(at, name)
-    value = value if isinstance(value, str) else f"{value:g}"
-    return {
-        "strain_rate_per_s": f"a strain rate of {value} per s",
-        "temperature_C": f"{value} degC",
-        "soak_h": f"{value} h of soaking",
-        "age_days": f"an age of {value} days",
-        "orientation": f"orientation {value}",
-    }[name]
-
-
 def _source(
     palette: Palette,
     diagnosis: Diagnosis,
-    known: Sequence[FoundEffect],
+    known: Sequence[StatedEffect],
     corrected: Sequence[str],
     use: Reference,
     thickness_mm: float,
 ) -> str:
-    forms = {e.id: f"{e.id} ({e.form})" for e in known}
-    what = " and ".join(forms.get(id, id) for id in corrected)
-    at = ", ".join(_condition_text(name, use) for name in CONDITION_EFFECTS.values())
-    thick = f", parts {thickness_mm:g} mm thick" if "moisture" in corrected else ""
+    ours = [one for one in known if one.effect.id in corrected]
+    names = {one.effect.id: f"{one.effect.id} ({one.form.name})" for one in ours}
+    what = " and ".join(names.get(id, id) for id in corrected)
+    at = ", ".join(_in_words(use, name) for name in (*_CONDITIONS, "orientation"))
+    thick = any("thickness_mm" in one.effect.where for one in ours)
     return (
         f"palette {palette.name} (sha256 {palette.sha256[:12]}) corrected for {what} by planner "
-        f"gap correct, from the diagnosis of campaign {diagnosis.campaign}, for {at}{thick}; "
-        f"before: {palette.source}"
+        f"gap correct, from the diagnosis of campaign {diagnosis.campaign}, for {at}"
+        f"{f', parts {thickness_mm:g} mm thick' if thick else ''}; before: {palette.source}"
     )
 
 

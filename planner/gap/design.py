@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, product
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from planner.errors import ArgumentError, PaletteError
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
-from planner.gap.effect import STANDARD, Effect, reference_condition, untestable
-from planner.gap.effects import effects_for
+from planner.gap.effect import Effect, stated, untestable
+from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import UNKNOWN, WIDTH_NATS, detectable_sizes
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.surrogate import (
@@ -41,9 +40,7 @@ from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (
     BAR_SHARE,
     HOLD_S,
-    effect_named,
     synthetic_campaign,
-    usual_value,
     virtual_specimen,
     virtual_strain,
 )
@@ -80,30 +77,6 @@ _SOAKED_H = (4.0, 24.0, 72.0)
 _OLDER_DAYS = (30.0, 110.0)
 _FASTER = (10.0, 0.1)
 
-_BY_EFFECT: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "ageing": ("age",),
-        "composition-offset": ("materials", "bars"),
-        "cross-section": ("section",),
-        "force-offset": ("section", "rate"),
-        "force-scale": ("section", "gauge"),
-        "grip-slack": ("gauge", "cyclic"),
-        "grip-slip": ("section", "gauge", "cyclic"),
-        "interface-bleed": ("bars",),
-        "machine-compliance": ("section", "gauge"),
-        "material-law": ("materials",),
-        "moisture": ("soak", "soak-section"),
-        "orientation": ("orientation",),
-        "permanent-set": ("cyclic",),
-        "rate": ("rate", "relaxation"),
-        "skin": ("section",),
-        "softening": ("cyclic",),
-        "strain-scale": ("gauge", "section", "bars"),
-        "temperature": ("temperature",),
-    }
-)
-"""What has to be changed to see an effect."""
-
 
 @dataclass(frozen=True, slots=True)
 class SpecimenSize:
@@ -116,7 +89,7 @@ class SpecimenSize:
 
 def may_take_bars(effects: Sequence[str]) -> bool:
     """Return whether graded bars are among the candidates."""
-    return any("bars" in _BY_EFFECT.get(id, ()) for id in effects)
+    return any("bars" in EFFECTS[id].changes for id in effects if id in EFFECTS)
 
 
 def _strain_of(palette: Palette) -> float:
@@ -145,7 +118,7 @@ def candidates_of(
     """
     grades = _elastic(palette)
     three = [grades[k] for k in dict.fromkeys([len(grades) // 2, 0, len(grades) - 1])]
-    wanted = {group for id in effects for group in _BY_EFFECT[id]}
+    wanted = {group for id in effects for group in EFFECTS[id].changes}
     changes: list[_Change] = [{"material": m.id} for m in three]
     if "materials" in wanted:
         changes += [{"material": m.id} for m in grades if m.id not in {t.id for t in three}]
@@ -186,17 +159,17 @@ _CROSSED = (
 
 
 def _design_reference(palette: Palette, size: SpecimenSize) -> dict[str, Any]:
-    r = palette.reference
-    rate = STANDARD["rate_per_s"] if r.strain_rate_per_s is None else r.strain_rate_per_s
+    r = stated(palette.reference)
+    assert r.strain_rate_per_s is not None
     return {
         "width_mm": size.width_mm,
         "thickness_mm": size.thickness_mm,
         "gauge_mm": size.gauge_mm,
-        "rate_mm_s": _design_round(rate * size.gauge_mm),
-        "temperature_C": STANDARD["temperature_C"] if r.temperature_C is None else r.temperature_C,
-        "soak_h": STANDARD["soak_h"] if r.soak_h is None else r.soak_h,
-        "age_days": STANDARD["age_days"] if r.age_days is None else r.age_days,
-        "orientation": r.orientation or "x",
+        "rate_mm_s": _design_round(r.strain_rate_per_s * size.gauge_mm),
+        "temperature_C": r.temperature_C,
+        "soak_h": r.soak_h,
+        "age_days": r.age_days,
+        "orientation": r.orientation,
         "protocol": "monotonic",
     }
 
@@ -310,7 +283,7 @@ class Expected:
 def _usual_place(branch: SignedForm) -> list[float]:
     """Return the place of a branch at the middle of its form's prior."""
     size = branch.form.size
-    return [float(np.sqrt(usual_value(size) / size.high)), *[0.0] * branch.shapes]
+    return [float(np.sqrt(size.usual / size.high)), *[0.0] * branch.shapes]
 
 
 def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
@@ -383,7 +356,7 @@ def _expected_of(
                 parameter=size.name,
                 unit=size.unit,
                 smallest=sizes[id].size,
-                usual=usual_value(size),
+                usual=size.usual,
                 probability=named,
                 alike=tuple(k for k in alike if k in asked),
                 others=tuple(k for k in alike if k not in asked),
@@ -731,9 +704,8 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     soft, middle, hard = grades[0].id, grades[len(grades) // 2].id, grades[-1].id
     r = setup.reference
     rate = reference.rate_mm_s or 1.0
-    temperature, soak, age = (
-        reference_condition(setup, name) for name in ("temperature_C", "soak_h", "age_days")
-    )
+    usual: Any = stated(r)
+    temperature, soak, age = usual.temperature_C, usual.soak_h, usual.age_days
     width, thickness = reference.width_mm or 6.0, reference.thickness_mm or 3.0
     changes: list[dict[str, Any]] = [
         {"protocol": "monotonic"},

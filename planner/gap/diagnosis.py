@@ -110,6 +110,14 @@ class FoundEffect:
     units: Mapping[str, str]
     specimens: tuple[str, ...] = ()
 
+    @property
+    def text(self) -> str:
+        """Its parameters with their units."""
+        return ", ".join(
+            f"{name} {value:.3g}{'' if (unit := self.units.get(name, '1')) == '1' else ' ' + unit}"
+            for name, value in self.parameters.items()
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Untestable:

@@ -1,33 +1,37 @@
 """What an effect is: physically sized, in a family of forms, at one stage of the model."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
+from planner.gap.diagnosis import FoundEffect
 from planner.gap.quality_records import HOLDS, UNLOADS, hold_share, speed_mm_s, unloading_share
 from planner.numerics import FloatArray
+from planner.palette import Reference
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
     "PEAK",
+    "STAGES",
     "STANDARD",
+    "Advice",
     "Apply",
     "Effect",
     "Form",
     "Parameter",
     "Stage",
+    "StatedEffect",
     "Values",
-    "condition",
-    "mixture_share",
     "place_on_palette",
-    "reference_condition",
-    "section_sizes_mm",
+    "stated",
     "untestable",
+    "with_effects",
 ]
 
 
@@ -36,8 +40,13 @@ __all__ = [
 
 
 Stage = Literal["composition", "law", "geometry", "boundary", "sensor"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
+"""In the order in which a specimen comes to be; effects act in this order."""
+
 Values = Mapping[str, float]
 Apply = Callable[[Setup, Values], Setup]
+Advice = Callable[[FoundEffect, float, float], str]
+"""Of what was found, and the width and thickness of a part's section in mm: a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +73,13 @@ class Parameter:
     unit: str = "1"
     log: bool = False
     signed: bool = False
+
+    @property
+    def usual(self) -> float:
+        """The middle of its prior."""
+        if self.log and self.low > 0.0:
+            return math.sqrt(self.low * self.high)
+        return 0.5 * (self.low + self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +116,17 @@ class Form:
 class Effect:
     """One physical or experimental effect that a palette's laws do not know.
 
+    All that planner knows of it stands here: whoever designs, diagnoses, reports or corrects
+    reads it.
+
     Attributes
     ----------
     id
         Of the contract.
+    title
+        As in a heading.
+    clause
+        What it does, as the end of a sentence.
     stage
         Where it acts.
     forms
@@ -111,12 +134,20 @@ class Effect:
     where
         Axes along which its gap varies: columns of specimens.csv, or ``material``, ``strain``,
         ``time``, ``branch``, ``position``, ``specimen``.
+    changes
+        What a campaign changes to see it: names of `planner.gap.design.CHANGES`, ``materials``
+        or ``bars``.
     covariates
         Columns that must be known and take more than one value, or it cannot be tested; each
         entry may name alternatives, "rate_mm_s|hold".
     channels
         What must have been measured, each entry with alternatives: ``unloading``, ``hold``,
         ``bar``, ``materials`` (two or more, or a bar), ``section`` (width and thickness).
+    condition
+        The condition of a palette's reference that it is an effect of, so that at the palette's
+        own there is none.
+    advice
+        What to do instead, where no palette can hold it.
     individual
         Coefficient of variation of its size from specimen to specimen; 0 where all have it alike.
     some
@@ -125,21 +156,52 @@ class Effect:
 
     id: str
     title: str
+    clause: str
     stage: Stage
     forms: tuple[Form, ...]
     where: tuple[str, ...]
+    changes: tuple[str, ...]
     covariates: tuple[str, ...] = ()
     channels: tuple[str, ...] = ()
+    condition: str | None = None
+    advice: Advice | None = None
     individual: float = 0.0
     some: bool = False
+
+    @property
+    def order(self) -> int:
+        """The place of its stage among `STAGES`."""
+        return STAGES.index(self.stage)
+
+    def form(self, name: str) -> Form | None:
+        """Return a form by its name."""
+        return next((form for form in self.forms if form.name == name), None)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedEffect:
+    """An effect in one form with its parameters' values."""
+
+    effect: Effect
+    form: Form
+    values: Values
+
+    @property
+    def text(self) -> str:
+        """As a person states it, whole: ``rate:form=power-law,rise=0.12``."""
+        values = ",".join(f"{name}={value:.6g}" for name, value in self.values.items())
+        return f"{self.effect.id}:form={self.form.name},{values}"
+
+
+def with_effects(setup: Setup, effects: Iterable[StatedEffect]) -> Setup:
+    """Return a setup with effects, each at its stage."""
+    for one in sorted(effects, key=lambda e: e.effect.order):
+        setup = one.form.apply(setup, one.values)
+    return setup
 
 
 # ------------------------------------------------------------------------------------------------
 # Whether a campaign can tell anything about an effect, and if not, why.
-
-
-_DECLARED_HOLDS = 0.5 * HOLDS
-"""A test declared to hold may do so for less than one that was not meant to."""
 
 
 def untestable(effect: Effect, campaign: Campaign) -> str | None:
@@ -156,8 +218,10 @@ def untestable(effect: Effect, campaign: Campaign) -> str | None:
 
 
 def _missing(name: str, specimens: Sequence[Specimen]) -> str | None:
-    channel = _CHANNELS.get(name)
-    return _constant(name, specimens) if channel is None else channel(specimens)
+    if name not in _CHANNELS:
+        return _constant(name, specimens)
+    there, reason = _CHANNELS[name]
+    return None if there(specimens) else reason
 
 
 def _constant(name: str, specimens: Sequence[Specimen]) -> str | None:
@@ -190,115 +254,67 @@ def _value(name: str, specimen: Specimen) -> str | float | None:
     return value
 
 
-def _no_unloading(specimens: Sequence[Specimen]) -> str | None:
-    if any(unloading_share(s.displacement_mm, s.force_N) > UNLOADS for s in specimens):
-        return None
-    return "no specimen was unloaded"
-
-
-def _no_hold(specimens: Sequence[Specimen]) -> str | None:
-    least = {s.id: _DECLARED_HOLDS if s.protocol == "relaxation" else HOLDS for s in specimens}
-    if any(hold_share(s) > least[s.id] for s in specimens):
-        return None
-    return "no specimen was held at a strain"
-
-
-def _no_bar(specimens: Sequence[Specimen]) -> str | None:
-    return None if any(_is_graded(s) for s in specimens) else "there is no graded bar"
-
-
-def _one_material(specimens: Sequence[Specimen]) -> str | None:
-    if any(_is_graded(s) for s in specimens):
-        return None
-    mixtures = {
-        s.material if s.profile is None else float(s.profile.coordinate[0]) for s in specimens
-    }
-    return None if len(mixtures) > 1 else "there is one material only"
-
-
-def _no_section(specimens: Sequence[Specimen]) -> str | None:
-    if any(s.section_mm2(np.zeros(1)) is not None for s in specimens):
-        return None
-    return "width and thickness are not known for any specimen"
+def _is_held(specimen: Specimen) -> bool:
+    # A test declared to hold may do so for less than one that was not meant to.
+    return hold_share(specimen) > HOLDS * (0.5 if specimen.protocol == "relaxation" else 1.0)
 
 
 def _is_graded(specimen: Specimen) -> bool:
     return specimen.profile is not None and float(np.ptp(specimen.profile.coordinate)) > 1e-6
 
 
-_CHANNELS: Mapping[str, Callable[[Sequence[Specimen]], str | None]] = MappingProxyType(
+def _mixtures(specimens: Sequence[Specimen]) -> int:
+    return len(
+        {s.material if s.profile is None else float(s.profile.coordinate[0]) for s in specimens}
+    )
+
+
+_CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = MappingProxyType(
     {
-        "unloading": _no_unloading,
-        "hold": _no_hold,
-        "bar": _no_bar,
-        "materials": _one_material,
-        "section": _no_section,
+        "unloading": (
+            lambda given: any(
+                unloading_share(s.displacement_mm, s.force_N) > UNLOADS for s in given
+            ),
+            "no specimen was unloaded",
+        ),
+        "hold": (lambda given: any(map(_is_held, given)), "no specimen was held at a strain"),
+        "bar": (lambda given: any(map(_is_graded, given)), "there is no graded bar"),
+        "materials": (
+            lambda given: any(map(_is_graded, given)) or _mixtures(given) > 1,
+            "there is one material only",
+        ),
+        "section": (
+            lambda given: any(s.section_mm2(np.zeros(1)) is not None for s in given),
+            "width and thickness are not known for any specimen",
+        ),
     }
 )
+"""Whether specimens show what a channel stands for, and the reason if not."""
 
 
 # ------------------------------------------------------------------------------------------------
-# A condition of each test against that at which the palette's laws hold.
+# What the forms of several files need.
 
 
-STANDARD: Mapping[str, float] = MappingProxyType(
-    {"rate_per_s": 0.03}
-    | {name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None}
+STANDARD = Reference(
+    strain_rate_per_s=0.03,
+    **{name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None},
+    orientation="x",
 )
 """What stands in where a palette does not say at which conditions it was measured."""
 
-_REFERENCE = MappingProxyType({"rate_per_s": "strain_rate_per_s"})
-_COLUMN = MappingProxyType({"rate_per_s": "rate_mm_s"})
 
-
-def reference_condition(setup: Setup, name: str) -> float:
-    """Return a condition's value at the palette's reference."""
-    value = getattr(setup.reference, _REFERENCE.get(name, name))
-    return STANDARD[name] if value is None else float(value)
-
-
-def condition(setup: Setup, name: str) -> FloatArray:
-    """Return a condition of the tests, (P,), the reference's where it is unknown."""
-    values: FloatArray = getattr(setup, name)
-    known = setup.known.get(name, setup.known.get(_COLUMN.get(name, name)))
-    if known is None:
-        return values
-    return np.where(known, values, reference_condition(setup, name))
-
-
-# ------------------------------------------------------------------------------------------------
-# How much of an effect each mixture shows: most at one place on the palette, less around it.
+def stated(*references: Reference) -> Reference:
+    """Return every condition as the first reference that states it, or else the standard."""
+    names = [field.name for field in fields(Reference)]
+    known = [[getattr(at, name) for at in (*references, STANDARD)] for name in names]
+    return Reference(*(next(v for v in values if v is not None) for values in known))
 
 
 PEAK = Parameter("peak", 0.0, 1.0, "mixture that shows most of it, softest 0 to hardest 1")
-
-_WIDTH = 0.7
-"""Of the trend, over the palette's range: a mixture at the other end shows an eighth."""
 
 
 def place_on_palette(setup: Setup) -> FloatArray:
     """Return each slice's coordinate from 0, the palette's softest, to 1, its hardest, (S,)."""
     low, high = setup.coordinate_range
     return (setup.coordinate - low) / max(high - low, 1e-12)
-
-
-def mixture_share(setup: Setup, peak: float) -> FloatArray:
-    """Return the share of an effect in each slice, (S,), 1 at the place `peak`."""
-    return np.exp(-(((place_on_palette(setup) - peak) / _WIDTH) ** 2))
-
-
-# ------------------------------------------------------------------------------------------------
-# Width and thickness of every slice, as drawn.
-
-
-def section_sizes_mm(setup: Setup) -> tuple[FloatArray, FloatArray]:
-    """Return width and thickness, (S,); a bar's design goes before the test's own size."""
-    width, thickness = setup.on_slices(setup.width_mm), setup.on_slices(setup.thickness_mm)
-    for test, design in enumerate(setup.designs):
-        if design is None or (design.width_mm is None and design.thickness_mm is None):
-            continue
-        slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
-        for size, along in ((width, design.width_mm), (thickness, design.thickness_mm)):
-            if along is not None:
-                size[slices] = np.interp(setup.x_mm[slices], design.x_mm, along)
-    return width, thickness

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,8 @@ from planner.gap.campaign_folder import (
     read_campaign,
     read_campaign_file,
 )
-from planner.gap.effect import Effect, Form, Parameter, Values
-from planner.gap.effects import effects_for
+from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
+from planner.gap.effects import effect_named, effects_for
 from planner.gap.segments import ReplicateTest, assemble, mean_times_s, path_of, time_grid
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -33,12 +33,10 @@ from planner.simulation.simulate import loading_path
 __all__ = [
     "BAR_SHARE",
     "HOLD_S",
-    "effect_named",
     "read_design",
     "single_test",
     "stated_effect",
     "synthetic_campaign",
-    "usual_value",
     "virtual_specimen",
     "virtual_strain",
 ]
@@ -340,41 +338,6 @@ def _figure(value: str | float | None, otherwise: float, row: Row, file: Path, n
 # An effect as a person states it: ``rate:rise=0.12,form=power-law``.
 
 
-@dataclass(frozen=True, slots=True)
-class StatedEffect:
-    """An effect in one form with its parameters' values."""
-
-    effect: Effect
-    form: Form
-    values: Values
-
-    @property
-    def text(self) -> str:
-        """As it is stated, whole."""
-        values = ",".join(f"{name}={value:.6g}" for name, value in self.values.items())
-        return f"{self.effect.id}:form={self.form.name},{values}"
-
-
-def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
-    """Return an effect by its id.
-
-    Raises
-    ------
-    UnknownNameError
-        There is none; the message names what is near.
-    """
-    if id in effects:
-        return effects[id]
-    hint = did_you_mean(id, effects)
-    raise UnknownNameError(f"{option} {id}: no such effect; {hint}there are {', '.join(effects)}")
-
-
-def usual_value(parameter: Parameter) -> float:
-    """Return the middle of a parameter's prior."""
-    low, high = parameter.low, parameter.high
-    return math.sqrt(low * high) if parameter.log and low > 0.0 else 0.5 * (low + high)
-
-
 def stated_effect(text: str, palette: Palette) -> StatedEffect:
     """Read an effect: its id, then a colon and NAME=VALUE with commas between.
 
@@ -399,7 +362,7 @@ def stated_effect(text: str, palette: Palette) -> StatedEffect:
             )
         given[name.strip()] = value.strip()
     form = _form(effect, given.pop("form", None), given, text)
-    values = {p.name: usual_value(p) for p in form.parameters}
+    values = {p.name: p.usual for p in form.parameters}
     for parameter in form.parameters:
         if parameter.name in given:
             size = parameter is form.size
@@ -461,7 +424,6 @@ _WANDER_LENGTH = 0.15
 _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002
 _FIELD, _FIELD_RELATIVE = 0.003, 0.02
-_STAGES = ("composition", "law", "geometry", "boundary", "sensor")
 
 
 def synthetic_campaign(
@@ -512,7 +474,7 @@ def synthetic_campaign(
                 f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "
                 "leave it out"
             )
-        prediction = predict(_with(setup, effects, rng), laws)
+        prediction = predict(with_effects(setup, _drawn(effects, rng)), laws)
         level = batches[specimen.batch] + _course(specimen, scatter, rng)
         specimens.append(_measured(specimen, setup, prediction, level, rng, how))
     return replace(
@@ -525,14 +487,15 @@ def synthetic_campaign(
     )
 
 
-def _with(setup: Setup, effects: Sequence[StatedEffect], rng: np.random.Generator) -> Setup:
-    """Return the setup with every effect, sizes that are each specimen's own drawn."""
-    for one in sorted(effects, key=lambda e: _STAGES.index(e.effect.stage)):
+def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> list[StatedEffect]:
+    """Return the effects with sizes that are each specimen's own drawn."""
+    drawn = []
+    for one in sorted(effects, key=lambda e: e.effect.order):
         own = 1.0 + one.effect.individual * float(rng.standard_normal())
         size = one.form.size.name
         values = {**one.values, size: one.values[size] * max(own, 0.1)}
-        setup = one.form.apply(setup, values)
-    return setup
+        drawn.append(replace(one, values=values))
+    return drawn
 
 
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:

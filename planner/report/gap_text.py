@@ -19,7 +19,6 @@ from planner.gap.diagnosis import (
 from planner.gap.effects import EFFECTS
 
 __all__ = [
-    "CLAUSES",
     "TextSection",
     "axis_words",
     "headline",
@@ -43,28 +42,6 @@ __all__ = [
 # ------------------------------------------------------------------------------------------------
 # Effects, axes and figures of a diagnosis in words.
 
-
-CLAUSES: Mapping[str, str] = {
-    "ageing": "specimens tested long after printing carry another force than fresh ones",
-    "composition-offset": "what was printed is softer or harder than the mixture asked for",
-    "cross-section": "specimens are thicker or thinner than drawn, so all stresses are off",
-    "force-offset": "the load cell does not show zero when nothing pulls",
-    "force-scale": "the load cell shows a multiple of the true force: its gain, or a unit mixed up",
-    "grip-slack": "part of the travel is taken up before the specimen is pulled",
-    "grip-slip": "the specimen creeps out of the grips as the load grows",
-    "interface-bleed": "materials mix where they meet, so that steps in a bar are blurred",
-    "machine-compliance": "the machine and the grips give way under load and take up travel",
-    "material-law": "the palette's law of one material does not describe that material",
-    "moisture": "water taken up in soaking softens the specimens",
-    "orientation": "stiffness depends on how the specimen lay on the tray",
-    "permanent-set": "specimens stay longer after a large strain and come back slack",
-    "rate": "force depends on how fast the specimen is pulled, and relaxes when it is held",
-    "skin": "a surface layer differs from the inside, and weighs more in thin specimens",
-    "softening": "a specimen is softer once it has been strained (Mullins effect)",
-    "strain-scale": "true strains are a multiple of the recorded ones: gauge length or travel",
-    "temperature": "stiffness at the test's temperature differs from that at the palette's",
-}
-"""What each effect does, as the end of a sentence."""
 
 _AXES: Mapping[str, str] = {
     **{name: column.title for name, column in SPECIMEN_COLUMNS.items()},
@@ -101,7 +78,7 @@ def _effects_words(effects: Effects) -> str:
 
 def _clause(effect: str) -> str:
     """Return what an effect does, as the end of a sentence."""
-    return CLAUSES.get(effect, title(effect))
+    return EFFECTS[effect].clause if effect in EFFECTS else title(effect)
 
 
 def axis_words(axis: str) -> str:

@@ -12,7 +12,6 @@ from planner.errors import FileError, PaletteError
 from planner.gap.correct import corrected_palette
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effects import EFFECTS, effects_for
-from planner.gap.virtual import usual_value
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
@@ -44,7 +43,7 @@ def diagnosed(palette: Palette, *effects: FoundEffect, verdict: str | None = Non
 def found(id: str, form: str | None = None, **values: float) -> FoundEffect:
     effect = EFFECTS[id]
     chosen = effect.forms[0] if form is None else next(f for f in effect.forms if f.name == form)
-    all_ = {p.name: usual_value(p) for p in chosen.parameters} | values
+    all_ = {p.name: p.usual for p in chosen.parameters} | values
     ends = {name: (0.9 * value, 1.1 * value) for name, value in all_.items()}
     return FoundEffect(id, chosen.name, all_, ends, {p.name: p.unit for p in chosen.parameters})
 

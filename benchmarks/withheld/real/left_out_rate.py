@@ -2,21 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 
 from planner.gap.campaign import TOLERANCES, Campaign, levels
 from planner.gap.diagnosis import Diagnosis, FoundEffect
-from planner.gap.effect import Stage
 from planner.gap.effects import effects_for
 from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import law_tables, predict
 
 __all__ = ["LeftOutRate", "left_out_rates", "specimen_errors"]
-
-_STAGES = get_args(Stage)
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ def specimen_errors(campaign: Campaign, found: tuple[FoundEffect, ...]) -> Float
     effects = effects_for(campaign.palette)
     setup = mounted.setup
     acting = [one for one in found if not one.specimens]
-    for one in sorted(acting, key=lambda f: _STAGES.index(effects[f.id].stage)):
+    for one in sorted(acting, key=lambda f: effects[f.id].order):
         form = next(form for form in effects[one.id].forms if form.name == one.form)
         setup = form.apply(setup, one.parameters)
     force = predict(setup, law_tables(campaign.palette)).force_N[mounted.test_of]

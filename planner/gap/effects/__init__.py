@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from planner.errors import UnknownNameError, did_you_mean
 from planner.gap.effect import Effect
 from planner.gap.effects.conditions import (
     AGEING,
@@ -31,7 +32,7 @@ from planner.gap.effects.test import (
 )
 from planner.palette import Palette
 
-__all__ = ["EFFECTS", "effects_for"]
+__all__ = ["EFFECTS", "effect_named", "effects_for"]
 
 
 _ALL = (
@@ -66,3 +67,18 @@ def effects_for(palette: Palette) -> Mapping[str, Effect]:
     materials = palette.materials
     own = effect_for([m.coordinate for m in materials], [m.id for m in materials])
     return MappingProxyType({**EFFECTS, own.id: own})
+
+
+def effect_named(id: str, effects: Mapping[str, Effect], option: str) -> Effect:
+    """Return an effect by its id.
+
+    Raises
+    ------
+    UnknownNameError
+        There is none; the message names what is near.
+    """
+    if id in effects:
+        return effects[id]
+    raise UnknownNameError(
+        f"{option} {id}: no such effect; {did_you_mean(id, effects)}there are {', '.join(effects)}"
+    )

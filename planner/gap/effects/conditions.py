@@ -1,20 +1,21 @@
 """Effects of conditions and history on the material: age, water, temperature, rate, strain."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.special import erf, expit, rgamma
 
+from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import (
     PEAK,
+    Apply,
     Effect,
     Form,
     Parameter,
     Values,
-    condition,
-    mixture_share,
     place_on_palette,
-    reference_condition,
+    stated,
 )
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import (
@@ -36,33 +37,56 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
+# A condition of each test against that at which the palette's laws hold; how much each mixture
+# shows.
+
+
+_WIDTH = 0.7
+"""Of the trend, over the palette's range: a mixture at the other end shows an eighth."""
+
+
+def _reference(setup: Setup, name: str) -> float:
+    """Return a condition's value at the palette's reference."""
+    own = "strain_rate_per_s" if name == "rate_per_s" else name
+    return float(getattr(stated(setup.reference), own))
+
+
+def _condition(setup: Setup, name: str) -> FloatArray:
+    """Return a condition of the tests, (P,), the reference's where it is unknown."""
+    values: FloatArray = getattr(setup, name)
+    known = setup.known.get(name, setup.known.get("rate_mm_s") if name == "rate_per_s" else None)
+    return values if known is None else np.where(known, values, _reference(setup, name))
+
+
+def _graded(setup: Setup, size: float, values: Values) -> FloatArray:
+    """Return a size in each slice, (S,): whole at the mixture `peak`, less around it.
+
+    A form without that parameter shows it in all mixtures alike.
+    """
+    if "peak" not in values:
+        return np.full(len(setup.coordinate), size)
+    away = (place_on_palette(setup) - values["peak"]) / _WIDTH
+    return size * np.exp(-(away**2))
+
+
+# ------------------------------------------------------------------------------------------------
 # Ageing: curing goes on after the print and stiffens; some mixtures lose stiffness instead.
 
 
 _DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", log=True, signed=True)
 
 
-def _age_decades(setup: Setup, onset_days: float) -> FloatArray:
-    """Decades of age beyond the reference, (P,), counted from a first change."""
-    age, start = condition(setup, "age_days"), reference_condition(setup, "age_days")
-    decades: FloatArray = np.log((age + onset_days) / (start + onset_days)) / math.log(10.0)
-    return decades
-
-
 def _log_time(setup: Setup, values: Values) -> Setup:
-    """All mixtures alike."""
-    return setup.stiffened(setup.on_slices(values["change"] * _age_decades(setup, values["onset"])))
-
-
-def _graded_log_time(setup: Setup, values: Values) -> Setup:
-    """One mixture most, from the first day on."""
-    change = values["change"] * mixture_share(setup, values["peak"])
-    return setup.stiffened(change * setup.on_slices(_age_decades(setup, 1.0)))
+    """Decades of age beyond the reference, counted from a first change, or else a day."""
+    onset = values.get("onset", 1.0)
+    age, start = _condition(setup, "age_days"), _reference(setup, "age_days")
+    decades = np.log((age + onset) / (start + onset)) / math.log(10.0)
+    return setup.stiffened(_graded(setup, values["change"], values) * setup.on_slices(decades))
 
 
 def _saturating(setup: Setup, values: Values) -> Setup:
     """To an end, as a reaction of first order."""
-    age, start = condition(setup, "age_days"), reference_condition(setup, "age_days")
+    age, start = _condition(setup, "age_days"), _reference(setup, "age_days")
     gone = np.exp(-start / values["time"]) - np.exp(-age / values["time"])
     return setup.stiffened(setup.on_slices(values["change"] * gone))
 
@@ -70,6 +94,7 @@ def _saturating(setup: Setup, values: Values) -> Setup:
 AGEING = Effect(
     "ageing",
     "ageing since the print",
+    "specimens tested long after printing carry another force than fresh ones",
     "law",
     (
         Form(
@@ -82,7 +107,7 @@ AGEING = Effect(
         Form(
             "graded-log-time",
             (_DECADE, PEAK),
-            _graded_log_time,
+            _log_time,
             "ln stress += a w(m) (log10(1 + t / 1 day) - log10(1 + t_ref / 1 day))",
             "Bass, Meisel & Williams, Rapid Prototyping J. 22, 2016, 826",
         ),
@@ -98,7 +123,9 @@ AGEING = Effect(
         ),
     ),
     where=("age_days",),
+    changes=("age",),
     covariates=("age_days",),
+    condition="age_days",
 )
 
 
@@ -107,60 +134,53 @@ AGEING = Effect(
 
 
 _MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated specimen")
-_SHEET = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h", log=True)
+_SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h", log=True)
 
 
-def _soaked_h(setup: Setup) -> tuple[FloatArray, FloatArray]:
-    """Soaking of the tests and, as an array too, of the palette's own, (P,)."""
-    soak_h = condition(setup, "soak_h")
-    return soak_h, np.full_like(soak_h, reference_condition(setup, "soak_h"))
+def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Apply:
+    """Return the form of an uptake of water over its saturation, of hours in water."""
+
+    def apply(setup: Setup, values: Values) -> Setup:
+        soak_h = _condition(setup, "soak_h")
+        start_h = np.full_like(soak_h, _reference(setup, "soak_h"))
+        size = _graded(setup, values["softening"], values)
+        taken, start = (
+            np.log1p(-size * setup.on_slices(uptake(setup, h, values["saturation"])))
+            for h in (soak_h, start_h)
+        )
+        return setup.stiffened(taken - start)
+
+    return apply
 
 
-def _sheet_uptake(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
+def _sheet(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
     """Mass taken up over its saturation: Fick's law for a sheet, short and long times joined."""
     tau_h = saturation_h * (setup.thickness_mm / 3.0) ** 2
     return np.sqrt(-np.expm1(-4.0 * soak_h / np.pi / tau_h))
 
 
-def _fick(setup: Setup, values: Values) -> Setup:
-    """Soften by the mass that a sheet has taken up."""
-    taken, start = (_sheet_uptake(setup, h, values["saturation"]) for h in _soaked_h(setup))
-    size = values["softening"]
-    return setup.stiffened(setup.on_slices(np.log1p(-size * taken) - np.log1p(-size * start)))
-
-
-def _graded_fick(setup: Setup, values: Values) -> Setup:
-    """Soften by the mass that a sheet has taken up, one mixture most."""
-    taken, start = (
-        setup.on_slices(_sheet_uptake(setup, h, values["saturation"])) for h in _soaked_h(setup)
-    )
-    size = values["softening"] * mixture_share(setup, values["peak"])
-    return setup.stiffened(np.log1p(-size * taken) - np.log1p(-size * start))
-
-
-def _root(setup: Setup, values: Values) -> Setup:
-    """Soften by the root of the time until saturation, whatever the thickness."""
-    taken, start = (np.tanh(np.sqrt(h / values["saturation"])) for h in _soaked_h(setup))
-    size = values["softening"]
-    return setup.stiffened(setup.on_slices(np.log1p(-size * taken) - np.log1p(-size * start)))
+def _root(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
+    """Root of the time until saturation, whatever the thickness."""
+    return np.tanh(np.sqrt(soak_h / saturation_h))
 
 
 MOISTURE = Effect(
     "moisture",
     "water uptake",
+    "water taken up in soaking softens the specimens",
     "law",
     (
         Form(
             "fick",
-            (_MOISTURE_SIZE, _SHEET),
-            _fick,
+            (_MOISTURE_SIZE, _SHEET_TIME),
+            _softened_by(_sheet),
             "E = E0 (1 - s sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
             "Crank, The Mathematics of Diffusion, 1975, ch. 4",
         ),
         Form(
             "graded-fick",
-            (_MOISTURE_SIZE, _SHEET, PEAK),
-            _graded_fick,
+            (_MOISTURE_SIZE, _SHEET_TIME, PEAK),
+            _softened_by(_sheet),
             "E = E0 (1 - s w(m) sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
             "Crank, The Mathematics of Diffusion, 1975, ch. 4",
         ),
@@ -170,13 +190,15 @@ MOISTURE = Effect(
                 _MOISTURE_SIZE,
                 Parameter("saturation", 2.0, 100.0, "time of saturation", "h", log=True),
             ),
-            _root,
+            _softened_by(_root),
             "E = E0 (1 - s tanh(sqrt(t / t_s)))",
             "Crank, The Mathematics of Diffusion, 1975, ch. 4 (short times)",
         ),
     ),
     where=("soak_h", "thickness_mm"),
+    changes=("soak", "soak-section"),
     covariates=("soak_h",),
+    condition="soak_h",
 )
 
 
@@ -192,17 +214,12 @@ _SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K", 
 
 def _warmer_K(setup: Setup) -> FloatArray:
     """Kelvin above the reference, (P,)."""
-    return condition(setup, "temperature_C") - reference_condition(setup, "temperature_C")
+    return _condition(setup, "temperature_C") - _reference(setup, "temperature_C")
 
 
 def _exponential(setup: Setup, values: Values) -> Setup:
-    """All mixtures alike."""
-    return setup.stiffened(setup.on_slices(-values["slope"] * _warmer_K(setup)))
-
-
-def _graded_exponential(setup: Setup, values: Values) -> Setup:
-    """One mixture most."""
-    slope = values["slope"] * mixture_share(setup, values["peak"])
+    """Soften alike by every kelvin."""
+    slope = _graded(setup, values["slope"], values)
     return setup.stiffened(-slope * setup.on_slices(_warmer_K(setup)))
 
 
@@ -211,14 +228,14 @@ def _wlf(setup: Setup, values: Values) -> Setup:
     warmer, constant = _warmer_K(setup), values["constant"]
     inside = np.maximum(warmer, -0.5 * constant)
     shift = inside / (1.0 + inside / constant) + 4.0 * (warmer - inside)
-    slope = values["slope"] * mixture_share(setup, values["peak"])
+    slope = _graded(setup, values["slope"], values)
     return setup.stiffened(-slope * setup.on_slices(shift))
 
 
 def _transition(setup: Setup, values: Values) -> Setup:
     """From glass to rubber about a temperature that rises with the coordinate."""
     middle = values["transition"] + values["span"] * place_on_palette(setup)
-    at = reference_condition(setup, "temperature_C")
+    at = _reference(setup, "temperature_C")
     now = setup.on_slices(_warmer_K(setup)) + at
     passed = expit((now - middle) / _BREADTH_K) - expit((at - middle) / _BREADTH_K)
     return setup.stiffened(-values["drop"] * passed)
@@ -227,6 +244,7 @@ def _transition(setup: Setup, values: Values) -> Setup:
 TEMPERATURE = Effect(
     "temperature",
     "temperature",
+    "stiffness at the test's temperature differs from that at the palette's",
     "law",
     (
         Form(
@@ -239,7 +257,7 @@ TEMPERATURE = Effect(
         Form(
             "graded-exponential",
             (_SLOPE, PEAK),
-            _graded_exponential,
+            _exponential,
             "ln stress -= b w(m) (T - T_ref)",
             "Reichl & Inman, Exp. Tech. 42, 2018, 19 (Objet Connex materials)",
         ),
@@ -267,7 +285,9 @@ TEMPERATURE = Effect(
         ),
     ),
     where=("temperature_C",),
+    changes=("temperature",),
     covariates=("temperature_C",),
+    condition="temperature_C",
 )
 
 
@@ -288,23 +308,18 @@ _CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s
 
 def _rate_decades(setup: Setup) -> FloatArray:
     """Decades of strain rate above the reference, (P,)."""
-    return np.log10(condition(setup, "rate_per_s") / reference_condition(setup, "rate_per_s"))
+    return np.log10(_condition(setup, "rate_per_s") / _reference(setup, "rate_per_s"))
 
 
 def _rate_power(setup: Setup, values: Values) -> Setup:
-    """All mixtures alike."""
-    return setup.stiffened(setup.on_slices(values["rise"] * _rate_decades(setup)))
-
-
-def _graded_power(setup: Setup, values: Values) -> Setup:
-    """One mixture most."""
-    rise = values["rise"] * mixture_share(setup, values["peak"])
+    """Stiffen alike by every decade."""
+    rise = _graded(setup, values["rise"], values)
     return setup.stiffened(rise * setup.on_slices(_rate_decades(setup)))
 
 
 def _ramp_average(setup: Setup) -> FloatArray:
     """Mean of each exponential over the palette's own pull up to `REFERENCE_STRAIN`, (K,)."""
-    rests = REFERENCE_STRAIN / reference_condition(setup, "rate_per_s") / RELAXATION_TIMES_s
+    rests = REFERENCE_STRAIN / _reference(setup, "rate_per_s") / RELAXATION_TIMES_s
     return -np.expm1(-rests) / rests
 
 
@@ -333,13 +348,13 @@ def _prony(setup: Setup, values: Values) -> Setup:
 
 def _graded_prony(setup: Setup, values: Values) -> Setup:
     """One mixture relaxes most, over two decades of time."""
-    share = values["share"] * mixture_share(setup, values["peak"])
+    share = _graded(setup, values["share"], values)
     return _relaxing(setup, share[:, None] * _spectrum(values["centre"], 1.0))
 
 
 def _fractional(setup: Setup, values: Values) -> Setup:
     """Relax as (1 + t/onset)^-n: its spectrum's integral over ln time as a sum."""
-    n = values["exponent"] * mixture_share(setup, values["peak"])[:, None]
+    n = _graded(setup, values["exponent"], values)[:, None]
     rates = values["onset"] / RELAXATION_TIMES_s
     density = rgamma(n) * np.exp(n * np.log(rates) - rates)
     return _relaxing(setup, density * _TIME_STEP)
@@ -348,6 +363,7 @@ def _fractional(setup: Setup, values: Values) -> Setup:
 RATE = Effect(
     "rate",
     "strain rate and relaxation",
+    "force depends on how fast the specimen is pulled, and relaxes when it is held",
     "law",
     (
         Form(
@@ -360,7 +376,7 @@ RATE = Effect(
         Form(
             "graded-power-law",
             (_RISE, PEAK),
-            _graded_power,
+            _rate_power,
             "ln stress += a w(m) log10(rate / reference)",
             "Slesarenko & Rudykh, Int. J. Eng. Sci. 123, 2018, 62",
         ),
@@ -391,8 +407,22 @@ RATE = Effect(
         ),
     ),
     where=("rate_mm_s", "time", "branch"),
+    changes=("rate", "relaxation"),
     covariates=("rate_mm_s|hold",),
+    condition="strain_rate_per_s",
 )
+
+
+# ------------------------------------------------------------------------------------------------
+# What a material strained once does next, which a law of first loading does not hold.
+
+
+def _first_loading_alone(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+    return (
+        f"{found.id} ({found.text}): it changes what follows the first loading alone; the "
+        "law, which is the first loading's, stays as it is; a part that is used over and over is "
+        "softer than planned below its largest strain so far"
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -403,42 +433,37 @@ _SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays", lo
 _SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
 
 
-def _proportional(setup: Setup, values: Values) -> Setup:
-    """Keep a share of the largest strain, all mixtures alike."""
-    return _set(setup, np.full_like(setup.set_share, values["share"]), SOFTENING_PEAKS)
-
-
-def _graded(setup: Setup, values: Values) -> Setup:
-    """Keep a share of the largest strain, one mixture most."""
-    return _set(setup, values["share"] * mixture_share(setup, values["peak"]), SOFTENING_PEAKS)
-
-
-def _threshold(setup: Setup, values: Values) -> Setup:
-    """Hardly any up to a threshold, a share of the largest strain far beyond."""
-    beyond = (SOFTENING_PEAKS / values["threshold"]) ** 4
-    table = SOFTENING_PEAKS * beyond / (1.0 + beyond)
-    return _set(setup, np.full_like(setup.set_share, values["share"]), table)
-
-
-def _set_power(setup: Setup, values: Values) -> Setup:
-    """Faster than the largest strain."""
-    table = SOFTENING_PEAKS ** values["power"]
-    return _set(setup, np.full_like(setup.set_share, values["share"]), table)
-
-
-def _set(setup: Setup, share: FloatArray, table: FloatArray) -> Setup:
+def _set(setup: Setup, values: Values, table: FloatArray) -> Setup:
+    share = _graded(setup, values["share"], values)
     if not np.any(share):
         return setup
     return setup.with_(set_share=setup.set_share + share, set_table=table)
 
 
+def _proportional(setup: Setup, values: Values) -> Setup:
+    """Keep a share of the largest strain."""
+    return _set(setup, values, SOFTENING_PEAKS)
+
+
+def _threshold(setup: Setup, values: Values) -> Setup:
+    """Hardly any up to a threshold, a share of the largest strain far beyond."""
+    beyond = (SOFTENING_PEAKS / values["threshold"]) ** 4
+    return _set(setup, values, SOFTENING_PEAKS * beyond / (1.0 + beyond))
+
+
+def _set_power(setup: Setup, values: Values) -> Setup:
+    """Faster than the largest strain."""
+    return _set(setup, values, SOFTENING_PEAKS ** values["power"])
+
+
 PERMANENT_SET = Effect(
     "permanent-set",
     "permanent set",
+    "specimens stay longer after a large strain and come back slack",
     "law",
     (
         Form("proportional", (_SET_SIZE,), _proportional, "e_p = s e_max", _SOURCE),
-        Form("graded", (_SET_SIZE, PEAK), _graded, "e_p = s w(m) e_max", _SOURCE),
+        Form("graded", (_SET_SIZE, PEAK), _proportional, "e_p = s w(m) e_max", _SOURCE),
         Form(
             "threshold",
             (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays", log=True)),
@@ -458,7 +483,9 @@ PERMANENT_SET = Effect(
         ),
     ),
     where=("branch", "strain"),
+    changes=("cyclic",),
     channels=("unloading",),
+    advice=_first_loading_alone,
 )
 
 
@@ -475,35 +502,30 @@ _SHARES: FloatArray = SOFTENING_SHARES[:, None]
 _PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
 
 
-def _damage(setup: Setup, values: Values) -> Setup:
-    """Damage by the largest strain, felt the less the nearer to it."""
-    below = 1.0 - _SHARES ** values["power"]
-    table = below * -np.expm1(-_PEAKS / values["scale"])
-    return _softened(setup, np.full_like(setup.softening, values["softening"]), table)
-
-
-def _graded_damage(setup: Setup, values: Values) -> Setup:
-    """Damage by the largest strain, one mixture most."""
-    table = (1.0 - _SHARES) * -np.expm1(-_PEAKS / values["scale"])
-    return _softened(setup, values["softening"] * mixture_share(setup, values["peak"]), table)
-
-
-def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
-    """Error function of the energy missing to its largest, energies taken as strain squared."""
-    missing = _PEAKS**2 * (1.0 - _SHARES**2)
-    table = erf(missing / (values["scale"] ** 2 + values["reach"] * _PEAKS**2))
-    return _softened(setup, np.full_like(setup.softening, values["softening"]), table)
-
-
-def _softened(setup: Setup, size: FloatArray, table: FloatArray) -> Setup:
+def _softened(setup: Setup, values: Values, table: FloatArray) -> Setup:
+    size = _graded(setup, values["softening"], values)
     if not np.any(size):
         return setup
     return setup.with_(softening=setup.softening + size, softening_table=table)
 
 
+def _damage(setup: Setup, values: Values) -> Setup:
+    """Damage by the largest strain, felt the less the nearer to it."""
+    below = 1.0 - _SHARES ** values.get("power", 1.0)
+    return _softened(setup, values, below * -np.expm1(-_PEAKS / values["scale"]))
+
+
+def _pseudo_elastic(setup: Setup, values: Values) -> Setup:
+    """Error function of the energy missing to its largest, energies taken as strain squared."""
+    missing = _PEAKS**2 * (1.0 - _SHARES**2)
+    reach = values["scale"] ** 2 + values["reach"] * _PEAKS**2
+    return _softened(setup, values, erf(missing / reach))
+
+
 SOFTENING = Effect(
     "softening",
     "softening by strain (Mullins)",
+    "a specimen is softer once it has been strained (Mullins effect)",
     "law",
     (
         Form(
@@ -520,7 +542,7 @@ SOFTENING = Effect(
         Form(
             "graded-damage",
             (_SOFTENING_SIZE, _SCALE, PEAK),
-            _graded_damage,
+            _damage,
             "stress *= 1 - s w(m) (1 - e / e_max) (1 - exp(-e_max / e_0)) below e_max",
             "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
         ),
@@ -538,5 +560,7 @@ SOFTENING = Effect(
         ),
     ),
     where=("branch", "strain"),
+    changes=("cyclic",),
     channels=("unloading",),
+    advice=_first_loading_alone,
 )

@@ -7,16 +7,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import erfc
 
-from planner.gap.effect import (
-    PEAK,
-    Apply,
-    Effect,
-    Form,
-    Parameter,
-    Values,
-    place_on_palette,
-    section_sizes_mm,
-)
+from planner.gap.diagnosis import FoundEffect
+from planner.gap.effect import PEAK, Apply, Effect, Form, Parameter, Values, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
@@ -80,6 +72,7 @@ def _graded(setup: Setup, values: Values) -> Setup:
 COMPOSITION_OFFSET = Effect(
     "composition-offset",
     "mixture off the one asked for",
+    "what was printed is softer or harder than the mixture asked for",
     "composition",
     (
         Form(
@@ -112,6 +105,7 @@ COMPOSITION_OFFSET = Effect(
         ),
     ),
     where=("material", "position"),
+    changes=("materials", "bars"),
     channels=("materials",),
 )
 
@@ -161,9 +155,11 @@ def effect_for(coordinates: Sequence[float], names: Sequence[str]) -> Effect:
     return Effect(
         "material-law",
         "law of one material",
+        "the palette's law of one material does not describe that material",
         "law",
         tuple(forms),
         where=("material", "strain"),
+        changes=("materials",),
         channels=("materials",),
     )
 
@@ -254,9 +250,7 @@ def _straightened(x: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]
     return x[keep], c[keep]
 
 
-def _bled(
-    kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-) -> Callable[[Setup, Values], Setup]:
+def _bled(kernel: Callable[[FloatArray], tuple[FloatArray, FloatArray]]) -> Apply:
     """Return the form of a kernel: bars take the exact convolution of their designs with it.
 
     Convolution turns a unit step at distance r into one that is off by the kernel's tail beyond
@@ -282,9 +276,20 @@ def _bled(
     return apply
 
 
+def _wide_bands(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+    length = next(iter(found.parameters.values()))
+    reach = {"gaussian": 2.0, "exponential": 2.0}.get(found.form, 1.0) * length
+    return (
+        f"interface-bleed: mixtures run into each other over about {reach:.2f} mm to either side "
+        "of a boundary, which is a property of the design, not of a palette: keep bands wider "
+        f"than {2.0 * reach:.2f} mm, and draw steps as ramps where it matters"
+    )
+
+
 INTERFACE_BLEED = Effect(
     "interface-bleed",
     "mixing where materials meet",
+    "materials mix where they meet, so that steps in a bar are blurred",
     "composition",
     (
         Form(
@@ -310,7 +315,9 @@ INTERFACE_BLEED = Effect(
         ),
     ),
     where=("position", "material"),
+    changes=("bars",),
     channels=("bar",),
+    advice=_wide_bands,
 )
 
 
@@ -326,39 +333,29 @@ def _change(name: str) -> Parameter:
     return Parameter("change", 0.02, 0.5, f"of ln stress along {name}", log=True, signed=True)
 
 
-def _along(setup: Setup, x: float, y: float, z: float) -> FloatArray:
-    """Pick each test's figure by its direction, less that of the palette's own, on slices."""
-    figures = np.array([x, y, z])
-    start = figures["xyz".index(setup.reference.orientation or "x")]
-    found: FloatArray = figures[setup.orientation] - start
+def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> FloatArray:
+    """Pick each test's number by its direction, less that of the palette's own, on slices."""
+    numbers = np.array([x, y, z])
+    start = numbers["xyz".index(setup.reference.orientation or "x")]
+    found: FloatArray = numbers[setup.orientation] - start
     known = setup.known.get("orientation")
     return setup.on_slices(found if known is None else np.where(known, found, 0.0))
 
 
-def _build_direction(setup: Setup, values: Values) -> Setup:
-    """Across the layers against within them."""
-    return setup.stiffened(_along(setup, 0.0, 0.0, values["change"]))
-
-
-def _head_direction(setup: Setup, values: Values) -> Setup:
-    """Along the head's way against across it."""
-    return setup.stiffened(_along(setup, values["change"], 0.0, 0.0))
-
-
-def _swath_direction(setup: Setup, values: Values) -> Setup:
-    """Across the swaths, in the plane of a layer."""
-    return setup.stiffened(_along(setup, 0.0, values["change"], 0.0))
+def _stiffer_along(axis: str) -> Apply:
+    """Return the form of one direction against the other two."""
+    return lambda setup, values: setup.stiffened(_along(setup, **{axis: values["change"]}))
 
 
 def _three_way(setup: Setup, values: Values) -> Setup:
     """All three directions differ, y between x and z or a little beyond."""
     change = values["change"]
-    return setup.stiffened(_along(setup, 0.0, values["part"] * change, change))
+    return setup.stiffened(_along(setup, y=values["part"] * change, z=change))
 
 
 def _strained_layers(setup: Setup, values: Values) -> Setup:
     """Across the layers, the more or the less the further the strain."""
-    change = _along(setup, 0.0, 0.0, values["change"])
+    change = _along(setup, z=values["change"])
     return setup.with_(
         log_factor=setup.log_factor + change,
         log_tilt=setup.log_tilt + values["growth"] * change,
@@ -368,26 +365,27 @@ def _strained_layers(setup: Setup, values: Values) -> Setup:
 ORIENTATION = Effect(
     "orientation",
     "direction on the tray",
+    "stiffness depends on how the specimen lay on the tray",
     "law",
     (
         Form(
             "build-direction",
             (_change("z"),),
-            _build_direction,
+            _stiffer_along("z"),
             "ln stress += a along z",
             _ORIENTATION_SOURCE,
         ),
         Form(
             "head-direction",
             (_change("x"),),
-            _head_direction,
+            _stiffer_along("x"),
             "ln stress += a cos^2 of the angle to x",
             _PARTS,
         ),
         Form(
             "swath-direction",
             (_change("y"),),
-            _swath_direction,
+            _stiffer_along("y"),
             "ln stress += a along y",
             _PARTS,
         ),
@@ -407,7 +405,9 @@ ORIENTATION = Effect(
         ),
     ),
     where=("orientation",),
+    changes=("orientation",),
     covariates=("orientation",),
+    condition="orientation",
 )
 
 
@@ -424,60 +424,86 @@ def _oversize(meaning: str) -> Parameter:
     return Parameter("oversize", 0.02, 0.4, meaning, "mm", log=True, signed=True)
 
 
-def _grown(setup: Setup, width_mm: float, thickness_mm: float) -> Setup:
-    width, thickness = section_sizes_mm(setup)
-    ratio = _ratio(width, width_mm) * _ratio(thickness, thickness_mm)
-    return setup.with_(area_mm2=setup.area_mm2 * ratio)
+def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
+    """Return width and thickness as drawn, (S,); a bar's design goes before the test's own size."""
+    sizes = {
+        "width": setup.on_slices(setup.width_mm),
+        "thickness": setup.on_slices(setup.thickness_mm),
+    }
+    for test, design in enumerate(setup.designs):
+        slices = slice(setup.first_slice[test], setup.first_slice[test + 1])
+        for name, size in sizes.items():
+            along = getattr(design, f"{name}_mm", None)
+            if design is not None and along is not None:
+                size[slices] = np.interp(setup.x_mm[slices], design.x_mm, along)
+    return sizes
 
 
-def _ratio(size_mm: FloatArray, more_mm: float) -> FloatArray:
-    return np.maximum(1.0 + more_mm / size_mm, _LEAST)
+def _grown(*sides: str) -> Apply:
+    """Return the form in which these of width and thickness are larger than drawn."""
 
+    def apply(setup: Setup, values: Values) -> Setup:
+        sizes, ratio = _sizes_mm(setup), np.ones(len(setup.area_mm2))
+        for side in sides:
+            ratio *= np.maximum(1.0 + values["oversize"] / sizes[side], _LEAST)
+        return setup.with_(area_mm2=setup.area_mm2 * ratio)
 
-def _both(setup: Setup, values: Values) -> Setup:
-    """All sides alike."""
-    return _grown(setup, values["oversize"], values["oversize"])
-
-
-def _thickness(setup: Setup, values: Values) -> Setup:
-    """Top and bottom."""
-    return _grown(setup, 0.0, values["oversize"])
-
-
-def _width(setup: Setup, values: Values) -> Setup:
-    """Sides alone, where resin flows out before it cures."""
-    return _grown(setup, values["oversize"], 0.0)
+    return apply
 
 
 def _rounded(setup: Setup, values: Values) -> Setup:
     """Four corners rounded, at most to a half circle of the smaller size."""
-    width, thickness = section_sizes_mm(setup)
+    width, thickness = _sizes_mm(setup).values()
     half = 0.5 * np.minimum(width, thickness)
     radius = values["radius"] / (1.0 + (values["radius"] / half) ** 4) ** 0.25
     ratio = 1.0 - (4.0 - np.pi) * radius**2 / (width * thickness)
     return setup.with_(area_mm2=setup.area_mm2 * ratio)
 
 
+def _draw_smaller(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+    head = f"{found.id}: the section is other than drawn, which no palette can hold; "
+    if found.form == "rounded":
+        lost = (4.0 - math.pi) * found.parameters["radius"] ** 2
+        return (
+            f"{head}corners of {found.parameters['radius']:.2f} mm take {lost:.2f} mm2 off every "
+            f"section: draw a section of {width_mm:g} x {thickness_mm:g} mm "
+            f"{lost / width_mm:.2f} mm thicker"
+        )
+    over = found.parameters["oversize"]
+    which = {
+        "thickness": "the thickness (across the layers)",
+        "width": "the width",
+    }.get(found.form, "width and thickness each")
+    return f"{head}draw {which} {abs(over):.2f} mm {'smaller' if over > 0.0 else 'larger'}"
+
+
 CROSS_SECTION = Effect(
     "cross-section",
     "section other than drawn",
+    "specimens are thicker or thinner than drawn, so all stresses are off",
     "geometry",
     (
         Form(
             "all-sides",
             (_oversize("of width and of thickness"),),
-            _both,
+            _grown("width", "thickness"),
             "A = A0 (1 + d / w) (1 + d / t)",
             "Ibrahim et al., J. Cranio-Maxillofac. Surg. 37, 2009, 167",
         ),
         Form(
             "thickness",
             (_oversize("of thickness"),),
-            _thickness,
+            _grown("thickness"),
             "A = A0 (1 + d / t)",
             _SECTION_SOURCE,
         ),
-        Form("width", (_oversize("of width"),), _width, "A = A0 (1 + d / w)", _SECTION_SOURCE),
+        Form(
+            "width",
+            (_oversize("of width"),),
+            _grown("width"),
+            "A = A0 (1 + d / w)",
+            _SECTION_SOURCE,
+        ),
         Form(
             "rounded",
             (Parameter("radius", 0.3, 2.0, "of the corners", "mm", log=True),),
@@ -487,7 +513,9 @@ CROSS_SECTION = Effect(
         ),
     ),
     where=("thickness_mm", "width_mm"),
+    changes=("section",),
     channels=("section",),
+    advice=_draw_smaller,
 )
 
 
@@ -508,43 +536,68 @@ def _inside(size_mm: FloatArray, depth_mm: float) -> FloatArray:
     return 1.0 - ratio / (1.0 + ratio**8) ** 0.125
 
 
-def _covered(setup: Setup, share: FloatArray, log_stiffness: float) -> Setup:
-    return setup.stiffened(np.log1p(math.expm1(log_stiffness) * share))
+def _covered(*sides: str) -> Apply:
+    """Return the form in which layers lie across width, thickness or both."""
+
+    def apply(setup: Setup, values: Values) -> Setup:
+        sizes, inside = _sizes_mm(setup), np.ones(len(setup.area_mm2))
+        for side in sides:
+            inside *= _inside(sizes[side], values["depth"])
+        return setup.stiffened(np.log1p(math.expm1(values["log_stiffness"]) * (1.0 - inside)))
+
+    return apply
 
 
-def _all_sides(setup: Setup, values: Values) -> Setup:
-    """Around the section."""
-    width, thickness = section_sizes_mm(setup)
-    share = 1.0 - _inside(width, values["depth"]) * _inside(thickness, values["depth"])
-    return _covered(setup, share, values["log_stiffness"])
+def _take_off(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+    depth = found.parameters["depth"]
+    excess = math.expm1(found.parameters["log_stiffness"])
 
+    def stress_factor(scale: float) -> float:
+        inside = 1.0
+        if found.form != "faces":
+            inside *= max(1.0 - 2.0 * depth / (width_mm * scale), 0.0)
+        if found.form != "edges":
+            inside *= max(1.0 - 2.0 * depth / (thickness_mm * scale), 0.0)
+        return 1.0 + excess * (1.0 - inside)
 
-def _faces(setup: Setup, values: Values) -> Setup:
-    """Top and bottom only."""
-    _, thickness = section_sizes_mm(setup)
-    return _covered(setup, 1.0 - _inside(thickness, values["depth"]), values["log_stiffness"])
-
-
-def _edges(setup: Setup, values: Values) -> Setup:
-    """Sides only, which support material touches."""
-    width, _ = section_sizes_mm(setup)
-    return _covered(setup, 1.0 - _inside(width, values["depth"]), values["log_stiffness"])
+    return (
+        f"skin: a layer of {depth:.2f} mm bears {1.0 + excess:.2f} times the inside's stress, so "
+        "the stiffness goes with the size of the section, which no palette can hold: about "
+        f"{stress_factor(1.0):.2f} times the law's at {width_mm:g} x {thickness_mm:g} mm, "
+        f"{stress_factor(3.0):.2f} times at three times that; divide the target by the factor of "
+        "your section, or take the skin off"
+    )
 
 
 SKIN = Effect(
     "skin",
     "surface layer",
+    "a surface layer differs from the inside, and weighs more in thin specimens",
     "geometry",
     (
         Form(
             "all-sides",
             (_SIZE, _DEPTH),
-            _all_sides,
+            _covered("width", "thickness"),
             "stress *= 1 + (exp(b) - 1) (1 - (1 - 2 h / w) (1 - 2 h / t))",
             _SKIN_SOURCE,
         ),
-        Form("faces", (_SIZE, _DEPTH), _faces, "stress *= 1 + (exp(b) - 1) 2 h / t", _SKIN_SOURCE),
-        Form("edges", (_SIZE, _DEPTH), _edges, "stress *= 1 + (exp(b) - 1) 2 h / w", _SKIN_SOURCE),
+        Form(
+            "faces",
+            (_SIZE, _DEPTH),
+            _covered("thickness"),
+            "stress *= 1 + (exp(b) - 1) 2 h / t",
+            _SKIN_SOURCE,
+        ),
+        Form(
+            "edges",
+            (_SIZE, _DEPTH),
+            _covered("width"),
+            "stress *= 1 + (exp(b) - 1) 2 h / w",
+            _SKIN_SOURCE,
+        ),
     ),
     where=("thickness_mm", "width_mm"),
+    changes=("section",),
+    advice=_take_off,
 )

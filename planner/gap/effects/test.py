@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from planner.formats.tables import QUANTITY_UNITS
-from planner.gap.effect import Apply, Effect, Form, Parameter, Values
+from planner.gap.diagnosis import FoundEffect
+from planner.gap.effect import Advice, Effect, Form, Parameter, Values
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
@@ -17,6 +18,22 @@ __all__ = [
     "MACHINE_COMPLIANCE",
     "STRAIN_SCALE",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# What to do about them: what was printed is as predicted, what was read is not.
+
+
+def _measure_anew(how: str) -> Advice:
+    """Return the advice to mend the measurement."""
+
+    def advice(found: FoundEffect, width_mm: float, thickness_mm: float) -> str:
+        return (
+            f"{found.id}: the print was right, the measurement was off ({found.text}); the "
+            f"palette stays as it is: {how}, and diagnose again"
+        )
+
+    return advice
 
 
 # ------------------------------------------------------------------------------------------------
@@ -48,6 +65,7 @@ def _fading(setup: Setup, values: Values) -> Setup:
 FORCE_OFFSET = Effect(
     "force-offset",
     "zero of force",
+    "the load cell does not show zero when nothing pulls",
     "sensor",
     (
         Form("constant", (_OFFSET,), _constant, "shown = F + a", _OFFSET_SOURCE),
@@ -75,7 +93,9 @@ FORCE_OFFSET = Effect(
         ),
     ),
     where=("strain", "material", "specimen", "time"),
+    changes=("section", "rate"),
     individual=0.35,
+    advice=_measure_anew("zero the load cell before every test, or take the offset off the curves"),
 )
 
 
@@ -99,13 +119,13 @@ def _unit(name: str, factor: float, meaning: str) -> Form:
     """Form of a known factor, 3 % to either side left for the load cell's own."""
     log = math.log(factor)
     size = Parameter("log_gain", log - 0.03, log + 0.03, meaning, signed=True)
-    apply: Apply = _gained
-    return Form(name, (size,), apply, f"ln gain = +-ln {factor:.4g}", _UNITS, _SCALE_RARE)
+    return Form(name, (size,), _gained, f"ln gain = +-ln {factor:.4g}", _UNITS, _SCALE_RARE)
 
 
 FORCE_SCALE = Effect(
     "force-scale",
     "gain or unit of force",
+    "the load cell shows a multiple of the true force: its gain, or a unit mixed up",
     "sensor",
     (
         Form(
@@ -137,7 +157,12 @@ FORCE_SCALE = Effect(
         ),
     ),
     where=("specimen", "batch"),
+    changes=("section", "gauge"),
     some=True,
+    advice=_measure_anew(
+        "check the load cell's calibration and the unit of force, and divide the curves by the "
+        "factor"
+    ),
 )
 
 
@@ -182,6 +207,7 @@ def _taking_up(setup: Setup, values: Values) -> Setup:
 GRIP_SLACK = Effect(
     "grip-slack",
     "slack in the grips",
+    "part of the travel is taken up before the specimen is pulled",
     "boundary",
     (
         Form(
@@ -207,7 +233,9 @@ GRIP_SLACK = Effect(
         ),
     ),
     where=("strain", "specimen", "gauge_mm"),
+    changes=("gauge", "cyclic"),
     individual=0.35,
+    advice=_measure_anew("take the toe off the curves, or start at a small preload"),
 )
 
 
@@ -243,6 +271,7 @@ def _slipping(setup: Setup, slip_mm_N: float, from_N: float, power: float) -> Se
 GRIP_SLIP = Effect(
     "grip-slip",
     "slip in the grips",
+    "the specimen creeps out of the grips as the load grows",
     "boundary",
     (
         Form(
@@ -267,7 +296,9 @@ GRIP_SLIP = Effect(
         ),
     ),
     where=("strain", "material", "width_mm", "specimen"),
+    changes=("section", "gauge", "cyclic"),
     individual=0.35,
+    advice=_measure_anew("grip harder, or read the strain from the specimen, not from the grips"),
 )
 
 
@@ -275,34 +306,26 @@ GRIP_SLIP = Effect(
 # Machine compliance: frame, load cell and grips stretch with the specimen.
 
 
-def _linear(setup: Setup, values: Values) -> Setup:
-    """Add a spring in series."""
-    return _compliant(setup, values["compliance"], 1.0)
-
-
-def _stiffening(setup: Setup, values: Values) -> Setup:
-    """Add a spring in series, the stiffer the more it bears, as joints are."""
-    return _compliant(setup, values["compliance"], values["power"])
-
-
-def _compliant(setup: Setup, compliance_mm_N: float, power: float) -> Setup:
-    if compliance_mm_N == 0.0:
+def _in_series(setup: Setup, values: Values) -> Setup:
+    """Add a spring in series, the stiffer the more it bears where there is a power below 1."""
+    if values["compliance"] == 0.0:
         return setup
     return setup.with_(
-        compliance_mm_N=setup.compliance_mm_N + compliance_mm_N,
-        compliance_power=np.full_like(setup.compliance_power, power),
+        compliance_mm_N=setup.compliance_mm_N + values["compliance"],
+        compliance_power=np.full_like(setup.compliance_power, values.get("power", 1.0)),
     )
 
 
 MACHINE_COMPLIANCE = Effect(
     "machine-compliance",
     "compliance of the machine",
+    "the machine and the grips give way under load and take up travel",
     "boundary",
     (
         Form(
             "linear",
             (Parameter("compliance", 0.002, 0.1, "of machine and grips", "mm/N", log=True),),
-            _linear,
+            _in_series,
             "lost = C F",
             "Kalidindi, Abusafieh & El-Danaf, Exp. Mech. 37, 1997, 210",
         ),
@@ -312,12 +335,16 @@ MACHINE_COMPLIANCE = Effect(
                 Parameter("compliance", 0.003, 0.4, "without load", "mm/N", log=True),
                 Parameter("power", 0.2, 0.9, "of the load"),
             ),
-            _stiffening,
+            _in_series,
             "lost = C ((1 + F)^p - 1) / p, F in N",
             "Johnson, Contact Mechanics, 1985 (joints stiffen under load)",
         ),
     ),
     where=("material", "strain", "width_mm", "gauge_mm"),
+    changes=("section", "gauge"),
+    advice=_measure_anew(
+        "take compliance times force off the travel, or read the strain from the specimen"
+    ),
 )
 
 
@@ -342,6 +369,7 @@ def _ends(setup: Setup, values: Values) -> Setup:
 STRAIN_SCALE = Effect(
     "strain-scale",
     "gauge length or travel",
+    "true strains are a multiple of the recorded ones: gauge length or travel",
     "boundary",
     (
         Form(
@@ -385,4 +413,6 @@ STRAIN_SCALE = Effect(
         ),
     ),
     where=("strain", "gauge_mm"),
+    changes=("gauge", "section", "bars"),
+    advice=_measure_anew("measure the gauge length that strains, and divide the travel by it"),
 )

@@ -490,17 +490,12 @@ def _batches(campaign: Campaign) -> IntArray:
 # A setup with a candidate's effects, and the force that each specimen would then show.
 
 
-_STAGES = ("composition", "law", "geometry", "boundary", "sensor")
-
-
 def applied(candidate: Candidate, setup: Setup) -> Setup:
     """Return a setup with the candidate's effects, each at its stage.
 
     What holds for some specimens only is left to `specimen_forces_N`.
     """
-    for branch, values in sorted(
-        candidate.values(), key=lambda item: _STAGES.index(item[0].effect.stage)
-    ):
+    for branch, values in sorted(candidate.values(), key=lambda item: item[0].effect.order):
         setup = branch.form.apply(setup, values)
     return setup
 

@@ -56,6 +56,9 @@ def test_a_palette_has_a_factor_and_a_tilt_for_each_of_its_materials() -> None:
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_effect_says_what_it_is(effect: Effect) -> None:
+    assert effect.title
+    assert effect.clause
+    assert effect.changes
     assert len(effect.forms) >= 2
     assert len({form.name for form in effect.forms}) == len(effect.forms)
     assert effect.where
