@@ -5,7 +5,6 @@ Connex3), not a volume fraction. A palette is data alone: the laws' mathematics 
 `planner.materials`.
 """
 
-import contextlib
 import hashlib
 import itertools
 import json
@@ -19,7 +18,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from planner.errors import OutputError, PaletteError, UnknownNameError, did_you_mean
+from planner.errors import PaletteError, UnknownNameError, did_you_mean
+from planner.formats.files import check_absent, write_whole
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -410,21 +410,8 @@ def write_palette(palette: Palette, path: str | Path, *, force: bool = False) ->
     OutputError
         The file is there already and `force` is false, or the system refused.
     """
-    target = Path(path)
-    if target.exists() and not force:
-        raise OutputError(f"{path}: exists already; replace it with `force`, or name another file")
-    scratch = target.with_name(f".{target.name}.partial")
-    try:
-        scratch.write_bytes(encode_palette(palette))
-        scratch.replace(target)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: {error.strerror or error}; nothing was written; choose another place with "
-            "`output`"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            scratch.unlink()
+    check_absent(path, force=force)
+    write_whole(path, encode_palette(palette))
 
 
 def _lines(palette: Palette) -> Iterator[str]:

@@ -248,7 +248,7 @@ def _check_target(output: Path, asked: "Sequence[str]", *, listed: bool) -> None
     from planner.gap.design import may_take_bars
 
     if not listed:
-        check_target(output)
+        check_target(output, kind=None)
     elif output.exists():
         raise OutputError(f"{output}: exists already; name another file with --output")
     elif not output.parent.is_dir():
@@ -477,7 +477,7 @@ def simulate(
     from planner.gap.campaign_folder import write_campaign
     from planner.gap.virtual import read_design, stated_effect, synthetic_campaign
 
-    check_target(output)
+    check_target(output, kind=None)
     machine, chosen = choose(printer, palette)
     plan = read_design(design, chosen, printer=machine.name, camera=camera)
     effects = [stated_effect(text, plan.palette) for text in effect or ()]

@@ -94,11 +94,13 @@ _PLAN = FolderKind("plan.json", ("plan.json", "*.3mf", "HOWTO.md", "report.html"
 _NAMED = 5
 
 
-def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = _PLAN) -> Path:
+def check_target(
+    folder: str | Path, *, force: bool = False, kind: FolderKind | None = _PLAN
+) -> Path:
     """Make sure that a folder may be written, before hours are spent on its content.
 
-    An absent or empty folder may; one that holds files of its kind alone may with `force`;
-    anything else never.
+    An absent or empty folder may; one that holds files of its kind alone may with `force`, unless
+    its kind is None; anything else never.
 
     Returns
     -------
@@ -114,7 +116,11 @@ def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = 
         target = Path(folder).resolve()
         if target.is_dir():
             content = {entry.name for entry in target.iterdir()}
-            if content and kind.mark not in content:
+            if not content:
+                return target
+            if kind is None:
+                raise OutputError(f"{folder}: exists already; name another folder with `output`")
+            if kind.mark not in content:
                 raise OutputError(
                     f"{folder}: exists and holds no {kind.mark}, so planner did not write it and "
                     "does not replace it; name another folder with `output`"
@@ -125,7 +131,7 @@ def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = 
                     f"{folder}: holds {_listed(strangers)}, which planner did not write and does "
                     "not delete; move that elsewhere, or name another folder with `output`"
                 )
-            if content and not force:
+            if not force:
                 raise OutputError(
                     f"{folder}: exists already; replace it with `force`, or name another folder "
                     "with `output`"
@@ -143,7 +149,7 @@ def check_target(folder: str | Path, *, force: bool = False, kind: FolderKind = 
 
 @contextmanager
 def new_folder(
-    folder: str | Path, *, force: bool = False, kind: FolderKind = _PLAN
+    folder: str | Path, *, force: bool = False, kind: FolderKind | None = _PLAN
 ) -> Iterator[Path]:
     """Write a folder whole or not at all.
 

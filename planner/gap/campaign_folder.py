@@ -654,7 +654,7 @@ def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = T
         The folder exists and is not empty, or cannot be written.
     """
     _, designs = _profile_files(campaign.specimens)
-    with new_folder(folder) as scratch:
+    with new_folder(folder, kind=None) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
         _write(scratch / "campaign.toml", _campaign_toml(campaign))
         (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))

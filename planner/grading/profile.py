@@ -1,6 +1,5 @@
 """Target stiffness along a field, and the bands of material that meet it."""
 
-import csv
 import itertools
 import math
 from collections.abc import Callable, Mapping
@@ -11,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
+from planner.formats.tables import finite_number, read_records
 from planner.materials.mixtures import CoefficientModel, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
@@ -201,15 +201,7 @@ def read_profile(
         The file cannot be read, or a row breaks the rules; the message names the line.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"profile {path}: cannot be read ({error}); give a CSV file") from error
-    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    try:
-        columns = tuple(rows.fieldnames or [])
-    except csv.Error as error:
-        raise FileError(f"profile {path}: {error}; it is not a CSV file") from error
+    columns, rows = read_records(path, "profile")
     value_columns = [c for c in columns if c in ("modulus_MPa", "material")]
     if "position" not in columns or len(value_columns) != 1:
         raise FileError(
@@ -219,16 +211,15 @@ def read_profile(
     column = value_columns[0]
     positions: list[float] = []
     moduli: list[float] = []
-    for row in rows:
-        where = f"profile {path}, line {rows.line_num}"
-        position = _number(row.get("position"), f"{where}: position")
+    for where, row in rows:
+        position = finite_number(row.get("position"), f"{where}: position")
         if column == "material":
             try:
                 modulus = moduli_MPa[resolve(str(row.get("material") or ""))]
             except UnknownNameError as error:
                 raise FileError(f"{where}: {error}") from error
         else:
-            modulus = _number(row.get("modulus_MPa"), f"{where}: modulus_MPa")
+            modulus = finite_number(row.get("modulus_MPa"), f"{where}: modulus_MPa")
         if not 0.0 <= position <= 1.0 or (positions and position < positions[-1]):
             raise FileError(f"{where}: position is {position:g}; positions rise from 0 to 1")
         if len(positions) > 1 and position == positions[-2]:
@@ -245,16 +236,6 @@ def read_profile(
     if len(positions) < 2 or positions[0] != 0.0 or positions[-1] != 1.0:
         raise FileError(f"profile {path}: it needs rows from position 0 to position 1")
     return Profile(path.name, tuple(positions), tuple(moduli), "log")
-
-
-def _number(text: str | None, where: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FileError(f"{where} is {text!r}; it must be a finite number")
-    return value
 
 
 # ------------------------------------------------------------------------------------------------

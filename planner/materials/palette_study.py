@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, OutputError, PaletteError
+from planner.errors import ArgumentError, PaletteError
+from planner.formats.files import check_absent, write_whole
 from planner.formats.tables import number
 from planner.formats.tensile import ListedSpecimen
 from planner.materials.characterise import MaterialCharacteristics, Spread, doubts
@@ -115,18 +116,8 @@ def write_characteristics(
     OutputError
         The file is there already and `force` is false, or cannot be written.
     """
-    path = Path(path)
-    if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; replace it with `force`, or name another file")
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(characteristics_csv(materials), encoding="utf-8", newline="")
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another place"
-        ) from error
+    check_absent(path, force=force)
+    write_whole(path, characteristics_csv(materials).encode("utf-8"))
 
 
 def _columns(name: str) -> list[str]:

@@ -1,8 +1,6 @@
 """A bar to pull: sections of a plan, a profile of a file, or a coupon."""
 
-import csv
 import hashlib
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError
 from planner.fields.basic import project
 from planner.formats.stl import decode_stl
-from planner.formats.tables import read_columns
+from planner.formats.tables import finite_number, read_columns, read_records
 from planner.grading.dither import dithered_profile, is_dithered
 from planner.mesh.mesh import Mesh, weld
 from planner.numerics import FloatArray
@@ -338,12 +336,7 @@ def read_profile_bar(
 
 
 def _rows(path: Path, palette: Palette) -> list[dict[str, float]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"profile {path}: cannot be read ({error}); give a CSV file") from error
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    columns = tuple(reader.fieldnames or ())
+    columns, records = read_records(path, "profile")
     unknown = [c for c in columns if c not in (*_NEEDED, *_SECTION)]
     if unknown or not set(_NEEDED) <= set(columns) or len(set(columns)) < len(columns):
         raise FileError(
@@ -351,9 +344,8 @@ def _rows(path: Path, palette: Palette) -> list[dict[str, float]]:
             f"{', '.join(_NEEDED)} and, optional, {', '.join(_SECTION)}, each once"
         )
     rows: list[dict[str, float]] = []
-    for cells in reader:
-        where = f"profile {path}, line {reader.line_num}"
-        row = {name: _number(cells.get(name), f"{where}: {name}") for name in columns}
+    for where, cells in records:
+        row = {name: finite_number(cells.get(name), f"{where}: {name}") for name in columns}
         _check(row, rows, palette, where)
         rows.append(row)
     if len(rows) < 2 or not rows[-1]["x_mm"] > rows[0]["x_mm"]:
@@ -377,16 +369,6 @@ def _check(
     for name in _SECTION:
         if not row.get(name, 1.0) > 0.0:
             raise FileError(f"{where}: {name} is {row[name]:g}; it must be above 0")
-
-
-def _number(text: str | None, where: str) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FileError(f"{where} is {text!r}; it must be a finite number")
-    return value
 
 
 # ------------------------------------------------------------------------------------------------
