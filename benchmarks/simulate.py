@@ -11,10 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.materials.mixtures import CoefficientModel
 from planner.printers import printer
 from planner.simulation.bar import Bar
-from planner.simulation.bar_solver import elastic_response, solve
+from planner.simulation.bar_solver import PulledBars, law_tables, predict, unaltered
 from planner.simulation.simulate import simulate
 
 LIMIT_S = 0.1
@@ -39,16 +38,25 @@ def graded(slices: int) -> Bar:
 
 def main() -> None:
     palette = printer("connex3").palette()
-    model = CoefficientModel(palette)
     bar = graded(SLICES)
-    response = elastic_response(model, bar.coordinate)
+    laws = law_tables(palette)
     path = np.linspace(0.0, TO_STRAIN * bar.gauge_mm, STEPS + 1)
+    all_slices = np.array([0, SLICES])
+    bars = PulledBars(
+        first_slice=all_slices,
+        time_s=np.zeros((1, STEPS + 1)),
+        travel_mm=path[None, :],
+        length_mm=bar.length_mm,
+        area_mm2=bar.area_mm2,
+        coordinate=bar.coordinate,
+        **unaltered(all_slices, STEPS + 1),
+    )
 
-    tables_s = best_s(lambda: elastic_response(model, bar.coordinate))
-    solve_s = best_s(lambda: solve(bar, response, path))
+    tables_s = best_s(lambda: law_tables(palette))
+    solve_s = best_s(lambda: predict(bars, laws))
     whole_s = best_s(lambda: simulate(bar, to_strain=TO_STRAIN, steps=STEPS))
     coupon_s = best_s(lambda: simulate("FLX9760", to_strain=TO_STRAIN, steps=STEPS))
-    force = solve(bar, response, path).force_N[-1]
+    force = predict(bars, laws).force_N[0, -1]
     fine = simulate(graded(64 * SLICES), to_strain=TO_STRAIN, steps=1).force_N[-1]
     print(f"tables of the laws   {1e3 * tables_s:7.1f} ms")
     print(

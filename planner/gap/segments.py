@@ -14,7 +14,7 @@ from planner.gap.quality_records import speed_mm_s
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
-from planner.simulation.bar_solver import RELAXATION_TIMES_s, Setup
+from planner.simulation.bar_solver import Setup, unaltered
 
 __all__ = [
     "Path",
@@ -655,14 +655,12 @@ def assemble(
     known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
     gauge = np.array([np.mean([s.gauge_mm for s in group]) for group in groups])
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
-    slices, steps = sum(counts), len(tests[0].time_s)
-    none = np.zeros(slices)
-    still = np.zeros(len(tests))
+    first_slice = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     coordinates = [m.coordinate for m in campaign.palette.materials]
     return Setup(
         reference=reference,
         coordinate_range=(coordinates[0], coordinates[-1]),
-        first_slice=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        first_slice=first_slice,
         time_s=np.stack([test.time_s for test in tests]),
         travel_mm=np.stack([test.grid.travel_mm for test in tests]),
         rate_per_s=rate / gauge,
@@ -674,22 +672,9 @@ def assemble(
         x_mm=np.concatenate([0.5 * (b[1:] + b[:-1]) for b in bounds]),
         length_mm=np.concatenate([np.diff(b) for b in bounds]),
         coordinate=np.concatenate(coordinate),
-        log_factor=none,
-        log_tilt=none,
-        relaxing=np.zeros((slices, len(RELAXATION_TIMES_s))),
-        softening=none,
-        set_share=none,
         area_mm2=np.concatenate(area),
-        travel_factor=np.ones(len(tests)),
-        lost_mm=np.zeros((len(tests), steps)),
-        slip_mm_N=still,
-        slip_from_N=still,
-        slip_power=np.ones(len(tests)),
-        compliance_mm_N=still,
-        compliance_power=np.ones(len(tests)),
-        gain=np.ones((len(tests), steps)),
-        offset_N=np.zeros((len(tests), steps)),
         **covariates,
+        **unaltered(first_slice, len(tests[0].time_s)),
     )  # fmt: skip
 
 

@@ -1,287 +1,36 @@
-"""Force and strains of a bar that is pulled: slices in series under one force."""
+"""Force and strains of bars that are pulled: slices in series under one force."""
 
 import math
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
 from planner.materials.laws import Law, OgdenThesis, make_law, secant_modulus_MPa
-from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
-from planner.simulation.bar import Bar, ProfileDesign
+from planner.simulation.bar import ProfileDesign
 
 __all__ = [
     "FARTHEST",
     "SOFTENING_PEAKS",
     "SOFTENING_SHARES",
     "STRAIN_END",
-    "ElasticResponse",
-    "Equilibrium",
     "LawTables",
     "Prediction",
+    "PulledBars",
     "RELAXATION_TIMES_s",
     "Setup",
-    "elastic_response",
     "law_tables",
     "predict",
     "predict_all",
-    "solve",
+    "unaltered",
 ]
-
-
-# ------------------------------------------------------------------------------------------------
-# The constitutive law of every slice at once, from tables of the palette's laws.
-#
-# Calling a law for each slice and load step costs powers by the million. Instead the logarithm of
-# each grade's secant modulus is tabulated over strain and interpolated by cubics through values and
-# slopes; a blend is linear between two grades in that logarithm (see `CoefficientModel`), so one
-# table a grade serves every mixture. For all mixtures of the Connex3 the error of the stress is
-# below 1e-9 of it.
-
-
-FARTHEST = 2.0
-"""A law is followed to this many times the elongation at break: to break it is measured, from
-there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
-
-_RESPONSE_INTERVALS = 2048
-
-
-class Response(Protocol):
-    """What equilibrium asks of the slices' materials.
-
-    Attributes
-    ----------
-    strain_limit : (n,)
-        Strain up to which each slice's stress is known, and rises.
-    """
-
-    @property
-    def strain_limit(self) -> FloatArray:
-        """See the attributes."""
-        ...
-
-    def stress_and_tangent_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return nominal stress and its derivative by the strain of each slice, (n,) each."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ElasticResponse:
-    """The stress-free elastic law of each of n slices.
-
-    Attributes
-    ----------
-    break_strain : (n,)
-        Elongation at break, linear in the coordinate between grades.
-    strain_limit : (n,)
-        `FARTHEST` times `break_strain`, or less where a law's stress ceases to rise.
-    """
-
-    break_strain: FloatArray
-    strain_limit: FloatArray
-    _step: float
-    _softer: IntArray
-    _harder: IntArray
-    _fraction: FloatArray
-    _cubics: FloatArray
-
-    def stress_and_tangent_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return nominal stress and tangent, (n,) each, at strains from 0 to `strain_limit`."""
-        place = strain / self._step
-        interval = np.minimum(place.astype(np.int64), _RESPONSE_INTERVALS - 1)
-        s = place - interval
-        c = np.take(self._cubics, self._softer + interval, axis=0)
-        harder = np.take(self._cubics, self._harder + interval, axis=0)
-        c += self._fraction * (harder - c)
-        c0, c1, c2, c3 = c.T
-        secant = np.exp(c0 + s * (c1 + s * (c2 + s * c3)))
-        slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / self._step
-        return secant * strain, secant * (1.0 + strain * slope)
-
-
-def elastic_response(model: CoefficientModel, coordinate: FloatArray) -> ElasticResponse:
-    """Tabulate the laws of a palette for slices of these mixtures.
-
-    Raises
-    ------
-    ArgumentError
-        A coordinate is outside the palette.
-    """
-    lower, upper, t = model.bracket(coordinate)
-    upper = np.where(t > 0.0, upper, lower)
-    breaks = np.array([m.elongation_at_break for m in model.palette.materials])
-    break_strain = (1.0 - t) * breaks[lower] + t * breaks[upper]
-    grades = np.unique(np.concatenate([lower, upper]))
-    nodes = np.linspace(0.0, FARTHEST * float(breaks[grades].max()), _RESPONSE_INTERVALS + 1)
-    tables = [_response_cubics(model.laws[k], nodes) for k in grades.tolist()]
-    rising = np.array([limit for _, limit in tables])
-    softer, harder = np.searchsorted(grades, lower), np.searchsorted(grades, upper)
-    limit = np.minimum(FARTHEST * break_strain, np.minimum(rising[softer], rising[harder]))
-    return ElasticResponse(
-        break_strain=break_strain,
-        strain_limit=limit,
-        _step=float(nodes[1]),
-        _softer=softer * _RESPONSE_INTERVALS,
-        _harder=harder * _RESPONSE_INTERVALS,
-        _fraction=t[:, None],
-        _cubics=np.concatenate([cubics for cubics, _ in tables]),
-    )
-
-
-def _response_cubics(law: Law, strain: FloatArray) -> tuple[FloatArray, float]:
-    """Return ln(secant) as a cubic an interval, (intervals, 4), and the strain to which it holds.
-
-    That is the last node before the stress is not finite, or ceases to rise. At rest it does, or
-    the palette would have no ladder of stiffness.
-    """
-    h = float(strain[1])
-    with np.errstate(all="ignore"):
-        secant = secant_modulus_MPa(law, strain)
-        tangent = law.tangent_MPa(1.0 + strain)
-        sound = (secant > 0.0) & (tangent > 0.0) & np.isfinite(secant) & np.isfinite(tangent)
-    last = len(strain) - 1 if sound.all() else int(np.argmin(sound)) - 1
-    g = np.log(np.where(sound, secant, 1.0))
-    slope = np.empty_like(g)
-    # d ln(P / strain) = T / P - 1 / strain, 0 / 0 at rest: there from the values beside it.
-    slope[1:] = (np.where(sound, tangent / np.where(sound, secant, 1.0), 1.0)[1:] - 1.0) / strain[
-        1:
-    ]
-    slope[0] = (-25.0 * g[0] + 48.0 * g[1] - 36.0 * g[2] + 16.0 * g[3] - 3.0 * g[4]) / (12.0 * h)
-    slope *= h
-    rise = np.diff(g)
-    cubics = np.stack(
-        [
-            g[:-1],
-            slope[:-1],
-            3.0 * rise - 2.0 * slope[:-1] - slope[1:],
-            slope[:-1] + slope[1:] - 2.0 * rise,
-        ],
-        axis=1,
-    )
-    cubics[last:] = (g[last], slope[last], 0.0, 0.0)  # met at its first node only
-    return cubics, float(strain[last])
-
-
-# ------------------------------------------------------------------------------------------------
-# Force equilibrium of a bar in series, step by step under displacement control.
-#
-# At every step one force F runs through all slices, area P(strain) = F, and their elongations add
-# up to the displacement of the ends. Newton's method on all strains and the force together costs
-# one evaluation of the law an iteration: the strains are eliminated slice by slice, and the force
-# alone remains.
-
-
-_BAR_TOLERANCE = 1e-11
-_BAR_ITERATIONS = 16
-_FINEST = 2.0**-14  # of a step: halved so often, a step is given up
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Equilibrium:
-    """The states that were reached.
-
-    Attributes
-    ----------
-    force_N : (steps,)
-    strain, stress_MPa, tangent_MPa : (steps, n)
-        Of each slice; steps may be fewer than were asked for.
-    end_mm : float
-        Displacement of the last state, or where on the way to the next step the path ended.
-    stopped_at : int or None
-        The slice whose law ends there, if one does.
-    """
-
-    force_N: FloatArray
-    strain: FloatArray
-    stress_MPa: FloatArray
-    tangent_MPa: FloatArray
-    end_mm: float
-    stopped_at: int | None
-
-
-@dataclass(slots=True)
-class _State:
-    displacement_mm: float
-    force_N: float
-    strain: FloatArray
-    stress_MPa: FloatArray
-    tangent_MPa: FloatArray
-
-
-def solve(bar: Bar, response: Response, displacement_mm: FloatArray) -> Equilibrium:
-    """Pull a bar through displacements of its ends, none below 0.
-
-    A step on which Newton's method fails is halved until it succeeds. It cannot where a slice
-    would leave `Response.strain_limit`: then the states up to the step before are returned.
-    """
-    strain = np.zeros_like(bar.area_mm2)
-    state = _State(0.0, 0.0, strain, *response.stress_and_tangent_MPa(strain))
-    states: list[_State] = []
-    stopped_at = None
-    for target in displacement_mm.tolist():
-        reached = _advance(bar, response, state, target)
-        state = reached[0]
-        if not reached[1]:
-            stopped_at = int(np.argmax(state.strain / response.strain_limit))
-            break
-        states.append(state)
-    empty = np.empty((0, len(strain)))
-    return Equilibrium(
-        np.array([s.force_N for s in states]),
-        np.array([s.strain for s in states]) if states else empty,
-        np.array([s.stress_MPa for s in states]) if states else empty,
-        np.array([s.tangent_MPa for s in states]) if states else empty,
-        state.displacement_mm,
-        stopped_at,
-    )
-
-
-def _advance(bar: Bar, response: Response, state: _State, target: float) -> tuple[_State, bool]:
-    """Go to a displacement in as few parts as it takes; also say whether it was reached."""
-    begin, part, done = state.displacement_mm, 1.0, 0.0
-    while done < 1.0:
-        share = min(done + part, 1.0)
-        trial = _newton(bar, response, state, begin + share * (target - begin))
-        if trial is not None:
-            state, done, part = trial, share, 2.0 * part
-        elif part > _FINEST:
-            part *= 0.5
-        else:
-            return state, False
-    return state, True
-
-
-def _newton(bar: Bar, response: Response, state: _State, target: float) -> _State | None:
-    """Solve one step from a state near by; None where the iteration does not settle."""
-    length, area = bar.length_mm, bar.area_mm2
-    if target == 0.0:
-        strain = np.zeros_like(area)
-        return _State(0.0, 0.0, strain, *response.stress_and_tangent_MPa(strain))
-    force, strain, stress, tangent = (
-        state.force_N,
-        state.strain,
-        state.stress_MPa,
-        state.tangent_MPa,
-    )
-    for _ in range(_BAR_ITERATIONS):
-        stiffness = area * tangent
-        alone = strain + (force - area * stress) / stiffness
-        change = (target - float(length @ alone)) / float(np.sum(length / stiffness))
-        force += change
-        wanted = alone + change / stiffness
-        strain = np.clip(wanted, 0.0, response.strain_limit)
-        stress, tangent = response.stress_and_tangent_MPa(strain)
-        residual = float(np.abs(area * stress - force).max())
-        if residual <= _BAR_TOLERANCE * abs(force) and (strain == wanted).all():
-            return _State(target, force, strain, stress, tangent)
-    return None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -289,9 +38,14 @@ def _newton(bar: Bar, response: Response, state: _State, target: float) -> _Stat
 #
 # The logarithm of the secant modulus (nominal stress over strain) of every material stands on a
 # uniform grid of strain, as cubics through values and slopes; a mixture is linear between its two
-# neighbours in that logarithm, as everywhere in planner. Nothing is asked of the order of the
-# materials' stiffness, so that palettes whose laws cross can be diagnosed too.
+# neighbours in that logarithm, as everywhere in planner. For all mixtures of the Connex3 the error
+# of the stress is below 1e-9 of it. Nothing is asked of the order of the materials' stiffness, so
+# that palettes whose laws cross can be diagnosed too.
 
+
+FARTHEST = 2.0
+"""A law is followed to this many times the elongation at break: to break it is measured, from
+there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
 
 STRAIN_END = 3.0
 """The tables' last strain; from there on the stress goes on straight."""
@@ -314,8 +68,8 @@ class LawTables:
     cubics : (M, intervals, 4)
         In the place within the interval, 0 to 1; the secant in MPa.
     sound_strain : (M,)
-        Where each law ends: it ceases to rise there, or it is `FARTHEST` times the elongation at
-        break. Beyond, the stress rises straight on.
+        Where each law ends: it ceases to rise there, or is not followed further. Beyond, the
+        stress rises straight on.
     """
 
     coordinate: FloatArray
@@ -332,38 +86,47 @@ class LawTables:
         gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
         return lower, upper, (m - c[lower]) / gap
 
-    def stress_MPa(self, coordinate: ArrayLike, strain: ArrayLike) -> FloatArray:
-        """Return the nominal stress of mixtures at strains of 0 and above; both broadcast."""
-        m, e = np.broadcast_arrays(
-            np.asarray(coordinate, dtype=np.float64), np.asarray(strain, dtype=np.float64)
-        )
-        inside = np.minimum(e, STRAIN_END)
-        lower, upper, t = self.bracket(m)
+    def stress_and_tangent_MPa(
+        self, coordinate: ArrayLike, strain: ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return nominal stress of mixtures, and its derivative by the strain.
+
+        Parameters
+        ----------
+        coordinate, strain
+            Strains of 0 and above; both broadcast.
+        """
+        e = np.asarray(strain, dtype=np.float64)
+        lower, upper, t = self.bracket(np.asarray(coordinate, dtype=np.float64))
+        intervals = self.cubics.shape[1]
+        inside = np.minimum(e, intervals * self.strain_step)
         place = inside / self.strain_step
-        interval = np.minimum(place.astype(np.int64), self.cubics.shape[1] - 1)
+        interval = np.minimum(place.astype(np.int64), intervals - 1)
         s = place - interval
         softer, harder = self.cubics[lower, interval], self.cubics[upper, interval]
         c0, c1, c2, c3 = np.moveaxis(softer + t[..., None] * (harder - softer), -1, 0)
         secant = np.exp(c0 + s * (c1 + s * (c2 + s * c3)))
         slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / self.strain_step
-        tangent = secant * (1.0 + inside * slope)
-        return np.asarray(secant * inside + tangent * (e - inside))
+        tangent = secant * np.maximum(1.0 + inside * slope, _LEAST_TANGENT)
+        return np.asarray(secant * inside + tangent * (e - inside)), np.asarray(tangent)
 
 
-def law_tables(palette: Palette) -> LawTables:
-    """Tabulate a palette's laws.
+def law_tables(
+    palette: Palette, *, strain_end: float = STRAIN_END, farthest: float = FARTHEST
+) -> LawTables:
+    """Tabulate a palette's laws, each up to `farthest` times its elongation at break.
 
     Raises
     ------
     PaletteError
         A law that does not rise from rest: nothing can be predicted with it.
     """
-    nodes = np.linspace(0.0, STRAIN_END, _TABLE_INTERVALS + 1)
+    nodes = np.linspace(0.0, strain_end, _TABLE_INTERVALS + 1)
     tables = []
     for material in palette.materials:
         law = make_law(material.law)
-        farthest = FARTHEST * material.elongation_at_break
-        table = None if isinstance(law, OgdenThesis) else _table_cubics(law, nodes, farthest)
+        end = farthest * material.elongation_at_break
+        table = None if isinstance(law, OgdenThesis) else _table_cubics(law, nodes, end)
         if table is None:
             raise PaletteError(
                 f"palette {palette.name}: material {material.id!r}: law: {material.law.model} "
@@ -413,7 +176,7 @@ def _table_cubics(law: Law, strain: FloatArray, farthest: float) -> tuple[FloatA
 
 
 # ------------------------------------------------------------------------------------------------
-# Every test of a campaign as it is mounted: all that decides its curve.
+# Every bar as it is mounted: all that decides its curve.
 
 
 RELAXATION_TIMES_s: FloatArray = np.geomspace(1e-2, 1e5, 15)
@@ -426,33 +189,20 @@ SOFTENING_PEAKS: FloatArray = np.linspace(0.0, 1.0, 21)
 """Largest strains so far, at which softening and set tables stand."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Setup:
-    """P tests of T steps, cut into S slices in all; an effect returns a changed copy.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PulledBars:
+    """P bars that are pulled through T steps, cut into S slices in all.
 
-    Tests that are replicates of one another are one test here. Stages follow each other as the
-    attributes do: what was printed, its law, its geometry, its grips and machine, its sensors.
+    A coupon is a bar of one slice. Where no effect acts, attributes are those of `unaltered`.
 
     Attributes
     ----------
-    reference
-        The conditions at which the palette's laws were measured.
-    coordinate_range
-        Of the palette, softest to hardest.
     first_slice : (P + 1,)
-        Slices of test p are ``first_slice[p]`` to ``first_slice[p + 1]``; a coupon has one.
+        Slices of bar p are ``first_slice[p]`` to ``first_slice[p + 1]``.
     time_s, travel_mm : (P, T)
         Of the crosshead, the first step at rest.
-    rate_per_s, temperature_C, soak_h, age_days, width_mm, thickness_mm, gauge_mm : (P,)
-        Covariates; where unknown, those of the reference (sizes: the nominal ones).
-    orientation : (P,)
-        0, 1 or 2 for x, y, z.
-    known : name to (P,)
-        Where each covariate is known.
-    designs
-        Of each test, None for a coupon.
-    x_mm, length_mm : (S,)
-        Middle of each slice along the drawn gauge, and the length that is really there.
+    length_mm, area_mm2 : (S,)
+        Of each slice, at rest.
     coordinate : (S,)
         Of what was really printed.
     log_factor, log_tilt : (S,)
@@ -466,8 +216,6 @@ class Setup:
     set_share : (S,), set_table : (21,)
         Below its largest strain so far, a slice bears no stress up to
         ``set_share * table(largest)``, the table on `SOFTENING_PEAKS` a strain below the peak.
-    area_mm2 : (S,)
-        At rest.
     travel_factor : (P,)
         True travel over the recorded one; a gauge length drawn too short acts alike.
     lost_mm : (P, T)
@@ -480,30 +228,17 @@ class Setup:
         Of the load cell: it shows ``gain F + offset``.
     """
 
-    reference: Reference
-    coordinate_range: tuple[float, float]
     first_slice: IntArray
     time_s: FloatArray
     travel_mm: FloatArray
-    rate_per_s: FloatArray
-    temperature_C: FloatArray
-    soak_h: FloatArray
-    age_days: FloatArray
-    width_mm: FloatArray
-    thickness_mm: FloatArray
-    gauge_mm: FloatArray
-    orientation: IntArray
-    known: Mapping[str, BoolArray]
-    designs: tuple[ProfileDesign | None, ...]
-    x_mm: FloatArray
+    length_mm: FloatArray
+    area_mm2: FloatArray
     coordinate: FloatArray
     log_factor: FloatArray
     log_tilt: FloatArray
     relaxing: FloatArray
     softening: FloatArray
     set_share: FloatArray
-    length_mm: FloatArray
-    area_mm2: FloatArray
     travel_factor: FloatArray
     lost_mm: FloatArray
     slip_mm_N: FloatArray
@@ -516,10 +251,58 @@ class Setup:
     softening_table: FloatArray = field(default_factory=lambda: np.zeros((21, 21)))
     set_table: FloatArray = field(default_factory=lambda: np.zeros(21))
 
-    @property
-    def test_of_slice(self) -> IntArray:
-        """The test that each slice belongs to, (S,)."""
-        return np.repeat(np.arange(len(self.first_slice) - 1), np.diff(self.first_slice))
+
+def unaltered(first_slice: IntArray, steps: int) -> dict[str, FloatArray]:
+    """Return what `PulledBars` of elastic slices in a rigid machine have, by attribute."""
+    tests, slices = len(first_slice) - 1, int(first_slice[-1])
+    none, still, one = np.zeros(slices), np.zeros(tests), np.ones(tests)
+    return {
+        **dict.fromkeys(("log_factor", "log_tilt", "softening", "set_share"), none),
+        "relaxing": np.zeros((slices, len(RELAXATION_TIMES_s))),
+        **dict.fromkeys(("slip_mm_N", "slip_from_N", "compliance_mm_N"), still),
+        **dict.fromkeys(("travel_factor", "slip_power", "compliance_power"), one),
+        **dict.fromkeys(("lost_mm", "offset_N"), np.zeros((tests, steps))),
+        "gain": np.ones((tests, steps)),
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Setup(PulledBars):
+    """Every test of a campaign with its conditions; an effect returns a changed copy.
+
+    Tests that are replicates of one another are one test here.
+
+    Attributes
+    ----------
+    reference
+        The conditions at which the palette's laws were measured.
+    coordinate_range
+        Of the palette, softest to hardest.
+    rate_per_s, temperature_C, soak_h, age_days, width_mm, thickness_mm, gauge_mm : (P,)
+        Covariates; where unknown, those of the reference (sizes: the nominal ones).
+    orientation : (P,)
+        0, 1 or 2 for x, y, z.
+    known : name to (P,)
+        Where each covariate is known.
+    designs
+        Of each test, None for a coupon.
+    x_mm : (S,)
+        Middle of each slice along the drawn gauge; `length_mm` is what is really there.
+    """
+
+    reference: Reference
+    coordinate_range: tuple[float, float]
+    rate_per_s: FloatArray
+    temperature_C: FloatArray
+    soak_h: FloatArray
+    age_days: FloatArray
+    width_mm: FloatArray
+    thickness_mm: FloatArray
+    gauge_mm: FloatArray
+    orientation: IntArray
+    known: Mapping[str, BoolArray]
+    designs: tuple[ProfileDesign | None, ...]
+    x_mm: FloatArray
 
     @property
     def is_bar(self) -> BoolArray:
@@ -552,24 +335,47 @@ _LEAST_TANGENT = 0.02
 """Of the secant: a tangent below it, of a law that falls, would send Newton's method astray."""
 
 
+_SLICE = np.dtype(
+    [
+        *((name, np.int64) for name in ("lower", "upper")),
+        *((name, np.float64) for name in (
+            "length_mm", "area_mm2", "fraction", "log_factor", "log_tilt", "softening", "set_share",
+            "strain", "former", "largest", "left", "stress", "stress_before", "share", "rest",
+            "alone", "stiffness",
+        )),
+    ]
+)  # fmt: skip
+"""A slice as it is mounted, and where it stands.
+
+Its law: rows of the cubics, how far between them, its changes. Of its strain: now, at the step
+before, the largest so far, and what of that stays for good. Of the law's stress: now and at the
+step before. A step bears `share` of the law's stress, and the `rest` of what relaxes. `alone` and
+`stiffness` are Newton's.
+"""
+
+_Record: TypeAlias = Any
+"""One row of a structured array, or all."""
+
+
 @inner_kernel
 def _elastic_stress(
-    strain: float, lower: int, upper: int, fraction: float, log_factor: float,
-    log_tilt: float, cubics: FloatArray, step: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Return stress and tangent of a mixture that was never strained farther."""
+    strain: float, slice_: _Record, cubics: FloatArray, step: float
+) -> tuple[float, float]:
+    """Return stress and tangent of a slice that was never strained farther."""
+    lower, upper, fraction = slice_.lower, slice_.upper, slice_.fraction
     intervals = cubics.shape[1]
     end = intervals * step
     inside = min(max(strain, 0.0), end)
     place = inside / step
-    i = min(int(place), intervals - 1)
-    s = place - i
-    c0 = cubics[lower, i, 0] + fraction * (cubics[upper, i, 0] - cubics[lower, i, 0])
-    c1 = cubics[lower, i, 1] + fraction * (cubics[upper, i, 1] - cubics[lower, i, 1])
-    c2 = cubics[lower, i, 2] + fraction * (cubics[upper, i, 2] - cubics[lower, i, 2])
-    c3 = cubics[lower, i, 3] + fraction * (cubics[upper, i, 3] - cubics[lower, i, 3])
-    logarithm = c0 + s * (c1 + s * (c2 + s * c3)) + log_factor
+    j = min(int(place), intervals - 1)
+    s = place - j
+    c0 = cubics[lower, j, 0] + fraction * (cubics[upper, j, 0] - cubics[lower, j, 0])
+    c1 = cubics[lower, j, 1] + fraction * (cubics[upper, j, 1] - cubics[lower, j, 1])
+    c2 = cubics[lower, j, 2] + fraction * (cubics[upper, j, 2] - cubics[lower, j, 2])
+    c3 = cubics[lower, j, 3] + fraction * (cubics[upper, j, 3] - cubics[lower, j, 3])
+    logarithm = c0 + s * (c1 + s * (c2 + s * c3)) + slice_.log_factor
     slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / step
+    log_tilt = slice_.log_tilt
     if log_tilt != 0.0:
         bend = math.tanh((inside - _TILT_MIDDLE) / _TILT_WIDTH)
         logarithm += log_tilt * bend
@@ -604,18 +410,15 @@ def _fallen_share(table: FloatArray, share: float, largest: float) -> tuple[floa
 
 @inner_kernel
 def _slice_stress(
-    strain: float, largest: float, left: float, softening: float, table: FloatArray,
-    lower: int, upper: int, fraction: float, log_factor: float, log_tilt: float,
-    cubics: FloatArray, step: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Return stress and tangent below `largest`, of which a strain of `left` stays for good."""
+    strain: float, slice_: _Record, cubics: FloatArray, step: float, table: FloatArray
+) -> tuple[float, float]:
+    """Return stress and tangent of a slice that may have been strained farther before."""
+    largest, left, softening = slice_.largest, slice_.left, slice_.softening
     if strain >= largest or (left == 0.0 and softening == 0.0):
-        return _elastic_stress(strain, lower, upper, fraction, log_factor, log_tilt, cubics, step)
+        return _elastic_stress(strain, slice_, cubics, step)
     spread = largest / (largest - left)
     felt = (strain - left) * spread
-    stress, tangent = _elastic_stress(
-        felt, lower, upper, fraction, log_factor, log_tilt, cubics, step
-    )
+    stress, tangent = _elastic_stress(felt, slice_, cubics, step)
     tangent *= spread
     if softening != 0.0:
         fall, slope = _fallen_share(table, felt / largest, largest)
@@ -636,27 +439,37 @@ def _slice_stress(
 # force is bracketed and each slice's strain with it: slow, but certain to end with finite numbers.
 
 
-_WORK_ROWS = 10
-"""Rows of the work array, each one value a slice."""
+_LOW = -0.6
+_ABOVE = 1.0
+"""Strains are sought from `_LOW` to so far above the tables' last."""
 
-_STRAIN, _FORMER, _LARGEST, _LEFT, _STRESS, _STRESS_BEFORE, _SHARE, _REST, _ALONE, _STIFF = range(
-    10
-)
-_LOW, _HIGH = -0.6, 4.0
-_PATH_ITERATIONS = 40
+_ITERATIONS = 40
 _PATIENCE = 8
 _BISECTIONS = 100
-_PATH_TOLERANCE = 1e-10
 _LONGEST = 0.25
 
 
+_LOSSES = ("slip_mm_N", "slip_from_N", "slip_power", "compliance_mm_N", "compliance_power")
+_TEST = np.dtype(
+    [("first", np.int64), ("stop", np.int64), *((name, np.float64) for name in _LOSSES)]
+)
+"""A test: its slices, and what grips and machine take of its travel; see `PulledBars`."""
+
+_STEP = np.dtype([(name, np.float64) for name in ("time_s", "travel_mm", "force_N")])
+"""A step of a test: its travel is what reaches specimen, grips and machine."""
+
+_TERM = np.dtype([(name, np.float64) for name in ("time_s", "leaves", "adds")])
+"""A relaxing exponential: a step leaves so much of its stress, and adds so much of what is new."""
+
+_RELAXING = np.dtype([(name, np.float64) for name in ("share", "stress")])
+"""An exponential of a slice: its share of the stress, and what is left of it."""
+
+
 @inner_kernel
-def _lost_travel(
-    force: float, largest_N: float, slip: float, slip_from: float, slip_power: float,
-    compliance: float, power: float,
-) -> tuple[float, float]:  # fmt: skip
+def _lost_travel(force: float, largest_N: float, test: _Record) -> tuple[float, float]:
     """Return what slip and the machine take of the travel at a force, and its derivative."""
     lost, slope = 0.0, 0.0
+    compliance, power = test.compliance_mm_N, test.compliance_power
     if compliance != 0.0:
         size = abs(force)
         if power == 1.0:
@@ -668,8 +481,9 @@ def _lost_travel(
             slope = compliance * (1.0 + size) ** (power - 1.0)
         if force < 0.0:
             lost = -lost
+    slip, slip_power = test.slip_mm_N, test.slip_power
     if slip != 0.0:
-        over = max(force, largest_N) - slip_from
+        over = max(force, largest_N) - test.slip_from_N
         if over > 0.0:
             lost += slip * over**slip_power
             if force > largest_N:
@@ -678,27 +492,22 @@ def _lost_travel(
 
 
 @inner_kernel
-def _strain_at(
-    force: float, area: float, share: float, rest: float, largest: float, left: float,
-    softening: float, table: FloatArray, lower: int, upper: int, fraction: float,
-    log_factor: float, log_tilt: float, cubics: FloatArray, step: float,
-) -> float:  # fmt: skip
+def _strain_under(
+    force: float, slice_: _Record, cubics: FloatArray, step: float, table: FloatArray
+) -> float:
     """Return the strain at which a slice bears a force, by Newton's method within a bracket."""
-    low, high = _LOW, _HIGH
+    low, high = _LOW, cubics.shape[1] * step + _ABOVE
     strain = 0.0
     for _ in range(_BISECTIONS):
-        stress, tangent = _slice_stress(
-            strain, largest, left, softening, table, lower, upper, fraction, log_factor,
-            log_tilt, cubics, step,
-        )  # fmt: skip
-        excess = area * (share * stress + rest) - force
+        stress, tangent = _slice_stress(strain, slice_, cubics, step, table)
+        excess = slice_.area_mm2 * (slice_.share * stress + slice_.rest) - force
         if excess > 0.0:
             high = strain
         else:
             low = strain
         if excess == 0.0 or high - low < 1e-15:
             break
-        slope = area * share * tangent
+        slope = slice_.area_mm2 * slice_.share * tangent
         wanted = strain - excess / slope
         if not low < wanted < high:
             wanted = 0.5 * (low + high)
@@ -710,23 +519,18 @@ def _strain_at(
 
 @inner_kernel
 def _bracketed_force(
-    target: float, first: int, stop: int, largest_N: float, slip: float, slip_from: float,
-    slip_power: float, compliance: float, power: float, lower: IntArray, upper: IntArray,
-    slices: FloatArray, table: FloatArray, cubics: FloatArray, step: float, work: FloatArray,
+    target: float, largest_N: float, test: _Record, slices: _Record, cubics: FloatArray,
+    step: float, table: FloatArray,
 ) -> float:  # fmt: skip
     """Return the force at which strains and losses add up to the travel; leave the strains."""
     low, high, stride = -math.inf, math.inf, 1.0
     force = 0.0
     for _ in range(_BISECTIONS):
         length = 0.0
-        for i in range(first, stop):
-            work[_STRAIN, i] = _strain_at(
-                force, slices[1, i], work[_SHARE, i], work[_REST, i], work[_LARGEST, i],
-                work[_LEFT, i], slices[5, i], table, lower[i], upper[i], slices[2, i],
-                slices[3, i], slices[4, i], cubics, step,
-            )  # fmt: skip
-            length += slices[0, i] * work[_STRAIN, i]
-        lost, _ = _lost_travel(force, largest_N, slip, slip_from, slip_power, compliance, power)
+        for i in range(len(slices)):
+            slices[i].strain = _strain_under(force, slices[i], cubics, step, table)
+            length += slices[i].length_mm * slices[i].strain
+        lost, _ = _lost_travel(force, largest_N, test)
         if target - lost - length > 0.0:
             low = force
         else:
@@ -738,11 +542,8 @@ def _bracketed_force(
         else:  # one end is not known yet: go on in ever longer strides
             force += stride if high == math.inf else -stride
             stride *= 4.0
-    for i in range(first, stop):
-        work[_STRESS, i], _ = _slice_stress(
-            work[_STRAIN, i], work[_LARGEST, i], work[_LEFT, i], slices[5, i], table, lower[i],
-            upper[i], slices[2, i], slices[3, i], slices[4, i], cubics, step,
-        )  # fmt: skip
+    for i in range(len(slices)):
+        slices[i].stress, _ = _slice_stress(slices[i].strain, slices[i], cubics, step, table)
     return force
 
 
@@ -758,104 +559,86 @@ def _set_strain(table: FloatArray, largest: float) -> float:
 
 @free_kernel
 def _follow_path(
-    first_slice: IntArray, time_s: FloatArray, travel_mm: FloatArray, boundary: FloatArray,
-    lower: IntArray, upper: IntArray, slices: FloatArray, relaxing: FloatArray,
-    times: FloatArray, softening_table: FloatArray, set_table: FloatArray, cubics: FloatArray,
-    step: float, work: FloatArray, memory: FloatArray, decay: FloatArray, force_N: FloatArray,
-    strain: FloatArray,
+    tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
+    cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
+    tolerance: float, all_strain: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill in force and strains of every step of every test.
+    """Fill in force and strain of every step of every test.
 
     Parameters
     ----------
-    travel_mm : (P, T)
-        What reaches specimen, grips and machine.
-    boundary : (5, P)
-        Of slip its size, threshold and power, of the compliance its size and power.
-    slices : (7, S)
-        Length, area, fraction towards the harder material, log factor, log tilt, softening,
-        share of the set.
-    memory : (S, K)
-        Work space of the relaxing terms, and `work`, (`_WORK_ROWS`, S), of the slices.
-    decay : (2, K)
-        Work space: what a step leaves of a term, and adds to it a unit of stress.
+    tests, paths
+        (P,) and (P, T), whose forces are filled in.
+    all_slices, terms, all_relaxing
+        (S,), (K,) and (S, K).
+    all_strain
+        Filled in, (T, S).
     """
-    tests, steps = travel_mm.shape
-    terms = len(times)
-    for p in range(tests):
-        first, stop = first_slice[p], first_slice[p + 1]
-        slip, slip_from, slip_power = boundary[0, p], boundary[1, p], boundary[2, p]
-        compliance, power = boundary[3, p], boundary[4, p]
+    high = cubics.shape[1] * step + _ABOVE
+    for p in range(len(tests)):
+        test, path = tests[p], paths[p]
+        slices = all_slices[test.first : test.stop]
+        relaxing = all_relaxing[test.first : test.stop]
+        strain = all_strain[:, test.first : test.stop]
         relaxes = False
         total_length, scale = 0.0, math.inf
-        for i in range(first, stop):
-            for row in range(_WORK_ROWS):
-                work[row, i] = 0.0
-            work[_SHARE, i] = 1.0
-            for k in range(terms):
-                memory[i, k] = 0.0
-                relaxes = relaxes or relaxing[i, k] != 0.0
-            total_length += slices[0, i]
-            _, tangent = _slice_stress(
-                0.0, 0.0, 0.0, 0.0, softening_table, lower[i], upper[i], slices[2, i],
-                slices[3, i], slices[4, i], cubics, step,
-            )  # fmt: skip
-            scale = min(scale, slices[1, i] * tangent)
+        for i in range(len(slices)):
+            for k in range(len(terms)):
+                relaxes = relaxes or relaxing[i, k].share != 0.0
+            total_length += slices[i].length_mm
+            _, tangent = _elastic_stress(0.0, slices[i], cubics, step)
+            scale = min(scale, slices[i].area_mm2 * tangent)
         force, largest_N, settled, before = 0.0, 0.0, 0.0, 0.0
-        for t in range(steps):
-            target = travel_mm[p, t]
+        for t in range(len(path)):
+            target = path[t].travel_mm
             if relaxes:
-                duration = time_s[p, t] - time_s[p, max(t - 1, 0)]
-                for k in range(terms):
-                    spent = duration / times[k]
+                duration = path[t].time_s - path[max(t - 1, 0)].time_s
+                for k in range(len(terms)):
+                    spent = duration / terms[k].time_s
                     gone = -math.expm1(-spent)
-                    decay[0, k] = 1.0 - gone
-                    decay[1, k] = gone / spent if spent > 1e-12 else 1.0
-                for i in range(first, stop):
+                    terms[k].leaves = 1.0 - gone
+                    terms[k].adds = gone / spent if spent > 1e-12 else 1.0
+                for i in range(len(slices)):
                     share, rest = 1.0, 0.0
-                    for k in range(terms):
-                        # Of what is new, a step leaves decay[1] of each relaxing share.
-                        share -= relaxing[i, k] * (1.0 - decay[1, k])
-                        rest += memory[i, k] * decay[0, k]
-                        rest -= relaxing[i, k] * decay[1, k] * work[_STRESS_BEFORE, i]
-                    work[_SHARE, i] = share
-                    work[_REST, i] = rest
+                    for k in range(len(terms)):
+                        # Of what is new, a step adds `adds` of each relaxing share.
+                        own, term = relaxing[i, k], terms[k]
+                        share -= own.share * (1.0 - term.adds)
+                        rest += own.stress * term.leaves
+                        rest -= own.share * term.adds * slices[i].stress_before
+                    slices[i].share = share
+                    slices[i].rest = rest
             # Go on as before where the crosshead does: a better start than standing still.
             ahead = 0.0
             if settled != before:
                 ahead = (target - settled) / (settled - before)
             if not 0.0 < ahead < 4.0:
                 ahead = 0.0
-            for i in range(first, stop):
-                now = work[_STRAIN, i]
-                work[_STRAIN, i] = now + ahead * (now - work[_FORMER, i])
-                work[_FORMER, i] = now
+            for i in range(len(slices)):
+                now = slices[i].strain
+                slices[i].strain = now + ahead * (now - slices[i].former)
+                slices[i].former = now
             solved = False
-            for iteration in range(_PATH_ITERATIONS):
+            for iteration in range(_ITERATIONS):
                 worst, length, soft, elongation = 0.0, 0.0, 0.0, 0.0
-                for i in range(first, stop):
-                    e = work[_STRAIN, i]
+                for i in range(len(slices)):
+                    this = slices[i]
                     stress, tangent = _slice_stress(
-                        e, work[_LARGEST, i], work[_LEFT, i], slices[5, i], softening_table,
-                        lower[i], upper[i], slices[2, i], slices[3, i], slices[4, i], cubics,
-                        step,
-                    )  # fmt: skip
-                    work[_STRESS, i] = stress
-                    stiff = slices[1, i] * work[_SHARE, i] * tangent
-                    excess = slices[1, i] * (work[_SHARE, i] * stress + work[_REST, i]) - force
+                        this.strain, this, cubics, step, softening_table
+                    )
+                    this.stress = stress
+                    stiff = this.area_mm2 * this.share * tangent
+                    excess = this.area_mm2 * (this.share * stress + this.rest) - force
                     worst = max(worst, abs(excess))
-                    work[_STIFF, i] = stiff
-                    alone = e - excess / stiff
-                    work[_ALONE, i] = alone
-                    elongation += slices[0, i] * e
-                    length += slices[0, i] * alone
-                    soft += slices[0, i] / stiff
-                lost, slope = _lost_travel(
-                    force, largest_N, slip, slip_from, slip_power, compliance, power
-                )
+                    this.stiffness = stiff
+                    this.alone = this.strain - excess / stiff
+                    elongation += this.length_mm * this.strain
+                    length += this.length_mm * this.alone
+                    soft += this.length_mm / stiff
+                lost, slope = _lost_travel(force, largest_N, test)
                 gap = abs(target - lost - elongation)
-                if worst <= _PATH_TOLERANCE * (abs(force) + 1e-4 * scale) and (
-                    gap <= _PATH_TOLERANCE * total_length
+                if worst <= tolerance * (abs(force) + 1e-4 * scale) and (
+                    gap <= tolerance * total_length
                 ):
                     solved = True
                     break
@@ -863,36 +646,40 @@ def _follow_path(
                 # Kinks can send Newton's method to and fro; half a step ends that.
                 part = 1.0 if iteration < _PATIENCE else 0.5
                 force += part * change
-                for i in range(first, stop):
-                    move = work[_ALONE, i] + change / work[_STIFF, i] - work[_STRAIN, i]
-                    e = work[_STRAIN, i] + part * min(max(move, -_LONGEST), _LONGEST)
-                    work[_STRAIN, i] = min(max(e, _LOW), _HIGH)
+                for i in range(len(slices)):
+                    this = slices[i]
+                    move = this.alone + change / this.stiffness - this.strain
+                    e = this.strain + part * min(max(move, -_LONGEST), _LONGEST)
+                    this.strain = min(max(e, _LOW), high)
             if not solved:
                 force = _bracketed_force(
-                    target, first, stop, largest_N, slip, slip_from, slip_power, compliance,
-                    power, lower, upper, slices, softening_table, cubics, step, work,
-                )  # fmt: skip
-            for i in range(first, stop):
-                e, stress, old = work[_STRAIN, i], work[_STRESS, i], work[_STRESS_BEFORE, i]
+                    target, largest_N, test, slices, cubics, step, softening_table
+                )
+            for i in range(len(slices)):
+                this = slices[i]
+                e = this.strain
                 if relaxes:
-                    for k in range(terms):
-                        memory[i, k] = (
-                            memory[i, k] * decay[0, k]
-                            + relaxing[i, k] * (stress - old) * decay[1, k]
-                        )
-                work[_STRESS_BEFORE, i] = stress
-                if e > work[_LARGEST, i]:
-                    work[_LARGEST, i] = e
-                    if slices[6, i] != 0.0:
-                        work[_LEFT, i] = min(slices[6, i] * _set_strain(set_table, e), 0.95 * e)
+                    new = this.stress - this.stress_before
+                    for k in range(len(terms)):
+                        own, term = relaxing[i, k], terms[k]
+                        own.stress = own.stress * term.leaves + own.share * new * term.adds
+                this.stress_before = this.stress
+                if e > this.largest:
+                    this.largest = e
+                    if this.set_share != 0.0:
+                        this.left = min(this.set_share * _set_strain(set_table, e), 0.95 * e)
                 strain[t, i] = e
-            force_N[p, t] = force
+            path[t].force_N = force
             largest_N = max(largest_N, force)
             before, settled = settled, target
 
 
 # ------------------------------------------------------------------------------------------------
 # What every test of a setup would show: force on the load cell, strain of every slice.
+
+
+_TOLERANCE = 1e-10
+"""Of the force, and of the length: where Newton's method ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -904,47 +691,45 @@ class Prediction:
     force_N : (P, T)
         As the load cell shows it.
     strain : (T, S)
-        Engineering strain of every slice, of its `Setup.length_mm`.
+        Engineering strain of every slice, of its `PulledBars.length_mm`.
     """
 
     force_N: FloatArray
     strain: FloatArray
 
 
-def predict(setup: Setup, laws: LawTables) -> Prediction:
+def predict(bars: PulledBars, laws: LawTables, *, tolerance: float = _TOLERANCE) -> Prediction:
     """Follow every test along its path.
 
     All values are finite for finite setups: where no equilibrium exists (more travel than the
-    slices can take to strains of -0.6 to 4), strains stay at that end.
+    slices can take to strains of -0.6 to 1 beyond the tables), strains stay at that end.
     """
-    steps, slices = setup.time_s.shape[1], len(setup.coordinate)
-    lower, upper, fraction = laws.bracket(setup.coordinate)
-    used = np.flatnonzero(setup.relaxing.any(axis=0))
-    force = np.empty(setup.time_s.shape)
-    strain = np.empty((steps, slices))
+    tests = np.empty(len(bars.time_s), dtype=_TEST)
+    tests["first"], tests["stop"] = bars.first_slice[:-1], bars.first_slice[1:]
+    for name in _LOSSES:
+        tests[name] = getattr(bars, name)
+    paths = np.empty(bars.time_s.shape, dtype=_STEP)
+    paths["time_s"] = bars.time_s
+    paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
+    slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
+    slices["lower"], slices["upper"], slices["fraction"] = laws.bracket(bars.coordinate)
+    for name in ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share"):
+        slices[name] = getattr(bars, name)
+    slices["share"] = 1.0
+    used = np.flatnonzero(bars.relaxing.any(axis=0))
+    terms = np.empty(len(used), dtype=_TERM)
+    terms["time_s"] = RELAXATION_TIMES_s[used]
+    relaxing = np.zeros((len(slices), len(used)), dtype=_RELAXING)
+    relaxing["share"] = bars.relaxing[:, used]
+    strain = np.empty((bars.time_s.shape[1], len(slices)))
+    # Copies, for kernels are compiled for arrays of one kind.
+    softening = np.array(bars.softening_table, dtype=np.float64)
+    left = np.array(bars.set_table, dtype=np.float64)
     _follow_path(
-        np.asarray(setup.first_slice, dtype=np.int64),
-        np.ascontiguousarray(setup.time_s, dtype=np.float64),
-        setup.travel_mm * setup.travel_factor[:, None] - setup.lost_mm,
-        np.stack([setup.slip_mm_N, setup.slip_from_N, setup.slip_power,
-                  setup.compliance_mm_N, setup.compliance_power]),
-        np.asarray(lower, dtype=np.int64),
-        np.asarray(upper, dtype=np.int64),
-        np.stack([setup.length_mm, setup.area_mm2, fraction, setup.log_factor, setup.log_tilt,
-                  setup.softening, setup.set_share]),
-        np.ascontiguousarray(setup.relaxing[:, used]),
-        RELAXATION_TIMES_s[used],
-        np.ascontiguousarray(setup.softening_table, dtype=np.float64),
-        np.ascontiguousarray(setup.set_table, dtype=np.float64),
-        laws.cubics,
-        laws.strain_step,
-        np.empty((_WORK_ROWS, slices)),
-        np.empty((slices, len(used))),
-        np.empty((2, len(used))),
-        force,
-        strain,
+        tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
+        tolerance, strain,
     )  # fmt: skip
-    return Prediction(setup.gain * force + setup.offset_N, strain)
+    return Prediction(bars.gain * paths["force_N"] + bars.offset_N, strain)
 
 
 def predict_all(setups: Iterable[Setup], laws: LawTables, *, workers: int = 2) -> list[Prediction]:

@@ -1,7 +1,8 @@
 """Pull a plan, a graded bar or a coupon, and report force, strains and what breaks."""
 
 import dataclasses
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, get_args
@@ -19,10 +20,11 @@ from planner.printers import printer as load_printer
 from planner.simulation.bar import Bar, bar_between, coupon, plan_sections, read_profile_bar
 from planner.simulation.bar_solver import (
     FARTHEST,
-    ElasticResponse,
-    Equilibrium,
-    elastic_response,
-    solve,
+    LawTables,
+    PulledBars,
+    law_tables,
+    predict,
+    unaltered,
 )
 
 __all__ = ["LoadingPath", "Simulation", "loading_path", "simulate", "simulate_bar"]
@@ -125,6 +127,109 @@ def loading_path(
 
 
 # ------------------------------------------------------------------------------------------------
+# An elastic bar under its path: the solver's bars, with no effect.
+
+
+_TOLERANCE = 1e-11
+_SLACK = 1e-9  # of the reach: a step just at it is within
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pulled:
+    """The states that were reached, and how far slices may go.
+
+    Attributes
+    ----------
+    force_N : (steps,)
+    strain, stress_MPa, tangent_MPa : (steps, n)
+        Of each slice; steps may be fewer than were asked for.
+    break_strain : (n,)
+        Elongation at break, linear in the coordinate between grades.
+    strain_limit : (n,)
+        `FARTHEST` times `break_strain`, or less where a law's stress ceases to rise.
+    reach_mm : float
+        Displacement at which the first slice is at its limit; infinite where the path stays below.
+    stopped_at : int or None
+        That slice.
+    """
+
+    force_N: FloatArray
+    strain: FloatArray
+    stress_MPa: FloatArray
+    tangent_MPa: FloatArray
+    break_strain: FloatArray
+    strain_limit: FloatArray
+    reach_mm: float
+    stopped_at: int | None
+
+
+def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pulled:
+    """Pull a bar through displacements of its ends, none below 0, as far as its laws go.
+
+    Raises
+    ------
+    ArgumentError
+        A coordinate is outside the palette.
+    """
+    lower, upper, t = model.bracket(bar.coordinate)
+    upper = np.where(t > 0.0, upper, lower)
+    materials = model.palette.materials
+    breaks = np.array([m.elongation_at_break for m in materials])
+    break_strain = (1.0 - t) * breaks[lower] + t * breaks[upper]
+    used = np.unique([lower, upper])
+    # A blend may go beyond twice the break of the one of its grades that breaks first.
+    laws = law_tables(
+        replace(model.palette, materials=tuple(materials[k] for k in used)),
+        strain_end=FARTHEST * float(breaks[used].max()),
+        farthest=math.inf,
+    )
+    rising = np.zeros(len(breaks))
+    rising[used] = laws.sound_strain
+    limit = np.minimum(FARTHEST * break_strain, np.minimum(rising[lower], rising[upper]))
+
+    most, reach = float(displacement_mm.max()), math.inf
+    if _excess(most, bar, laws, limit) > 0.0:
+        from scipy.optimize import brentq
+
+        reach = float(brentq(_excess, 0.0, most, (bar, laws, limit), xtol=1e-12 * most))
+    beyond, stopped_at = displacement_mm > reach * (1.0 + _SLACK), None
+    if beyond.any():
+        displacement_mm = displacement_mm[: int(np.argmax(beyond))]
+        stopped_at = int(np.argmax(_strains(bar, laws, np.array([reach])) / limit))
+    strain = _strains(bar, laws, displacement_mm)
+    stress, tangent = np.empty_like(strain), np.empty_like(strain)
+    for step, own in enumerate(strain):  # one by one, to need no more room
+        stress[step], tangent[step] = laws.stress_and_tangent_MPa(bar.coordinate, own)
+    force = stress @ bar.area_mm2 / len(bar.area_mm2)
+    return _Pulled(force, strain, stress, tangent, break_strain, limit, reach, stopped_at)
+
+
+def _strains(bar: Bar, laws: LawTables, displacement_mm: FloatArray) -> FloatArray:
+    """Return the strain of each slice at each step, (steps, n)."""
+    if len(bar.coordinate) == 1:  # nothing to solve, and no solver to wait for
+        return displacement_mm[:, None] / bar.gauge_mm
+    all_slices = np.array([0, len(bar.coordinate)])
+    steps = len(displacement_mm)
+    bars = PulledBars(
+        first_slice=all_slices,
+        time_s=np.zeros((1, steps)),
+        travel_mm=displacement_mm[None, :],
+        length_mm=bar.length_mm,
+        area_mm2=bar.area_mm2,
+        coordinate=bar.coordinate,
+        **unaltered(all_slices, steps),
+    )
+    strain = predict(bars, laws, tolerance=_TOLERANCE).strain
+    strain[displacement_mm == 0.0] = 0.0
+    return strain
+
+
+def _excess(travel_mm: float, bar: Bar, laws: LawTables, limit: FloatArray) -> float:
+    """Return how far the first slice is past its limit, as a share of that."""
+    return float(np.max(_strains(bar, laws, np.array([travel_mm])) / limit)) - 1.0
+
+
+# ------------------------------------------------------------------------------------------------
 # Where a bar breaks, cannot follow, or is stretched past what its laws know.
 
 
@@ -155,19 +260,18 @@ class BreakFinding:
 def _break_findings(
     bar: Bar,
     model: CoefficientModel,
-    response: ElasticResponse,
     path: LoadingPath,
-    reached: Equilibrium,
+    reached: _Pulled,
 ) -> tuple[BreakFinding, ...]:
     """Report every stretch of slices that breaks, the first to break first, and an early end."""
     found = []
     gauge_strain = path.displacement_mm / bar.gauge_mm
-    beyond = reached.strain > response.break_strain
+    beyond = reached.strain > reached.break_strain
     for start, stop in _runs(np.asarray(beyond.any(axis=0))):
         step = int(np.argmax(beyond[:, start:stop].any(axis=1)))
-        excess = reached.strain[step] / response.break_strain
+        excess = reached.strain[step] / reached.break_strain
         first = start + int(np.argmax(excess[start:stop]))
-        limit = float(response.break_strain[first])
+        limit = float(reached.break_strain[first])
         at = float(np.interp(limit, *_last_steps(reached.strain[:, first], gauge_strain, step)))
         place = (float(bar.edges_mm[start]), float(bar.edges_mm[stop]))
         found.append(
@@ -182,11 +286,11 @@ def _break_findings(
         )
     found.sort(key=lambda finding: finding.gauge_strain)
     if reached.stopped_at is not None:
-        found.append(_unreachable(bar, model, response, path, reached, reached.stopped_at))
+        found.append(_unreachable(bar, model, path, reached, reached.stopped_at))
     return tuple(found)
 
 
-def _yield_notes(bar: Bar, model: CoefficientModel, reached: Equilibrium) -> tuple[str, ...]:
+def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[str, ...]:
     """Say which rigid grades are strained past where Hooke's law is known to hold."""
     lower, _, _ = model.bracket(bar.coordinate)
     most = reached.strain.max(axis=0, initial=0.0)
@@ -205,14 +309,13 @@ def _yield_notes(bar: Bar, model: CoefficientModel, reached: Equilibrium) -> tup
 def _unreachable(
     bar: Bar,
     model: CoefficientModel,
-    response: ElasticResponse,
     path: LoadingPath,
-    reached: Equilibrium,
+    reached: _Pulled,
     at: int,
 ) -> BreakFinding:
     wanted = float(path.displacement_mm.max()) / bar.gauge_mm
-    got = reached.end_mm / bar.gauge_mm
-    limit, breaks = float(response.strain_limit[at]), float(response.break_strain[at])
+    got = reached.reach_mm / bar.gauge_mm
+    limit, breaks = float(reached.strain_limit[at]), float(reached.break_strain[at])
     why = (
         f"{FARTHEST:g} times its elongation at break, and its law is not known further"
         if limit >= FARTHEST * breaks
@@ -533,7 +636,7 @@ _STRAINS = 65  # at which the variance between grades is taken; it varies slowly
 
 
 def _force_interval_N(
-    bar: Bar, model: CoefficientModel, reached: Equilibrium, level: float
+    bar: Bar, model: CoefficientModel, reached: _Pulled, level: float
 ) -> FloatArray:
     """Return the interval that holds a print's force with probability `level`, (steps, 2).
 
@@ -707,8 +810,7 @@ def simulate_bar(
             "to 20 million are possible: take fewer `slices`, `steps` or `cycles`"
         )
     model = CoefficientModel(palette)
-    response = elastic_response(model, bar.coordinate)
-    reached = solve(bar, response, path.displacement_mm)
+    reached = _pull(bar, model, path.displacement_mm)
     count = len(reached.force_N)
     return Simulation(
         name=name,
@@ -724,8 +826,8 @@ def simulate_bar(
         force_interval_N=_force_interval_N(bar, model, reached, level),
         strain=reached.strain,
         stress_MPa=reached.stress_MPa,
-        break_strain=response.break_strain,
-        findings=_break_findings(bar, model, response, path, reached),
+        break_strain=reached.break_strain,
+        findings=_break_findings(bar, model, path, reached),
         notes=(*notes, *_yield_notes(bar, model, reached)),
     )
 

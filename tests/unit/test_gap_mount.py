@@ -23,6 +23,12 @@ PALETTE = Palette(
     Reference(0.03, 23.0, 0.0, 9.0, "x"),
 )
 LAWS = law_tables(PALETTE)
+
+
+def stress_MPa(coordinate, strain):
+    return LAWS.stress_and_tangent_MPa(coordinate, strain)[0]
+
+
 GAUGE_MM = 40.0
 NOISE_N = 0.02
 STEPPED = ProfileDesign("stepped", [0.0, 15.0, 15.0, 25.0, 25.0, 40.0], [0, 0, 1, 1, 0, 0])
@@ -42,7 +48,7 @@ def specimen(id, corners=PULL, *, rng=None, rows=240, material="soft", factor=1.
         time = np.concatenate([ramp, at[1] + np.geomspace(0.05, at[2] - at[1], rows - rows // 2)])
     travel = np.interp(time, at, places)
     coordinate = PALETTE.resolve(material).coordinate
-    force = factor * 30.0 * LAWS.stress_MPa(coordinate, np.maximum(travel, 0.0) / GAUGE_MM)
+    force = factor * 30.0 * stress_MPa(coordinate, np.maximum(travel, 0.0) / GAUGE_MM)
     if rng is not None:
         force = force + NOISE_N * rng.normal(size=rows)
     known = {"width_mm": 10.0, "thickness_mm": 3.0, "rate_mm_s": 1.0, "temperature_C": 23.0} | more
@@ -261,7 +267,7 @@ def test_waiting_before_the_test_and_preload_are_taken_off():
 def test_hold_after_a_ramp_of_two_rows_still_counts():
     time = np.concatenate([[0.0, 0.5], 0.5 + np.geomspace(0.2, 100.0, 60)])
     travel = np.minimum(8.0 * time / 0.5, 8.0)
-    force = 30.0 * LAWS.stress_MPa(0.0, travel / GAUGE_MM)
+    force = 30.0 * stress_MPa(0.0, travel / GAUGE_MM)
     fast = replace(specimen("a"), time_s=time, displacement_mm=travel, force_N=force)
     found = observation_model(campaign(fast))
     assert [segment.kind for segment in found.segments[0]] == ["loading", "hold"]

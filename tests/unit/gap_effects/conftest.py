@@ -10,7 +10,7 @@ from planner.gap.effect import Form, Parameter
 from planner.gap.effects import EFFECTS
 from planner.palette import Reference
 from planner.simulation.bar import ProfileDesign
-from planner.simulation.bar_solver import RELAXATION_TIMES_s, Setup
+from planner.simulation.bar_solver import Setup, unaltered
 
 REFERENCE = Reference(
     strain_rate_per_s=0.034, temperature_C=23.0, soak_h=0.0, age_days=9.0, orientation="x"
@@ -54,22 +54,9 @@ def make_setup(
         "designs": designs,
         "x_mm": np.concatenate(x),
         "coordinate": np.concatenate(coordinate),
-        "log_factor": np.zeros(total),
-        "log_tilt": np.zeros(total),
-        "relaxing": np.zeros((total, len(RELAXATION_TIMES_s))),
-        "softening": np.zeros(total),
-        "set_share": np.zeros(total),
         "length_mm": np.concatenate(length),
         "area_mm2": np.full(total, 12.0),
-        "travel_factor": one,
-        "lost_mm": np.zeros((tests, steps)),
-        "slip_mm_N": zero,
-        "slip_from_N": zero,
-        "slip_power": one,
-        "compliance_mm_N": zero,
-        "compliance_power": one,
-        "gain": np.ones((tests, steps)),
-        "offset_N": np.zeros((tests, steps)),
+        **unaltered(first, steps),
     }
     return Setup(**(values | changes))
 
