@@ -1,8 +1,9 @@
 """Optimal design: which specimens tell effects apart, and which test to do next."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise, product
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,6 @@ from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
     SignedForm,
-    Whitened,
     interpolated_features,
     node_weights,
     whiten,
@@ -45,21 +45,18 @@ from planner.gap.virtual import (
     virtual_strain,
 )
 from planner.numerics import FloatArray, IntArray
-from planner.palette import Material, Palette
+from planner.palette import Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
-from planner.simulation.simulate import loading_path
 
 __all__ = [
-    "BATCHES",
     "CampaignDesign",
     "Expected",
+    "Information",
     "SpecimenSize",
     "Trial",
     "candidates_of",
     "design_campaign",
-    "filled",
-    "information",
     "may_take_bars",
     "next_experiments",
     "trials_of",
@@ -67,15 +64,128 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# Conditions that a campaign may have: one step from the reference each, and a few crossed.
+# Tests one step away from a reference: what a campaign may hold, and what a lab could do next.
 
 
 _Change = Mapping[str, Any]
+"""By column: its new value, or in a step what makes that of the reference's."""
 
-_WARMER_K = (10.0, 17.0, -8.0)
-_SOAKED_H = (4.0, 24.0, 72.0)
-_OLDER_DAYS = (30.0, 110.0)
-_FASTER = (10.0, 0.1)
+
+def _times(factor: float) -> Callable[[float], float]:
+    return lambda value: factor * value
+
+
+def _plus(more: float) -> Callable[[float], float]:
+    return lambda value: value + more
+
+
+def _about(factor: float) -> Callable[[float], float]:
+    return lambda value: _rounded(factor * value)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+_STEPS: Mapping[str, tuple[_Change, ...]] = MappingProxyType(
+    {
+        "rate": ({"rate_mm_s": _about(10.0)}, {"rate_mm_s": _about(0.1)}),
+        "relaxation": ({"protocol": "relaxation"},),
+        "temperature": tuple({"temperature_C": _plus(K)} for K in (10.0, 17.0, -8.0)),
+        "soak": tuple({"soak_h": _plus(h)} for h in (4.0, 24.0, 72.0)),
+        "age": tuple({"age_days": _plus(days)} for days in (30.0, 110.0)),
+        "orientation": (
+            {"orientation": lambda along: "y" if along == "z" else "z"},
+            {"orientation": lambda along: "y" if along == "x" else "x"},
+        ),
+        "section": (
+            {"thickness_mm": _times(0.5)},
+            {"width_mm": lambda width: _rounded(width / 0.6)},
+            {"width_mm": _about(0.6), "thickness_mm": _times(2.0)},
+        ),
+        "gauge": ({"gauge_mm": _about(1.8)},),
+        "cyclic": ({"protocol": "cyclic"},),
+        "soak-section": (
+            {"thickness_mm": _times(0.5), "soak_h": _plus(4.0)},
+            {"thickness_mm": _times(0.5)},
+        ),
+    }
+)
+"""Steps of a campaign, by what an effect may ask for; ``materials`` and ``bars`` are apart."""
+
+_CROSSED = (
+    ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
+    ("temperature", "cyclic"),
+)  # fmt: skip
+
+_NEXT: tuple[_Change, ...] = (
+    {"protocol": "monotonic"},
+    {"rate_mm_s": _about(10.0)},
+    {"rate_mm_s": lambda speed: _rounded(speed / 10.0)},
+    {"temperature_C": _plus(15.0)},
+    {"temperature_C": _plus(-8.0)},
+    {"soak_h": _plus(24.0)},
+    {"age_days": _plus(60.0)},
+    {"orientation": lambda along: "x" if along == "z" else "z"},
+    {"orientation": lambda along: "x" if along == "y" else "y"},
+    {"width_mm": _times(2.0)},
+    {"thickness_mm": _times(0.5)},
+    {"gauge_mm": _about(1.8)},
+    {"protocol": "cyclic"},
+    {"protocol": "relaxation"},
+)
+"""Steps that a lab could do next; those of materials and a bar are apart."""
+
+
+def _changed(step: _Change, reference: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the new values of a step's columns."""
+    return {name: to(reference[name]) if callable(to) else to for name, to in step.items()}
+
+
+def _specimen(
+    palette: Palette, reference: Mapping[str, Any], change: _Change, **options: Any
+) -> Specimen:
+    """Return the reference with a change, pulled at its strain rate where that does not change.
+
+    Parameters
+    ----------
+    reference, change
+        Fields of `Specimen`.
+    options
+        Of `virtual_specimen`.
+    """
+    fields = {**reference, **change}
+    if "profile" in change:
+        fields["material"] = None
+    if "rate_mm_s" not in change:
+        fields["rate_mm_s"] *= fields["gauge_mm"] / reference["gauge_mm"]
+    return virtual_specimen(palette, **fields, **options)
+
+
+def _step_bar(name: str, gauge_mm: float, first: float, second: float) -> ProfileDesign:
+    """Return a bar of two mixtures, half and half."""
+    half = np.array([0.0, 0.5, 0.5, 1.0]) * gauge_mm
+    return ProfileDesign(name, half, np.repeat([first, second], 2))
+
+
+def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
+    """Return the elastic materials; and of them the softest, a middle and the hardest.
+
+    Raises
+    ------
+    PaletteError
+        There is none.
+    """
+    grades = [m for m in palette.materials if m.deformation == "elastic"]
+    if not grades:
+        raise PaletteError(
+            f"palette {palette.name}: no elastic material; a campaign is planned for elastomers"
+        )
+    return grades, [grades[0], grades[len(grades) // 2], grades[-1]]
+
+
+# ------------------------------------------------------------------------------------------------
+# Conditions that a campaign may have: one step from the palette's own each, and a few crossed.
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,14 +203,8 @@ def may_take_bars(effects: Sequence[str]) -> bool:
 
 
 def _strain_of(palette: Palette) -> float:
-    """Return how far coupons are pulled, whichever of the palette's elastic materials are chosen.
-
-    Raises
-    ------
-    PaletteError
-        The palette has no elastic material.
-    """
-    return virtual_strain(palette, [m.id for m in _elastic(palette)])
+    """Return how far coupons are pulled, whichever elastic materials are chosen."""
+    return virtual_strain(palette, [m.id for m in _elastic(palette)[0]])
 
 
 def candidates_of(
@@ -110,133 +214,55 @@ def candidates_of(
 
     Every change is tried on the softest, a middle and the hardest elastic material, for effects
     may differ along the palette. Batches are left open.
-
-    Raises
-    ------
-    PaletteError
-        The palette has no elastic material.
     """
-    grades = _elastic(palette)
-    three = [grades[k] for k in dict.fromkeys([len(grades) // 2, 0, len(grades) - 1])]
-    wanted = {group for id in effects for group in EFFECTS[id].changes}
-    changes: list[_Change] = [{"material": m.id} for m in three]
-    if "materials" in wanted:
-        changes += [{"material": m.id} for m in grades if m.id not in {t.id for t in three}]
-    base = _design_reference(palette, size)
-    for group in _GROUPS:
-        if group in wanted:
-            steps = _design_steps(group, base, palette, size)
-            changes += [{"material": m.id, **step} for step in steps for m in three]
-    for first, second in _CROSSED:
-        if {first, second} <= wanted:
-            a, b = (_design_steps(g, base, palette, size)[0] for g in (first, second))
-            changes.append({"material": three[0].id, **a, **b})
-    if "bars" in wanted and len(grades) > 1:
-        changes += _bars(grades, size, crossed="rate" in wanted)
-    strain = _strain_of(palette)
-    found = []
-    for number, change in enumerate(changes):
-        fields = {**base, **change}
-        gauge = fields.pop("gauge_mm")
-        if "rate_mm_s" not in change:  # a longer gauge, pulled at the same strain rate
-            fields["rate_mm_s"] = _design_round(fields["rate_mm_s"] * gauge / size.gauge_mm)
-        found.append(
-            virtual_specimen(
-                palette, id=f"C{number:03d}", gauge_mm=gauge, strain=strain, camera=True, **fields
-            )
-        )
-    return tuple(found)
-
-
-_GROUPS = (
-    "rate", "relaxation", "temperature", "soak", "age", "orientation", "section", "gauge",
-    "cyclic", "soak-section",
-)  # fmt: skip
-_CROSSED = (
-    ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
-    ("temperature", "cyclic"),
-)  # fmt: skip
-
-
-def _design_reference(palette: Palette, size: SpecimenSize) -> dict[str, Any]:
-    r = stated(palette.reference)
-    assert r.strain_rate_per_s is not None
-    return {
-        "width_mm": size.width_mm,
-        "thickness_mm": size.thickness_mm,
-        "gauge_mm": size.gauge_mm,
-        "rate_mm_s": _design_round(r.strain_rate_per_s * size.gauge_mm),
-        "temperature_C": r.temperature_C,
-        "soak_h": r.soak_h,
-        "age_days": r.age_days,
-        "orientation": r.orientation,
+    grades, (soft, middle, hard) = _elastic(palette)
+    three = list(dict.fromkeys(m.id for m in (middle, soft, hard)))
+    wanted = {name for id in effects for name in EFFECTS[id].changes}
+    own = stated(palette.reference)
+    assert own.strain_rate_per_s is not None
+    reference: dict[str, Any] = {
+        **asdict(size),
+        **{name: value for name, value in asdict(own).items() if name != "strain_rate_per_s"},
+        "rate_mm_s": _rounded(own.strain_rate_per_s * size.gauge_mm),
         "protocol": "monotonic",
     }
+    steps = {name: [_changed(one, reference) for one in _STEPS[name]] for name in _STEPS}
+    for longer in steps["gauge"]:
+        speed = reference["rate_mm_s"] * longer["gauge_mm"] / size.gauge_mm
+        longer["rate_mm_s"] = _rounded(speed)
+    changes: list[_Change] = [{"material": id} for id in three]
+    if "materials" in wanted:
+        changes += [{"material": m.id} for m in grades if m.id not in three]
+    for name in (name for name in steps if name in wanted):
+        changes += [{"material": id, **step} for step in steps[name] for id in three]
+    for first, second in _CROSSED:
+        if {first, second} <= wanted:
+            changes.append({"material": three[0], **steps[first][0], **steps[second][0]})
+    if "bars" in wanted and len(grades) > 1:
+        ends = soft.coordinate, middle.coordinate, hard.coordinate
+        changes += _bars(*ends, size.gauge_mm, crossed="rate" in wanted)
+    strain = _strain_of(palette)
+    return tuple(
+        _specimen(palette, reference, change, id=f"C{number:03d}", strain=strain, camera=True)
+        for number, change in enumerate(changes)
+    )
 
 
-def _design_steps(
-    group: str, base: Mapping[str, Any], palette: Palette, size: SpecimenSize
-) -> list[dict[str, Any]]:
-    """Return what to change of the reference, one step each."""
-    match group:
-        case "rate":
-            return [{"rate_mm_s": _design_round(base["rate_mm_s"] * f)} for f in _FASTER]
-        case "relaxation" | "cyclic":
-            return [{"protocol": group}]
-        case "temperature":
-            return [{"temperature_C": base["temperature_C"] + k} for k in _WARMER_K]
-        case "soak":
-            return [{"soak_h": base["soak_h"] + h} for h in _SOAKED_H]
-        case "soak-section":
-            thin = {"thickness_mm": 0.5 * size.thickness_mm}
-            return [{**thin, "soak_h": base["soak_h"] + _SOAKED_H[0]}, thin]
-        case "age":
-            return [{"age_days": base["age_days"] + d} for d in _OLDER_DAYS]
-        case "orientation":
-            return [{"orientation": o} for o in "zyx" if o != base["orientation"]]
-        case "section":
-            return [
-                {"thickness_mm": 0.5 * size.thickness_mm},
-                {"width_mm": _design_round(size.width_mm / 0.6)},
-                {
-                    "width_mm": _design_round(0.6 * size.width_mm),
-                    "thickness_mm": 2.0 * size.thickness_mm,
-                },
-            ]
-        case "gauge":
-            return [{"gauge_mm": _design_round(1.8 * size.gauge_mm)}]
-    raise AssertionError(group)
-
-
-def _bars(grades: Sequence[Material], size: SpecimenSize, *, crossed: bool) -> list[_Change]:
+def _bars(
+    soft: float, middle: float, hard: float, gauge_mm: float, *, crossed: bool
+) -> list[_Change]:
     """Return bars of one step, of stripes, and of a ramp."""
-    soft, middle, hard = (grades[k].coordinate for k in (0, len(grades) // 2, -1))
-    gauge = size.gauge_mm
-    half = np.array([0.0, 0.5, 0.5, 1.0]) * gauge
-    edges = np.repeat(np.linspace(0.0, 1.0, 7), 2)[1:-1] * gauge
+    edges = np.repeat(np.linspace(0.0, 1.0, 7), 2)[1:-1] * gauge_mm
     designs = [
-        ProfileDesign("step-middle-hard", half, np.repeat([middle, hard], 2)),
-        ProfileDesign("step-soft-middle", half, np.repeat([soft, middle], 2)),
+        _step_bar("step-middle-hard", gauge_mm, middle, hard),
+        _step_bar("step-soft-middle", gauge_mm, soft, middle),
         ProfileDesign("stripes", edges, np.repeat([middle, hard] * 3, 2)),
-        ProfileDesign("ramp", np.array([0.0, gauge]), np.array([soft, hard])),
+        ProfileDesign("ramp", np.array([0.0, gauge_mm]), np.array([soft, hard])),
     ]
     changes: list[_Change] = [{"profile": design} for design in designs]
     if crossed:
         changes.append({"profile": designs[0], "protocol": "relaxation"})
     return changes
-
-
-def _elastic(palette: Palette) -> list[Material]:
-    grades = [m for m in palette.materials if m.deformation == "elastic"]
-    if not grades:
-        raise PaletteError(
-            f"palette {palette.name}: no elastic material; a campaign is planned for elastomers"
-        )
-    return grades
-
-
-def _design_round(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -404,65 +430,79 @@ _ROUNDS = 2
 """A condition is chosen so often at most."""
 
 
-def _information_of_pairs(problem: Problem, asked: Sequence[str], copies: int) -> FloatArray:
-    """Return what one condition of each candidate tells, (candidates, X, X).
+@dataclass(frozen=True, slots=True, eq=False)
+class Information:
+    """What candidates tell of effects, however often each is chosen.
 
-    Inner products of the effects' patterns at their usual size, one a form, then of all
-    nuisances: calibration of the laws, courses, and the level that the batches share.
-
-    Parameters
-    ----------
-    copies
-        Specimens of a condition, one a batch.
-    """
-    patterns = _usual_patterns(problem, asked)
-    nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
-    # The mean level of batches is what all conditions share.
-    level = _batch_level(problem)[:, None] / np.sqrt(copies)
-    whole = Whitened(
-        np.concatenate([patterns, nuisances, level], axis=1),
-        problem.whitened.first_row,
-        nuisances.shape[1] + 1,
-    )
-    edges = whole.first_row.tolist()
-    parts = [whole.columns[a:b].T @ whole.columns[a:b] for a, b in pairwise(edges)]
-    return copies * np.stack(parts)
-
-
-def information(pairs: FloatArray, counts: IntArray, forms: Sequence[int]) -> float:
-    """Return what chosen conditions tell of the effects in nats, the other effects being possible.
-
-    Of each effect ln det of the information on its forms' sizes, all else being uncertain by a
-    prior deviation of 1; an effect of many forms weighs no more than another.
-
-    Parameters
+    Attributes
     ----------
     pairs : (candidates, X, X)
-        Of `_information_of_pairs`, effects first.
-    counts : (candidates,)
-        How often each is chosen.
+        Of one specimen a batch of each: inner products of the effects' patterns at their usual
+        size, one a form, then of all nuisances.
     forms
         How many patterns each effect has.
     """
-    total = np.tensordot(counts.astype(np.float64), pairs, axes=1)
-    total[np.diag_indices(len(total))] += 1.0
-    factor = scipy.linalg.cho_factor(total, lower=True, check_finite=False)
-    inverse = scipy.linalg.cho_solve(factor, np.eye(len(total), sum(forms)), check_finite=False)
-    told, first = 0.0, 0
-    for count in forms:
-        own = inverse[first : first + count, first : first + count]
-        told -= 0.5 * float(np.linalg.slogdet(own)[1]) / count
-        first += count
-    return told
+
+    pairs: FloatArray
+    forms: Sequence[int]
+
+    def nats(self, counts: IntArray) -> float:
+        """Return what chosen conditions tell of the effects, the other effects being possible.
+
+        Of each effect ln det of the information on its forms' sizes, all else being uncertain by
+        a prior deviation of 1; an effect of many forms weighs no more than another.
+
+        Parameters
+        ----------
+        counts : (candidates,)
+            How often each is chosen.
+        """
+        total = np.tensordot(counts.astype(np.float64), self.pairs, axes=1)
+        total[np.diag_indices(len(total))] += 1.0
+        factor = scipy.linalg.cho_factor(total, lower=True, check_finite=False)
+        of_effects = np.eye(len(total), sum(self.forms))
+        inverse = scipy.linalg.cho_solve(factor, of_effects, check_finite=False)
+        told, first = 0.0, 0
+        for count in self.forms:
+            own = inverse[first : first + count, first : first + count]
+            told -= 0.5 * float(np.linalg.slogdet(own)[1]) / count
+            first += count
+        return told
+
+    def best(self, choices: Sequence[IntArray]) -> IntArray:
+        """Return the first of the choices that tell most."""
+        # Rounded, so that the last bits of another machine choose no other condition.
+        told = [round(self.nats(counts), 6) for counts in choices]
+        return choices[told.index(max(told))]
+
+    def filled(self, counts: IntArray, conditions: int) -> IntArray:
+        """Return the choice with as many more as make up a number of conditions."""
+        while counts.sum() < conditions and (more := list(_one_more(counts, _ROUNDS))):
+            counts = self.best(more)
+        return counts
 
 
-def _testable(problem: Problem, pairs: FloatArray, effects: Sequence[Effect]) -> IntArray:
+def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
+    """Return what each candidate tells, a specimen a batch.
+
+    Nuisances are calibration of the laws, courses, and the level that the batches share.
+    """
+    patterns = _usual_patterns(problem, [effect.id for effect in asked])
+    nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
+    # The mean level of batches is what all conditions share.
+    level = _batch_level(problem)[:, None] / np.sqrt(_BATCHES)
+    columns = np.concatenate([patterns, nuisances, level], axis=1)
+    edges = problem.whitened.first_row.tolist()
+    parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
+    return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
+
+
+def _testable(problem: Problem, told: Information, effects: Sequence[Effect]) -> IntArray:
     """Return how often to choose each candidate, so that every effect can be tested at all.
 
     The first candidate, at the palette's own conditions, is among them.
     """
     campaign = problem.campaign
-    forms = [len(e.forms) for e in effects]
     counts: IntArray = np.zeros(len(campaign.specimens), dtype=np.int64)
     counts[0] = 1
 
@@ -472,22 +512,14 @@ def _testable(problem: Problem, pairs: FloatArray, effects: Sequence[Effect]) ->
         return sum(untestable(e, trial) is not None for e in effects)
 
     while missing := lacking(counts):
-        steps = list(_choice_steps(counts, 1))
-        better = [step for step in steps if lacking(step) < missing] or steps
-        if not better:
+        choices = list(_one_more(counts, 1))
+        if not choices:
             break
-        counts = _best(better, pairs, forms)
+        counts = told.best([c for c in choices if lacking(c) < missing] or choices)
     return counts
 
 
-def filled(counts: IntArray, conditions: int, pairs: FloatArray, forms: Sequence[int]) -> IntArray:
-    """Return the choice with as many more as make up a number of conditions."""
-    while counts.sum() < conditions and (steps := list(_choice_steps(counts, _ROUNDS))):
-        counts = _best(steps, pairs, forms)
-    return counts
-
-
-def _choice_steps(counts: IntArray, most: int) -> Iterator[IntArray]:
+def _one_more(counts: IntArray, most: int) -> Iterator[IntArray]:
     """Yield every choice with one condition more."""
     for place in np.flatnonzero(counts < most).tolist():
         more = counts.copy()
@@ -495,18 +527,11 @@ def _choice_steps(counts: IntArray, most: int) -> Iterator[IntArray]:
         yield more
 
 
-def _best(steps: Sequence[IntArray], pairs: FloatArray, forms: Sequence[int]) -> IntArray:
-    """Return the first of the steps that tell most."""
-    # Rounded, so that the last bits of another machine choose no other condition.
-    told = [round(information(pairs, step, forms), 6) for step in steps]
-    return steps[told.index(max(told))]
-
-
 # ------------------------------------------------------------------------------------------------
 # A campaign that tells effects apart, within a budget of specimens.
 
 
-BATCHES = 2
+_BATCHES = 2
 """Every condition is printed once a batch, so that no condition goes with a batch."""
 
 _MOST = 400
@@ -602,19 +627,19 @@ def _designed(
     say("forward model of all candidates")
     problem = _problem(palette, printer, candidates, tuple(library.values()))
     say("choosing conditions")
-    pairs = _information_of_pairs(problem, asked, BATCHES)
-    counts = _testable(problem, pairs, [library[id] for id in asked])
-    least = BATCHES * int(counts.sum())
+    told = _information_of(problem, [library[id] for id in asked])
+    counts = _testable(problem, told, [library[id] for id in asked])
+    least = _BATCHES * int(counts.sum())
     if budget < least:
         raise ArgumentError(
             f"`budget` {budget}: too few specimens to test {', '.join(asked)}: it takes at least "
-            f"{least}, {least // BATCHES} conditions in {BATCHES} batches; raise the budget, or "
+            f"{least}, {least // _BATCHES} conditions in {_BATCHES} batches; raise the budget, or "
             "ask for fewer effects"
         )
-    counts = filled(counts, budget // BATCHES, pairs, [len(library[id].forms) for id in asked])
+    counts = told.filled(counts, budget // _BATCHES)
     campaign = _campaign(palette, printer, candidates, counts, asked)
     testable_ids = [id for id, e in library.items() if untestable(e, campaign) is None]
-    elimination = _elimination_of(problem, BATCHES * counts.astype(np.float64), BATCHES)
+    elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64), _BATCHES)
     return CampaignDesign(
         campaign=campaign,
         expected=_expected_of(problem, elimination, asked, testable_ids),
@@ -648,8 +673,8 @@ def _campaign(
     """Return the chosen conditions with a specimen a batch each."""
     specimens = []
     for number, place in enumerate(np.flatnonzero(counts).tolist(), start=1):
-        for copy in range(int(counts[place]) * BATCHES):
-            batch = copy % BATCHES + 1
+        for copy in range(int(counts[place]) * _BATCHES):
+            batch = copy % _BATCHES + 1
             specimens.append(
                 replace(candidates[place], id=f"D{number:02d}{'abcdefgh'[copy]}", batch=f"{batch}")
             )
@@ -685,8 +710,6 @@ _PREPARATION_H = 0.5
 _WAITING_SHARE = 0.02
 """Of an hour in which a specimen soaks or ages, what it costs."""
 
-_STRAIN = 0.3
-
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -698,141 +721,78 @@ class Trial:
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
-    """Return the candidate tests of a campaign, each of one specimen."""
-    reference = _next_reference(campaign, setup)
-    grades = [m for m in campaign.palette.materials if m.deformation == "elastic"]
-    soft, middle, hard = grades[0].id, grades[len(grades) // 2].id, grades[-1].id
-    r = setup.reference
-    rate = reference.rate_mm_s or 1.0
-    usual: Any = stated(r)
-    temperature, soak, age = usual.temperature_C, usual.soak_h, usual.age_days
-    width, thickness = reference.width_mm or 6.0, reference.thickness_mm or 3.0
-    changes: list[dict[str, Any]] = [
-        {"protocol": "monotonic"},
-        {"rate_mm_s": _next_round(rate * 10.0)},
-        {"rate_mm_s": _next_round(rate / 10.0)},
-        {"temperature_C": temperature + 15.0},
-        {"temperature_C": temperature - 8.0},
-        {"soak_h": soak + 24.0},
-        {"age_days": age + 60.0},
-        {"orientation": "z" if (r.orientation or "x") != "z" else "x"},
-        {"orientation": "y" if (r.orientation or "x") != "y" else "x"},
-        {"width_mm": 2.0 * width},
-        {"thickness_mm": 0.5 * thickness},
-        {"gauge_mm": _next_round(1.8 * reference.gauge_mm)},
-        {"protocol": "cyclic"},
-        {"protocol": "relaxation"},
-        {"material": soft},
-        {"material": middle},
-        {"material": hard},
-        {"material": soft, "protocol": "cyclic"},
-        {"material": hard, "protocol": "cyclic"},
-        {"profile": f"{soft} to {hard} in one step, strain along the bar"},
+    """Return the candidate tests of a campaign, each of one specimen.
+
+    Raises
+    ------
+    PaletteError
+        The palette has no elastic material.
+    """
+    palette, reference = campaign.palette, _usual_coupon(campaign, setup.reference)
+    _, (soft, middle, hard) = _elastic(palette)
+    own = stated(setup.reference)
+    known = {k: v for k, v in asdict(own).items() if k in reference}
+    ways = [
+        *_NEXT,
+        *({"material": m.id} for m in (soft, middle, hard)),
+        *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
+        {"profile": f"{soft.id} to {hard.id} in one step, strain along the bar"},
     ]
+    assert own.age_days is not None
     trials = []
-    for number, change in enumerate(changes):
-        if all(getattr(reference, k, None) == v for k, v in change.items()):
+    for number, way in enumerate(ways):
+        change = _changed(way, reference | known)
+        if all(reference.get(name) == value for name, value in change.items()):
             continue
-        specimen = _specimen(reference, change, number, campaign.palette, soft, hard)
-        trials.append(Trial(change, specimen, _hours(specimen, age)))
+        material, fields = change.get("material", reference["material"]), change
+        strain = virtual_strain(palette, [material])
+        if "profile" in change:
+            bar = _step_bar("step", reference["gauge_mm"], soft.coordinate, hard.coordinate)
+            strain, fields = virtual_strain(palette, ()), {"profile": bar}
+        specimen = _specimen(
+            palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100
+        )
+        area = (specimen.width_mm or 1.0) * (specimen.thickness_mm or 1.0)
+        at = np.maximum(specimen.strain, 1e-9)
+        force = predicted_stress_MPa(specimen, palette, at) * area
+        specimen = replace(specimen, force_N=force)
+        trials.append(Trial(change, specimen, _hours(specimen, own.age_days)))
     return tuple(trials)
 
 
-def _trial_campaign(campaign: Campaign, trials: tuple[Trial, ...]) -> Campaign:
-    """Return the trials as a campaign, measured as the palette predicts."""
-    specimens = tuple(t.specimen for t in trials)
-    return replace(campaign, specimens=specimens, covariates=(), remarks=())
-
-
-def _next_reference(campaign: Campaign, setup: Setup) -> Specimen:
-    """Return the coupon that stands nearest to the palette's conditions, most usual in size."""
-    r = setup.reference
+def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
+    """Return the coupon nearest to the palette's conditions, most usual in size, as at these."""
     coupons = [s for s in campaign.specimens if s.profile is None] or list(campaign.specimens)
+    sizes = [(s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
+    usual = max(set(sizes), key=sizes.count)
+    conditions = ("temperature_C", "soak_h", "age_days", "orientation")
 
     def departures(s: Specimen) -> int:
-        rate = None if s.rate_mm_s is None else s.rate_mm_s / s.gauge_mm
-        near = (
-            rate is None
-            or r.strain_rate_per_s is None
-            or (abs(np.log(rate / r.strain_rate_per_s)) < 0.3)
-        )
-        same = sum(
-            getattr(s, name) not in (None, getattr(r, name))
-            for name in ("temperature_C", "soak_h", "age_days", "orientation")
-        )
-        sizes = [(o.width_mm, o.thickness_mm, o.gauge_mm) for o in coupons]
-        usual = max(set(sizes), key=sizes.count)
-        return int(not near) + same + int((s.width_mm, s.thickness_mm, s.gauge_mm) != usual)
+        apart = sum(getattr(s, name) not in (None, getattr(own, name)) for name in conditions)
+        if s.rate_mm_s is not None and own.strain_rate_per_s is not None:
+            apart += abs(np.log(s.rate_mm_s / s.gauge_mm / own.strain_rate_per_s)) >= 0.3
+        return apart + ((s.width_mm, s.thickness_mm, s.gauge_mm) != usual)
 
     best = min(coupons, key=departures)
-    rate = best.rate_mm_s
-    if r.strain_rate_per_s is not None:
-        rate = r.strain_rate_per_s * best.gauge_mm
-    return replace(
-        best,
-        profile=None,
-        material=best.material or campaign.palette.materials[0].id,
-        measured_width_mm=None,
-        measured_thickness_mm=None,
-        width_mm=best.width_mm or best.measured_width_mm or 6.0,
-        thickness_mm=best.thickness_mm or best.measured_thickness_mm or 3.0,
-        rate_mm_s=rate or 1.0,
-        temperature_C=r.temperature_C,
-        soak_h=r.soak_h,
-        age_days=r.age_days,
-        orientation=r.orientation,
-        protocol="monotonic",
-        strain_field=None,
-        covariates={},
-        batch=None,
-    )
-
-
-def _specimen(
-    reference: Specimen,
-    change: Mapping[str, Any],
-    number: int,
-    palette: Palette,
-    soft: str,
-    hard: str,
-) -> Specimen:
-    fields = {k: v for k, v in change.items() if k != "profile"}
-    specimen = replace(reference, id=f"trial-{number:02d}", **fields)
-    scale = specimen.gauge_mm / reference.gauge_mm
-    rate = (specimen.rate_mm_s or 1.0) * (scale if "rate_mm_s" not in change else 1.0)
-    strain = min(_STRAIN, 0.6 * palette.resolve(specimen.material or soft).elongation_at_break)
-    if "profile" in change:
-        x = np.array([0.0, 0.5, 0.5, 1.0]) * specimen.gauge_mm
-        ends = [palette.resolve(soft).coordinate, palette.resolve(hard).coordinate]
-        design = ProfileDesign("step", x, np.repeat(ends, 2))
-        specimen = replace(specimen, material=None, profile=design)
-        strain = 0.5 * _STRAIN
-    path = loading_path(
-        specimen.protocol or "monotonic",
-        to_displacement_mm=strain * specimen.gauge_mm,
-        rate_mm_s=rate,
-        hold_s=HOLD_S,
-    )
-    area = (specimen.width_mm or 1.0) * (specimen.thickness_mm or 1.0)
-    at = np.maximum(path.displacement_mm / specimen.gauge_mm, 1e-9)
-    force = predicted_stress_MPa(specimen, palette, at) * area
-    return replace(
-        specimen,
-        rate_mm_s=rate,
-        time_s=path.time_s,
-        displacement_mm=path.displacement_mm,
-        force_N=force,
-    )
+    usual_size, rate = SpecimenSize(), best.rate_mm_s
+    if own.strain_rate_per_s is not None:
+        rate = own.strain_rate_per_s * best.gauge_mm
+    return {
+        "material": best.material or campaign.palette.materials[0].id,
+        "width_mm": best.width_mm or best.measured_width_mm or usual_size.width_mm,
+        "thickness_mm": best.thickness_mm or best.measured_thickness_mm or usual_size.thickness_mm,
+        "gauge_mm": best.gauge_mm,
+        "rate_mm_s": rate or 1.0,
+        **{name: getattr(own, name) for name in conditions},
+        "protocol": "monotonic",
+        "time_recorded": best.time_recorded,
+    }
 
 
 def _hours(specimen: Specimen, least_days: float) -> float:
     test_h = float(specimen.time_s[-1]) / 3600.0
     waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
     return _PREPARATION_H + test_h + _WAITING_SHARE * waiting
-
-
-def _next_round(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -889,7 +849,9 @@ def _predicted(
     problem: Problem, candidates: Sequence[Candidate], trials: Sequence[Trial]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d)."""
-    observed = observation_model(_trial_campaign(problem.campaign, tuple(trials)))
+    specimens = tuple(t.specimen for t in trials)
+    campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
+    observed = observation_model(campaign)
     table, laws = observed.table, observed.laws
     ways = calibrations(problem.campaign.palette, observed.setup)
     setups = [observed.setup, *(way.applied(observed.setup, step(way)) for way in ways)]

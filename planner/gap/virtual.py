@@ -83,6 +83,7 @@ def virtual_specimen(
     strain: float,
     hold_s: float = HOLD_S,
     camera: bool = False,
+    steps: int | None = None,
     **fields: Any,
 ) -> Specimen:
     """Return a specimen with the time and travel of its test; its force is a stand-in.
@@ -95,6 +96,8 @@ def virtual_specimen(
         How far a coupon is pulled; see `virtual_strain`.
     camera
         Whether a bar's strain is seen along its axis.
+    steps
+        Of each leg of its path; 160 in all by default.
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
@@ -106,7 +109,7 @@ def virtual_specimen(
         protocol,
         to_displacement_mm=end_mm,
         rate_mm_s=rate,
-        steps=_PLANNED_ROWS if protocol == "monotonic" else _PLANNED_ROWS // 2,
+        steps=steps or (_PLANNED_ROWS if protocol == "monotonic" else _PLANNED_ROWS // 2),
         hold_s=hold_s,
     )
     seen = None
