@@ -5,20 +5,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
-from planner.fields.basic import project
-from planner.formats.stl import decode_stl
 from planner.formats.tables import finite_number, read_columns, read_records
-from planner.grading.dither import dithered_profile, is_dithered
-from planner.mesh.mesh import Mesh, weld
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan, Region, plan_file, read_plan
-from planner.voxels.columns import Grid, iterate_columns
+
+if TYPE_CHECKING:
+    # Cutting a plan's shells takes meshes, voxels and dithers; coupons and profiles do not.
+    from planner.mesh.mesh import Mesh
+    from planner.voxels.columns import Grid
 
 __all__ = [
     "Bar",
@@ -190,6 +190,9 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     UnknownNameError
         The palette lacks a material of the plan.
     """
+    from planner.grading.dither import dithered_profile, is_dithered
+    from planner.voxels.columns import iterate_columns
+
     direction, start_mm, span_mm = _axis(plan.gradient.field)
     mesh = _turned(_shells(folder, plan), direction)
     grid = _grid(mesh, start_mm, span_mm, slices)
@@ -236,8 +239,11 @@ def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
     return (x, y, z), start_mm, span_mm
 
 
-def _shells(folder: Path, plan: Plan) -> Mesh:
+def _shells(folder: Path, plan: Plan) -> "Mesh":
     """Read all shells as one mesh; where two touch, their faces cancel in winding numbers."""
+    from planner.formats.stl import decode_stl
+    from planner.mesh.mesh import Mesh, weld
+
     soups = [decode_stl(shell.stl, shell.file) for shell in plan.shells]
     files = {} if soups else {region.file: region.sha256 for region in plan.regions}
     for file, expected in files.items():
@@ -260,8 +266,11 @@ def _shells(folder: Path, plan: Plan) -> Mesh:
     return Mesh(vertices.astype(np.float64), faces)
 
 
-def _turned(mesh: Mesh, direction: tuple[float, float, float]) -> Mesh:
+def _turned(mesh: "Mesh", direction: tuple[float, float, float]) -> "Mesh":
     """Turn a mesh so that `direction` becomes z, exactly where it is an axis of coordinates."""
+    from planner.fields.basic import project
+    from planner.mesh.mesh import Mesh
+
     n = np.array(direction)
     across = np.zeros(3)
     across[(int(np.argmax(np.abs(n))) + 1) % 3] = 1.0
@@ -272,8 +281,10 @@ def _turned(mesh: Mesh, direction: tuple[float, float, float]) -> Mesh:
     return Mesh(np.stack(rows, axis=1), mesh.faces)
 
 
-def _grid(mesh: Mesh, start_mm: float, span_mm: float, slices: int) -> Grid:
+def _grid(mesh: "Mesh", start_mm: float, span_mm: float, slices: int) -> "Grid":
     """Return a grid that fits the section's bounding box with whole voxels."""
+    from planner.voxels.columns import Grid
+
     (low_x, low_y, _), (high_x, high_y, _) = mesh.bounds_mm.tolist()
     width, height = high_x - low_x, high_y - low_y
     finest = max(width, height) / _ACROSS
@@ -516,6 +527,8 @@ def _of_plan(
         ]
     else:
         notes = []
+    from planner.grading.dither import dithered_profile, is_dithered
+
     by_stretch = {region.field: region for region in plan.regions}  # two of each, where dithered
     regions = [by_stretch[field] for field in sorted(by_stretch)]
     _check_whole(regions, where)
