@@ -275,18 +275,29 @@ def detection(name: str, seeds: range) -> tuple[int, int, int]:
 
 
 def test_clean_campaigns_are_clean() -> None:
-    """At most one in a hundred; of two thousand others none had a problem named."""
-    assert len({seed for seed, _ in alarms(range(100))}) <= 1
+    """None of sixty: were one in twenty called wrong, that had a chance of 0.95^60 = 5 %."""
+    assert alarms(range(60)) == []
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_planted_faults_are_found(name: str) -> None:
-    found, wrong, planted = detection(name, range(5000, 5020))
+    """Of eight: what is found in 84 % of campaigns is in at least five with a chance of 97 %."""
+    few = "one of 3 or 4" in name  # campaigns that have such replicates
+    found, wrong, planted = detection(name, range(5000, 5020 if few else 5008))
     assert planted >= 1
     assert wrong <= 1
+    if not few:
+        assert found >= 0.6 * planted
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAULTS)
+def test_planted_faults_are_found_in_many_campaigns(name: str) -> None:
+    """The table in the reference: 84 % and more, but where scatter hides what is no unit."""
+    found, wrong, planted = detection(name, range(5000, 5200))
+    assert wrong <= 0.05 * planted
     if "one of 3 or 4" not in name:
-        # Of 200 campaigns 84 % and more are found, see the table in the reference.
-        assert found >= 0.75 * planted
+        assert found >= 0.84 * planted
 
 
 @pytest.mark.slow
