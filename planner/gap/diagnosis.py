@@ -191,6 +191,29 @@ class Traces:
     specimens: tuple[str, ...] = ()
     columns: Mapping[str, tuple[float | str | None, ...]] = field(default_factory=dict)
 
+    @property
+    def rows(self) -> list[list[int]]:
+        """The rows of `measured_N` that belong to each test."""
+        ids = self.specimens or [id for ids in self.specimen_ids for id in ids]
+        places = {id: row for row, id in enumerate(ids)}
+        return [[places[id] for id in ids if id in places] for ids in self.specimen_ids]
+
+    def errors(self, predicted_N: FloatArray) -> FloatArray:
+        """Return measured less predicted over the test's largest force, (n, T); NaN if unknown.
+
+        Parameters
+        ----------
+        predicted_N : (P, T)
+            `before_N` or `after_N`.
+        """
+        errors = np.full(self.measured_N.shape, np.nan)
+        for predicted, rows in zip(predicted_N, self.rows, strict=True):
+            for row in rows:
+                largest = np.nanmax(np.abs(self.measured_N[row]), initial=0.0)
+                if largest > 0.0:
+                    errors[row] = (self.measured_N[row] - predicted) / largest
+        return errors
+
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:

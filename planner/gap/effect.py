@@ -18,7 +18,6 @@ from planner.simulation.bar_solver import Setup
 
 __all__ = [
     "PEAK",
-    "STAGES",
     "STANDARD",
     "Advice",
     "Apply",
@@ -40,7 +39,7 @@ __all__ = [
 
 
 Stage = Literal["composition", "law", "geometry", "boundary", "sensor"]
-STAGES: tuple[Stage, ...] = get_args(Stage)
+_STAGES: tuple[Stage, ...] = get_args(Stage)
 """In the order in which a specimen comes to be; effects act in this order."""
 
 Values = Mapping[str, float]
@@ -170,8 +169,8 @@ class Effect:
 
     @property
     def order(self) -> int:
-        """The place of its stage among `STAGES`."""
-        return STAGES.index(self.stage)
+        """The place of its stage among `_STAGES`."""
+        return _STAGES.index(self.stage)
 
     def form(self, name: str) -> Form | None:
         """Return a form by its name."""

@@ -2,23 +2,17 @@
 
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Location, Traces
-from planner.numerics import BoolArray, FloatArray
+from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces
+from planner.numerics import FloatArray
 from planner.report.gap_text import axis_words, id_of, p_value, percent, probability, unit_of
 from planner.report.svg import (
-    AFTER,
-    BASELINE,
-    BEFORE,
     GREY,
     INK,
-    MEASURED,
-    PALE,
-    QUIET,
     Chart,
     disc,
     frame,
@@ -26,69 +20,115 @@ from planner.report.svg import (
     picture,
     rectangle,
     ring,
+    runs,
     segment,
     text,
     ticks,
     upright,
 )
 
-__all__ = [
-    "closure_figure",
-    "curves_figure",
-    "error_along",
-    "error_of_tests",
-    "evidence_figure",
-    "points_along",
-    "residual_figure",
-]
+__all__ = ["figures_of", "points_along"]
+
+
+def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
+    """Return the figures as SVG by their names; those of curves where there are traces."""
+    drawn = {
+        "residuals": _residual_figure(diagnosis),
+        "evidence": _evidence_figure(diagnosis),
+        "closure": _closure_figure(diagnosis),
+        "curves": _curves_figure(diagnosis),
+    }
+    return {name: svg for name, svg in drawn.items() if svg is not None}
 
 
 # ------------------------------------------------------------------------------------------------
-# Errors of force along measured curves, relative to the largest force of each test.
+# Colours that mean the same in every figure, told apart by the colour-blind and in grey.
 
 
-def _rows_of_test(traces: Traces, test: int) -> Sequence[int]:
-    """Return the rows of `measured_N` that belong to a test."""
-    places = {id: row for row, id in enumerate(_ids(traces))}
-    return [places[id] for id in traces.specimen_ids[test] if id in places]
+_BEFORE = "#c0562b"
+"""What the palette alone predicts."""
+
+_AFTER = "#1f5fa8"
+"""With the verdict's effects."""
+
+_BASELINE = "#9aa3ad"
+"""What the effects are held against."""
+
+_PALE = "#c9d8ea"
+"""The part of a bar that needs something unknown."""
+
+_QUIET = "#5c5c5c"
+"""Notes."""
+
+_GRID = "#e4e4e4"
 
 
-def _test_of_rows(traces: Traces) -> dict[int, int]:
-    """Return the test of each row of `measured_N`."""
-    return {row: test for test in range(len(traces.label)) for row in _rows_of_test(traces, test)}
+# ------------------------------------------------------------------------------------------------
+# What figures share: panels in rows, and bars from the left.
 
 
-def error_along(traces: Traces, predicted_N: FloatArray) -> FloatArray:
-    """Return measured less predicted over the test's largest force, (n, T); NaN where unknown.
+_Panel = Callable[[float, float], Iterator[str]]
+"""Of its left and top."""
 
-    Parameters
-    ----------
-    predicted_N : (P, T)
-        `before_N` or `after_N`.
-    """
-    errors = np.full(traces.measured_N.shape, np.nan)
-    for row, test in _test_of_rows(traces).items():
-        predicted, measured = predicted_N[test], traces.measured_N[row]
-        largest = np.nanmax(np.abs(measured), initial=0.0)
-        if largest > 0.0:
-            errors[row] = (measured - predicted) / largest
-    return errors
+_TOP = 84.0
 
 
-def error_of_tests(traces: Traces) -> FloatArray:
-    """Return each test's root mean square error before, (P,); NaN where nothing was measured."""
-    squares = error_along(traces, traces.before_N) ** 2
-    found = np.full(len(traces.label), np.nan)
-    for test in range(len(traces.label)):
-        of_test = squares[list(_rows_of_test(traces, test))]
-        if np.isfinite(of_test).any():
-            found[test] = np.sqrt(np.nanmean(of_test))
-    return found
+def _panels(
+    panels: Sequence[_Panel], across: int, left: float, cell: tuple[float, float]
+) -> tuple[list[str], float, float]:
+    """Return panels set in rows, and where the last cells end."""
+    parts: list[str] = []
+    for number, panel in enumerate(panels):
+        row, column = divmod(number, across)
+        parts += panel(left + column * cell[0], _TOP + row * cell[1])
+    rows = math.ceil(len(panels) / across)
+    return parts, min(len(panels), across) * cell[0], _TOP + rows * cell[1]
 
 
-def _ids(traces: Traces) -> Sequence[str]:
-    """Return the specimens in the order of `measured_N`; that of the tests where none is given."""
-    return traces.specimens or [id for ids in traces.specimen_ids for id in ids]
+_BARS_LEFT, _BARS_WIDTH, _BARS_RIGHT = 290.0, 380.0, 90.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Bar:
+    """A name, stretches of the bar by width and colour, a whisker, and what to write at its end."""
+
+    name: str
+    stretches: Sequence[tuple[float, str]]
+    words: str
+    whisker: tuple[float, float] | None = None
+
+
+def _bars(
+    bars: Sequence[_Bar],
+    marks: Sequence[tuple[float, str]],
+    *,
+    top: float,
+    step: float,
+    height: float,
+    above: float,
+) -> Iterator[str]:
+    """Draw bars below each other, over a grid with its marks; all widths in pixels."""
+    bottom = top + step * max(len(bars), 1)
+    for x, words in marks:
+        x += _BARS_LEFT
+        yield segment((x, top - above), (x, bottom), colour=_GRID)
+        yield text(x, bottom + 16.0, words, anchor="middle", colour=_QUIET)
+    for number, bar in enumerate(bars):
+        first = top + step * number
+        middle = first + 0.5 * height
+        yield text(_BARS_LEFT - 10.0, middle + 4.0, bar.name, anchor="end")
+        end = _BARS_LEFT
+        for width, colour in bar.stretches:
+            yield rectangle(end, first, width, height, colour=colour)
+            end += width
+        if bar.whisker is not None:
+            ends = [_BARS_LEFT + x for x in bar.whisker]
+            yield segment((ends[0], middle), (ends[1], middle), colour=INK, width=1.5)
+            for x in ends:
+                yield segment((x, middle - 4.0), (x, middle + 4.0), colour=INK, width=1.5)
+            end = max(end, ends[1])
+        yield text(end + 8.0, middle + 4.0, bar.words)
+    yield segment((_BARS_LEFT, top - above), (_BARS_LEFT, bottom), colour=GREY)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -164,49 +204,44 @@ def _specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
 def _along_curves(traces: Traces, axis: str) -> Points | None:
     """Return the mean error of each test along its curve, at steps that lie apart."""
     x_of_tests = _strain(traces) if axis == "strain" else traces.time_s
-    before, after = (error_along(traces, f) for f in (traces.before_N, traces.after_N))
-    parts: list[FloatArray] = []
-    for test, rows in _rows_of_tests(traces):
-        x = x_of_tests[test]
+    before, after = (traces.errors(f) for f in (traces.before_N, traces.after_N))
+    parts: list[tuple[float, ...]] = []
+    for test, (x, rows) in enumerate(zip(x_of_tests, traces.rows, strict=True)):
+        stop = len(x)
         if axis == "strain":  # first loading alone: on the way back the same strains come again
             stop = int(np.nanargmax(x)) + 1 if np.isfinite(x).any() else 0
-        else:
-            stop = len(x)
         steps = np.linspace(0, max(stop - 1, 0), _CURVE_STEPS).round().astype(np.intp)
         for i in np.unique(steps).tolist():
             if np.isfinite(x[i]) and np.isfinite(before[rows, i]).any():
-                errors = [_mean(e[rows, i]) for e in (before, after)]
-                parts.append(np.array([x[i], *errors, float(test)]))
-    if not parts:
-        return None
-    table = np.stack(parts)
+                parts.append((x[i], *(_mean(e[rows, i]) for e in (before, after)), float(test)))
+    table = np.array(parts).reshape(-1, 4)
     log = False
     if axis == "time":
         table = table[table[:, 0] > 0.0]
-        if not len(table):
-            return None
-        log = bool(table[:, 0].max() >= _LOG_FROM * table[:, 0].min())
+        log = len(table) > 0 and bool(table[:, 0].max() >= _LOG_FROM * table[:, 0].min())
         table[:, 0] = np.log10(table[:, 0]) if log else table[:, 0]
+    if not len(table):
+        return None
     return Points(table[:, 0], table[:, 1], table[:, 2], log=log, of_curve=table[:, 3])
 
 
 def _of_branches(traces: Traces) -> Points | None:
     """Return each specimen's mean error on each way of its path."""
-    before, after = (error_along(traces, f) for f in (traces.before_N, traces.after_N))
-    rows: list[tuple[float, float, float]] = []
-    for row, test in _test_of_rows(traces).items():
-        branch = _branch_of_steps(traces.travel_mm[test])
-        for place in range(len(_BRANCHES)):
-            on = branch == place
-            if on.any() and np.isfinite(before[row, on]).any():
-                rows.append((float(place), _mean(before[row, on]), _mean(after[row, on])))
-    if not rows:
+    before, after = (traces.errors(f) for f in (traces.before_N, traces.after_N))
+    parts: list[tuple[float, float, float]] = []
+    for travel, rows in zip(traces.travel_mm, traces.rows, strict=True):
+        branch = _branch_of_steps(travel)
+        for row in rows:
+            for place in range(len(_BRANCHES)):
+                on = branch == place
+                if on.any() and np.isfinite(before[row, on]).any():
+                    parts.append((float(place), _mean(before[row, on]), _mean(after[row, on])))
+    if not parts:
         return None
-    table = np.array(rows)
-    there = sorted(set(table[:, 0].tolist()))
-    x = np.searchsorted(there, table[:, 0]).astype(np.float64)
+    places, befores, afters = np.array(parts).T
+    there, x = np.unique(places, return_inverse=True)
     names = tuple(_BRANCHES[int(place)] for place in there)
-    return Points(x, table[:, 1], table[:, 2], names=names)
+    return Points(x.astype(np.float64), befores, afters, names=names)
 
 
 def _branch_of_steps(travel: FloatArray) -> FloatArray:
@@ -232,18 +267,11 @@ def _strain(traces: Traces) -> FloatArray:
     """Return travel over gauge length, (P, T); NaN where the gauge length is not known."""
     gauges = traces.columns.get("gauge_mm", ())
     strain = np.full(traces.travel_mm.shape, np.nan)
-    for test, rows in _rows_of_tests(traces):
-        gauge = gauges[rows[0]] if rows[0] < len(gauges) else None
+    for test, rows in enumerate(traces.rows):
+        gauge = gauges[rows[0]] if rows and rows[0] < len(gauges) else None
         if isinstance(gauge, (int, float)) and gauge > 0.0:
             strain[test] = traces.travel_mm[test] / gauge
     return strain
-
-
-def _rows_of_tests(traces: Traces) -> Iterator[tuple[int, list[int]]]:
-    rows: dict[int, list[int]] = {}
-    for row, test in _test_of_rows(traces).items():
-        rows.setdefault(test, []).append(row)
-    yield from sorted(rows.items())
 
 
 def _mean(values: FloatArray) -> float:
@@ -255,60 +283,47 @@ def _mean(values: FloatArray) -> float:
 # Where the gap lies: errors of force along the leading axes, before and after.
 
 
-_RESIDUAL_MOST, _RESIDUAL_ACROSS = 4, 2
-_RESIDUAL_WIDTH, _RESIDUAL_HEIGHT = 350.0, 190.0
-_RESIDUAL_CELL_WIDTH, _RESIDUAL_CELL_HEIGHT, _RESIDUAL_LEFT, _RESIDUAL_TOP = (
-    440.0,
-    280.0,
-    66.0,
-    84.0,
-)
+_SHOWN, _ACROSS = 4, 2
 _SHIFT = 5.0
 _CHARACTER = 7.0
 _NAMES = 14
 _SIGNIFICANT = 0.05
-_OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0, "")
+_OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
 
-def residual_figure(diagnosis: Diagnosis) -> bytes | None:
+def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
     """Return the figure as SVG; None where there are no traces along any axis found."""
     traces = diagnosis.traces
     if traces is None:
         return None
     places = [p for p in diagnosis.where if p.p < _SIGNIFICANT] or list(diagnosis.where[:1])
-    if len(places) < _RESIDUAL_ACROSS and all(p.axis != "material" for p in places):
+    if len(places) < _ACROSS and all(p.axis != "material" for p in places):
         places.append(_OVERALL)
     found = [(place, points_along(traces, place.axis)) for place in places]
-    panels = [(place, points) for place, points in found if points is not None][:_RESIDUAL_MOST]
-    panels = [(place, points) for place, points in panels if np.isfinite(points.before).any()]
-    if not panels:
+    shown = [(place, points) for place, points in found if points is not None][:_SHOWN]
+    shown = [(place, points) for place, points in shown if np.isfinite(points.before).any()]
+    if not shown:
         return None
-    title = "Measured force above (+) or below (-) prediction"
     has_after = diagnosis.verdict not in ("none", "unknown") and any(
-        np.isfinite(points.after).any() for _, points in panels
+        np.isfinite(points.after).any() for _, points in shown
     )
-    parts = [text(20.0, 28.0, title, size=15.0), *_residual_key(has_after)]
     if not has_after:
-        panels = [(p, replace(q, after=np.full_like(q.before, np.nan))) for p, q in panels]
-    y_range = _y_range([points for _, points in panels])
-    for number, (place, points) in enumerate(panels):
-        row, column = divmod(number, _RESIDUAL_ACROSS)
-        left, top = (
-            _RESIDUAL_LEFT + column * _RESIDUAL_CELL_WIDTH,
-            _RESIDUAL_TOP + row * _RESIDUAL_CELL_HEIGHT,
+        shown = [(p, replace(q, after=np.full_like(q.before, np.nan))) for p, q in shown]
+    y_range = _y_range([points for _, points in shown])
+
+    def panel(place: Location, points: Points) -> _Panel:
+        return lambda left, top: _residual_panel(
+            place, points, Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
         )
-        parts += _residual_panel(
-            place,
-            points,
-            Chart(left, top + 20.0, _RESIDUAL_WIDTH, _RESIDUAL_HEIGHT, _x_range(points), y_range),
-        )
-    rows, columns = math.ceil(len(panels) / _RESIDUAL_ACROSS), min(len(panels), _RESIDUAL_ACROSS)
+
+    panels = [panel(place, points) for place, points in shown]
+    parts, width, height = _panels(panels, _ACROSS, 66.0, (440.0, 280.0))
     return picture(
-        columns * _RESIDUAL_CELL_WIDTH + 16.0,
-        _RESIDUAL_TOP + rows * _RESIDUAL_CELL_HEIGHT - 16.0,
-        parts,
-        title=title,
+        width + 16.0,
+        height - 16.0,
+        [*_residual_key(has_after), *parts],
+        title="Measured force above (+) or below (-) prediction",
     )
 
 
@@ -316,36 +331,30 @@ def _residual_panel(place: Location, points: Points, chart: Chart) -> Iterator[s
     yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
-    ends = chart.y_range
     marks = _x_ticks(points, chart)
     blank = [(value, "") for value, _ in marks]
     yield from frame(chart, x_label="", y_label="", x_ticks=blank, most_ticks=7)
     yield from _x_words(chart, marks, label)
     zero = chart.y(0.0)
     yield segment((chart.left, zero), (chart.left + chart.width, zero), colour=GREY, width=1.2)
-    yield upright(
-        chart.left - 46.0,
-        chart.top + 0.5 * chart.height,
-        "error of force, %",
-        colour=QUIET,
-        size=11.0,
-    )
-    for errors, colour, shift, hollow in (
-        (points.before, BEFORE, -_SHIFT, True),
-        (points.after, AFTER, _SHIFT, False),
+    yield _upright_label(chart, 46.0, "error of force, %")
+    across = (chart.x_range[1] - chart.x_range[0]) / chart.width
+    for errors, colour, shift, mark, dash in (
+        (points.before, _BEFORE, -_SHIFT, ring, "6,4"),
+        (points.after, _AFTER, _SHIFT, disc, ""),
     ):
-        y = np.clip(100.0 * errors, *ends)
-        if points.of_curve is not None:
-            yield from _lines(points, y, chart, colour=colour, dash="6,4" if hollow else "")
-            continue
-        across = (chart.x_range[1] - chart.x_range[0]) / chart.width
-        x = points.x + shift * across
-        if points.joined:
-            yield from _means(points, x, y, chart, colour=colour, dash="6,4" if hollow else "")
-        for a, b in zip(x.tolist(), y.tolist(), strict=True):
-            if math.isfinite(a) and math.isfinite(b):
-                mark = ring if hollow else disc
-                yield mark(chart.x(a), chart.y(b), colour=colour, radius=3.2)
+        y = np.clip(100.0 * errors, *chart.y_range)
+        x = points.x if points.of_curve is not None else points.x + shift * across
+        for line_x, line_y in _lines(points, x, y):
+            yield line(chart, line_x, line_y, colour=colour, width=1.3, dash=dash)
+        if points.of_curve is None:
+            for i in np.flatnonzero(np.isfinite(x) & np.isfinite(y)):
+                yield mark(chart.x(float(x[i])), chart.y(float(y[i])), colour=colour, radius=3.2)
+
+
+def _upright_label(chart: Chart, left_by: float, words: str) -> str:
+    middle = chart.top + 0.5 * chart.height
+    return upright(chart.left - left_by, middle, words, colour=_QUIET, size=11.0)
 
 
 def _heading(place: Location) -> str:
@@ -356,27 +365,19 @@ def _heading(place: Location) -> str:
     return f"{heading}: {percent(place.share)} of the gap, {p_value(place.p)}"
 
 
-def _lines(points: Points, y: FloatArray, chart: Chart, *, colour: str, dash: str) -> Iterator[str]:
-    assert points.of_curve is not None
-    for curve in np.unique(points.of_curve):
-        on = (points.of_curve == curve) & np.isfinite(y)
-        if on.sum() > 1:
-            yield line(chart, points.x[on], y[on], colour=colour, width=1.3, dash=dash)
-
-
-def _means(
-    points: Points, x: FloatArray, y: FloatArray, chart: Chart, *, colour: str, dash: str
-) -> Iterator[str]:
-    """Join the means of the axis' levels."""
-    level = np.round(points.x, 9)
-    known = np.isfinite(level) & np.isfinite(y)
-    levels = np.unique(level[known])
-    if len(levels) < 2:
-        return
-    at = [known & (level == one) for one in levels]
-    across = np.array([x[on].mean() for on in at])
-    up = np.array([y[on].mean() for on in at])
-    yield line(chart, across, up, colour=colour, width=1.3, dash=dash)
+def _lines(points: Points, x: FloatArray, y: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the lines to draw: along each curve, or through the means of the axis' levels."""
+    if points.of_curve is not None:
+        for curve in np.unique(points.of_curve):
+            on = (points.of_curve == curve) & np.isfinite(y)
+            if on.sum() > 1:
+                yield x[on], y[on]
+    elif points.joined:
+        level = np.round(points.x, 9)
+        known = np.isfinite(level) & np.isfinite(y)
+        at = [known & (level == one) for one in np.unique(level[known])]
+        if len(at) > 1:
+            yield np.array([x[on].mean() for on in at]), np.array([y[on].mean() for on in at])
 
 
 def _x_range(points: Points) -> tuple[float, float]:
@@ -430,99 +431,87 @@ def _y_range(panels: Sequence[Points]) -> tuple[float, float]:
 
 def _residual_key(has_after: bool) -> Iterator[str]:
     y = 48.0
-    yield ring(26.0, y, colour=BEFORE, radius=3.2)
-    yield segment((34.0, y), (56.0, y), colour=BEFORE, width=1.5, dash="6,4")
-    yield text(62.0, y + 4.0, "palette alone", colour=QUIET)
+    yield ring(26.0, y, colour=_BEFORE, radius=3.2)
+    yield segment((34.0, y), (56.0, y), colour=_BEFORE, width=1.5, dash="6,4")
+    yield text(62.0, y + 4.0, "palette alone", colour=_QUIET)
     if has_after:
-        yield disc(166.0, y, colour=AFTER, radius=3.2)
-        yield segment((174.0, y), (196.0, y), colour=AFTER, width=1.5)
-        yield text(202.0, y + 4.0, "with the verdict's effects", colour=QUIET)
+        yield disc(166.0, y, colour=_AFTER, radius=3.2)
+        yield segment((174.0, y), (196.0, y), colour=_AFTER, width=1.5)
+        yield text(202.0, y + 4.0, "with the verdict's effects", colour=_QUIET)
 
 
 # ------------------------------------------------------------------------------------------------
 # Predicted against measured curves of the tests with the largest gap, side by side.
 
 
-_CURVES_MOST, _CURVES_ACROSS = 6, 3
-_CURVES_WIDTH, _CURVES_HEIGHT = 220.0, 150.0
-_CURVES_CELL_WIDTH, _CURVES_CELL_HEIGHT, _CURVES_LEFT, _CURVES_TOP = 292.0, 256.0, 62.0, 84.0
+_TESTS = 6
 _LABEL, _DOTS = 36, 22
 _HELD = 0.5
 
 
-def curves_figure(diagnosis: Diagnosis) -> bytes | None:
+def _curves_figure(diagnosis: Diagnosis) -> bytes | None:
     """Return the figure as SVG; None where there is nothing to draw."""
     traces = diagnosis.traces
     if traces is None:
         return None
     if diagnosis.verdict in ("none", "unknown"):  # no effects to draw
         traces = replace(traces, after_N=np.full_like(traces.before_N, np.nan))
-    errors = error_of_tests(traces)
+    squares = traces.errors(traces.before_N) ** 2
+    errors = np.array([_mean(squares[rows]) for rows in traces.rows])
     order = [p for p in np.argsort(-errors, kind="stable").tolist() if np.isfinite(errors[p])]
-    shown = order[:_CURVES_MOST]
+    shown = order[:_TESTS]
     if not shown:
         return None
     title = "The tests with the largest gap" if len(order) > len(shown) else "Every test"
-    parts = [text(20.0, 28.0, f"{title}: predicted and measured", size=15.0), *_curves_key(traces)]
-    for number, test in enumerate(shown):
-        row, column = divmod(number, _CURVES_ACROSS)
-        parts += _curves_panel(
-            traces,
-            test,
-            _CURVES_LEFT + column * _CURVES_CELL_WIDTH,
-            _CURVES_TOP + row * _CURVES_CELL_HEIGHT,
-        )
-    rows, columns = math.ceil(len(shown) / _CURVES_ACROSS), min(len(shown), _CURVES_ACROSS)
-    width = max(columns * _CURVES_CELL_WIDTH + 20.0, 470.0)
-    return picture(width, _CURVES_TOP + rows * _CURVES_CELL_HEIGHT + 4.0, parts, title=title)
+
+    def panel(test: int) -> _Panel:
+        return lambda left, top: _curves_panel(traces, test, left, top)
+
+    parts, width, height = _panels([panel(test) for test in shown], 3, 62.0, (292.0, 256.0))
+    return picture(
+        max(width + 20.0, 470.0),
+        height + 4.0,
+        [*_curves_key(traces), *parts],
+        title=title,
+        heading=f"{title}: predicted and measured",
+    )
 
 
 def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterator[str]:
-    measured = traces.measured_N[list(_rows_of_test(traces, test))]
-    travel, time = traces.travel_mm[test], traces.time_s[test]
-    held = _is_held(travel, time)
-    x = time if held else travel
-    known = [c[np.isfinite(c)] for c in (traces.before_N[test], traces.after_N[test], measured)]
-    force = np.concatenate([c.ravel() for c in known])
+    measured = traces.measured_N[traces.rows[test]]
+    before, after = traces.before_N[test], traces.after_N[test]
+    held = _is_held(traces.travel_mm[test], traces.time_s[test])
+    x = (traces.time_s if held else traces.travel_mm)[test]
+    force = np.concatenate([before, after, measured.ravel()])
+    force = force[np.isfinite(force)]
     if not len(force) or not np.isfinite(x).any():
         return
     low, high = min(0.0, float(force.min())), max(float(force.max()), 0.0)
     room = 0.06 * (high - low) or 1.0
-    span = float(np.nanmax(x)) or 1.0
-    chart = Chart(
-        left,
-        top + 34.0,
-        _CURVES_WIDTH,
-        _CURVES_HEIGHT,
-        (0.0, span),
-        (low - room if low < 0.0 else 0.0, high + room),
-    )
+    y_range = (low - room if low < 0.0 else 0.0, high + room)
+    chart = Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(np.nanmax(x)) or 1.0), y_range)
     for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
         yield text(left, top + 8.0 + 14.0 * number, words, size=11.5)
     yield from frame(chart, x_label="time, s" if held else "travel, mm", y_label="", most_ticks=5)
-    yield upright(
-        left - 38.0, chart.top + 0.5 * _CURVES_HEIGHT, "force, N", colour=QUIET, size=11.0
-    )
+    yield _upright_label(chart, 38.0, "force, N")
     for curve in measured:
         for i in _places(x, curve):
-            yield disc(chart.x(x[i]), chart.y(curve[i]), colour=MEASURED, radius=1.7)
-    for curve, colour, dash in (
-        (traces.before_N[test], BEFORE, "6,4"),
-        (traces.after_N[test], AFTER, ""),
-    ):
-        for run in _runs(np.isfinite(x) & np.isfinite(curve)):
-            yield line(chart, x[run], curve[run], colour=colour, width=1.8, dash=dash)
+            yield disc(chart.x(x[i]), chart.y(curve[i]), colour=INK, radius=1.7)
+    for curve, colour, dash in ((before, _BEFORE, "6,4"), (after, _AFTER, "")):
+        for run in runs(np.isfinite(x) & np.isfinite(curve)):
+            if run.stop - run.start > 1:
+                yield line(chart, x[run], curve[run], colour=colour, width=1.8, dash=dash)
 
 
 def _curves_key(traces: Traces) -> Iterator[str]:
     y = 48.0
-    yield segment((112.0, y), (140.0, y), colour=BEFORE, width=2.0, dash="6,4")
-    yield text(146.0, y + 4.0, "palette alone", colour=QUIET)
-    yield disc(26.0, y, colour=MEASURED, radius=2.5)
-    yield text(36.0, y + 4.0, "measured", colour=QUIET)
+    yield segment((112.0, y), (140.0, y), colour=_BEFORE, width=2.0, dash="6,4")
+    yield text(146.0, y + 4.0, "palette alone", colour=_QUIET)
+    yield disc(26.0, y, colour=INK, radius=2.5)
+    yield text(36.0, y + 4.0, "measured", colour=_QUIET)
     if np.isfinite(traces.after_N).any():
-        yield segment((244.0, y), (272.0, y), colour=AFTER, width=2.0)
-        yield text(278.0, y + 4.0, "with the verdict's effects", colour=QUIET)
+        yield segment((244.0, y), (272.0, y), colour=_AFTER, width=2.0)
+        yield text(278.0, y + 4.0, "with the verdict's effects", colour=_QUIET)
 
 
 def _is_held(travel: FloatArray, time: FloatArray) -> bool:
@@ -547,167 +536,97 @@ def _places(x: FloatArray, y: FloatArray) -> list[int]:
     return sorted({int(known[i]) for i in np.searchsorted(along, wanted).clip(max=len(known) - 1)})
 
 
-def _runs(known: BoolArray) -> Iterator[slice]:
-    """Yield stretches of at least two known steps."""
-    turns = np.diff(np.concatenate([[0], known.astype(np.int8), [0]]))
-    starts, stops = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
-    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
-        if stop - start > 1:
-            yield slice(start, stop)
-
-
 # ------------------------------------------------------------------------------------------------
 # The probability of each hypothesis as bars.
 
 
-_EVIDENCE_MOST, _LEAST = 8, 0.005
-_EVIDENCE_LEFT, _EVIDENCE_WIDTH, _EVIDENCE_RIGHT, _EVIDENCE_TOP, _EVIDENCE_STEP, _EVIDENCE_BAR = (
-    290.0,
-    380.0,
-    90.0,
-    82.0,
-    28.0,
-    17.0,
-)
+_MOST, _LEAST = 8, 0.005
 
 
-def evidence_figure(diagnosis: Diagnosis) -> bytes:
+def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: most probable first, the part that needs an unknown pale."""
     shown = [
         h
-        for h in diagnosis.ranking[:_EVIDENCE_MOST]
+        for h in diagnosis.ranking[:_MOST]
         if h.probability >= _LEAST or id_of(h.effects) in ("none", diagnosis.verdict)
     ]
-    title = "How probable each explanation is"
-    bottom = _EVIDENCE_TOP + _EVIDENCE_STEP * max(len(shown), 1)
-    parts = [text(20.0, 28.0, title, size=15.0), *_evidence_key()]
-    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
-        x = _EVIDENCE_LEFT + _EVIDENCE_WIDTH * tick
-        parts.append(segment((x, _EVIDENCE_TOP - 4.0), (x, bottom), colour="#e4e4e4"))
-        parts.append(text(x, bottom + 16.0, f"{tick:g}", anchor="middle", colour=QUIET))
-    for number, hypothesis in enumerate(shown):
-        parts += _evidence_bar(diagnosis, hypothesis, _EVIDENCE_TOP + _EVIDENCE_STEP * number)
-    parts.append(
-        segment((_EVIDENCE_LEFT, _EVIDENCE_TOP - 4.0), (_EVIDENCE_LEFT, bottom), colour=GREY)
-    )
-    if len(diagnosis.same_class) > 1:
-        parts.append(text(20.0, bottom + 36.0, "● not to be told apart here", colour=QUIET))
+    alike = diagnosis.same_class if len(diagnosis.same_class) > 1 else ()
+    bars = []
+    for h in shown:
+        width = _BARS_WIDTH * min(h.probability, 1.0)
+        plain = width * (1.0 - min(max(h.with_unknown, 0.0), 1.0))
+        if h.effects == ("unknown",):
+            plain = 0.0
+        name = f"{'● ' if h.effects in alike else ''}{id_of(h.effects)}"
+        stretches = ((plain, _AFTER), (width - plain, _PALE))
+        bars.append(_Bar(name, stretches, probability(h.probability)))
+    marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    top, step = 82.0, 28.0
+    bottom = top + step * max(len(shown), 1)
+    drawn = [
+        rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=_AFTER),
+        text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
+        rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
+        text(_BARS_LEFT + 110.0, 58.0, "needs something unknown", colour=_QUIET),
+        *_bars(bars, marks, top=top, step=step, height=17.0, above=4.0),
+    ]
+    if alike:
+        drawn.append(text(20.0, bottom + 36.0, "● not to be told apart here", colour=_QUIET))
     rest = 1.0 - sum(h.probability for h in shown)
     if rest >= 5e-4:
         note = f"all others together: {probability(rest)}"
-        parts.append(
-            text(_EVIDENCE_LEFT + _EVIDENCE_WIDTH, bottom + 36.0, note, anchor="end", colour=QUIET)
-        )
-    return picture(
-        _EVIDENCE_LEFT + _EVIDENCE_WIDTH + _EVIDENCE_RIGHT, bottom + 50.0, parts, title=title
-    )
-
-
-def _evidence_bar(diagnosis: Diagnosis, hypothesis: Hypothesis, top: float) -> Iterator[str]:
-    name = id_of(hypothesis.effects)
-    alike = len(diagnosis.same_class) > 1 and hypothesis.effects in diagnosis.same_class
-    mark = "● " if alike else ""
-    middle = top + 0.5 * _EVIDENCE_BAR + 4.0
-    yield text(_EVIDENCE_LEFT - 10.0, middle, mark + name, anchor="end")
-    width = _EVIDENCE_WIDTH * min(hypothesis.probability, 1.0)
-    plain = width * (1.0 - min(max(hypothesis.with_unknown, 0.0), 1.0))
-    if hypothesis.effects == ("unknown",):
-        plain = 0.0
-    yield rectangle(_EVIDENCE_LEFT, top, plain, _EVIDENCE_BAR, colour=AFTER)
-    yield rectangle(_EVIDENCE_LEFT + plain, top, width - plain, _EVIDENCE_BAR, colour=PALE)
-    yield text(_EVIDENCE_LEFT + width + 8.0, middle, probability(hypothesis.probability))
-
-
-def _evidence_key() -> Iterator[str]:
-    yield rectangle(_EVIDENCE_LEFT, 48.0, 12.0, 12.0, colour=AFTER)
-    yield text(_EVIDENCE_LEFT + 18.0, 58.0, "by itself", colour=QUIET)
-    yield rectangle(_EVIDENCE_LEFT + 92.0, 48.0, 12.0, 12.0, colour=PALE)
-    yield text(_EVIDENCE_LEFT + 110.0, 58.0, "needs something unknown", colour=QUIET)
+        right = _BARS_LEFT + _BARS_WIDTH
+        drawn.append(text(right, bottom + 36.0, note, anchor="end", colour=_QUIET))
+    title = "How probable each explanation is"
+    return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 50.0, drawn, title=title)
 
 
 # ------------------------------------------------------------------------------------------------
 # How far the gap closes: errors before and after, beside the floor and the baselines.
 
 
-_CLOSURE_LEFT, _CLOSURE_WIDTH, _CLOSURE_RIGHT, _CLOSURE_TOP, _CLOSURE_STEP, _CLOSURE_BAR = (
-    290.0,
-    380.0,
-    90.0,
-    66.0,
-    30.0,
-    18.0,
-)
 _LINE, _LEADING = 104, 15.0
 
 
-def closure_figure(diagnosis: Diagnosis) -> bytes:
+def _closure_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: a bar an error, the replicate floor as a dashed line."""
     gap = diagnosis.gap
-    title = "Error of force, of each test's largest"
-    rows = list(_rows(diagnosis))
+    named = diagnosis.verdict not in ("none", "unknown")
+    after = "with the verdict's effects" if named else "with the best of each fold"
+    rows = [
+        (words, value, colour)
+        for words, value, colour in (
+            ("palette alone", gap.before, _BEFORE),
+            ("laws refitted, no effect", gap.recalibration_only, _BASELINE),
+            ("flexible regression", gap.generic, _BASELINE),
+            (after, gap.after, _AFTER),
+        )
+        if value is not None
+    ]
     interval = _after_interval(gap)
     most = max([value for _, value, _ in rows] + [gap.floor or 0.0, *(interval or ())]) or 1.0
-    scale = _CLOSURE_WIDTH / (1.12 * most)
+    scale = _BARS_WIDTH / (1.12 * most)
+    whisker = None if interval is None else (scale * interval[0], scale * interval[1])
+    bars = [
+        _Bar(words, [(scale * x, colour)], percent(x), whisker if colour == _AFTER else None)
+        for words, x, colour in rows
+    ]
+    marks = [(scale * tick / 100.0, f"{tick:g} %") for tick in ticks(0.0, 112.0 * most, 6)]
     held_out = textwrap.wrap(f"held out: {gap.held_out}", _LINE) if gap.held_out else []
-    first = _CLOSURE_TOP + _LEADING * max(len(held_out) - 1, 0)
-    bottom = first + _CLOSURE_STEP * len(rows)
-    parts = [text(20.0, 28.0, title, size=15.0)]
-    for number, words in enumerate(held_out):
-        parts.append(text(20.0, 46.0 + _LEADING * number, words, colour=QUIET))
-    for tick in ticks(0.0, 112.0 * most, 6):
-        x = _CLOSURE_LEFT + scale * tick / 100.0
-        parts.append(segment((x, first - 6.0), (x, bottom), colour="#e4e4e4"))
-        parts.append(text(x, bottom + 16.0, f"{tick:g} %", anchor="middle", colour=QUIET))
-    for number, (words, value, colour) in enumerate(rows):
-        top = first + _CLOSURE_STEP * number
-        whisker = interval if colour == AFTER else None
-        parts += _closure_bar(words, value, colour, top, scale, whisker)
-    parts.append(segment((_CLOSURE_LEFT, first - 6.0), (_CLOSURE_LEFT, bottom), colour=GREY))
+    top, step = 66.0 + _LEADING * max(len(held_out) - 1, 0), 30.0
+    bottom = top + step * len(rows)
+    parts = [
+        text(20.0, 46.0 + _LEADING * number, words, colour=_QUIET)
+        for number, words in enumerate(held_out)
+    ]
+    parts += _bars(bars, marks, top=top, step=step, height=18.0, above=6.0)
     if gap.floor is not None:
-        x = _CLOSURE_LEFT + scale * gap.floor
-        parts.append(segment((x, first - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
+        x = _BARS_LEFT + scale * gap.floor
+        parts.append(segment((x, top - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
         note = f"dashed: replicates differ by {percent(gap.floor)}, no model does better"
-        parts.append(text(_CLOSURE_LEFT, bottom + 38.0, note, colour=QUIET))
-    return picture(
-        _CLOSURE_LEFT + _CLOSURE_WIDTH + _CLOSURE_RIGHT, bottom + 52.0, parts, title=title
-    )
-
-
-def _rows(diagnosis: Diagnosis) -> Iterator[tuple[str, float, str]]:
-    gap = diagnosis.gap
-    named = diagnosis.verdict not in ("none", "unknown")
-    yield "palette alone", gap.before, BEFORE
-    if gap.recalibration_only is not None:
-        yield "laws refitted, no effect", gap.recalibration_only, BASELINE
-    if gap.generic is not None:
-        yield "flexible regression", gap.generic, BASELINE
-    if gap.after is not None:
-        yield (
-            "with the verdict's effects" if named else "with the best of each fold",
-            gap.after,
-            AFTER,
-        )
-
-
-def _closure_bar(
-    words: str,
-    value: float,
-    colour: str,
-    top: float,
-    scale: float,
-    interval: tuple[float, float] | None,
-) -> Iterator[str]:
-    middle = top + 0.5 * _CLOSURE_BAR
-    yield text(_CLOSURE_LEFT - 10.0, middle + 4.0, words, anchor="end")
-    yield rectangle(_CLOSURE_LEFT, top, scale * value, _CLOSURE_BAR, colour=colour)
-    end = value
-    if interval is not None:
-        low, high = (_CLOSURE_LEFT + scale * x for x in interval)
-        yield segment((low, middle), (high, middle), colour=INK, width=1.5)
-        for x in (low, high):
-            yield segment((x, middle - 4.0), (x, middle + 4.0), colour=INK, width=1.5)
-        end = max(value, interval[1])
-    yield text(_CLOSURE_LEFT + scale * end + 8.0, middle + 4.0, percent(value))
+        parts.append(text(_BARS_LEFT, bottom + 38.0, note, colour=_QUIET))
+    title = "Error of force, of each test's largest"
+    return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 52.0, parts, title=title)
 
 
 def _after_interval(gap: Gap) -> tuple[float, float] | None:

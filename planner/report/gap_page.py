@@ -11,12 +11,7 @@ from pathlib import Path
 from planner import __version__
 from planner.formats.files import FolderKind, new_folder
 from planner.gap.diagnosis import Diagnosis
-from planner.report.gap_figures import (
-    closure_figure,
-    curves_figure,
-    evidence_figure,
-    residual_figure,
-)
+from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
     TextSection,
     axis_words,
@@ -334,13 +329,7 @@ DIAGNOSIS = FolderKind(
 
 def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
-    drawn = {
-        "residuals": residual_figure(diagnosis),
-        "evidence": evidence_figure(diagnosis),
-        "closure": closure_figure(diagnosis),
-        "curves": curves_figure(diagnosis),
-    }
-    figures = {name: svg for name, svg in drawn.items() if svg is not None}
+    figures = figures_of(diagnosis)
     return {
         "diagnosis.json": diagnosis.json(),
         "report.html": _page(diagnosis, figures),

@@ -2,25 +2,19 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
-from planner.numerics import FloatArray
+from planner.numerics import BoolArray, FloatArray
 from planner.palette import Palette
 from planner.simulation.simulate import Simulation
 
 __all__ = [
-    "AFTER",
-    "BASELINE",
-    "BEFORE",
     "GREY",
     "INK",
-    "MEASURED",
-    "PALE",
-    "QUIET",
     "Chart",
     "disc",
     "frame",
@@ -28,6 +22,7 @@ __all__ = [
     "picture",
     "rectangle",
     "ring",
+    "runs",
     "segment",
     "simulation_figure",
     "text",
@@ -73,15 +68,18 @@ class Chart:
         return "M" + "L".join(f"{self.x(a):.2f},{self.y(b):.2f}" for a, b in pairs)
 
 
-def picture(width: float, height: float, parts: Sequence[str], *, title: str) -> bytes:
-    """Return a whole SVG document on white ground."""
+def picture(
+    width: float, height: float, parts: Iterable[str], *, title: str, heading: str = ""
+) -> bytes:
+    """Return a whole SVG document on white ground, under a heading, the title if none is given."""
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
         f'viewBox="0 0 {width:g} {height:g}" font-family="sans-serif" font-size="12" '
         f'fill="{INK}">\n<title>{escape(title)}</title>\n'
         f'<rect width="{width:g}" height="{height:g}" fill="#ffffff"/>\n'
     )
-    return (head + "\n".join(parts) + "\n</svg>\n").encode("utf-8")
+    lines = [text(20.0, 28.0, heading or title, size=15.0), *parts]
+    return (head + "\n".join(lines) + "\n</svg>\n").encode("utf-8")
 
 
 def frame(
@@ -122,11 +120,14 @@ def line(
     chart: Chart, x: FloatArray, y: FloatArray, *, colour: str, width: float = 2.0, dash: str = ""
 ) -> str:
     """Draw a line through points."""
-    dashes = f' stroke-dasharray="{dash}"' if dash else ""
     return (
         f'<path d="{chart.path(x, y)}" fill="none" stroke="{colour}" stroke-width="{width:g}" '
-        f'stroke-linejoin="round"{dashes}/>'
+        f'stroke-linejoin="round"{_dashes(dash)}/>'
     )
+
+
+def _dashes(dash: str) -> str:
+    return f' stroke-dasharray="{dash}"' if dash else ""
 
 
 def _band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
@@ -151,10 +152,9 @@ def segment(
     dash: str = "",
 ) -> str:
     """Draw a straight line between two places of the picture."""
-    dashes = f' stroke-dasharray="{dash}"' if dash else ""
     return (
         f'<path d="M{start[0]:.2f},{start[1]:.2f}L{stop[0]:.2f},{stop[1]:.2f}" '
-        f'stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
+        f'stroke="{colour}" stroke-width="{width:g}"{_dashes(dash)}/>'
     )
 
 
@@ -209,26 +209,10 @@ def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:
     return tuple(float(f"{n * step:.12g}") for n in range(first, last + 1))
 
 
-# ------------------------------------------------------------------------------------------------
-# Colours that mean the same in every figure, told apart by the colour-blind and in grey.
-
-
-BEFORE = "#c0562b"
-"""What the palette alone predicts."""
-
-AFTER = "#1f5fa8"
-"""With the verdict's effects."""
-
-MEASURED = "#222222"
-
-BASELINE = "#9aa3ad"
-"""What the effects are held against."""
-
-PALE = "#c9d8ea"
-"""The part of a bar that needs something unknown."""
-
-QUIET = "#5c5c5c"
-"""Notes."""
+def runs(known: BoolArray) -> list[slice]:
+    """Return the stretches of steps that are known, in order."""
+    turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
+    return [slice(start, stop) for start, stop in turns.reshape(-1, 2).tolist()]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -247,7 +231,7 @@ _HEADROOM = 1.06
 def simulation_figure(simulation: Simulation) -> bytes:
     """Return the figure as SVG; a coupon, which strains evenly, has the left panel alone."""
     title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
-    parts = [text(20.0, 28.0, title, size=15.0), *_curve(simulation)]
+    parts = list(_curve(simulation))
     width = _LEFT + _WIDTH + 24.0
     if len(simulation.bar.x_mm) > 1:
         parts += _along(simulation, width + _GAP - 24.0)
@@ -299,10 +283,8 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
         left + _WIDTH, _TOP - 12.0, f"at strains of the bar of {strains}", anchor="end", colour=GREY
     )
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
-    for start, stop in _runs_of_finite(shown):
-        yield line(
-            chart, bar.x_mm[start:stop], shown[start:stop], colour=_BREAK, width=1.4, dash="6,4"
-        )
+    for run in runs(np.isfinite(shown)):
+        yield line(chart, bar.x_mm[run], shown[run], colour=_BREAK, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
         yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=_BREAK)
     yield from _materials(simulation, chart)
@@ -339,9 +321,3 @@ def _colour(palette: Palette, coordinate: float) -> str:
 
 def _span(most: float) -> float:
     return _HEADROOM * most if most > 0.0 else 1.0
-
-
-def _runs_of_finite(values: FloatArray) -> list[tuple[int, int]]:
-    turns = np.diff(np.concatenate([[0], np.isfinite(values).astype(np.int8), [0]]))
-    starts, stops = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
-    return list(zip(starts.tolist(), stops.tolist(), strict=True))

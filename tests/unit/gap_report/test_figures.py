@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 from planner.gap.diagnosis import Diagnosis, Location, Traces
-from planner.report.gap_figures import (
-    closure_figure,
-    curves_figure,
-    error_along,
-    error_of_tests,
-    evidence_figure,
-    points_along,
-    residual_figure,
-)
+from planner.report.gap_figures import figures_of, points_along
 
 Examples = dict[str, Diagnosis]
 
@@ -24,12 +16,9 @@ def test_errors_follow_the_specimens_not_the_rows(traces: Traces) -> None:
     """The first test, of specimen B in the second row, is predicted 25 % of its force too high:
     at the last step by 25 % of the largest; the second is right for A and 2 % low for C.
     """
-    errors = error_along(traces, traces.before_N)
+    errors = traces.errors(traces.before_N)
+    assert traces.rows == [[1], [0, 2]]
     assert errors[:, -1] == pytest.approx([0.0, -0.25, 0.02 / 1.02])
-    shape = np.sqrt(np.mean(np.linspace(0.0, 1.0, 11) ** 2))
-    assert error_of_tests(traces) == pytest.approx(
-        [0.25 * shape, 0.02 / 1.02 * shape / np.sqrt(2.0)]
-    )
 
 
 def test_points_along_axes(traces: Traces) -> None:
@@ -73,18 +62,13 @@ def test_branches_are_told_by_the_travel(traces: Traces) -> None:
 
 
 def test_figures_are_self_contained_svg(diagnosis: Diagnosis) -> None:
-    drawn = [
-        evidence_figure(diagnosis),
-        closure_figure(diagnosis),
-        residual_figure(diagnosis),
-        curves_figure(diagnosis),
-    ]
-    assert [svg is None for svg in drawn] == [False, False, *[diagnosis.traces is None] * 2]
-    for svg in drawn:
-        if svg is not None:
-            assert ElementTree.fromstring(svg).tag == "{http://www.w3.org/2000/svg}svg"
-            assert b"nan" not in svg
-            assert svg.count(b"http") == 1  # the name space
+    drawn = figures_of(diagnosis)
+    of_curves = [] if diagnosis.traces is None else ["residuals", "curves"]
+    assert sorted(drawn) == sorted(["evidence", "closure", *of_curves])
+    for svg in drawn.values():
+        assert ElementTree.fromstring(svg).tag == "{http://www.w3.org/2000/svg}svg"
+        assert b"nan" not in svg
+        assert svg.count(b"http") == 1  # the name space
 
 
 def test_unfinished_traces_still_draw(examples: Examples, traces: Traces) -> None:
@@ -95,6 +79,6 @@ def test_unfinished_traces_still_draw(examples: Examples, traces: Traces) -> Non
     cut = replace(whole, measured_N=short, before_N=dead, after_N=np.full_like(dead, np.nan))
     axes = tuple(Location(a, 0.5, (0.4, 0.6), 0.001, "") for a in ("strain", "time", "branch"))
     diagnosis = replace(examples["rate"], traces=cut, where=axes)
-    for svg in (curves_figure(diagnosis), residual_figure(diagnosis)):
-        assert svg is not None
-        assert b"nan" not in svg
+    drawn = figures_of(diagnosis)
+    assert len(drawn) == 4
+    assert not any(b"nan" in svg for svg in drawn.values())
