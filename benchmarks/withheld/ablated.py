@@ -17,9 +17,9 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
 from planner.gap.evidence.posterior import class_of, ranking_of, verdict_of
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import whiten
+from planner.gap.evidence.surrogate import Whitened
 from planner.gap.evidence.weigh import Priors, weigh
-from planner.gap.noise import discrepancy_columns, place_on_path, specimen_noise
+from planner.gap.noise import discrepancy_columns, specimen_noise
 from planner.numerics import FloatArray
 
 __all__ = ["FULL", "VARIANTS", "ablated_answers", "problem_of", "weighed_answer"]
@@ -40,19 +40,15 @@ def _as_it_is(problem: Problem, priors: Priors) -> _Part:
 def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     """Every figure differs by the sensor alone: no specimen, batch, slope or wandering."""
     scatter = replace(problem.scatter, specimen=_NONE, batch=_NONE, slope=_NONE, wander=_NONE)
-    table, observed = problem.table, problem.observed
+    unknown = np.full(len(problem.campaign.specimens), -1)
     noise = specimen_noise(
-        table,
-        problem.sensitivity,
-        scatter,
-        observed.sensor_sd_N,
-        np.full(len(problem.campaign.specimens), -1),
-        place_on_path(table, observed.setup.time_s.shape[1] - 1),
+        problem.table, problem.sensitivity, scatter, problem.model.sensor_sd_N, unknown
     )
     batches = problem.noise.batch.shape[1]
     columns = _unwhitened(problem)
     columns = columns[:, : columns.shape[1] - batches]
-    whitened = whiten(columns, noise, problem.whitened.nuisances - batches)
+    nuisances = problem.whitened.nuisances - batches
+    whitened = Whitened(noise.whiten(columns), noise.first_row, nuisances)
     return replace(problem, scatter=scatter, noise=noise, whitened=whitened), priors
 
 
@@ -64,8 +60,8 @@ def _without_calibration(problem: Problem, priors: Priors) -> _Part:
     first = old.columns.shape[1] - old.nuisances
     columns = np.delete(old.columns, slice(first, first + gone), axis=1)
     whitened = replace(old, columns=columns, nuisances=old.nuisances - gone)
-    figures = problem.calibration_figures[gone:]
-    return replace(problem, ways=(), calibration_figures=figures, whitened=whitened), priors
+    calibration = problem.calibration[:, gone:]
+    return replace(problem, ways=(), calibration=calibration, whitened=whitened), priors
 
 
 def _without_unknown(problem: Problem, priors: Priors) -> _Part:
@@ -139,6 +135,6 @@ def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -
 def _unwhitened(problem: Problem) -> FloatArray:
     """Return the columns as they were before whitening, (N, X)."""
     columns = np.empty_like(problem.whitened.columns)
-    for rows, factor in zip(problem.noise.rows, problem.noise.factors, strict=True):
-        columns[rows] = factor @ problem.whitened.columns[rows]
+    for rows, block in zip(problem.noise.rows, problem.noise.blocks, strict=True):
+        columns[rows] = np.linalg.cholesky(block) @ problem.whitened.columns[rows]
     return columns

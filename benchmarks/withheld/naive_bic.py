@@ -18,7 +18,7 @@ from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.effect import untestable
 from planner.gap.effects import effects_for
-from planner.gap.evidence.surrogate import SHAPE_NODES, SIZE_NODES, SignedForm, signed_forms
+from planner.gap.evidence.surrogate import SignedForm, node_weights, signed_forms
 from planner.gap.observations import observation_model
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
@@ -40,17 +40,17 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
     effects = {id: e for id, e in effects_for(campaign.palette).items() if id not in without}
     reasons = {id for id, e in effects.items() if untestable(e, campaign) is not None}
     branches = signed_forms([e for id, e in effects.items() if id not in reasons])
-    mounted = observation_model(campaign)
-    setups = [mounted.setup]
+    model = observation_model(campaign)
+    setups = [model.setup]
     for branch in branches:
-        setups += [branch.form.apply(mounted.setup, v) for v in branch.node_values()]
-    raw = np.stack([mounted.predicted(p) for p in predict_all(setups, mounted.laws)])
-    figures = mounted.table.transformed(raw)
-    residual = mounted.table.measured - figures[0]
-    changes = figures[1:] - figures[0]
+        setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
+    raw = np.stack([model.predicted(p) for p in predict_all(setups, model.laws)])
+    features = model.table.transformed(raw)
+    residual = model.table.measured - features[0]
+    changes = features[1:] - features[0]
     scores: dict[Effects, float] = {(): schwarz(float(residual @ residual), len(residual), 0)}
     for branch in branches:
-        nodes = changes[branch.first : branch.first + branch.nodes]
+        nodes = changes[branch.own]
         rss = least_sum_of_squares(branch, nodes, residual)
         score = schwarz(rss, len(residual), 1 + branch.shapes)
         key: Effects = (branch.effect.id,)
@@ -69,20 +69,13 @@ def naive_bic(campaign: Campaign, without: Sequence[str] = ()) -> dict[str, Any]
 
 def least_sum_of_squares(branch: SignedForm, nodes: FloatArray, residual: FloatArray) -> float:
     """Return the least sum of squares over a grid of a branch's sizes and shapes."""
-    sizes = _lagrange((0.0, *SIZE_NODES), np.linspace(branch.least, 1.0, _SIZES))[:, 1:]
-    weights: FloatArray = sizes
-    for at in SHAPE_NODES[: branch.shapes]:
-        shapes = _lagrange(at, np.linspace(-1.0, 1.0, _SHAPES))
-        weights = np.asarray(np.kron(weights, shapes))
+    axes = [np.linspace(branch.least, 1.0, _SIZES)]
+    axes += [np.linspace(-1.0, 1.0, _SHAPES)] * branch.shapes
+    places = np.stack([x.ravel() for x in np.meshgrid(*axes, indexing="ij")], axis=1)
+    weights = node_weights(branch, places)
     explained = 2.0 * weights @ (nodes @ residual)
     explained -= np.sum((weights @ (nodes @ nodes.T)) * weights, axis=1)
     return float(residual @ residual - explained.max())
-
-
-def _lagrange(at: Sequence[float], x: FloatArray) -> FloatArray:
-    """Return the weights of nodes at places, (places, nodes)."""
-    columns = [np.prod([(x - b) / (a - b) for b in at if b != a], axis=0) for a in at]
-    return np.stack(columns, axis=1)
 
 
 def schwarz(rss: float, points: int, parameters: int) -> float:

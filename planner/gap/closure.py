@@ -205,11 +205,11 @@ def closure(
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
-    tests = [list(members) for members in problem.observed.tests]
+    tests = [list(members) for members in problem.model.tests]
     folds = conditions_out(problem.campaign, tests)
-    measured = problem.observed.measured_N
+    measured = problem.model.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
-    plain = specimen_forces_N(problem, Candidate(()), problem.observed.setup)
+    plain = specimen_forces_N(problem, Candidate(()), problem.model.setup)
     before = _squared(measured, plain, peak)
     floor = _floor(problem, peak)
     nothing = verdict in ((), UNKNOWN)
@@ -268,7 +268,7 @@ def _held_out(
     nothing: bool,
     progress: Callable[[int, int, str], None] | None,
 ) -> _Errors:
-    measured = problem.observed.measured_N
+    measured = problem.model.measured_N
     plain, before = palette_alone
     n = len(measured)
     totals = {name: np.zeros(n) for name in ("after", "recalibrated", "generic")}
@@ -280,7 +280,7 @@ def _held_out(
         weight = np.where(fold.out, 0.0, 1.0)
         forces = plain if nothing else _expected(problem, priors, weight)
         totals["after"][out] += _squared(measured, forces, peak)[out]
-        setup = problem.observed.setup
+        setup = problem.model.setup
         for way, size in zip(problem.ways, _recalibration(problem, weight), strict=True):
             setup = way.applied(setup, size)
         forces = specimen_forces_N(problem, Candidate(()), setup)
@@ -312,7 +312,7 @@ def _beyond(
     folds = levels_out(problem.campaign, own_axes(list(effects.values())))
     if not folds:
         return None
-    measured = problem.observed.measured_N
+    measured = problem.model.measured_N
     _, before = palette_alone
     left, times = np.zeros(len(measured)), np.zeros(len(measured))
     for fold in folds:
@@ -337,11 +337,11 @@ def _expected(problem: Problem, priors: Priors, weight: FloatArray) -> FloatArra
     weighed = weigh(problem, priors, weight, quick=True)
     likely = [h for h in posterior([weighed.log_odds]) if h.probability > _LEAST_PROBABILITY]
     total = sum(h.probability for h in likely)
-    expected = np.zeros_like(problem.observed.measured_N)
+    expected = np.zeros_like(problem.model.measured_N)
     for h in likely:
         chosen = weighed.best[h.effects]
         everyone = replace(chosen, members=None)
-        forces = specimen_forces_N(problem, everyone, problem.observed.setup)
+        forces = specimen_forces_N(problem, everyone, problem.model.setup)
         if chosen.members is not None:
             forces = _plain_with_subset(problem, chosen, forces)
         expected += h.probability / total * forces
@@ -354,7 +354,7 @@ def _plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) 
     Which specimens are affected cannot be known of those left out; whether the gain that the rest
     show fits them better than none is read off their own curves, one bit a specimen.
     """
-    measured = problem.observed.measured_N
+    measured = problem.model.measured_N
     scaled = forces * np.exp(chosen.log_gain)
     plain_error = np.mean((measured - forces) ** 2, axis=1)
     scaled_error = np.mean((measured - scaled) ** 2, axis=1)
@@ -363,12 +363,10 @@ def _plain_with_subset(problem: Problem, chosen: Candidate, forces: FloatArray) 
 
 def _recalibration(problem: Problem, weight: FloatArray) -> list[float]:
     """Return sizes of the calibrations that fit the weighted specimens best, no effect added."""
-    columns = problem.whitened.columns
-    rows = np.repeat(weight, np.diff(problem.whitened.first_row))
-    first = columns.shape[1] - problem.whitened.nuisances
-    j = columns[:, first : first + len(problem.ways)]
+    j = problem.whitened.nuisance_columns[:, : len(problem.ways)]
+    rows = problem.whitened.on_rows(weight)
     inner = j.T @ (j * rows[:, None]) + np.eye(j.shape[1]) / _RECALIBRATION_SD**2
-    best = np.linalg.solve(inner, j.T @ (columns[:, 0] * rows))
+    best = np.linalg.solve(inner, j.T @ (problem.whitened.columns[:, 0] * rows))
     return [float(b * way.sd) for b, way in zip(best, problem.ways, strict=True)]
 
 
@@ -379,8 +377,8 @@ def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> Fl
     beside the calibrations, by ridge regression.
     """
     whitened = problem.whitened
-    columns = whitened.columns[:, problem.first_unknown :]
-    rows = np.repeat(weight, np.diff(whitened.first_row))
+    columns = whitened.columns[:, problem.gains.stop :]
+    rows = whitened.on_rows(weight)
     inner = columns.T @ (columns * rows[:, None])
     cross = columns.T @ (whitened.columns[:, 0] * rows)
     best, most = np.zeros(len(cross)), -np.inf
@@ -394,7 +392,7 @@ def _generic_ratio(problem: Problem, weight: FloatArray, peak: FloatArray) -> Fl
             best, most = sd * solution, evidence
     table = problem.table
     raw_columns = [a.columns for a in problem.unknown]
-    raw = np.concatenate([*raw_columns, problem.calibration_figures.T, problem.noise.batch], axis=1)
+    raw = np.concatenate([*raw_columns, problem.calibration, problem.noise.batch], axis=1)
     predicted = table.transformed(problem.unpredicted) + raw @ best
     force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
     scale = peak[table.specimen, 0]
@@ -419,11 +417,11 @@ def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
 
     What replicates differ by, and what they share as specimens of one batch.
     """
-    measured = problem.observed.measured_N / peak
+    measured = problem.model.measured_N / peak
     peaks = peak[:, 0]
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
-    for members in problem.observed.tests:
+    for members in problem.model.tests:
         if len(members) > 1:
             rows = np.array(members)
             # Relative to the group's mean peak: each one's own would hide its level.
@@ -450,7 +448,7 @@ def _interval(
     a variance of few degrees of freedom, and drawn as such.
     """
     assert floor is not None
-    some, test_of = np.isfinite(errors.before), problem.observed.test_of
+    some, test_of = np.isfinite(errors.before), problem.model.test_of
     freedom = max(problem.scatter.degrees_of_freedom, 1)
     groups = [np.flatnonzero(some & (test_of == test)) for test in np.unique(test_of[some])]
 

@@ -16,24 +16,20 @@ from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
-from planner.gap.evidence.posterior import UNKNOWN, WIDTH_NATS, detectable_sizes
+from planner.gap.evidence.posterior import UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
     SignedForm,
-    interpolated_features,
     node_weights,
-    whiten,
 )
 from planner.gap.evidence.weigh import Priors, Weighed
 from planner.gap.noise import (
     Calibration,
     calibration_columns,
     calibrations,
-    place_on_path,
     specimen_noise,
-    step,
 )
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.quality import predicted_stress_MPa
@@ -330,7 +326,7 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 def _batch_level(problem: Problem) -> FloatArray:
     """Return the whitened pattern of a batch one deviation off, (N,)."""
     force = np.where(problem.table.branch == _FIELD, 0.0, problem.sensitivity)
-    return whiten((problem.scatter.batch * force)[:, None], problem.noise, 0).columns[:, 0]
+    return problem.noise.whiten(problem.scatter.batch * force)
 
 
 def _elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimination:
@@ -341,12 +337,12 @@ def _elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimi
     weight : (n,)
         How many specimens there are of each condition, spread evenly over the batches.
     """
-    gram = problem.whitened.gram(weight)
+    inner = problem.whitened.inner_products(weight)
     level = _batch_level(problem)
-    rows = np.repeat(weight, np.diff(problem.whitened.first_row)) / batches
+    rows = problem.whitened.on_rows(weight) / batches
     cross = np.tile((rows * level) @ problem.whitened.columns, (batches, 1))
     own = np.eye(batches) * float((rows * level) @ level)
-    return gram.eliminate(extra=(cross, own))
+    return inner.eliminate(extra=(cross, own))
 
 
 def _expected_of(
@@ -360,7 +356,7 @@ def _expected_of(
     """
     priors = Priors()
     sizes = {d.id: d for d in detectable_sizes(problem, elimination, priors)}
-    needed = float(np.log(priors.none * len(testable) / priors.single)) + WIDTH_NATS
+    needed = needed_nats(priors, len(testable))
     m = elimination.products[problem.nodes, problem.nodes]
     rivals = {id: _combinations(problem, id) for id in testable}
     found = []
@@ -824,7 +820,7 @@ def next_experiments(
     share = np.maximum([h.probability for h in known], _LEAST_SHARE)
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
-    trials = trials_of(problem.campaign, problem.observed.setup)
+    trials = trials_of(problem.campaign, problem.model.setup)
     means, covariances = _predicted(problem, candidates, trials)
     found = []
     widest = max(mean.shape[1] for mean in means)
@@ -851,13 +847,13 @@ def _predicted(
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d)."""
     specimens = tuple(t.specimen for t in trials)
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
-    observed = observation_model(campaign)
-    table, laws = observed.table, observed.laws
-    ways = calibrations(problem.campaign.palette, observed.setup)
-    setups = [observed.setup, *(way.applied(observed.setup, step(way)) for way in ways)]
+    model = observation_model(campaign)
+    table, laws = model.table, model.laws
+    ways = calibrations(problem.campaign.palette, model.setup)
+    setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     # One by one: a subset's gain holds for new specimens with the share it has of old ones.
-    setups += [applied(c, observed.setup) for c in candidates]
-    raw = np.stack([observed.predicted(predict(s, laws)) for s in setups])
+    setups += [applied(c, model.setup) for c in candidates]
+    raw = np.stack([model.predicted(predict(s, laws)) for s in setups])
     for k, candidate in enumerate(candidates):
         if candidate.members is not None and candidate.log_gain:
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
@@ -865,10 +861,9 @@ def _predicted(
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
     known, sizes = _known_laws(problem, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
-    sensor = np.full(len(trials), float(np.median(problem.observed.sensor_sd_N)))
-    path = place_on_path(table, observed.setup.time_s.shape[1] - 1)
+    sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))
     noise = specimen_noise(
-        table, table.sensitivity(raw[0]), problem.scatter, sensor, np.full(len(trials), -1), path
+        table, table.sensitivity(raw[0]), problem.scatter, sensor, np.full(len(trials), -1)
     )
     by_specimen = dict(zip(np.unique(table.specimen).tolist(), range(len(noise.rows)), strict=True))
     means, covariances = [], []
@@ -888,23 +883,16 @@ def _known_laws(
     Materials that it tested are known much better than the palette says, and each hypothesis has
     its own idea of them: covariance (q, q), and sizes under each hypothesis (K, q), in deviations.
     """
-    white = problem.whitened
-    kept = white.columns.shape[1] - white.nuisances
-    j = white.columns[:, kept:]
-    inverse = np.linalg.inv(j.T @ j + np.eye(j.shape[1]))
     by_name = {(way.material, way.kind): k for k, way in enumerate(problem.ways) if way.material}
     pairs = [(k, by_name.get((way.material, way.kind))) for k, way in enumerate(ways)]
     at = [k for k, of in pairs if of is not None]
     taken = [of for _, of in pairs if of is not None]
     known = np.eye(len(ways))
-    known[np.ix_(at, at)] = inverse[np.ix_(taken, taken)]
     sizes = np.zeros((len(candidates), len(ways)))
-    nodes = white.columns[:, problem.nodes]
     for row, candidate in zip(sizes, candidates, strict=True):
-        left = white.columns[:, 0] - interpolated_features(candidate, nodes.T)
-        if candidate.members is not None:
-            left -= white.columns[:, problem.gains] @ (candidate.log_gain * candidate.members)
-        row[at] = (inverse @ (j.T @ left))[taken]
+        mean, covariance = problem.nuisances_beside(candidate)
+        row[at] = mean[taken]
+        known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes
 
 

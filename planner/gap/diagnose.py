@@ -25,7 +25,7 @@ from planner.gap.evidence.posterior import (
     without_refuted,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
-from planner.gap.evidence.surrogate import Candidate, interpolated_features
+from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, weigh
 from planner.gap.localise import localise
 from planner.gap.localise_axes import Noise
@@ -51,7 +51,7 @@ def _places_of(
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
     noise = Noise(
         problem.noise.blocks,
-        np.concatenate([problem.calibration_figures.T, problem.noise.batch], axis=1),
+        np.concatenate([problem.calibration, problem.noise.batch], axis=1),
         problem.scatter.log_sd,
     )
     before = localise(problem.campaign, problem.table, problem.residual, noise, rng)
@@ -63,8 +63,9 @@ def _places_of(
 
 
 def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
-    """Return what the chosen effects change of the figures, (N,)."""
-    change = interpolated_features(chosen, problem.node_figures)
+    """Return what the chosen effects change of the features, (N,)."""
+    nodes = problem.node_features
+    change: FloatArray = chosen.combination(len(nodes)) @ nodes
     if chosen.members is not None:
         force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
         change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force
@@ -73,28 +74,12 @@ def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
 
 def _recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
-    columns = problem.whitened.columns
-    first = columns.shape[1] - problem.whitened.nuisances
-    j = columns[:, first:]
-    left = columns[:, 0].copy()
-    for branch, place in zip(chosen.branches, chosen.places, strict=True):
-        one = Candidate((branch.effect.id,), (branch,), (place,))
-        left -= _whitened_figures(problem, one)
-    if chosen.members is not None:
-        left -= columns[:, problem.gains] @ (chosen.log_gain * chosen.members)
-    inner = np.linalg.inv(j.T @ j + np.eye(j.shape[1]))
-    best = inner @ (j.T @ left)
+    mean, covariance = problem.nuisances_beside(chosen)
     return {
-        way.material: (float(best[k] * way.sd), float(np.sqrt(inner[k, k]) * way.sd))
+        way.material: (float(mean[k] * way.sd), float(np.sqrt(covariance[k, k]) * way.sd))
         for k, way in enumerate(problem.ways)
         if way.kind == "level"
     }
-
-
-def _whitened_figures(problem: Problem, candidate: Candidate) -> FloatArray:
-    start = problem.nodes.start
-    stop = start + len(problem.node_figures)
-    return interpolated_features(candidate, problem.whitened.columns[:, start:stop].T)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -103,19 +88,19 @@ def _whitened_figures(problem: Problem, candidate: Candidate) -> FloatArray:
 
 def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     """Return the traces of a campaign and its verdict's candidate."""
-    observed, specimens = problem.observed, problem.campaign.specimens
-    setup = observed.setup
-    measured = observed.measured_N
+    model, specimens = problem.model, problem.campaign.specimens
+    setup = model.setup
+    measured = model.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1), 1e-12)
     before = specimen_forces_N(problem, Candidate(()), setup)
     after = specimen_forces_N(problem, chosen, setup)
     return Traces(
-        label=tuple(_label(specimens[members[0]], specimens) for members in observed.tests),
-        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in observed.tests),
+        label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
+        specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in model.tests),
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
-        before_N=predict(setup, problem.laws).force_N,
-        after_N=predict(applied(chosen, setup), problem.laws).force_N,
+        before_N=predict(setup, model.laws).force_N,
+        after_N=predict(applied(chosen, setup), model.laws).force_N,
         measured_N=measured,
         residual_before=np.mean(measured - before, axis=1) / peak,
         residual_after=np.mean(measured - after, axis=1) / peak,
@@ -232,7 +217,7 @@ def _diagnose(
     priors: Priors,
 ) -> Diagnosis:
     problem, reasons = prepared(campaign, without, progress)
-    campaign, observed = problem.campaign, problem.observed
+    campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     ranking = ranking_of(problem, weighed)
@@ -250,7 +235,7 @@ def _diagnose(
         palette=campaign.palette.name,
         palette_sha256=campaign.palette.sha256,
         specimens=len(campaign.specimens),
-        tests=len(observed.tests),
+        tests=len(model.tests),
         verdict=_name(verdict),
         ranking=tuple(
             replace(h, effects=h.effects or ("none",))
@@ -268,7 +253,7 @@ def _diagnose(
         detectable=detectable_sizes(problem, nominal, priors),
         limitations=(
             *campaign.limitations,
-            *observed.limitations,
+            *model.limitations,
             *_cautions(problem, refuted),
             *confounders_of(verdict, reasons),
         ),
@@ -283,8 +268,7 @@ def prepared(
 ) -> tuple[Problem, tuple[Untestable, ...]]:
     """Return a campaign ready for weighing, and the effects that it says nothing about."""
     effects, reasons = _library(campaign, without)
-    campaign, observed = _observed(campaign)
-    return set_up(campaign, observed, effects, progress), reasons
+    return set_up(*_comparable(campaign), effects, progress), reasons
 
 
 def _library(
@@ -308,14 +292,13 @@ def _library(
     return tuple(effects), tuple(reasons)
 
 
-def _observed(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
-    """Mount a campaign without the specimens whose curves cannot be compared."""
-    observed = observation_model(campaign)
-    used = sorted(place for test in observed.tests for place in test)
-    if len(used) == len(campaign.specimens):
-        return campaign, observed
-    kept = tuple(campaign.specimens[place] for place in used)
-    remarks = (*campaign.remarks, *observed.limitations)
+def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
+    """Return the campaign and its model without the specimens whose curves cannot be compared."""
+    model = observation_model(campaign)
+    if (model.test_of >= 0).all():
+        return campaign, model
+    kept = tuple(campaign.specimens[k] for k in np.flatnonzero(model.test_of >= 0))
+    remarks = (*campaign.remarks, *model.limitations)
     campaign = replace(campaign, specimens=kept, remarks=remarks)
     return campaign, observation_model(campaign)
 

@@ -24,9 +24,7 @@ __all__ = [
     "discrepancy_columns",
     "estimate_scatter",
     "field_columns",
-    "place_on_path",
     "specimen_noise",
-    "step",
 ]
 
 
@@ -76,7 +74,6 @@ _MODEL_SD = 0.003
 """No prediction is truer than this: of discretisation and of reading a curve at a place."""
 
 _FIELD = BRANCHES.index("field")
-_ORDER = {"loading": 0.0, "unloading": 1.0, "reloading": 2.0, "hold": 1.0, "field": 0.0}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,8 +86,8 @@ class SpecimenNoise:
         Slices of the table's rows, one a specimen.
     blocks
         Covariance of each specimen's rows, (d, d).
-    factors
-        Their lower Cholesky factors.
+    inverse_roots
+        Inverses of their lower Cholesky factors.
     batch : (N, batches)
         What specimens of one batch share, a column of prior deviation 1 a batch; no column where
         batches are unknown or all the same.
@@ -98,8 +95,18 @@ class SpecimenNoise:
 
     rows: tuple[slice, ...]
     blocks: tuple[FloatArray, ...]
-    factors: tuple[FloatArray, ...]
+    inverse_roots: tuple[FloatArray, ...]
     batch: FloatArray
+
+    @property
+    def first_row(self) -> IntArray:
+        """Where each specimen's rows begin, and where the last one's end, (n + 1,)."""
+        return np.array([0, *(rows.stop for rows in self.rows)])
+
+    def whiten(self, columns: FloatArray) -> FloatArray:
+        """Return columns, (N, ...), on a scale where each specimen's own noise is white."""
+        parts = zip(self.inverse_roots, self.rows, strict=True)
+        return np.concatenate([root @ columns[rows] for root, rows in parts])
 
 
 def specimen_noise(
@@ -108,7 +115,6 @@ def specimen_noise(
     scatter: Scatter,
     sensor_sd_N: FloatArray,
     batch_of: IntArray,
-    path: FloatArray,
 ) -> SpecimenNoise:
     """Return the noise of a campaign's figures.
 
@@ -120,32 +126,17 @@ def specimen_noise(
         Of each specimen's force.
     batch_of : (n,)
         Number of each specimen's batch, -1 where unknown.
-    path : (N,)
-        See `place_on_path`.
     """
-    rows = _rows(table)
-    blocks = tuple(_specimen_block(table, sensitivity, scatter, sensor_sd_N, path, r) for r in rows)
+    edges = np.flatnonzero(np.diff(table.specimen)) + 1
+    rows = tuple(slice(a, b) for a, b in itertools.pairwise([0, *edges.tolist(), len(table)]))
+    blocks = tuple(_specimen_block(table, sensitivity, scatter, sensor_sd_N, r) for r in rows)
     batches = sorted(set(batch_of.tolist()) - {-1})
     columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
     for column, number in enumerate(batches[: columns.shape[1]]):
         of_batch = (batch_of[table.specimen] == number) & (table.branch != _FIELD)
         columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
-    factors: tuple[FloatArray, ...] = tuple(
-        np.asarray(np.linalg.cholesky(block)) for block in blocks
-    )
-    return SpecimenNoise(rows, blocks, factors, columns)
-
-
-def place_on_path(table: FeatureTable, last_step: int) -> FloatArray:
-    """Return how far along its test's path each figure was read, 0 to 1."""
-    path: FloatArray = table.step / float(last_step)
-    return path
-
-
-def _rows(table: FeatureTable) -> tuple[slice, ...]:
-    edges = np.flatnonzero(np.diff(table.specimen)) + 1
-    bounds = [0, *edges.tolist(), len(table)]
-    return tuple(slice(a, b) for a, b in itertools.pairwise(bounds))
+    roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
+    return SpecimenNoise(rows, blocks, roots, columns)
 
 
 def _specimen_block(
@@ -153,13 +144,12 @@ def _specimen_block(
     sensitivity: FloatArray,
     scatter: Scatter,
     sensor_sd_N: FloatArray,
-    path: FloatArray,
     rows: slice,
 ) -> FloatArray:
     """Return the covariance of one specimen's rows, (d, d)."""
     force = table.branch[rows] != _FIELD
     h = np.where(force, sensitivity[rows], 0.0)
-    place = path[rows]
+    place = table.path[rows]
     strain = table.strain[rows]
     travel = strain / max(float(strain.max()), 1e-12)
     tilt = h * (travel - 0.5)
@@ -197,6 +187,7 @@ _BETWEEN_SD = 0.03
 _STEP = 0.02
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """One way in which the palette may be off.
 
@@ -208,15 +199,17 @@ class Calibration:
         "level", "tilt" or "between".
     sd
         Of its size.
+    weight : (S,)
+        How much each slice has of it.
     """
 
-    __slots__ = ("kind", "material", "sd", "weight")
+    material: str
+    kind: str
+    sd: float
+    weight: FloatArray
 
-    def __init__(self, material: str, kind: str, sd: float, weight: FloatArray) -> None:
-        self.material, self.kind, self.sd, self.weight = material, kind, sd, weight
-
-    def applied(self, setup: Setup, size: float) -> Setup:
-        """Return the setup with the laws off by `size`."""
+    def applied(self, setup: Setup, size: float = _STEP) -> Setup:
+        """Return the setup with the laws off by `size`, or by as much as a way is tried with."""
         if self.kind == "tilt":
             return setup.with_(log_tilt=setup.log_tilt + size * self.weight)
         return setup.stiffened(size * self.weight)
@@ -244,21 +237,16 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
 def calibration_columns(
     ways: tuple[Calibration, ...], shifted: FloatArray, unshifted: FloatArray
 ) -> FloatArray:
-    """Return the columns, (N, q), from the figures of setups shifted by `step`.
+    """Return the columns, (N, q), from the features of setups with and without each way.
 
     Parameters
     ----------
     shifted : (q, N)
-        Figures of ``way.applied(setup, step(way))``.
+        Features of ``way.applied(setup)``.
     unshifted : (N,)
     """
-    sizes = np.array([way.sd / step(way) for way in ways])
+    sizes = np.array([way.sd / _STEP for way in ways])
     return np.ascontiguousarray(((shifted - unshifted) * sizes[:, None]).T)
-
-
-def step(way: Calibration) -> float:
-    """Return the size that a way is tried with."""
-    return _STEP
 
 
 # ------------------------------------------------------------------------------------------------
@@ -285,7 +273,6 @@ def estimate_scatter(
     sensitivity: FloatArray,
     sensor_sd_N: FloatArray,
     batch_of: IntArray,
-    path: FloatArray,
 ) -> Scatter:
     """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
 
@@ -303,7 +290,7 @@ def estimate_scatter(
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
         for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            own = _specimen_block(table, sensitivity, scatter, sensor_sd_N, path, first)
+            own = _specimen_block(table, sensitivity, scatter, sensor_sd_N, first)
             forces = np.flatnonzero(table.branch[rows[0]] != _FIELD)
             own = own[np.ix_(forces, forces)]
             h = scatter.batch * sensitivity[rows[0]][forces]

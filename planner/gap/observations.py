@@ -8,6 +8,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField, named, replicate_groups
 from planner.gap.segments import (
+    STEPS,
     Path,
     ReplicateTest,
     Segment,
@@ -90,6 +91,11 @@ class FeatureTable:
 
     def __len__(self) -> int:
         return len(self.specimen)
+
+    @property
+    def path(self) -> FloatArray:
+        """How far along its test's steps each feature was read, 0 to 1."""
+        return np.asarray(self.step / (STEPS - 1.0))
 
     @property
     def is_field(self) -> BoolArray:

@@ -17,6 +17,7 @@ from planner.simulation.bar import slice_edges_mm
 from planner.simulation.bar_solver import Setup, unaltered
 
 __all__ = [
+    "STEPS",
     "Path",
     "ReplicateTest",
     "Segment",
@@ -303,7 +304,7 @@ def _last_before_break(force: FloatArray) -> int:
 # The steps of a test: how a path of segments is walked in a set number of strides.
 
 
-_STEPS = 64
+STEPS = 64
 """Of every test, the first at rest included."""
 
 _LEAST = 6
@@ -471,8 +472,8 @@ def time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
-    """Share `_STEPS` but one out among segments by their way, a rest's as half of the longest."""
-    all_ = _STEPS - 1
+    """Share `STEPS` but one out among segments by their way, a rest's as half of the longest."""
+    all_ = STEPS - 1
     ways = np.array(
         [abs(segment.end_mm - segment.begin_mm) if segment.moves else 0.0 for segment in segments]
     )

@@ -49,8 +49,8 @@ def test_fixed_base_parameters_leave_camera_and_batches(problem: Problem) -> Non
     assert gone >= len(problem.ways)
     # What stays of the calibration is about strains of the camera
     force = ~problem.table.is_field
-    assert not less.calibration_figures[:, force].any()
-    assert problem.calibration_figures[:gone][:, force].any(axis=1).all()
+    assert not less.calibration[force].any()
+    assert problem.calibration[force, :gone].any(axis=0).all()
     first = problem.whitened.columns.shape[1] - problem.whitened.nuisances
     assert np.array_equal(less.whitened.columns[:, :first], problem.whitened.columns[:, :first])
     assert np.array_equal(

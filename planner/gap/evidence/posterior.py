@@ -1,10 +1,10 @@
 """From evidence to probabilities, a verdict, its class, and how sure its parameters are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
 from planner.gap.campaign import Campaign
@@ -22,16 +22,14 @@ from planner.gap.noise import USUAL
 from planner.numerics import FloatArray
 
 __all__ = [
-    "FORMLESS",
     "UNKNOWN",
-    "WIDTH_NATS",
     "class_of",
     "detectable_sizes",
     "found_effects",
     "heterogeneity_caution",
+    "needed_nats",
     "posterior",
     "ranking_of",
-    "share_given_up",
     "verdict_of",
     "without_refuted",
 ]
@@ -75,7 +73,7 @@ def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
 
 def _signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
     """Return the cosine of two candidates' whitened patterns, nuisances projected out."""
-    first, second = _combination(problem, a), _combination(problem, b)
+    first, second = problem.combination(a), problem.combination(b)
     m = weighed.nominal.products[: len(first), : len(first)]
     ma, mb = m @ first, m @ second
     return float(first @ mb / np.sqrt(max(float((first @ ma) * (second @ mb)), 1e-300)))
@@ -89,28 +87,29 @@ def class_of(
     Those less than `_ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
-    alike = [verdict]
-    mine = weighed.best.get(verdict)
-    for h in ranking:
-        if h.effects == verdict:
-            continue
-        near = odds[h.effects] > odds[verdict] - _ALIKE_NATS
-        other = weighed.best.get(h.effects)
-        if (
-            not near
-            and mine is not None
-            and other is not None
-            and len(h.effects) == len(verdict) == 1
-        ):
-            near = (
-                mine.members is None
-                and other.members is None
-                and _signature_cosine(problem, weighed, mine, other) > _ALIKE_COSINE
-                and other.gain > mine.gain - 2.0 * _ALIKE_NATS
-            )
-        if near:
-            alike.append(h.effects)
-    return tuple(alike)
+
+    def near(effects: Effects) -> bool:
+        if odds[effects] > odds[verdict] - _ALIKE_NATS:
+            return True
+        fit = _fit_of_same_pattern(problem, weighed, verdict, effects, _ALIKE_COSINE)
+        return fit is not None and fit > -2.0 * _ALIKE_NATS
+
+    return (verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects)))
+
+
+def _fit_of_same_pattern(
+    problem: Problem, weighed: Weighed, one: Effects, other: Effects, cosine: float
+) -> float | None:
+    """Return how much better another effect's best form fits than one effect's, in nats.
+
+    None unless both are single effects, of all specimens, whose patterns have such a cosine.
+    """
+    a, b = weighed.best.get(one), weighed.best.get(other)
+    if a is None or b is None or a.members is not None or b.members is not None:
+        return None
+    if len(one) != 1 or len(other) != 1 or _signature_cosine(problem, weighed, a, b) <= cosine:
+        return None
+    return b.gain - a.gain
 
 
 def _evened_out(
@@ -121,43 +120,46 @@ def _evened_out(
     Where patterns and fits are the same, what is left of evidence is how wide priors are, and the
     data have no say in that: shares are by fit alone.
     """
-    leading = ranking[0]
-    mine = weighed.best.get(leading.effects)
-    if len(leading.effects) != 1 or mine is None or mine.members is not None:
+    leading = ranking[0].effects
+    alike, fits = [], []
+    for h in ranking:
+        fit = _fit_of_same_pattern(problem, weighed, leading, h.effects, _SAME_COSINE)
+        if fit is not None and abs(fit) < _ALIKE_NATS:
+            alike.append(h)
+            fits.append(fit)
+    if not alike:
         return tuple(ranking)
-    alike = [
-        h
-        for h in ranking
-        if len(h.effects) == 1
-        and (other := weighed.best.get(h.effects)) is not None
-        and other.members is None
-        and abs(other.gain - mine.gain) < _ALIKE_NATS
-        and _signature_cosine(problem, weighed, mine, other) > _SAME_COSINE
-    ]
-    fits = np.array([weighed.best[h.effects].gain for h in alike])
-    shares = np.exp(fits - logsumexp(fits)) * sum(h.probability for h in alike)
+    shares = np.exp(np.array(fits) - logsumexp(fits)) * sum(h.probability for h in alike)
     changed = dict(zip([h.effects for h in alike], shares.tolist(), strict=True))
-    found = [replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking]
-    return tuple(sorted(found, key=lambda h: (-h.probability, h.effects)))
+    return _sorted(replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking)
 
 
-def _with_unknown(kept: Sequence[Hypothesis], lost: float) -> tuple[Hypothesis, ...]:
-    """Return a ranking of hypotheses that gave up a probability, and the unknown that takes it."""
-    unknown = sum(h.probability for h in kept if h.effects == UNKNOWN) + lost
-    others = [h for h in kept if h.effects != UNKNOWN]
-    together = [*others, Hypothesis(UNKNOWN, unknown, 0.0)]
-    return tuple(sorted(together, key=lambda h: (-h.probability, h.effects)))
+def _sorted(ranking: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
+    return tuple(sorted(ranking, key=lambda h: (-h.probability, h.effects)))
 
 
-def _combination(problem: Problem, candidate: Candidate) -> FloatArray:
-    """Return the candidate's pattern as a combination of residual, nodes and gains."""
-    vector = np.zeros(problem.gains.stop)
-    for branch, place in zip(candidate.branches, candidate.places, strict=True):
-        first = problem.nodes.start + branch.first
-        vector[first : first + branch.nodes] += node_weights(branch, place)
-    if candidate.members is not None:
-        vector[problem.gains] = candidate.log_gain * candidate.members
-    return vector
+def _given_to_unknown(
+    ranking: Sequence[Hypothesis], share: Mapping[Effects, float]
+) -> tuple[Hypothesis, ...]:
+    """Return a ranking in which hypotheses give shares of their probability to the unknown.
+
+    One that gives up all is gone.
+    """
+    lost = sum(share.get(h.effects, 0.0) * h.probability for h in ranking)
+    if not lost:
+        return tuple(ranking)
+    unknown = sum(h.probability for h in ranking if h.effects == UNKNOWN) + lost
+    kept = [
+        replace(h, probability=(1.0 - share.get(h.effects, 0.0)) * h.probability)
+        for h in ranking
+        if h.effects != UNKNOWN and share.get(h.effects, 0.0) < 1.0
+    ]
+    return _sorted([*kept, Hypothesis(UNKNOWN, unknown, 0.0)])
+
+
+def _named(ranking: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the hypotheses with effects of the library."""
+    return [h for h in ranking if h.effects not in ((), UNKNOWN)]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -177,7 +179,7 @@ _DEVIATIONS = 2.5
 _MEASURED_LOG_SD = 0.2
 """Of the scatter's logarithm: below it replicates have measured it."""
 
-FORMLESS = 0.3
+_FORMLESS = 0.3
 """Share that goes to the unknown where no known form fits as it is."""
 
 _EXPLAINED = 0.85
@@ -194,14 +196,14 @@ _LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
 
 
-def goodness_of_fit(
-    problem: Problem, gram: InnerProducts, candidate: Candidate
+def _goodness_of_fit(
+    problem: Problem, inner: InnerProducts, candidate: Candidate
 ) -> tuple[float, float]:
     """Return the mean square of what a candidate with effects leaves, 1 if it is right.
 
     Parameters
     ----------
-    gram
+    inner
         The problem's inner products.
 
     Returns
@@ -210,21 +212,18 @@ def goodness_of_fit(
         Without and with what its forms may depart by; the second is never larger.
     """
     if candidate.branches:
-        refiner = Refiner(problem, gram, candidate, None, unknown=True)
-        found = [refiner.left(e, candidate) / gram.rows for e in refiner.eliminate(1.0)]
+        refiner = Refiner(problem, inner, candidate, None, unknown=True)
+        found = [refiner.left(e) / inner.rows for e in refiner.eliminate(1.0)]
         return min(found[:-1]), min(found)
     # A gain of some specimens alone, which has no form to depart from.
-    assert candidate.members is not None
-    products = gram.eliminate().products
-    vector = np.zeros(problem.gains.stop)
+    vector = -problem.combination(candidate)
     vector[0] = 1.0
-    vector[problem.gains] = -candidate.log_gain * candidate.members
-    kept = products[: len(vector), : len(vector)]
-    left = float(vector @ kept @ vector) / gram.rows
+    kept = inner.eliminate().products[: len(vector), : len(vector)]
+    left = float(vector @ kept @ vector) / inner.rows
     return left, left
 
 
-def largest_expected_misfit(problem: Problem, rows: float) -> float:
+def _largest_expected(problem: Problem, rows: float) -> float:
     """Return the mean square that a right hypothesis hardly exceeds.
 
     Without replicates scatter may be three times the usual, 9 %, and mean squares nine times.
@@ -234,7 +233,7 @@ def largest_expected_misfit(problem: Problem, rows: float) -> float:
     return float(found)
 
 
-def drop_poor_fits(
+def _without_poor_fits(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
     """Return the ranking, the probability of named hypotheses that do not fit given to unknown.
@@ -243,24 +242,19 @@ def drop_poor_fits(
     for a form that nobody knows, or for something else. What explains nearly all of a large gap is
     judged one step more mildly.
     """
-    gram = problem.whitened.gram()
-    limit = largest_expected_misfit(problem, gram.rows)
-    before = float(weighed.nominal.products[0, 0]) / gram.rows
-    kept, lost = [], 0.0
-    for h in ranking:
-        if h.effects in ((), UNKNOWN) or h.probability < _LEAST_PROBABILITY:
-            kept.append(h)
-            continue
-        as_it_is, departing = goodness_of_fit(problem, gram, weighed.best[h.effects])
-        share = share_given_up(before, as_it_is, departing, limit)
-        lost += share * h.probability
-        if share < 1.0:
-            kept.append(replace(h, probability=(1.0 - share) * h.probability))
-    return _with_unknown(kept, lost) if lost else tuple(kept)
+    inner = problem.whitened.inner_products()
+    limit = _largest_expected(problem, inner.rows)
+    before = float(weighed.nominal.products[0, 0]) / inner.rows
+    share = {}
+    for h in _named(ranking):
+        if h.probability >= _LEAST_PROBABILITY:
+            left = _goodness_of_fit(problem, inner, weighed.best[h.effects])
+            share[h.effects] = _share_given_up(before, *left, limit)
+    return _given_to_unknown(ranking, share)
 
 
-def share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
-    """Return the share of a hypothesis' probability that its misfit gives to the unknown.
+def _share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
+    """Return the share of a hypothesis' probability that what it leaves gives to the unknown.
 
     Parameters
     ----------
@@ -271,28 +265,22 @@ def share_given_up(before: float, as_it_is: float, departing: float, limit: floa
         return 0.0
     explained = 1.0 - (as_it_is - 1.0) / max(before - 1.0, 1e-12)
     if explained >= _EXPLAINED:
-        return 0.0 if departing <= limit else FORMLESS
-    return FORMLESS if explained >= _HALF and departing <= limit else 1.0
+        return 0.0 if departing <= limit else _FORMLESS
+    return _FORMLESS if explained >= _HALF and departing <= limit else 1.0
 
 
-def temper_few_specimens(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
+def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
     """Return the ranking of a campaign of very few specimens: they show a gap, not its cause.
 
     What is named has at most 0.4 + 0.065 n together; the rest is unknown.
     """
-    named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    share = _LEAST_SHARE + _SHARE_EACH * specimens
+    named = sum(h.probability for h in _named(ranking))
     none = sum(h.probability for h in ranking if h.effects == ())
-    most_named = share * (1.0 - none)
+    most_named = (_LEAST_SHARE + _SHARE_EACH * specimens) * (1.0 - none)
     if specimens >= _ENOUGH_SPECIMENS or named <= most_named:
         return tuple(ranking)
-    kept = [
-        replace(h, probability=h.probability * most_named / named)
-        if h.effects not in ((), UNKNOWN)
-        else h
-        for h in ranking
-    ]
-    return _with_unknown(kept, named - most_named)
+    share = 1.0 - most_named / named
+    return _given_to_unknown(ranking, {h.effects: share for h in _named(ranking)})
 
 
 # ------------------------------------------------------------------------------------------------
@@ -303,23 +291,11 @@ _LARGEST_SCATTER = 0.12
 """Of replicates' levels: jetted specimens scatter by 1 to 9 %, and estimates are off by a third."""
 
 
-def with_heterogeneity(problem: Problem, ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the ranking; where replicates are not alike, "none" gives way to the unknown.
-
-    A gap no larger than what replicates differ by is no gap, unless they differ by what no print
-    scatters: then the gap lies between them.
-    """
-    nothing = sum(h.probability for h in ranking if h.effects == ())
-    if not nothing or not _heterogeneous(problem):
-        return tuple(ranking)
-    return _with_unknown([h for h in ranking if h.effects != ()], nothing)
-
-
 def heterogeneity_caution(problem: Problem) -> str | None:
     """Return what to tell of replicates that are not alike; None where they are."""
     if not _heterogeneous(problem):
         return None
-    columns = _telling(problem.campaign, problem.observed.tests)
+    columns = _telling(problem.campaign, problem.model.tests)
     where = (
         f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which no "
         "effect claims"
@@ -361,13 +337,13 @@ def ranking_of(problem: Problem, weighed: Weighed) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     What does not fit gives way to the unknown, what looks the same shares its probability, and few
-    specimens name little; where replicates are not alike, something is at work.
+    specimens name little. A gap no larger than what replicates differ by is no gap, unless they
+    differ by what no print scatters: then it lies between them, and "none" gives way.
     """
-    fitting = drop_poor_fits(problem, weighed, posterior([weighed.log_odds]))
-    named = temper_few_specimens(
-        _evened_out(problem, weighed, fitting), len(problem.campaign.specimens)
-    )
-    return with_heterogeneity(problem, named)
+    fitting = _without_poor_fits(problem, weighed, posterior([weighed.log_odds]))
+    evened = _evened_out(problem, weighed, fitting)
+    ranking = _tempered(evened, len(problem.campaign.specimens))
+    return _given_to_unknown(ranking, {(): 1.0}) if _heterogeneous(problem) else ranking
 
 
 def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -376,14 +352,7 @@ def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     Folds choose among all hypotheses anew, so that what fails is no one of them: all that is named
     gives most of its probability to the unknown, and keeps its place behind it.
     """
-    kept = [
-        h
-        if h.effects in ((), UNKNOWN)
-        else replace(h, probability=(1.0 - _GIVEN_UP) * h.probability)
-        for h in ranking
-    ]
-    lost = sum(_GIVEN_UP * h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    return _with_unknown(kept, lost)
+    return _given_to_unknown(ranking, {h.effects: _GIVEN_UP for h in _named(ranking)})
 
 
 # ------------------------------------------------------------------------------------------------
@@ -406,94 +375,73 @@ def found_effects(
     """
     found = []
     if candidate.branches:
-        refiner = Refiner(problem, problem.whitened.gram(), candidate, None)
+        refiner = Refiner(problem, problem.whitened.inner_products(), candidate, None)
         products = refiner.likelier(nominal.none).products
         found = [_found(products, candidate, k) for k in range(len(candidate.branches))]
     if candidate.members is not None:
-        found.append(_some(problem, nominal, candidate))
+        h = nominal.products[problem.gains, problem.gains]
+        found.append(_gain_found(problem, h, candidate.members, candidate.log_gain))
     return tuple(sorted(found, key=lambda effect: effect.id))
 
 
-def _some(problem: Problem, elimination: Elimination, candidate: Candidate) -> FoundEffect:
-    assert candidate.members is not None
-    h = elimination.products[problem.gains, problem.gains]
-    sd = 1.0 / np.sqrt(max(float(candidate.members @ h @ candidate.members), 1e-12))
-    factor = float(np.exp(candidate.log_gain))
-    names = tuple(
-        s.id
-        for s, member in zip(problem.campaign.specimens, candidate.members, strict=True)
-        if member
-    )
-    ends = (factor * float(np.exp(-1.645 * sd)), factor * float(np.exp(1.645 * sd)))
+def _gain_found(
+    problem: Problem, inner: FloatArray, members: FloatArray, log_gain: float
+) -> FoundEffect:
+    sd = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
+    factor, reach = float(np.exp(log_gain)), float(np.exp(1.645 * sd))
     return FoundEffect(
-        "force-scale", "of-some-specimens", {"factor": factor}, {"factor": ends}, {"factor": "1"},
-        names,
-    )  # fmt: skip
+        "force-scale",
+        "of-some-specimens",
+        {"factor": factor},
+        {"factor": (factor / reach, factor * reach)},
+        {"factor": "1"},
+        tuple(s.id for s, m in zip(problem.campaign.specimens, members, strict=True) if m),
+    )
 
 
 def _found(products: FloatArray, candidate: Candidate, number: int) -> FoundEffect:
     branch, place = candidate.branches[number], candidate.places[number]
-    b, g = _inner(products, candidate, number)
-    ends = [_reach(branch, place, d, b, g) for d in range(len(place))]
-    axes = [np.linspace(low, high, _POINTS) for low, high in ends]
-    grid = list(product(*axes))
-    weights = np.array([node_weights(branch, point) for point in grid])
-    log = weights @ b - 0.5 * np.sum((weights @ g) * weights, axis=1)
-    # The prior of a size is uniform in its logarithm: ds / s.
-    log -= np.log([point[0] for point in grid])
-    mass = np.exp(log - log.max()).reshape([_POINTS] * len(axes))
-    interval: dict[str, tuple[float, float]] = {}
-    best = branch.values(place)
-    for d, parameter in enumerate(branch.form.parameters):
-        marginal = mass.sum(axis=tuple(k for k in range(len(axes)) if k != d))
-        low, high = _quantiles(axes[d], marginal)
-        one = [list(place), list(place)]
-        one[0][d], one[1][d] = low, high
-        values = sorted(branch.values(p)[parameter.name] for p in one)
-        interval[parameter.name] = (values[0], values[1])
-    return FoundEffect(
-        branch.effect.id,
-        branch.form.name,
-        dict(best),
-        interval,
-        {p.name: p.unit for p in branch.form.parameters},
-    )
-
-
-def _inner(
-    products: FloatArray, candidate: Candidate, number: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return inner products of the branch's nodes with what the other effect leaves, and own."""
+    # Inner products of the branch's nodes with what the other effect leaves, and their own.
     ends = np.cumsum([1, *[b.nodes for b in candidate.branches]])
     own = slice(int(ends[number]), int(ends[number + 1]))
-    left = products[own, 0].copy()
-    for k, (other, place) in enumerate(zip(candidate.branches, candidate.places, strict=True)):
+    b, g = products[own, 0].copy(), products[own, own]
+    for k, weights in enumerate(candidate.node_weights()):
         if k != number:
-            left -= products[own, ends[k] : ends[k + 1]] @ node_weights(other, place)
-    return left, products[own, own]
+            b -= products[own, ends[k] : ends[k + 1]] @ weights
+
+    def log_likelihood(places: ArrayLike) -> FloatArray:
+        weights = node_weights(branch, places)
+        return np.asarray(weights @ b - 0.5 * np.sum((weights @ g) * weights, axis=-1))
+
+    axes = [np.linspace(*_reach(log_likelihood, place, d, low), _POINTS)
+            for d, low in enumerate(branch.lows)]  # fmt: skip
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    # The prior of a size is uniform in its logarithm: ds / s.
+    log = log_likelihood(grid) - np.log(grid[..., 0])
+    mass = np.exp(log - log.max())
+    interval: dict[str, tuple[float, float]] = {}
+    for d, parameter in enumerate(branch.form.parameters):
+        marginal = mass.sum(axis=tuple(k for k in range(len(axes)) if k != d))
+        ends_at = ((*place[:d], at, *place[d + 1 :]) for at in _quantiles(axes[d], marginal))
+        low, high = sorted(branch.values(p)[parameter.name] for p in ends_at)
+        interval[parameter.name] = (low, high)
+    units = {p.name: p.unit for p in branch.form.parameters}
+    return FoundEffect(branch.effect.id, branch.form.name, branch.values(place), interval, units)
 
 
 def _reach(
-    branch: SignedForm, place: tuple[float, ...], d: int, b: FloatArray, g: FloatArray
+    log_likelihood: Callable[[ArrayLike], FloatArray], place: Sequence[float], d: int, low: float
 ) -> tuple[float, float]:
     """Return how far along one direction the likelihood has not dropped by `_DROP`."""
-    low, high = (branch.least, 1.0) if d == 0 else (-1.0, 1.0)
 
     def drop(x: float) -> float:
-        point = list(place)
-        point[d] = x
-        c = node_weights(branch, point)
-        return best - float(c @ b - 0.5 * c @ g @ c)
+        return best - float(log_likelihood((*place[:d], x, *place[d + 1 :])))
 
-    c = node_weights(branch, place)
-    best = float(c @ b - 0.5 * c @ g @ c)
+    best = float(log_likelihood(place))
     ends = []
-    for end in (low, high):
+    for end in (low, 1.0):
         inside, outside = place[d], end
-        if drop(end) <= _DROP:
-            ends.append(end)
-            continue
-        for _ in range(20):
+        for _ in range(20 if drop(end) > _DROP else 0):
             middle = 0.5 * (inside + outside)
             inside, outside = (middle, outside) if drop(middle) <= _DROP else (inside, middle)
         ends.append(outside)
@@ -501,7 +449,7 @@ def _reach(
     widen = 1.0 if len(place) == 1 else 2.5
     return (
         max(low, place[d] + widen * (ends[0] - place[d])),
-        min(high, place[d] + widen * (ends[1] - place[d])),
+        min(1.0, place[d] + widen * (ends[1] - place[d])),
     )
 
 
@@ -517,7 +465,7 @@ def _quantiles(at: FloatArray, mass: FloatArray) -> tuple[float, float]:
 # The smallest size of each effect that this campaign would have shown.
 
 
-WIDTH_NATS = 3.0
+_WIDTH_NATS = 3.0
 """What the freedom of size and shape costs an effect, beyond its prior odds."""
 
 _SIZES = 60
@@ -531,29 +479,29 @@ def detectable_sizes(
     That is where half the squared length of its whitened pattern, nuisances projected out, makes
     up for the prior odds against it and the width of its prior; shapes are at their middle.
     """
-    ids = tuple(dict.fromkeys(b.effect.id for b in problem.branches))
-    if not ids:
-        return ()
-    needed = float(np.log(priors.none * len(ids) / priors.single)) + WIDTH_NATS
+    nodes = elimination.products[problem.nodes, problem.nodes]
+    first_forms = {b.effect.id: b.form for b in reversed(problem.branches)}
     found = []
-    for id in ids:
-        branches = [b for b in problem.branches if b.effect.id == id]
-        first = [b for b in branches if b.form is branches[0].form]
-        sizes = [_smallest(problem, elimination, b, needed) for b in first]
-        known = [s for s in sizes if s is not None]
-        size = first[0].form.size
+    for id in dict.fromkeys(b.effect.id for b in problem.branches):
+        size = first_forms[id].size
+        needed = needed_nats(priors, len(first_forms))
+        known = [
+            size.high * s**2
+            for b in problem.branches
+            if b.form is first_forms[id]
+            and (s := _smallest(nodes[b.own, b.own], b, needed)) is not None
+        ]
         found.append(Detectable(id, size.name, min(known, default=None), size.unit))
     return tuple(found)
 
 
-def _smallest(
-    problem: Problem, elimination: Elimination, branch: SignedForm, needed: float
-) -> float | None:
-    first = problem.nodes.start + branch.first
-    own = slice(first, first + branch.nodes)
-    g = elimination.products[own, own]
-    for s in np.geomspace(branch.least, 1.0, _SIZES).tolist():
-        c = node_weights(branch, [s] + [0.0] * branch.shapes)
-        if 0.5 * float(c @ g @ c) >= needed:
-            return float(branch.form.size.high * s**2)
-    return None
+def needed_nats(priors: Priors, effects: int) -> float:
+    """Return the gain at which one of so many effects is named rather than none."""
+    return float(np.log(priors.none * effects / priors.single)) + _WIDTH_NATS
+
+
+def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:
+    sizes = np.geomspace(branch.least, 1.0, _SIZES)
+    weights = node_weights(branch, [(s, *[0.0] * branch.shapes) for s in sizes])
+    enough = np.flatnonzero(0.5 * np.sum((weights @ nodes) * weights, axis=1) >= needed)
+    return float(sizes[enough[0]]) if len(enough) else None

@@ -1,21 +1,16 @@
 """Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import logsumexp
 
-from planner.gap.evidence.problem import AMPLITUDES, Problem, departures, own_axes
-from planner.gap.evidence.search import (
-    Pairs,
-    Search,
-    Singles,
-    weigh_single,
-    weigh_subset,
-    weigh_subset_beside,
-)
-from planner.gap.evidence.surrogate import Candidate, Elimination, InnerProducts, node_weights
-from planner.numerics import FloatArray, IntArray
+from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
+from planner.gap.evidence.search import Search, weigh_subset
+from planner.gap.evidence.surrogate import Candidate, Elimination, InnerProducts, climbed
+from planner.numerics import FloatArray
 
 __all__ = ["Effects", "Priors", "Refiner", "Weighed", "weigh"]
 
@@ -64,27 +59,18 @@ _SETTLED = 0.1
 _LEAST_GROWTH = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
-class Weight:
-    """Gain and log evidence over no effect at the same scale of scatter, and the best place."""
-
-    gain: float
-    evidence: float
-    place: tuple[float, ...]
-
-
 class Refiner:
     """One candidate's columns: the residual, its nodes, perhaps the unknown's, and all nuisances.
 
     Its form is right and its size the same for all, or each specimen's own where that is usual, or
-    the form departs as `departures` says: with equal probability. Departures are as
-    large as the effect that is found with them, so that no large effect bends into a small gap.
+    the form departs as `Problem.departures` says: with equal probability. Departures are as large
+    as the effect that is found with them, so that no large effect bends into a small gap.
     """
 
     def __init__(
         self,
         problem: Problem,
-        gram: InnerProducts,
+        inner: InnerProducts,
         candidate: Candidate,
         weight: FloatArray | None,
         *,
@@ -92,66 +78,49 @@ class Refiner:
     ) -> None:
         self.candidate = candidate
         self._scatter = problem.scatter
-        start = problem.nodes.start
-        nodes = [start + b.first + np.arange(b.nodes) for b in candidate.branches]
-        self.head = 1 + sum(len(n) for n in nodes)
-        total = len(gram.products)
-        first = problem.gains.start if unknown else total - gram.nuisances
-        self._gains = problem.gains.stop - problem.gains.start
-        columns: IntArray = np.concatenate([[0], *nodes, np.arange(first, total)]).astype(np.int64)
-        self._shift = self.head - problem.gains.start
-        found = departures(
-            candidate, problem.node_figures, problem.factors, problem.noise, problem.table
-        )
-        rows = None if weight is None else np.repeat(weight, np.diff(problem.whitened.first_row))
-        white = problem.whitened.columns[:, columns]
-        self._branch = found.branch
-        self._extra = _inner(found.columns, white, rows)
-        self._counts = sorted({0, found.own, len(found.branch)})
-        self._gram = InnerProducts(
-            gram.products[np.ix_(columns, columns)], gram.rows, gram.nuisances
-        )
-        self._firsts = np.cumsum([0, *[b.nodes for b in candidate.branches]])[:-1].astype(np.int64)
-        self._shapes = np.array([b.shapes for b in candidate.branches], dtype=np.int64)
-        self._lows = np.array([b.least for b in candidate.branches])
-
-        self._settled: list[Elimination] = []
+        start, total = problem.nodes.start, len(inner.products)
+        nodes = [np.arange(start + b.own.start, start + b.own.stop) for b in candidate.branches]
+        self._firsts = np.cumsum([0, *map(len, nodes)])[:-1].tolist()
+        self._head = 1 + sum(map(len, nodes))
+        first = problem.gains.start if unknown else total - inner.nuisances
+        columns = np.concatenate([[0], *nodes, np.arange(first, total)]).astype(np.int64)
+        self._shift = self._head - problem.gains.start
+        self._gains = slice(self._head, problem.gains.stop + self._shift)
+        self._inner = replace(inner, products=inner.products[np.ix_(columns, columns)])
+        patterns, own, self._branch = problem.departures(candidate)
+        weighted = patterns
+        if weight is not None:
+            weighted = patterns * problem.whitened.on_rows(weight)[:, None]
+        self._cross = weighted.T @ problem.whitened.columns[:, columns]
+        self._within = weighted.T @ patterns
+        self._counts = sorted({0, own, patterns.shape[1]})
         self._growth = [np.ones(len(candidate.branches)) for _ in self._counts]
-        for number in range(len(self._counts)):
-            self._settled.append(self._settle(number))
+        self._settled = [self._settle(number) for number in range(len(self._counts))]
 
     def _settle(self, number: int) -> Elimination:
         """Find the size at which departures are as large as the effect itself."""
-        start = np.array([place[0] for place in self.candidate.places])
+        elimination = self._eliminate(number, 1.0)
+        if not self._counts[number]:
+            return elimination
         for round_ in range(_ROUNDS):
-            elimination = self._eliminate(number, 1.0)
-            if not self._counts[number]:
-                break
-            place = np.array(self._weigh(elimination, 0.0).place)
-            growth = np.maximum((place[self._first_places()] / start) ** 2, _LEAST_GROWTH)
+            sizes = self._at_best(elimination, 0.0).sizes
+            growth = np.maximum((sizes / self.candidate.sizes) ** 2, _LEAST_GROWTH)
             if round_:
                 # Where small departures ask for a large effect and large ones for a small one.
                 growth = np.minimum(growth, self._growth[number])
             if np.all(np.abs(np.log(growth / self._growth[number])) < _SETTLED):
                 break
             self._growth[number] = growth
-        else:
             elimination = self._eliminate(number, 1.0)
         return elimination
-
-    def _first_places(self) -> IntArray:
-        """Return where each branch's size is among all parameters of a place."""
-        lengths = [1 + int(shapes) for shapes in self._shapes]
-        return np.cumsum([0, *lengths])[:-1].astype(np.int64)
 
     def _eliminate(self, number: int, scale: float) -> Elimination:
         count = self._counts[number]
         if not count:
-            return self._gram.eliminate(scale)
+            return self._inner.eliminate(scale)
         size = self._growth[number][self._branch[:count]]
-        cross, inner = self._extra
-        extra = cross[:count] * size[:, None], inner[:count, :count] * np.outer(size, size)
-        return self._gram.eliminate(scale, extra)
+        own = self._within[:count, :count] * np.outer(size, size)
+        return self._inner.eliminate(scale, (self._cross[:count] * size[:, None], own))
 
     def eliminate(self, scale: float) -> list[Elimination]:
         """Integrate over nuisances: with the form as it is, and with each kind of departure."""
@@ -159,40 +128,32 @@ class Refiner:
             return self._settled
         return [self._eliminate(number, scale) for number in range(len(self._counts))]
 
-    def weigh(self, eliminations: list[Elimination], none: float) -> Weight:
-        """Return the candidate's weight; `none` is ln p of no effect at that scale."""
-        found = [self._weigh(e, none) for e in eliminations]
-        evidence = float(np.logaddexp.reduce([w.evidence for w in found]) - np.log(len(found)))
-        best = max(found, key=lambda w: w.evidence)
-        return Weight(best.gain, evidence, best.place)
+    def weigh(self, eliminations: list[Elimination], none: float) -> Candidate:
+        """Return the candidate at its best, weighed; `none` is ln p of no effect at that scale."""
+        return _averaged([self._at_best(e, none) for e in eliminations])
 
     def likelier(self, none: float) -> Elimination:
         """Return the inner products, at the nominal scatter, under which it weighs more."""
-        return max(self.eliminate(1.0), key=lambda e: self._weigh(e, none).evidence)
+        return max(self._settled, key=lambda e: self._at_best(e, none).log_evidence)
 
-    def _weigh(self, elimination: Elimination, none: float) -> Weight:
+    def _at_best(self, elimination: Elimination, none: float) -> Candidate:
         a = elimination.products
-        place = self.candidate.flat
-        gain, evidence = weigh_single(
-            np.ascontiguousarray(a[0, 1 : self.head]),
-            np.ascontiguousarray(a[1 : self.head, 1 : self.head]),
-            self._firsts, self._shapes, self._lows, place,
-        )  # fmt: skip
+        found = climbed(
+            self.candidate, a[0, 1 : self._head], a[1 : self._head, 1 : self._head], self._firsts
+        )
         shift = elimination.none - none
-        return Weight(float(gain) + shift, float(evidence) + shift, tuple(place.tolist()))
+        return replace(found, gain=found.gain + shift, log_evidence=found.log_evidence + shift)
 
-    def left(self, elimination: Elimination, candidate: Candidate) -> float:
+    def left(self, elimination: Elimination) -> float:
         """Return the sum of squares that the candidate leaves at its best place.
 
         Needs the unknown's columns, with which the gains' are.
         """
-        place = self._weigh(elimination, 0.0).place
-        places = self.candidate.at(place, 0.0, 0.0).places
-        nodes = [node_weights(b, p) for b, p in zip(candidate.branches, places, strict=True)]
-        vector = np.zeros(self.head + self._gains)
-        vector[: self.head] = np.concatenate([[1.0], *[-n for n in nodes]])
-        if candidate.members is not None:
-            vector[self.head :] = -candidate.log_gain * candidate.members
+        nodes = self._at_best(elimination, 0.0).node_weights()
+        gains = np.zeros(self._gains.stop - self._gains.start)
+        if self.candidate.members is not None:
+            gains = self.candidate.log_gain * self.candidate.members
+        vector = np.concatenate([[1.0], *[-n for n in nodes], -gains])
         kept = elimination.products[: len(vector), : len(vector)]
         return float(vector @ kept @ vector)
 
@@ -201,32 +162,27 @@ class Refiner:
 
         Needs the unknown's columns, with which the gains' are.
         """
-        gains = slice(self.head, self.head + self._gains)
         found = []
         # Each specimen's own size of the effect would take up its gain: with and without these.
         for elimination in self.eliminate(scale):
-            weight = self._weigh(elimination, none)
-            candidate = self.candidate.at(weight.place, weight.gain, weight.evidence)
-            parts = zip(candidate.branches, candidate.places, strict=True)
-            nodes = np.concatenate([node_weights(b, p) for b, p in parts])
-            found.append(weigh_subset_beside(elimination, gains, candidate, nodes, self._scatter))
-        evidence = float(np.logaddexp.reduce([c.log_evidence for c in found]) - np.log(len(found)))
-        best = max(found, key=lambda c: c.log_evidence)
-        return replace(best, log_evidence=evidence)
+            best = self._at_best(elimination, none)
+            gains = elimination.products[self._gains]
+            left = gains[:, 0] - gains[:, 1 : self._head] @ np.concatenate(best.node_weights())
+            found.append(weigh_subset(left, gains[:, self._gains], best, self._scatter))
+        return _averaged(found)
 
     def beside(
         self, eliminations: list[Elimination], axis: slice, amplitude: float
     ) -> list[Elimination]:
         """Add an unknown along one axis, given by its columns in the problem."""
         at = slice(axis.start + self._shift, axis.stop + self._shift)
-        return [e.with_random(at, amplitude, self.head) for e in eliminations]
+        return [e.with_random(at, amplitude, self._head) for e in eliminations]
 
 
-def _inner(
-    patterns: FloatArray, columns: FloatArray, rows: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    weighted = patterns if rows is None else patterns * rows[:, None]
-    return weighted.T @ columns, weighted.T @ patterns
+def _averaged(found: list[Candidate]) -> Candidate:
+    """Return the likeliest of equally probable candidates, with the evidence of them all."""
+    total = float(np.logaddexp.reduce([c.log_evidence for c in found]) - np.log(len(found)))
+    return replace(max(found, key=lambda c: c.log_evidence), log_evidence=total)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -239,6 +195,7 @@ def _inner(
 
 Effects = tuple[str, ...]
 _Hypothesis = tuple[Effects, str]
+_Key = TypeVar("_Key", bound=Hashable)
 
 _FORMS = 3
 """Forms of a single effect that are weighed in full."""
@@ -287,10 +244,8 @@ class Weighed:
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
-        key = (effects, axis)
-        known = self.log_evidence.get(key, -np.inf)
-        self.log_evidence[key] = float(np.logaddexp(known, log_evidence))
-        self.log_prior[key] = log_prior
+        _add(self.log_evidence, (effects, axis), log_evidence)
+        self.log_prior[effects, axis] = log_prior
 
     @property
     def log_odds(self) -> dict[_Hypothesis, float]:
@@ -320,17 +275,14 @@ def weigh(
     quick
         Take the scatter as estimated, and leave out the unknown.
     """
-    gram = problem.whitened.gram(weight)
-    search = Search.of(problem)
-    nominal = gram.eliminate()
+    inner = problem.whitened.inner_products(weight)
+    nominal = inner.eliminate()
     result = Weighed(nominal, priors.coarseness_nats)
     logs = _LogPriors(problem, priors)
-    singles = search.singles(nominal)
-    pairs = search.pairs(nominal, search.scan(nominal, singles.place))
-    candidates = _candidates(search, singles, pairs, logs)
+    candidates = _candidates(Search.on(problem.branches, nominal, problem.nodes), logs)
     if quick:
         candidates = _first(candidates, logs)
-    refiners = [Refiner(problem, gram, c, weight) for c in candidates]
+    refiners = [Refiner(problem, inner, c, weight) for c in candidates]
     result.offer(Candidate(()))
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
     scales = ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
@@ -338,42 +290,38 @@ def weigh(
     totals: dict[Effects, float] = {}
     at_nominal: dict[Effects, float] = {}
     for scale, share in scales[: 1 if quick else 3]:
-        plain = nominal if scale == 1.0 else gram.eliminate(scale)
+        plain = nominal if scale == 1.0 else inner.eliminate(scale)
         offset = plain.none - nominal.none + float(np.log(share))
         ours: dict[Effects, float] = {}
         uneven: dict[Effects, float] = {}
         for refiner in refiners:
-            candidate = refiner.candidate
             eliminations = refiner.eliminate(scale)
             found = refiner.weigh(eliminations, plain.none)
-            if len(candidate.effects) == 1:
-                known = uneven.get(candidate.effects, 0.0)
-                uneven[candidate.effects] = max(known, *(e.none - plain.none for e in eliminations))
-            value = found.evidence + logs.forms(candidate)
-            old = ours.get(candidate.effects, -np.inf)
-            ours[candidate.effects] = float(np.logaddexp(old, value))
+            if len(found.effects) == 1:
+                most = max(0.0, *(e.none - plain.none for e in eliminations))
+                uneven[found.effects] = max(uneven.get(found.effects, 0.0), most)
+            found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
+            _add(ours, found.effects, found.log_evidence)
             if scale == 1.0:
-                result.offer(candidate.at(found.place, found.gain, value))
+                result.offer(found)
         if logs.some:
-            subset = weigh_subset(problem, plain)
+            gains = plain.products[problem.gains]
+            subset = weigh_subset(
+                gains[:, 0], gains[:, problem.gains], Candidate(()), problem.scatter
+            )
             if scale == 1.0:
                 result.offer(subset)
-            ours[subset.effects] = float(
-                np.logaddexp(
-                    ours.get(subset.effects, -np.inf), subset.log_evidence + np.log(_OF_SOME)
-                )
-            )
+            _add(ours, subset.effects, subset.log_evidence + np.log(_OF_SOME))
         result.add((), "", logs.none, offset + _nothing(uneven))
         for effects, value in ours.items():
             result.add(effects, "", logs.of(effects), offset + value)
-            known = totals.get(effects, -np.inf)
-            totals[effects] = float(np.logaddexp(known, offset + value))
+            _add(totals, effects, offset + value)
         if scale == 1.0:
             refiners = _worth(refiners, result, logs)
         if quick or not problem.unknown:
             continue
         if scale == 1.0:
-            chosen = _best(problem, gram, weight, result, ours, logs)
+            chosen = _best(problem, inner, weight, result, ours, logs)
             at_nominal = dict(totals)
         _add_unknown(problem, plain, offset, logs, result)
         for refiner, _ in chosen:
@@ -385,6 +333,11 @@ def weigh(
         offset = float(np.log(scales[0][1])) + others + totals[effects] - at_nominal[effects]
         _add_beside(problem, refiner, nominal.none, offset, logs, result)
     return result
+
+
+def _add(logs: dict[_Key, float], key: _Key, value: float) -> None:
+    """Add to a sum that is kept as a logarithm."""
+    logs[key] = float(np.logaddexp(logs.get(key, -np.inf), value))
 
 
 def _nothing(uneven: dict[Effects, float]) -> float:
@@ -446,37 +399,24 @@ def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
     return shares
 
 
-def _candidates(
-    search: Search, singles: Singles, pairs: Pairs, logs: _LogPriors
-) -> list[Candidate]:
+def _candidates(search: Search, logs: _LogPriors) -> list[Candidate]:
     """Return the best forms of every effect, and the pairs that passed the scan."""
-    found = []
-    value = singles.evidence + logs.branch
-    for effect in range(int(search.effect.max(initial=-1)) + 1):
-        mine = np.flatnonzero(search.effect == effect)
-        for k in mine[np.argsort(-value[mine], kind="stable")][:_FORMS].tolist():
-            place = [singles.place[k]]
-            found.append(search.candidate([k], place, float(singles.gain[k]), float(value[k])))
-    for row, both in enumerate(pairs.branches.tolist()):
-        places = [pairs.place[row, :3], pairs.place[row, 3:]]
-        gain, evidence = float(pairs.gain[row]), float(pairs.evidence[row])
-        found.append(search.candidate(both, places, gain, evidence))
-    return found
+    singles = search.singles()
+    of: dict[Effects, list[Candidate]] = {}
+    for single in singles:
+        value = single.log_evidence + logs.forms(single)
+        of.setdefault(single.effects, []).append(replace(single, log_evidence=value))
+    ranked = (sorted(forms, key=lambda c: -c.log_evidence)[:_FORMS] for forms in of.values())
+    return [*(c for forms in ranked for c in forms), *search.pairs(singles)]
 
 
 def _first(candidates: list[Candidate], logs: _LogPriors) -> list[Candidate]:
     """Return the best candidate of each of the best hypotheses of one effect and of two."""
-    odds = [c.log_evidence + logs.of(c.effects) for c in candidates]
-    kept: list[Candidate] = []
-    for size in (1, 2):
-        seen: set[Effects] = set()
-        for at in np.argsort(odds, kind="stable")[::-1].tolist():
-            candidate = candidates[at]
-            if len(candidate.effects) == size and candidate.effects not in seen:
-                seen.add(candidate.effects)
-                if len(seen) <= _QUICK:
-                    kept.append(candidate)
-    return kept
+    best: dict[Effects, Candidate] = {}
+    for c in sorted(candidates, key=lambda c: -(c.log_evidence + logs.of(c.effects))):
+        best.setdefault(c.effects, c)
+    sizes = ([c for c in best.values() if len(c.effects) == size] for size in (1, 2))
+    return [c for of_size in sizes for c in of_size[:_QUICK]]
 
 
 def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[Refiner]:
@@ -488,7 +428,7 @@ def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[R
 
 def _best(
     problem: Problem,
-    gram: InnerProducts,
+    inner: InnerProducts,
     weight: FloatArray | None,
     result: Weighed,
     ours: dict[Effects, float],
@@ -501,7 +441,7 @@ def _best(
         best = result.best[effects]
         if best.branches:
             others = max(ours[effects] - best.log_evidence, 0.0)
-            chosen.append((Refiner(problem, gram, best, weight, unknown=True), others))
+            chosen.append((Refiner(problem, inner, best, weight, unknown=True), others))
     return chosen
 
 
@@ -509,17 +449,48 @@ def _add_unknown(
     problem: Problem, plain: Elimination, offset: float, logs: _LogPriors, result: Weighed
 ) -> None:
     """Add the unknown alone, along each axis."""
-    for number, axis in enumerate(problem.unknown):
-        at = problem.unknown_columns(number)
-        part = plain.part(np.concatenate([[0], np.arange(at.start, at.stop)]))
+    for number in range(len(problem.unknown)):
         for amplitude in AMPLITUDES:
-            left = part.with_random(slice(1, 1 + at.stop - at.start), amplitude, 1)
+            left = plain.with_random(problem.unknown_columns(number), amplitude, 1)
             evidence = offset + left.none - plain.none - np.log(len(AMPLITUDES))
-            owned = logs.owned((), axis.axis, result)
-            if owned is None:
-                result.add((), axis.axis, float(logs.unknown[number]), evidence)
-            else:
-                result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
+            _add_axis(problem, (), number, evidence, logs, result)
+
+
+def _add_beside(
+    problem: Problem,
+    refiner: Refiner,
+    none: float,
+    offset: float,
+    logs: _LogPriors,
+    result: Weighed,
+) -> None:
+    """Add a candidate with the unknown beside it, along each axis, at the nominal scatter."""
+    context = refiner.eliminate(1.0)
+    forms = logs.forms(refiner.candidate) - np.log(len(AMPLITUDES))
+    for number in range(len(problem.unknown)):
+        for amplitude in AMPLITUDES:
+            left = refiner.beside(context, problem.unknown_columns(number), amplitude)
+            evidence = offset + forms + refiner.weigh(left, none).log_evidence
+            _add_axis(problem, refiner.candidate.effects, number, evidence, logs, result)
+
+
+def _add_axis(
+    problem: Problem,
+    effects: Effects,
+    number: int,
+    evidence: float,
+    logs: _LogPriors,
+    result: Weighed,
+) -> None:
+    """Add effects beside a free pattern along an axis, which may be an effect's own."""
+    axis = problem.unknown[number].axis
+    owned = logs.owned(effects, axis, result)
+    if owned is not None:
+        result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))
+    elif effects:
+        result.add(effects, axis, logs.of(effects) + float(logs.beside[number]), evidence)
+    else:
+        result.add((), axis, float(logs.unknown[number]), evidence)
 
 
 def _add_subset(
@@ -539,27 +510,3 @@ def _add_subset(
         result.offer(both)
     evidence = offset + both.log_evidence + np.log(_OF_SOME)
     result.add(both.effects, "", logs.of(both.effects), evidence)
-
-
-def _add_beside(
-    problem: Problem,
-    refiner: Refiner,
-    none: float,
-    offset: float,
-    logs: _LogPriors,
-    result: Weighed,
-) -> None:
-    """Add a candidate with the unknown beside it, along each axis, at the nominal scatter."""
-    context = refiner.eliminate(1.0)
-    effects = refiner.candidate.effects
-    forms = logs.forms(refiner.candidate) - np.log(len(AMPLITUDES))
-    for number, axis in enumerate(problem.unknown):
-        owned = logs.owned(effects, axis.axis, result)
-        for amplitude in AMPLITUDES:
-            left = refiner.beside(context, problem.unknown_columns(number), amplitude)
-            evidence = offset + forms + refiner.weigh(left, none).evidence
-            if owned is None:
-                prior = logs.of(effects) + float(logs.beside[number])
-                result.add(effects, axis.axis, prior, evidence)
-            else:
-                result.add(owned, "", logs.of(owned), evidence + np.log(_FREE))

@@ -121,7 +121,7 @@ def test_the_floor_is_the_scatter_of_replicates(planned, imitated) -> None:
     plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.85, 8.5])
     exact = imitated(plan, scatter=0.0)
     problem = ready(scaled(exact, [1.04, 0.96, 1.08, 0.92]))
-    measured = problem.observed.measured_N
+    measured = problem.model.measured_N
     course = np.mean((measured / measured.max(axis=1, keepdims=True)) ** 2, axis=1)
     # Variance of two, of which the mean is known from themselves alone: 2 d^2.
     by_hand = np.sqrt(np.mean(2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 * course))

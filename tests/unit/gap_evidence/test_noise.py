@@ -70,7 +70,7 @@ def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int
     problem = ready(imitated(cells, seed=seed))
     white = problem.whitened.columns[:, 0]
     squares, count = 0.0, 0
-    for members in problem.observed.tests:
+    for members in problem.model.tests:
         first = [problem.whitened.first_row[m] for m in members]
         size = int(problem.whitened.first_row[members[0] + 1] - first[0])
         # Four a test, in two batches in turn.
@@ -88,7 +88,7 @@ def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed:
     So nuisances only take away, at most one square each.
     """
     problem = ready(imitated(cells, seed=seed))
-    left = float(problem.whitened.gram().eliminate().products[0, 0])
+    left = float(problem.whitened.inner_products().eliminate().products[0, 0])
     count = len(problem.table)
     assert 0.85 * chi2.ppf(5e-5, count - problem.whitened.nuisances) < left
     assert left < 1.15 * chi2.ppf(1.0 - 5e-5, count)

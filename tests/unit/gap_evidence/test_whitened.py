@@ -1,6 +1,6 @@
 """Integrals over nuisances in closed form against the dense Gaussian that they stand for.
 
-Tolerances of 1e-9 are those of a dozen figures of order one in double precision, with room.
+Tolerances of 1e-9 are those of a dozen features of order one in double precision, with room.
 """
 
 import numpy as np
@@ -8,12 +8,12 @@ import pytest
 import scipy.linalg
 from scipy.stats import multivariate_normal
 
-from planner.gap.evidence.surrogate import Whitened, whiten
+from planner.gap.evidence.surrogate import Whitened
 from planner.gap.noise import SpecimenNoise
 from planner.numerics import FloatArray
 
 COUNTS = (4, 3, 5)
-"""Figures of each specimen."""
+"""Features of each specimen."""
 
 N = sum(COUNTS)
 
@@ -24,9 +24,13 @@ def noise_of(rng: np.random.Generator) -> tuple[SpecimenNoise, FloatArray]:
     rows = tuple(slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
     halves = [rng.standard_normal((c, c)) for c in COUNTS]
     blocks = tuple(half @ half.T + 0.5 * np.eye(len(half)) for half in halves)
-    factors = tuple(np.linalg.cholesky(block) for block in blocks)
+    roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
     dense = scipy.linalg.block_diag(*blocks)
-    return SpecimenNoise(rows, blocks, factors, np.zeros((N, 0))), dense
+    return SpecimenNoise(rows, blocks, roots, np.zeros((N, 0))), dense
+
+
+def whiten(columns: FloatArray, noise: SpecimenNoise, nuisances: int) -> Whitened:
+    return Whitened(noise.whiten(columns), noise.first_row, nuisances)
 
 
 def log_density(residual: FloatArray, covariance: FloatArray, white: FloatArray) -> float:
@@ -45,7 +49,7 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 def test_eliminating_is_the_dense_marginal_likelihood(rng, scale: float) -> None:
     noise, dense = noise_of(rng)
     kept, nuisances = rng.standard_normal((N, 4)), rng.standard_normal((N, 3))
-    gram = whiten(np.hstack([kept, nuisances]), noise, 3).gram()
+    gram = whiten(np.hstack([kept, nuisances]), noise, 3).inner_products()
     left = gram.eliminate(scale)
     covariance = scale**2 * dense + nuisances @ nuisances.T
     products = kept.T @ np.linalg.solve(covariance, kept)
@@ -62,8 +66,10 @@ def test_extra_nuisances_are_as_good_as_those_that_were_there(rng, scale: float)
     white = whiten(np.hstack([kept, nuisances]), noise, 3)
     extra_white = whiten(extra, noise, 0).columns
     inner = (extra_white.T @ white.columns, extra_white.T @ extra_white)
-    left = white.gram().eliminate(scale, inner)
-    together = whiten(np.hstack([kept, nuisances, extra]), noise, 5).gram().eliminate(scale)
+    left = white.inner_products().eliminate(scale, inner)
+    together = (
+        whiten(np.hstack([kept, nuisances, extra]), noise, 5).inner_products().eliminate(scale)
+    )
     assert left.products == pytest.approx(together.products, rel=1e-9, abs=1e-9)
     assert left.none == pytest.approx(together.none, abs=1e-9)
     covariance = scale**2 * dense + nuisances @ nuisances.T + extra @ extra.T
@@ -74,7 +80,7 @@ def test_extra_nuisances_are_as_good_as_those_that_were_there(rng, scale: float)
 def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
     noise, dense = noise_of(rng)
     head, random, nuisances = (rng.standard_normal((N, k)) for k in (3, 2, 2))
-    gram = whiten(np.hstack([head, random, nuisances]), noise, 2).gram()
+    gram = whiten(np.hstack([head, random, nuisances]), noise, 2).inner_products()
     left = gram.eliminate().with_random(slice(3, 5), amplitude, 3)
     covariance = dense + nuisances @ nuisances.T + amplitude**2 * random @ random.T
     products = head.T @ np.linalg.solve(covariance, head)
@@ -85,7 +91,7 @@ def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
 def test_a_column_without_amplitude_changes_nothing(rng) -> None:
     """Its gain goes with the squared amplitude: below 1e-9 at 1e-6."""
     noise, _ = noise_of(rng)
-    gram = whiten(rng.standard_normal((N, 5)), noise, 1).gram()
+    gram = whiten(rng.standard_normal((N, 5)), noise, 1).inner_products()
     before = gram.eliminate()
     after = before.with_random(slice(2, 4), 1e-6, 2)
     assert after.none == pytest.approx(before.none, abs=1e-9)
@@ -96,20 +102,12 @@ def test_a_weight_of_two_is_a_copy_and_of_nought_is_absence(rng) -> None:
     noise, _ = noise_of(rng)
     columns = rng.standard_normal((N, 5))
     white = whiten(columns, noise, 2)
-    weighted = white.gram(np.array([2.0, 1.0, 0.0]))
+    weighted = white.inner_products(np.array([2.0, 1.0, 0.0]))
     rows = [*range(4), *range(4), *range(4, 7)]
     first = np.array([0, 4, 8, 11])
-    copied = Whitened(white.columns[rows], first, 2).gram()
+    copied = Whitened(white.columns[rows], first, 2).inner_products()
     assert weighted.rows == copied.rows == 11.0
     for scale in (1.0, 1.5):
         a, b = weighted.eliminate(scale), copied.eliminate(scale)
         assert a.products == pytest.approx(b.products, abs=1e-9)
         assert a.none == pytest.approx(b.none, abs=1e-9)
-
-
-def test_a_part_keeps_the_columns_asked_for(rng) -> None:
-    noise, _ = noise_of(rng)
-    whole = whiten(rng.standard_normal((N, 6)), noise, 1).gram().eliminate()
-    part = whole.part(np.array([0, 3, 4]))
-    assert part.products[0, 2] == whole.products[0, 4]
-    assert part.none == whole.none

@@ -1,21 +1,11 @@
 """Interpolation between the nodes of the library's forms: exact at nodes, how good elsewhere."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import (
-    SHAPE_NODES,
-    SIZE_NODES,
-    Candidate,
-    SignedForm,
-    interpolated_features,
-    node_weights,
-    signed_forms,
-)
+from planner.gap.evidence.surrogate import Candidate, SignedForm, node_weights, signed_forms
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 
@@ -43,10 +33,10 @@ sizes and five values of a shape do not carry; 1.4 times as measured, so that no
 
 def change(problem: Problem, branch: SignedForm, places: list[list[float]]) -> FloatArray:
     """Return what the forward model itself changes at places, (places, N)."""
-    setup = problem.observed.setup
+    setup = problem.model.setup
     setups = [branch.form.apply(setup, branch.values(place)) for place in places]
     table = problem.table
-    raw = np.array([problem.observed.predicted(p) for p in predict_all(setups, problem.laws)])
+    raw = np.array([problem.model.predicted(p) for p in predict_all(setups, problem.model.laws)])
     found: FloatArray = table.transformed(raw) - table.transformed(problem.unpredicted)
     return found
 
@@ -58,9 +48,8 @@ def named(problem: Problem, effect: str, form: str) -> list[SignedForm]:
 @pytest.mark.parametrize("shapes", [0, 1, 2])
 def test_weights_are_one_at_a_node_and_carry_polynomials(shapes: int) -> None:
     branch = next(b for b in BRANCHES if b.shapes == shapes)
-    nodes = list(product(SIZE_NODES, *SHAPE_NODES[:shapes]))
-    for k, place in enumerate(nodes):
-        assert node_weights(branch, place) == pytest.approx(np.eye(len(nodes))[k], abs=1e-12)
+    nodes = branch.node_places()
+    assert node_weights(branch, nodes) == pytest.approx(np.eye(branch.nodes), abs=1e-12)
     # Fourth order in s, being nought at 0; second order in each shape.
     values = [s**4 * np.prod([1.0 + x**2 for x in t]) for s, *t in nodes]
     at = [0.4, 0.3, -0.6][: 1 + shapes]
@@ -72,7 +61,7 @@ def test_branches_have_their_nodes_one_after_another() -> None:
     first = 0
     for number, branch in enumerate(BRANCHES):
         assert (branch.number, branch.first) == (number, first)
-        assert len(branch.node_values()) == branch.nodes
+        assert len(branch.node_places()) == branch.nodes
         first += branch.nodes
     for id in EFFECTS:
         assert sum(b.weight for b in BRANCHES if b.effect.id == id) == pytest.approx(1.0)
@@ -90,12 +79,14 @@ def test_places_are_within_the_priors(branch: SignedForm) -> None:
 
 
 def test_nodes_are_exact(everything: Problem) -> None:
-    """A candidate at a node has the figures that the forward model gave there."""
+    """A candidate at a node has the features that the forward model gave there."""
     for effect, form in (("rate", "prony"), ("interface-bleed", "gaussian")):
         (branch,) = named(everything, effect, form)
-        place = (SIZE_NODES[2], *[nodes[0] for nodes in SHAPE_NODES[: branch.shapes]])
-        candidate = Candidate((effect,), (branch,), (place,))
-        by_nodes = interpolated_features(candidate, everything.node_figures)
+        place = branch.node_places()[-2]
+        weights = Candidate((effect,), (branch,), (place,)).combination(
+            len(everything.node_features)
+        )
+        by_nodes = weights @ everything.node_features
         exact = change(everything, branch, [list(place)])[0]
         assert by_nodes == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
@@ -115,8 +106,8 @@ def test_between_nodes_forms_are_near(everything: Problem, effect: str) -> None:
                 for _ in range(PLACES)
             ]
             exact = change(everything, branch, places)
-            own = everything.node_figures[branch.first : branch.first + branch.nodes]
-            errors.append(np.array([node_weights(branch, p) for p in places]) @ own - exact)
+            own = everything.node_features[branch.own]
+            errors.append(node_weights(branch, places) @ own - exact)
             changes.append(exact)
         share = np.sqrt(np.mean(np.square(errors)) / max(np.mean(np.square(changes)), 1e-30))
         assert share < COARSE.get((effect, form), USUAL_ERROR) or not np.any(changes)
