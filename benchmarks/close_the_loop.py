@@ -23,8 +23,8 @@ import numpy as np
 from benchmarks.withheld.reality.__main__ import main as reality
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.correct import corrected_palette
-from planner.gap.design import design_campaign
+from planner.gap.correct import correct
+from planner.gap.design import design
 from planner.gap.diagnose import diagnose
 from planner.gap.effects import EFFECTS
 from planner.gap.virtual import virtual_specimen
@@ -34,7 +34,7 @@ from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette, Reference
 from planner.plan import Plan
-from planner.printers import printer
+from planner.printers import load_printer
 
 DOGBONE = Path(__file__).resolve().parents[1] / "samples" / "dogbone.stl"
 TARGET = Profile("0.7 to 7 MPa", (0.0, 1.0), (0.7, 7.0), "log")
@@ -181,7 +181,15 @@ def compared(
 ) -> Closed:
     """Diagnose a campaign, correct its palette for the use, and plan a part with both palettes."""
     found = diagnose(campaign)
-    made = corrected_palette(campaign.palette, found, use)
+    made = correct(
+        found,
+        palette=campaign.palette,
+        temperature_C=use.temperature_C,
+        rate_per_s=use.strain_rate_per_s,
+        soak_h=use.soak_h,
+        age_days=use.age_days,
+        orientation=use.orientation,
+    )
     plans = [
         grade(part, profile=TARGET, axis="x", at_strain=STRAIN, palette=palette)
         for palette in (campaign.palette, made.palette)
@@ -195,9 +203,9 @@ def compared(
 def close(lab: Laboratory, seed: int) -> Closed:
     """Run one laboratory from the design to the part."""
     rng = np.random.default_rng(seed)
-    palette = printer("connex3").palette()
+    palette = load_printer("connex3").palette()
     bias = {m.id: CALIBRATION * rng.standard_normal() for m in palette.materials}
-    plan = design_campaign(palette, lab.suspected, lab.budget).campaign
+    plan = design(lab.suspected, lab.budget, palette=palette).campaign
     campaign = measured(plan, lab.hidden, bias, rng)
     return compared(
         lab.name, campaign, lab.use, true_moduli_MPa(palette, lab.use, lab.hidden, bias)

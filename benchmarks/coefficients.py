@@ -10,7 +10,7 @@ import sys
 import time
 from statistics import fmean
 
-from planner.printers import printer
+from planner.printers import load_printer
 from printers.connex3.leave_one_out import held_out, literal_without
 from printers.connex3.thesis import load_thesis
 
@@ -18,7 +18,7 @@ LIMIT_RATIO = 0.5
 
 
 def main() -> None:
-    thesis, palette = load_thesis(), printer("connex3").palette()
+    thesis, palette = load_thesis(), load_printer("connex3").palette()
     start = time.perf_counter()
     literal_without(thesis, None)
     print(f"Algorithm 1 of all grades {time.perf_counter() - start:8.2f} s")

@@ -16,7 +16,7 @@ from planner.materials.characterise import Curve
 from planner.materials.fit import fit_law, law_stress_MPa, sample_of
 from planner.materials.laws import OgdenColumns
 from planner.materials.mixtures import CoefficientModel
-from planner.materials.palette_study import fit_study
+from planner.materials.palette_study import fit as fit_palette
 from planner.materials.study import Study, read_study
 
 GRADES, SPECIMENS, POINTS = 7, 3, 300
@@ -48,14 +48,16 @@ def main() -> None:
         )
     groups = {f"G{grade}": specimens(grade, rng) for grade in range(GRADES)}
     started = time.perf_counter()
-    result = fit_study(Study(MappingProxyType(groups), MappingProxyType({}), ()), name="benchmark")
+    result = fit_palette(
+        Study(MappingProxyType(groups), MappingProxyType({}), ()), name="benchmark"
+    )
     CoefficientModel(result.palette)
     seconds = time.perf_counter() - started
     print(f"{GRADES}-grade palette, all laws, intervals, model   {seconds:6.3f} s")
     if len(sys.argv) > 1:
         started = time.perf_counter()
         study = read_study([Path(sys.argv[1])])
-        result = fit_study(study, name="real")
+        result = fit_palette(study, name="real")
         seconds = time.perf_counter() - started
         print(f"{len(study.groups)} real materials{'':32}{seconds:6.3f} s")
         for material in result.palette.materials:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.materials.mixtures import CoefficientModel, coordinate_for, nearest
-from planner.printers import printer
+from planner.printers import load_printer
 
 LIMIT_S = 1.0
 LIMIT_ERROR = 1e-9
@@ -29,7 +29,7 @@ def best_s(function: Callable[[], object]) -> float:
 
 
 def main(targets: int) -> None:
-    palette = printer("connex3").palette()
+    palette = load_printer("connex3").palette()
     model = CoefficientModel(palette)
     ladder = model.grade_moduli_MPa(AT_STRAIN)
     share = np.random.default_rng(1).uniform(size=targets)

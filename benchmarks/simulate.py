@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import Bar
 from planner.simulation.bar_solver import PulledBars, law_tables, predict, unaltered
 from planner.simulation.simulate import simulate
@@ -37,7 +37,7 @@ def graded(slices: int) -> Bar:
 
 
 def main() -> None:
-    palette = printer("connex3").palette()
+    palette = load_printer("connex3").palette()
     bar = graded(SLICES)
     laws = law_tables(palette)
     path = np.linspace(0.0, TO_STRAIN * bar.gauge_mm, STEPS + 1)

@@ -4,7 +4,9 @@
 >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero", axis="x")  # doctest: +SKIP
 >>> plan.write("finger-graded")  # doctest: +SKIP
 
-Names are imported on first use, so that ``import planner`` costs nothing.
+Every command of the command line is a function here, with the same names and defaults;
+docs/reference/python.md lists them. Names are imported on first use, so that ``import planner``
+costs nothing.
 """
 
 from importlib import import_module
@@ -12,17 +14,24 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from planner.errors import PlannerError
+    from planner.fields.basic import Field
     from planner.gap.campaign import Campaign
-    from planner.gap.campaign_folder import read_campaign
+    from planner.gap.campaign_folder import read_campaign, write_campaign
+    from planner.gap.correct import Correction, correct
+    from planner.gap.design import CampaignDesign, design
     from planner.gap.diagnose import diagnose
-    from planner.gap.diagnosis import Diagnosis
-    from planner.grading.blends import Mixture, mixture_for
-    from planner.grading.check import Certificate, Difference, certify, differences
+    from planner.gap.diagnosis import Diagnosis, read_diagnosis
+    from planner.gap.virtual import synthesise_campaign
+    from planner.grading.blends import Mixture, invert
+    from planner.grading.check import Certificate, Difference, check, diff
     from planner.grading.grade import grade
-    from planner.grading.profile import Profile
-    from planner.palette import Material, Palette, load_palette
+    from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
+    from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
-    from planner.printers import Printer, installed_printers, printer
+    from planner.printers import Printer, installed_printers, load_printer
+    from planner.report.gap_page import write_diagnosis
+    from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.simulate import Simulation, simulate
     from planner.slices.slices import Layer, iterate_layers
@@ -33,13 +42,18 @@ __version__ = "0.1.0"
 __all__ = [
     "Bar",
     "Campaign",
+    "CampaignDesign",
     "Certificate",
+    "Characterisation",
+    "Correction",
     "Diagnosis",
     "Difference",
+    "Field",
     "Layer",
     "Material",
     "Mixture",
     "Palette",
+    "PaletteStudy",
     "Plan",
     "PlannerError",
     "Printer",
@@ -47,52 +61,59 @@ __all__ = [
     "Region",
     "Simulation",
     "SliceStack",
-    "certify",
+    "StiffnessScale",
+    "characterise",
+    "check",
+    "correct",
+    "design",
     "diagnose",
-    "differences",
+    "diff",
+    "fit",
     "grade",
     "installed_printers",
+    "invert",
     "iterate_layers",
+    "list_materials",
     "load_palette",
-    "mixture_for",
-    "printer",
+    "load_printer",
     "read_campaign",
+    "read_diagnosis",
     "read_plan",
     "simulate",
+    "simulation_figure",
+    "synthesise_campaign",
+    "write_campaign",
+    "write_diagnosis",
+    "write_palette",
     "write_slices",
 ]
 
-_HOME = {
-    "PlannerError": "planner.errors",
-    "Campaign": "planner.gap.campaign",
-    "Diagnosis": "planner.gap.diagnosis",
-    "diagnose": "planner.gap.diagnose",
-    "read_campaign": "planner.gap.campaign_folder",
-    "Certificate": "planner.grading.check",
-    "Difference": "planner.grading.check",
-    "Mixture": "planner.grading.blends",
-    "Profile": "planner.grading.profile",
-    "certify": "planner.grading.check",
-    "differences": "planner.grading.check",
-    "grade": "planner.grading.grade",
-    "mixture_for": "planner.grading.blends",
-    "Material": "planner.palette",
-    "Palette": "planner.palette",
-    "load_palette": "planner.palette",
-    "Plan": "planner.plan",
-    "Region": "planner.plan",
-    "read_plan": "planner.plan",
-    "Printer": "planner.printers",
-    "installed_printers": "planner.printers",
-    "printer": "planner.printers",
-    "Bar": "planner.simulation.bar",
-    "Simulation": "planner.simulation.simulate",
-    "simulate": "planner.simulation.simulate",
-    "Layer": "planner.slices.slices",
-    "iterate_layers": "planner.slices.slices",
-    "SliceStack": "planner.slices.write",
-    "write_slices": "planner.slices.write",
+_MODULES = {
+    "planner.errors": "PlannerError",
+    "planner.fields.basic": "Field",
+    "planner.gap.campaign": "Campaign",
+    "planner.gap.campaign_folder": "read_campaign write_campaign",
+    "planner.gap.correct": "Correction correct",
+    "planner.gap.design": "CampaignDesign design",
+    "planner.gap.diagnose": "diagnose",
+    "planner.gap.diagnosis": "Diagnosis read_diagnosis",
+    "planner.gap.virtual": "synthesise_campaign",
+    "planner.grading.blends": "Mixture invert",
+    "planner.grading.check": "Certificate Difference check diff",
+    "planner.grading.grade": "grade",
+    "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
+    "planner.palette": "Material Palette load_palette write_palette",
+    "planner.plan": "Plan Region read_plan",
+    "planner.printers": "Printer installed_printers load_printer",
+    "planner.report.gap_page": "write_diagnosis",
+    "planner.report.svg": "simulation_figure",
+    "planner.simulation.bar": "Bar",
+    "planner.simulation.simulate": "Simulation simulate",
+    "planner.slices.slices": "Layer iterate_layers",
+    "planner.slices.write": "SliceStack write_slices",
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:

@@ -402,16 +402,23 @@ def encode_palette(palette: Palette) -> bytes:
     return ("\n".join(_lines(palette)) + "\n").encode("utf-8")
 
 
-def write_palette(palette: Palette, path: str | Path, *, force: bool = False) -> None:
-    """Write a palette file whole or not at all.
+def write_palette(palette: Palette, output: str | Path, *, force: bool = False) -> None:
+    """Write a palette file (TOML) whole or not at all.
+
+    Parameters
+    ----------
+    output
+        The file.
+    force
+        Replace a file that is there.
 
     Raises
     ------
     OutputError
         The file is there already and `force` is false, or the system refused.
     """
-    check_absent(path, force=force)
-    write_whole(path, encode_palette(palette))
+    check_absent(output, force=force)
+    write_whole(output, encode_palette(palette))
 
 
 def _lines(palette: Palette) -> Iterator[str]:

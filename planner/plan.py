@@ -265,15 +265,15 @@ class Plan:
     def _mixes(self) -> bool:
         return any(shell.constituents for shell in self.shells)
 
-    def write(self, folder: str | Path | None = None, *, force: bool = False) -> Path:
+    def write(self, output: str | Path | None = None, *, force: bool = False) -> Path:
         """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.
 
         The folder is whole or absent: everything goes to a temporary sibling first.
 
         Parameters
         ----------
-        folder
-            ``<part>-graded`` in the working directory by default.
+        output
+            Folder to write; ``<part>-graded`` in the working directory by default.
         force
             Replace an earlier plan in that place.
 
@@ -296,7 +296,7 @@ class Plan:
                 f"plan of {self.part.file}: a plan that was read back holds no shells; grade the "
                 "part again to write them"
             )
-        target = Path(f"{self.name}-graded" if folder is None else folder)
+        target = Path(f"{self.name}-graded" if output is None else output)
         with new_folder(target, force=force) as scratch:
             (scratch / "stl").mkdir()
             for shell in self.shells:

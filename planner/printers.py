@@ -18,7 +18,7 @@ import msgspec
 from planner.errors import ArgumentError, PaletteError, UnknownNameError, did_you_mean
 from planner.palette import Palette, load_palette, parse_palette
 
-__all__ = ["Printer", "installed_printers", "load_profile", "palette_of", "printer"]
+__all__ = ["Printer", "installed_printers", "load_printer", "load_profile", "palette_of"]
 
 
 _GROUP = "planner.printers"
@@ -189,7 +189,7 @@ def installed_printers() -> dict[str, EntryPoint]:
     return {e.name: e for e in sorted(entry_points(group=_GROUP), key=lambda e: e.name)}
 
 
-def printer(name: str | Printer) -> Printer:
+def load_printer(name: str | Printer) -> Printer:
     """Load an installed printer; a printer given as such is returned as it is.
 
     Raises
@@ -223,8 +223,17 @@ def printer(name: str | Printer) -> Printer:
     return loaded
 
 
-def palette_of(machine: Printer, palette: str | Path | Palette | None = None) -> Palette:
+def palette_of(
+    palette: str | Path | Palette | None = None, printer: str | Printer | None = None
+) -> Palette:
     """Return the palette that is meant: a value, a file, a name, or the printer's default.
+
+    Parameters
+    ----------
+    palette
+        A name is one of the printer's palettes, unless there is a file of that name.
+    printer
+        By name or value, asked only where no file is given; the Connex3 by default.
 
     Raises
     ------
@@ -240,7 +249,7 @@ def palette_of(machine: Printer, palette: str | Path | Palette | None = None) ->
     ):
         return load_palette(palette)
     if palette is None or isinstance(palette, str):
-        return machine.palette(palette)
+        return load_printer(printer or "connex3").palette(palette)
     raise ArgumentError(
         f"palette is a {type(palette).__name__}; give a name, the path of a palette file or a "
         "planner.Palette"

@@ -12,9 +12,9 @@ from typing import Any
 
 from planner.formats.files import encode_document
 from planner.formats.threemf import threemf_xml_hashes
-from planner.grading.check import differences
+from planner.grading.check import diff
 from planner.grading.profile import stiffness_scale
-from planner.plan import Plan, plan_file, read_plan
+from planner.plan import Plan, plan_file
 from planner.printers import Printer
 
 __all__ = ["assert_golden", "assert_same_plan", "check_printer", "golden_record"]
@@ -73,8 +73,7 @@ def assert_same_plan(
     AssertionError
         With each difference in words.
     """
-    a, b = (p if isinstance(p, Plan) else read_plan(p) for p in (expected, plan))
-    found = differences(a, b, tolerance)
+    found = diff(expected, plan, tolerance=tolerance)
     lines = [f"{d.what} ({d.where}): {d.before} -> {d.after}" for d in found]
     if found:
         raise AssertionError("the plans differ:\n" + "\n".join(lines))

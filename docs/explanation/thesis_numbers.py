@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.materials.laws import literal_stress_MPa
 from planner.materials.mixtures import CoefficientModel
-from planner.printers import printer
+from planner.printers import load_printer
 from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms
@@ -18,7 +18,7 @@ from printers.connex3.toe import correct
 
 FOLDER = Path(__file__).parent
 THESIS = load_thesis()
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 MODEL = CoefficientModel(PALETTE)
 
 

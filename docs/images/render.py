@@ -37,7 +37,7 @@ def behind(soup: np.ndarray, axis: str, at_mm: float) -> np.ndarray:
 def draw(folder: Path, azimuth: float, section: str | None = None, wide: int = WIDTH) -> np.ndarray:
     """Return the picture, (height, width, 3) uint8."""
     plan = planner.read_plan(folder)
-    colours = {m.id: m.colour for m in planner.printer(plan.printer).palette().materials}
+    colours = {m.id: m.colour for m in planner.load_printer(plan.printer).palette().materials}
     files = {region.file: colours[region.material or ""] for region in plan.regions}
     a, e = np.radians([azimuth, ELEVATION])
     right = np.array([np.cos(a), np.sin(a), 0.0])

@@ -1,65 +1,131 @@
 """planner gap diagnose, design, simulate and correct."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
-from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, choose
+from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from planner.gap.campaign import Campaign
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign, Expected
-    from planner.gap.diagnosis import Diagnosis
-    from planner.palette import Palette, Reference
 
-__all__ = ["app", "correct", "design", "diagnose", "simulate"]
+__all__ = ["app"]
+
+app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
+
+
+@app.callback()
+def _gap(context: typer.Context) -> None:
+    """Diagnose why printed parts differ from what the palette predicts.
+
+    Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
+    """
+    if context.invoked_subcommand is None:
+        from planner.cli.output import say
+
+        say(context.get_help())
+
+
+# ------------------------------------------------------------------------------------------------
+# planner gap diagnose.
+
+
+@app.command()
+def diagnose(
+    campaign: Annotated[
+        Path, Argument(help="Folder with campaign.toml, specimens.csv and the curves.")
+    ],
+    palette: Annotated[
+        str | None,
+        Option(
+            help="Palette file (TOML), or one of the printer's palettes, in place of the "
+            "campaign's own."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        Option("--output", "-o", help="Folder to write: report.html, JSON, CSV, figures."),
+    ] = None,
+    without: Annotated[
+        list[str] | None, Option(help="Effect to leave out of the library; repeatable.")
+    ] = None,
+    seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,
+    force: Annotated[
+        bool, Option("--force", help="Replace a folder that an earlier diagnosis wrote.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Say where measurements differ from the palette, which effect causes it, how far it closes.
+
+    Exit code 1 when there is a gap to explain, or one remains after the effect.
+
+    Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
+    """
+    import planner
+    from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
+    from planner.formats.files import check_target
+    from planner.report.gap_page import DIAGNOSIS
+    from planner.report.gap_text import verdict_text
+
+    if output is not None:
+        check_target(output, force=force, kind=DIAGNOSIS)
+    with progress(not (quiet or as_json)) as stage:
+        found = planner.diagnose(
+            campaign,
+            palette=palette,
+            without=without or (),
+            seed=seed,
+            progress=lambda done, total, what: stage(f"{what}, {done} of {total}"),
+        )
+        if output is not None:
+            stage("writing the files")
+            planner.write_diagnosis(found, output, force=force)
+    if as_json:
+        print_document(found.json())
+    elif not quiet:
+        say_verdict(verdict_text(found, width=terminal_width()))
+        say()
+        if output is None:
+            say("nothing was written (for a report with figures: --output FOLDER)")
+        else:
+            say(f"wrote {output} (next: open {output / 'report.html'})")
+    return 0 if found.ok else 1
 
 
 # ------------------------------------------------------------------------------------------------
 # planner gap correct.
 
 
+@app.command()
 def correct(
-    diagnosis: Annotated[
-        Path, typer.Argument(help="A diagnosis.json, or the folder that holds it.")
-    ],
+    diagnosis: Annotated[Path, Argument(help="A diagnosis.json, or the folder that holds it.")],
     palette: PaletteName = None,
     temperature_C: Annotated[
-        float | None, typer.Option("--temperature-C", help="Of use; else the palette's own.")
+        float | None, Option("--temperature-C", help="Of use; else the palette's own.")
     ] = None,
-    rate_per_s: Annotated[
-        float | None, typer.Option("--rate-per-s", help="Strain rate of use, likewise.")
-    ] = None,
-    soak_h: Annotated[
-        float | None, typer.Option("--soak-h", help="Hours in water before use, likewise.")
-    ] = None,
-    age_days: Annotated[
-        float | None, typer.Option("--age-days", help="Days since the print, likewise.")
-    ] = None,
-    orientation: Annotated[
-        str | None, typer.Option("--orientation", help="Of the load on the tray: x, y or z.")
-    ] = None,
-    width_mm: Annotated[
-        float, typer.Option("--width-mm", help="Of the part's section, for water and advice.")
-    ] = 6.0,
-    thickness_mm: Annotated[
-        float, typer.Option("--thickness-mm", help="Of the part's section, likewise.")
-    ] = 3.0,
+    rate_per_s: Annotated[float | None, Option(help="Strain rate of use, likewise.")] = None,
+    soak_h: Annotated[float | None, Option(help="Hours in water before use, likewise.")] = None,
+    age_days: Annotated[float | None, Option(help="Days since the print, likewise.")] = None,
+    orientation: Annotated[str | None, Option(help="Of the load on the tray: x, y or z.")] = None,
+    width_mm: Annotated[float, Option(help="Of the part's section, for water and advice.")] = 6.0,
+    thickness_mm: Annotated[float, Option(help="Of the part's section, likewise.")] = 3.0,
     recalibrate: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--recalibrate", help="Shift every law to the level that the campaign asks for, too."
         ),
     ] = False,
     printer: PrinterName = "connex3",
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Palette file (TOML) to write.")
-    ] = Path("palette-corrected.toml"),
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
+        "palette-corrected.toml"
+    ),
+    force: Annotated[bool, Option("--force", help="Replace a file that is there.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -70,113 +136,58 @@ def correct(
 
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
     """
+    import planner
     from planner.cli.output import print_document
-    from planner.errors import ArgumentError
     from planner.formats.files import check_absent
-    from planner.gap.correct import corrected_palette
-    from planner.gap.diagnosis import read_diagnosis
-    from planner.palette import Reference, write_palette
 
-    if orientation not in (None, "x", "y", "z"):
-        raise ArgumentError(f"--orientation {orientation}: it must be x, y or z")
-    along = cast("Literal['x', 'y', 'z'] | None", orientation)
     check_absent(output, force=force)
-    found = read_diagnosis(diagnosis)
-    chosen, doubt = _palette(found, printer, palette)
-    conditions = Reference(rate_per_s, temperature_C, soak_h, age_days, along)
-    result = corrected_palette(
-        chosen,
-        found,
-        conditions,
-        recalibrate=recalibrate,
+    made = planner.correct(
+        diagnosis,
+        palette=palette,
+        temperature_C=temperature_C,
+        rate_per_s=rate_per_s,
+        soak_h=soak_h,
+        age_days=age_days,
+        orientation=orientation,
         width_mm=width_mm,
         thickness_mm=thickness_mm,
+        recalibrate=recalibrate,
+        printer=printer,
     )
-    if result.corrected:
-        write_palette(result.palette, output, force=force)
+    if made.corrected:
+        planner.write_palette(made.palette, output, force=force)
     if as_json:
-        print_document(_correct_document(result, output))
+        file = output.name if made.corrected else None
+        print_document({"schema": 1, "file": file, **made.document()})
     elif not quiet:
-        _correct_report(result, chosen, doubt, output)
-    return 0 if result.corrected and not result.left else 1
+        _correct_report(made, output)
+    return 0 if made.corrected and not made.left else 1
 
 
-def _palette(found: "Diagnosis", printer: str, name: str | None) -> "tuple[Palette, str]":
-    """Return the palette, and a doubt whether it is the one that was diagnosed."""
-    from planner.cli.output import choose
-    from planner.errors import PlannerError, UnknownNameError
-
-    if name is None:
-        try:
-            chosen: Palette | None = choose(printer, found.palette)[1]
-        except PlannerError:
-            chosen = None
-        if chosen is None or found.palette_sha256 not in ("", chosen.sha256):
-            has = "does not bring" if chosen is None else "brings with other bytes"
-            raise UnknownNameError(
-                f"the diagnosis is of a palette {found.palette} that printer {printer} {has}; give "
-                "its file, the campaign's palette.toml, with --palette"
-            )
-        return chosen, ""
-    chosen = choose(printer, name)[1]
-    if found.palette_sha256 in ("", chosen.sha256):
-        return chosen, ""
-    return chosen, (
-        f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "
-        "other laws, the correction is wrong: give the campaign's own with --palette"
-    )
-
-
-def _correct_document(result: "Correction", output: Path) -> "dict[str, object]":
-    return {
-        "schema": 1,
-        "file": output.name if result.corrected else None,
-        "corrected": list(result.corrected),
-        "left": list(result.left),
-        "conditions": _conditions(result.palette.reference) if result.corrected else None,
-        "materials": {
-            m: {"stress_factor": float(f"{f:.6g}"), "misfit": float(f"{result.misfit[m]:.3g}")}
-            for m, f in result.factor.items()
-        },
-        "notes": list(result.notes),
-    }
-
-
-def _conditions(at: "Reference") -> "dict[str, object]":
-    return {
-        "strain_rate_per_s": at.strain_rate_per_s,
-        "temperature_C": at.temperature_C,
-        "soak_h": at.soak_h,
-        "age_days": at.age_days,
-        "orientation": at.orientation,
-    }
-
-
-def _correct_report(result: "Correction", before: "Palette", doubt: str, output: Path) -> None:
+def _correct_report(made: "Correction", output: Path) -> None:
     from planner.cli.output import finding, format_number, print_table, say, warn
     from planner.materials.laws import make_law, secant_modulus_MPa
 
-    if doubt:
-        warn(doubt)
-    for note in result.notes:
-        (finding if note.split(":")[0] in result.left else warn)(note)
-    if not result.corrected:
+    if made.doubt:
+        warn(made.doubt)
+    for note in made.notes:
+        (finding if note.split(":")[0] in made.left else warn)(note)
+    if not made.corrected:
         say("there is nothing to correct the palette for; nothing was written")
         return
     rows = []
-    for old, new in zip(before.materials, result.palette.materials, strict=True):
+    for old, new in zip(made.before.materials, made.palette.materials, strict=True):
         at = min(0.1, 0.5 * old.elongation_at_break)
         was, now = (float(secant_modulus_MPa(make_law(m.law), at)) for m in (old, new))
-        rows.append(
-            [old.id, format_number(was), format_number(now), f"{now / was:.3f}",
-             f"{100 * result.misfit[old.id]:.2f} %"]
-        )  # fmt: skip
+        moduli = [format_number(was), format_number(now), f"{now / was:.3f}"]
+        rows.append([old.id, *moduli, f"{100 * made.misfit[old.id]:.2f} %"])
+    right = ["before MPa", "after MPa", "factor", "misfit"]
     print_table(
-        ["material", "before MPa", "after MPa", "factor", "misfit"],
+        ["material", *right],
         rows,
-        title=f"Corrected for {' and '.join(result.corrected)}: secant modulus at strain 0.1 "
+        title=f"Corrected for {' and '.join(made.corrected)}: secant modulus at strain 0.1 "
         "(half the break of rigid grades)",
-        right=["before MPa", "after MPa", "factor", "misfit"],
+        right=right,
     )
     say(f"wrote {output} (next: planner grade PART --palette {output})")
 
@@ -185,24 +196,21 @@ def _correct_report(result: "Correction", before: "Palette", doubt: str, output:
 # planner gap design.
 
 
+@app.command()
 def design(
-    effects: Annotated[
-        str, typer.Option("--effects", help="Ids with commas between: rate,moisture,temperature.")
-    ],
-    budget: Annotated[int, typer.Option("--budget", help="Specimens at most, of both batches.")],
+    effects: Annotated[str, Option(help="Ids with commas between: rate,moisture,temperature.")],
+    budget: Annotated[int, Option(help="Specimens at most, of both batches.")],
     output: Annotated[
         Path,
-        typer.Option(
+        Option(
             "--output", "-o", help="Folder to write, a campaign to be measured; or a file .csv."
         ),
     ],
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
-    width_mm: Annotated[
-        float, typer.Option("--width-mm", help="Of the usual specimen's section.")
-    ] = 6.0,
-    thickness_mm: Annotated[float, typer.Option("--thickness-mm", help="Likewise.")] = 3.0,
-    gauge_mm: Annotated[float, typer.Option("--gauge-mm", help="Of the usual specimen.")] = 25.0,
+    width_mm: Annotated[float, Option(help="Of the usual specimen's section.")] = 6.0,
+    thickness_mm: Annotated[float, Option(help="Likewise.")] = 3.0,
+    gauge_mm: Annotated[float, Option(help="Of the usual specimen.")] = 25.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -213,25 +221,30 @@ def design(
 
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
+    import planner
     from planner.cli.output import print_document, progress
-    from planner.gap.design import SpecimenSize, design_campaign
+    from planner.formats.files import write_whole
+    from planner.gap.campaign_folder import specimens_csv
 
     listed = output.suffix.casefold() == ".csv"
-    asked = [id.strip() for id in effects.split(",") if id.strip()]
-    _check_target(output, asked, listed=listed)
-    machine, chosen = choose(printer, palette)
+    _check_target(output, [id.strip() for id in effects.split(",")], listed=listed)
     with progress(not (quiet or as_json)) as stage:
-        made = design_campaign(
-            chosen,
-            asked,
+        made = planner.design(
+            effects,
             budget,
-            printer=machine.name,
-            size=SpecimenSize(width_mm, thickness_mm, gauge_mm),
+            printer=printer,
+            palette=palette,
+            width_mm=width_mm,
+            thickness_mm=thickness_mm,
+            gauge_mm=gauge_mm,
             progress=stage,
         )
-    _write(made, output, listed=listed)
+    if listed:
+        write_whole(output, specimens_csv(made.campaign))
+    else:
+        planner.write_campaign(made.campaign, output, measured=False)
     if as_json:
-        print_document(_design_document(made, output))
+        print_document({"schema": 1, "written": output.name, **made.document()})
     elif not quiet:
         _design_report(made, output, listed=listed)
     return 0 if all(_well(e) for e in made.expected) else 1
@@ -260,59 +273,21 @@ def _check_target(output: Path, asked: "Sequence[str]", *, listed: bool) -> None
         )
 
 
-def _write(made: "CampaignDesign", output: Path, *, listed: bool) -> None:
-    from planner.formats.files import write_whole
-    from planner.gap.campaign_folder import specimens_csv, write_campaign
-
-    if listed:
-        write_whole(output, specimens_csv(made.campaign))
-    else:
-        write_campaign(made.campaign, output, measured=False)
-
-
-def _design_document(made: "CampaignDesign", output: Path) -> "dict[str, object]":
-    return {
-        "schema": 1,
-        "written": output.name,
-        "specimens": len(made.campaign.specimens),
-        "conditions": made.conditions,
-        "least": made.least,
-        "left_over": made.left_over,
-        "needs_strain_fields": made.needs_camera,
-        "notes": made.campaign.notes,
-        "expected": [
-            {
-                "effect": e.id,
-                "parameter": e.parameter,
-                "unit": e.unit,
-                "smallest": None if e.smallest is None else float(f"{e.smallest:.3g}"),
-                "usual": float(f"{e.usual:.3g}"),
-                "probability": round(e.probability, 3),
-                "alike": list(e.alike),
-                "alike_others": list(e.others),
-            }
-            for e in made.expected
-        ],
-    }
-
-
 def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> None:
     from planner.cli.output import finding, format_number, print_table, say, warn
 
     rows = []
     for e in made.expected:
         unit = "" if e.unit == "1" else f" {e.unit}"
-        smallest = "none" if e.smallest is None else f"{format_number(e.smallest)}{unit}"
-        rows.append(
-            [e.id, e.parameter, smallest, f"{format_number(e.usual)}{unit}",
-             f"{100 * min(e.probability, 0.99):.0f} %"]
-        )  # fmt: skip
-    count = len(made.campaign.specimens)
+        sizes = ("none" if s is None else format_number(s) + unit for s in (e.smallest, e.usual))
+        rows.append([e.id, e.parameter, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
+    right = ["smallest named", "middle of its range", "named at the middle"]
     print_table(
-        ["effect", "size", "smallest named", "middle of its range", "named at the middle"],
+        ["effect", "size", *right],
         rows,
-        title=f"{count} specimens, {made.conditions} conditions: what a diagnosis is to name",
-        right=["smallest named", "middle of its range", "named at the middle"],
+        title=f"{len(made.campaign.specimens)} specimens, {made.conditions} conditions: what a "
+        "diagnosis is to name",
+        right=right,
     )
     for e in made.expected:
         if e.alike:
@@ -334,129 +309,31 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
     say(made.campaign.notes)
     if listed:
         say(f"wrote {output} (to practise: planner gap simulate --design {output} -o practice)")
-        return
-    say(f"wrote {output} (next: measure, fill curves.csv, planner gap diagnose {output})")
-
-
-# ------------------------------------------------------------------------------------------------
-# planner gap diagnose.
-
-
-def diagnose(
-    campaign: Annotated[
-        Path, typer.Argument(help="Folder with campaign.toml, specimens.csv and the curves.")
-    ],
-    palette: Annotated[
-        str | None,
-        typer.Option(
-            "--palette",
-            help="Palette file (TOML), or one of the printer's palettes, in place of the "
-            "campaign's own.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder to write: report.html, JSON, CSV, figures."),
-    ] = None,
-    without: Annotated[
-        list[str] | None,
-        typer.Option("--without", help="Effect to leave out of the library; repeatable."),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Of resampling: same seed, same diagnosis.")
-    ] = 0,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a folder that an earlier diagnosis wrote.")
-    ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> int:
-    """Say where measurements differ from the palette, which effect causes it, how far it closes.
-
-    Exit code 1 when there is a gap to explain, or one remains after the effect.
-
-    Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
-    """
-    from planner.cli.output import progress
-    from planner.formats.files import check_target
-    from planner.gap.diagnose import diagnose as diagnosis_of
-    from planner.report.gap_page import DIAGNOSIS, write_diagnosis
-
-    if output is not None:
-        check_target(output, force=force, kind=DIAGNOSIS)
-    measured = _read(campaign, palette)
-    with progress(not (quiet or as_json)) as stage:
-        found = diagnosis_of(
-            measured,
-            seed=seed,
-            without=tuple(without or ()),
-            progress=lambda done, total, what: stage(f"{what}, {done} of {total}"),
-        )
-        if output is not None:
-            stage("writing the files")
-            write_diagnosis(found, output, force=force)
-    _diagnose_report(found, output, as_json=as_json, quiet=quiet)
-    return 0 if found.ok else 1
-
-
-def _read(folder: Path, palette: str | None) -> "Campaign":
-    from planner.gap.campaign_folder import read_campaign, read_campaign_file
-    from planner.palette import load_palette
-    from planner.printers import printer
-
-    if palette is None:
-        return read_campaign(folder)
-    if palette.endswith(".toml") or Path(palette).is_file():
-        return read_campaign(folder, load_palette(palette))
-    machine = printer(read_campaign_file(folder).printer)
-    return read_campaign(folder, machine.palette(palette))
-
-
-def _diagnose_report(
-    diagnosis: "Diagnosis", output: Path | None, *, as_json: bool, quiet: bool
-) -> None:
-    from planner.cli.output import print_document, say, say_verdict, terminal_width
-    from planner.report.gap_text import verdict_text
-
-    if as_json:
-        print_document(diagnosis.json())
-        return
-    if quiet:
-        return
-    say_verdict(verdict_text(diagnosis, width=terminal_width()))
-    say()
-    if output is None:
-        say("nothing was written (for a report with figures: --output FOLDER)")
     else:
-        say(f"wrote {output} (next: open {output / 'report.html'})")
+        say(f"wrote {output} (next: measure, fill curves.csv, planner gap diagnose {output})")
 
 
 # ------------------------------------------------------------------------------------------------
 # planner gap simulate.
 
 
+@app.command()
 def simulate(
     design: Annotated[
-        Path,
-        typer.Option(
-            "--design", help="Which specimens: a specimens.csv, or the folder of a campaign."
-        ),
+        Path, Option(help="Which specimens: a specimens.csv, or the folder of a campaign.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")],
+    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
     effect: Annotated[
         list[str] | None,
-        typer.Option(
-            "--effect",
+        Option(
             help="ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not "
-            "given is at the middle of its range.",
+            "given is at the middle of its range."
         ),
     ] = None,
-    scatter: Annotated[
-        float, typer.Option("--scatter", help="From specimen to specimen, of ln force.")
-    ] = 0.03,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")] = 1,
+    scatter: Annotated[float, Option(help="From specimen to specimen, of ln force.")] = 0.03,
+    seed: Annotated[int, Option(min=0, help="Same seed, same bytes.")] = 1,
     camera: Annotated[
-        bool, typer.Option("--camera", help="See the strain along planned bars, too.")
+        bool, Option("--camera", help="See the strain along planned bars, too.")
     ] = False,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
@@ -470,58 +347,35 @@ def simulate(
 
     Example: [bold]planner gap simulate --design plan --effect rate:rise=0.12 -o made[/bold]
     """
-    import numpy as np
-
+    import planner
     from planner.cli.output import print_document, say, warn
     from planner.formats.files import check_target
-    from planner.gap.campaign_folder import write_campaign
-    from planner.gap.virtual import read_design, stated_effect, synthetic_campaign
+    from planner.gap.virtual import stated_effect
 
     check_target(output, kind=None)
-    machine, chosen = choose(printer, palette)
-    plan = read_design(design, chosen, printer=machine.name, camera=camera)
-    effects = [stated_effect(text, plan.palette) for text in effect or ()]
-    rng = np.random.default_rng(seed)
-    made = synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
-    write_campaign(made, output)
+    made = planner.synthesise_campaign(
+        design,
+        effect=effect or (),
+        scatter=scatter,
+        seed=seed,
+        camera=camera,
+        printer=printer,
+        palette=palette,
+    )
+    planner.write_campaign(made, output)
     if as_json:
         print_document(
             {
                 "schema": 1,
                 "simulated": made.notes,
-                "effects": [e.text for e in effects],
+                "effects": [stated_effect(text, made.palette).text for text in effect or ()],
                 "specimens": len(made.specimens),
                 "folder": output.name,
             }
         )
     elif not quiet:
-        for note in plan.remarks:
+        for note in made.remarks:
             warn(note)
         say(made.notes)
         say(f"wrote {output} (next: planner gap diagnose {output})")
     return 0
-
-
-# ------------------------------------------------------------------------------------------------
-# planner gap: its commands, each imported from a file of its own.
-
-
-app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
-
-
-@app.callback()
-def gap(context: typer.Context) -> None:
-    """Diagnose why printed parts differ from what the palette predicts.
-
-    Example: [bold]planner gap diagnose campaign -o diagnosis[/bold]
-    """
-    if context.invoked_subcommand is None:
-        from planner.cli.output import say
-
-        say(context.get_help())
-
-
-app.command()(diagnose)
-app.command()(correct)
-app.command()(design)
-app.command()(simulate)

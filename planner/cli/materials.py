@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from planner.cli.output import (
     AsJson,
@@ -21,8 +21,6 @@ from planner.cli.output import (
     TensileFiles,
     ThicknessMm,
     WidthMm,
-    choose,
-    refuse_existing,
     split_columns,
 )
 
@@ -44,13 +42,13 @@ def printers(as_json: AsJson = False) -> int:
     """
     from planner.cli.output import finding, print_document, print_table
     from planner.errors import PlannerError
-    from planner.printers import installed_printers, printer
+    from planner.printers import installed_printers, load_printer
 
     rows: list[dict[str, Any]] = []
     broken = []
     for name, entry in installed_printers().items():
         try:
-            machine = printer(name)
+            machine = load_printer(name)
         except PlannerError as error:
             broken.append(str(error))
             continue
@@ -107,32 +105,14 @@ def materials(
 
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
+    import planner
     from planner.cli.output import format_number, print_document, print_table
-    from planner.grading.profile import stiffness_scale
 
-    _, chosen = choose(printer, palette)
-    scale = stiffness_scale(chosen, at_strain)
+    scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
     if as_json:
-        rows = [
-            {
-                "id": material.id,
-                "coordinate": material.coordinate,
-                "modulus_MPa": modulus,
-                "modulus_interval_MPa": list(interval),
-                "elongation_at_break": material.elongation_at_break,
-                "density_g_cm3": material.density_g_cm3,
-                "deformation": material.deformation,
-                "aliases": list(material.aliases),
-                "colour": material.colour,
-            }
-            for material, modulus, interval in zip(
-                chosen.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
-            )
-        ]
-        print_document(
-            {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "materials": rows}
-        )
+        print_document(scale.document())
         return 0
+    chosen = scale.palette
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -163,7 +143,7 @@ def materials(
 
 def invert(
     modulus_MPa: Annotated[
-        list[float], typer.Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
+        list[float], Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
     ],
     at_strain: AtStrain = 0.1,
     printer: PrinterName = "connex3",
@@ -176,19 +156,16 @@ def invert(
 
     Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
     """
+    import planner
     from planner.cli.output import finding, format_number, print_document, print_table
-    from planner.grading.blends import mixture_for
+    from planner.printers import palette_of
 
-    _, chosen = choose(printer, palette)
-    found = [mixture_for(chosen, value, at_strain) for value in modulus_MPa]
+    chosen = palette_of(palette, printer)
+    found = [planner.invert(value, at_strain=at_strain, palette=chosen) for value in modulus_MPa]
     if as_json:
+        results = [mixture.document() for mixture in found]
         print_document(
-            {
-                "schema": 1,
-                "palette": chosen.name,
-                "at_strain": at_strain,
-                "results": [mixture.document() for mixture in found],
-            }
+            {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
         )
     else:
         print_table(
@@ -227,7 +204,7 @@ def invert(
 def characterise(
     files: TensileFiles,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="CSV file to write, one row a material.")
+        Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
     ] = None,
     specimens: SpecimensFile = None,
     material: MaterialName = None,
@@ -236,8 +213,7 @@ def characterise(
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
     at_strain: Annotated[
-        list[float] | None,
-        typer.Option("--at-strain", help="Strain of a secant modulus; repeatable."),
+        list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -252,15 +228,13 @@ def characterise(
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
     materials.csv[/bold]
     """
+    import planner
     from planner.cli.output import finding, print_document, say, warn
-    from planner.formats.files import encode_document
-    from planner.materials.characterise import SECANT_STRAINS, characterise_material, doubts
-    from planner.materials.palette_study import characteristics_document, write_characteristics
-    from planner.materials.study import read_study
+    from planner.formats.files import check_absent, encode_document, write_whole
 
     if output is not None:
-        refuse_existing(output, force=force)
-    study = read_study(
+        check_absent(output, force=force)
+    found = planner.characterise(
         files,
         specimens=specimens,
         material=material,
@@ -268,32 +242,26 @@ def characterise(
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
         columns=split_columns(columns),
+        at_strain=at_strain or None,
     )
-    strains = tuple(at_strain) if at_strain else SECANT_STRAINS
-    found = [
-        characterise_material(name, curves, secant_strains=strains)
-        for name, curves in study.groups.items()
-    ]
     if output is not None:
-        write_characteristics(found, output, force=force)
-    doubtful = [said for one in found for said in doubts(one)]
+        write_whole(output, found.csv())
     if as_json:
-        document = characteristics_document(found, study.notes)
-        print_document(encode_document({**document, "findings": doubtful}))
+        print_document(encode_document(found.document()))
     elif not quiet:
-        for note in (*study.notes, *_corrections(found)):
+        for note in (*found.notes, *_corrections(found.materials)):
             warn(note)
-        _tables(found)
-        for one in found:
+        _tables(found.materials)
+        for one in found.materials:
             say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
         if output is not None:
             say(f"wrote {output}")
-        for said in doubtful:
+        for said in found.findings:
             finding(said)
-    return 1 if doubtful else 0
+    return 1 if found.findings else 0
 
 
-def _corrections(found: "list[MaterialCharacteristics]") -> list[str]:
+def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
     """Return the notes on single specimens, and one line for strains left as recorded."""
     specimens = [c for one in found for c in one.specimens]
     lines = [note for c in specimens for note in c.notes if "not shifted" not in note]
@@ -306,7 +274,7 @@ def _corrections(found: "list[MaterialCharacteristics]") -> list[str]:
     return lines
 
 
-def _tables(found: "list[MaterialCharacteristics]") -> None:
+def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
     from planner.cli.output import format_number, print_table
 
     def value(one: "MaterialCharacteristics", name: str) -> str:
@@ -355,35 +323,22 @@ def _tables(found: "list[MaterialCharacteristics]") -> None:
 
 def fit(
     files: TensileFiles,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Palette file (TOML) to write.")
-    ] = Path("palette.toml"),
+    output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
+        "palette.toml"
+    ),
     law: Annotated[
-        str,
-        typer.Option(
-            "--law", help="ogden, yeoh, martins, neo-hookean, or all: the best is chosen."
-        ),
+        str, Option(help="ogden, yeoh, martins, neo-hookean, or all: the best is chosen.")
     ] = "all",
-    name: Annotated[
-        str | None, typer.Option("--name", help="Name of the palette; else that of the file.")
-    ] = None,
+    name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
     weighting: Annotated[
-        str,
-        typer.Option("--weighting", help="Residuals relative to the stress, or absolute."),
+        str, Option(help="Residuals relative to the stress, or absolute.")
     ] = "relative",
     coordinate: Annotated[
-        list[str] | None,
-        typer.Option("--coordinate", help="ID=M, repeatable; else 0..1 in order of stiffness."),
+        list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
     ] = None,
-    density: Annotated[
-        list[str] | None, typer.Option("--density", help="ID=G_CM3, repeatable.")
-    ] = None,
-    starts: Annotated[
-        int, typer.Option("--starts", min=1, max=2000, help="Starts of each search.")
-    ] = 50,
-    level: Annotated[
-        float, typer.Option("--level", min=0.5, max=0.999, help="Coverage of the intervals.")
-    ] = 0.95,
+    density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
+    starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
+    level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
     specimens: SpecimensFile = None,
     material: MaterialName = None,
     width_mm: WidthMm = None,
@@ -401,36 +356,30 @@ def fit(
 
     Example: [bold]planner fit samples/tensile --law all -o lab.toml[/bold]
     """
+    import planner
     from planner.cli.output import finding, print_document, progress, warn
-    from planner.formats.files import encode_document
-    from planner.materials.fit import weighting_of
-    from planner.materials.palette_study import fit_study
-    from planner.materials.study import read_study
-    from planner.palette import write_palette
+    from planner.formats.files import check_absent, encode_document
 
-    refuse_existing(output, force=force)
-    study = read_study(
-        files,
-        specimens=specimens,
-        material=material,
-        width_mm=width_mm,
-        thickness_mm=thickness_mm,
-        gauge_mm=gauge_mm,
-        columns=split_columns(columns),
-    )
+    check_absent(output, force=force)
     with progress(not (quiet or as_json)) as stage:
-        result = fit_study(
-            study,
-            name=name or output.stem,
+        result = planner.fit(
+            files,
             law=law,
-            weighting=weighting_of(weighting),
+            name=name or output.stem,
+            weighting=weighting,
+            coordinate=_figures(coordinate, "--coordinate"),
+            density=_figures(density, "--density"),
             starts=starts,
             level=level,
-            coordinates=_figures(coordinate, "--coordinate"),
-            densities_g_cm3=_figures(density, "--density"),
-            stage=stage,
+            specimens=specimens,
+            material=material,
+            width_mm=width_mm,
+            thickness_mm=thickness_mm,
+            gauge_mm=gauge_mm,
+            columns=split_columns(columns),
+            progress=stage,
         )
-    write_palette(result.palette, output, force=force)
+    planner.write_palette(result.palette, output, force=force)
     findings = list(result.findings)
     if result.problem is not None:
         findings.append(

@@ -8,14 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
     from rich.table import Table
-
-    from planner.palette import Palette
-    from planner.printers import Printer
 
 __all__ = [
     "AsJson",
@@ -31,7 +28,6 @@ __all__ = [
     "TensileFiles",
     "ThicknessMm",
     "WidthMm",
-    "choose",
     "complain",
     "finding",
     "format_number",
@@ -39,7 +35,6 @@ __all__ = [
     "print_table",
     "progress",
     "progress_bar",
-    "refuse_existing",
     "say",
     "say_verdict",
     "split_columns",
@@ -224,69 +219,52 @@ def _stderr_line(kind: str, colour: str, message: str) -> None:
 # Options that more than one command takes.
 
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")]
 PrinterName = Annotated[
-    str, typer.Option("--printer", help="Installed printer; see [bold]planner printers[/bold].")
+    str, Option("--printer", help="Installed printer; see [bold]planner printers[/bold].")
 ]
 PaletteName = Annotated[
     str | None,
-    typer.Option("--palette", help="Palette file (TOML), or one of the printer's palettes."),
+    Option("--palette", help="Palette file (TOML), or one of the printer's palettes."),
 ]
 AtStrain = Annotated[
     float,
-    typer.Option(
+    Option(
         "--at-strain",
         help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
     ),
 ]
 
 
-def choose(printer: str, palette: str | None) -> "tuple[Printer, Palette]":
-    """Load the printer and the palette that the options name.
-
-    Raises
-    ------
-    UnknownNameError, PaletteError
-        No such printer or palette, or a palette file that breaks its schema.
-    """
-    from planner.printers import palette_of
-    from planner.printers import printer as load_printer
-
-    machine = load_printer(printer)
-    return machine, palette_of(machine, palette)
-
-
 # ------------------------------------------------------------------------------------------------
 # Options of the commands that read tensile tests and write one file.
 
 
-Force = Annotated[bool, typer.Option("--force", help="Replace the output file.")]
+Force = Annotated[bool, Option("--force", help="Replace the output file.")]
 TensileFiles = Annotated[
     list[Path],
-    typer.Argument(
+    Argument(
         help="Tensile files (CSV, Mark-10 MESURgauge, Instron Bluehill), or folders of them; a "
         "specimens.csv among or beside them is used."
     ),
 ]
 SpecimensFile = Annotated[
-    Path | None, typer.Option("--specimens", help="List of specimens: material, size, file.")
+    Path | None, Option("--specimens", help="List of specimens: material, size, file.")
 ]
 MaterialName = Annotated[
-    str | None, typer.Option("--material", help="What all specimens without a row are made of.")
+    str | None, Option("--material", help="What all specimens without a row are made of.")
 ]
-WidthMm = Annotated[
-    float | None, typer.Option("--width-mm", help="Width of specimens without a row.")
-]
+WidthMm = Annotated[float | None, Option("--width-mm", help="Width of specimens without a row.")]
 ThicknessMm = Annotated[
-    float | None, typer.Option("--thickness-mm", help="Thickness of specimens without a row.")
+    float | None, Option("--thickness-mm", help="Thickness of specimens without a row.")
 ]
 GaugeMm = Annotated[
-    float | None, typer.Option("--gauge-mm", help="Gauge length of specimens without a row.")
+    float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
 ]
 ColumnNames = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--columns",
         help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' leaves "
         "a column out.",
@@ -297,19 +275,3 @@ ColumnNames = Annotated[
 def split_columns(columns: str | None) -> list[str] | None:
     """Take --columns apart."""
     return None if columns is None else [name.strip() for name in columns.split(",")]
-
-
-def refuse_existing(output: Path, *, force: bool) -> None:
-    """Refuse to replace a file before the work for it begins.
-
-    Raises
-    ------
-    OutputError
-        It is there and `force` is false.
-    """
-    from planner.errors import OutputError
-
-    if output.exists() and not force:
-        raise OutputError(
-            f"{output}: exists already; replace it with --force, or name another with --output"
-        )

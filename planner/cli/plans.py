@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from planner.cli.output import AsJson, AtStrain, PaletteName, PrinterName, Quiet, choose
+from planner.cli.output import AsJson, AtStrain, PaletteName, PrinterName, Quiet
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -27,20 +27,18 @@ _FINDINGS_SHOWN = 10
 
 
 def grade(
-    part: Annotated[Path, typer.Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
+    part: Annotated[Path, Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
     from_: Annotated[
-        str | None, typer.Option("--from", help="Material where the gradient begins.")
+        str | None, Option("--from", help="Material where the gradient begins.")
     ] = None,
-    to: Annotated[str | None, typer.Option("--to", help="Material where it ends.")] = None,
+    to: Annotated[str | None, Option(help="Material where it ends.")] = None,
     axis: Annotated[
         str | None,
-        typer.Option(
-            help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."
-        ),
+        Option(help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="What the gradient follows instead of an axis, NAME: ARGUMENTS: radial, "
             "distance, harmonic, geodesic, expression, table, points, axis, and min, max, "
             "blend, clamp of such; see docs/how-to/grade-along-a-field.md."
@@ -48,7 +46,7 @@ def grade(
     ] = None,
     pitch_mm: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--pitch",
             help="Grid, in mm, on which curved fields are drawn; by default 0.5, finer for parts "
             "smaller than 25 mm, coarser for those larger than 63 mm.",
@@ -56,21 +54,21 @@ def grade(
     ] = None,
     profile: Annotated[
         str,
-        typer.Option(
+        Option(
             help="log, linear, smooth, steps:N, or a CSV file with position (0..1) and "
             "modulus_MPa or material."
         ),
     ] = "log",
     bands: Annotated[
         int | None,
-        typer.Option(
+        Option(
             help="Cut into N equal steps, with --blend nearest or mix; by default the cuts lie "
             "where the material or mixture changes."
         ),
     ] = None,
     blend: Annotated[
         str,
-        typer.Option(
+        Option(
             help="How a target between two materials is met: nearest takes the nearer one; dither "
             "deals cells of both; bands:N lets N pairs of thinner bands take turns; mix records "
             "mixtures; see docs/how-to/blend-materials.md."
@@ -78,28 +76,25 @@ def grade(
     ] = "nearest",
     cell_mm: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--cell",
             help="Edge, in mm, of the cells that dither deals; the printer's smallest feature by "
             "default.",
         ),
     ] = None,
     at_strain: AtStrain = 0.1,
-    unit: Annotated[
-        str | None, typer.Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")
-    ] = None,
+    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder to write; <part>-graded by default."),
+        Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier plan there.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Write nothing when something was found.")
+        bool, Option("--strict", help="Write nothing when something was found.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Plan and report, but write nothing.")
+        bool, Option("--dry-run", help="Plan and report, but write nothing.")
     ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -108,16 +103,15 @@ def grade(
 
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
+    import planner
     from planner.cli.output import progress
     from planner.formats.files import check_target
-    from planner.grading.grade import grade as plan_part
 
-    machine, chosen = choose(printer, palette)
     folder = Path(f"{part.stem}-graded") if output is None else output
     if not dry_run:
         check_target(folder, force=force)
     with progress(not quiet and not as_json) as stage:
-        plan = plan_part(
+        plan = planner.grade(
             part,
             from_=from_,
             to=to,
@@ -130,8 +124,8 @@ def grade(
             cell_mm=cell_mm,
             at_strain=at_strain,
             unit=unit,
-            printer=machine,
-            palette=chosen,
+            printer=printer,
+            palette=palette,
             progress=stage,
         )
         refused = strict and not plan.ok
@@ -266,7 +260,7 @@ def _table(plan: "Plan") -> None:
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="Folder that planner grade wrote.")],
+    folder: Annotated[Path, Argument(help="Folder that planner grade wrote.")],
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -276,11 +270,11 @@ def check(
 
     Example: [bold]planner check finger-graded[/bold]
     """
+    import planner
     from planner.cli.output import finding, print_document, print_table, progress, say
-    from planner.grading.check import certify
 
     with progress(not quiet and not as_json) as stage:
-        certificate = certify(folder, progress=stage)
+        certificate = planner.check(folder, progress=stage)
     if as_json:
         print_document(certificate.document())
     elif not quiet:
@@ -314,11 +308,11 @@ def _verdict(certificate: "Certificate") -> str:
 
 
 def diff(
-    before: Annotated[Path, typer.Argument(help="A plan.json, or the folder that holds it.")],
-    after: Annotated[Path, typer.Argument(help="The plan to compare with it.")],
+    before: Annotated[Path, Argument(help="A plan.json, or the folder that holds it.")],
+    after: Annotated[Path, Argument(help="The plan to compare with it.")],
     tolerance: Annotated[
         float,
-        typer.Option(
+        Option(
             help="Relative difference of volumes, masses and moduli that still counts as equal."
         ),
     ] = 1e-6,
@@ -331,24 +325,19 @@ def diff(
 
     Example: [bold]planner diff finger-graded finger-graded-before[/bold]
     """
-    from planner.cli.output import print_document, print_table, say
-    from planner.grading.check import differences
-    from planner.plan import read_plan
+    from dataclasses import asdict
 
-    found = differences(read_plan(before), read_plan(after), tolerance)
+    import planner
+    from planner.cli.output import print_document, print_table, say
+
+    found = planner.diff(before, after, tolerance=tolerance)
+    rows = [asdict(difference) for difference in found]
     if as_json:
-        rows = [
-            {"what": d.what, "where": d.where, "before": d.before, "after": d.after} for d in found
-        ]
         print_document({"schema": 1, "equal": not found, "differences": rows})
+    elif found and not quiet:
+        print_table(list(rows[0]), [list(row.values()) for row in rows])
     elif not quiet:
-        if found:
-            print_table(
-                ["what", "where", "before", "after"],
-                [[d.what, d.where, d.before, d.after] for d in found],
-            )
-        else:
-            say("the plans mean the same")
+        say("the plans mean the same")
     return 1 if found else 0
 
 
@@ -357,28 +346,24 @@ def diff(
 
 
 def slices(
-    plan: Annotated[
-        Path, typer.Argument(help="Folder that planner grade wrote, or its plan.json.")
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")],
+    plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
+    output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
     pitch_mm: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--pitch",
             help="Edges of a voxel in mm, X,Y,Z or one for all; the printer's own by default.",
         ),
     ] = None,
     indexed: Annotated[
-        bool, typer.Option("--indexed", help="Write palette images: smaller, the same colours.")
+        bool, Option("--indexed", help="Write palette images: smaller, the same colours.")
     ] = False,
-    printer: Annotated[
-        str | None, typer.Option("--printer", help="Installed printer; by default the plan's.")
-    ] = None,
+    printer: Annotated[str | None, Option(help="Installed printer; by default the plan's.")] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),
+        Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier stack there.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace an earlier stack there.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -388,11 +373,11 @@ def slices(
 
     Example: [bold]planner slices finger-graded -o finger-slices[/bold]
     """
+    import planner
     from planner.cli.output import finding, print_document, progress_bar
-    from planner.slices.write import write_slices
 
     with progress_bar("layers", not quiet and not as_json) as advance:
-        stack = write_slices(
+        stack = planner.write_slices(
             plan,
             output,
             pitch_mm=None if pitch_mm is None else _lengths(pitch_mm),
@@ -472,64 +457,48 @@ _ROWS = 6
 def simulate(
     source: Annotated[
         str,
-        typer.Argument(
+        Argument(
             help="A plan.json or its folder, a profile (CSV: x_mm, coordinate[, width_mm, "
             "thickness_mm]), or a material."
         ),
     ],
-    to_strain: Annotated[
-        float, typer.Option("--to-strain", help="Largest displacement over the bar's length.")
-    ] = 0.3,
+    to_strain: Annotated[float, Option(help="Largest displacement over the bar's length.")] = 0.3,
     rate_mm_s: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--rate",
             help="Crosshead speed in mm/s, which sets the times alone; by default the palette's "
             "reference strain rate.",
         ),
     ] = None,
-    protocol: Annotated[
-        str, typer.Option("--protocol", help="monotonic, cyclic or relaxation.")
-    ] = "monotonic",
-    cycles: Annotated[int, typer.Option("--cycles", help="Of the cyclic protocol.")] = 1,
-    hold_s: Annotated[
-        float, typer.Option("--hold-s", help="How long relaxation holds, in seconds.")
-    ] = 100.0,
-    steps: Annotated[int, typer.Option("--steps", help="Load steps up, and down or held.")] = 100,
-    slices: Annotated[int, typer.Option("--slices", help="Slices of a plan or a profile.")] = 400,
+    protocol: Annotated[str, Option(help="monotonic, cyclic or relaxation.")] = "monotonic",
+    cycles: Annotated[int, Option(help="Of the cyclic protocol.")] = 1,
+    hold_s: Annotated[float, Option(help="How long relaxation holds, in seconds.")] = 100.0,
+    steps: Annotated[int, Option(help="Load steps up, and down or held.")] = 100,
+    slices: Annotated[int, Option(help="Slices of a plan or a profile.")] = 400,
     between_mm: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--between", help="START:STOP in mm along the axis: pull only this stretch of the bar."
         ),
     ] = None,
-    width_mm: Annotated[
-        float, typer.Option("--width-mm", help="Width of a coupon, or of a profile without.")
-    ] = 6.0,
-    thickness_mm: Annotated[
-        float, typer.Option("--thickness-mm", help="Thickness of a coupon or such a profile.")
-    ] = 4.0,
-    gauge_mm: Annotated[float, typer.Option("--gauge-mm", help="Gauge length of a coupon.")] = 33.0,
-    level: Annotated[
-        float, typer.Option("--level", help="How probably the interval holds a print's force.")
-    ] = 0.95,
+    width_mm: Annotated[float, Option(help="Width of a coupon, or of a profile without.")] = 6.0,
+    thickness_mm: Annotated[float, Option(help="Thickness of a coupon or such a profile.")] = 4.0,
+    gauge_mm: Annotated[float, Option(help="Gauge length of a coupon.")] = 33.0,
+    level: Annotated[float, Option(help="How probably the interval holds a print's force.")] = 0.95,
     printer: Annotated[
-        str | None,
-        typer.Option("--printer", help="Installed printer; by default the plan's, else connex3."),
+        str | None, Option(help="Installed printer; by default the plan's, else connex3.")
     ] = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="File to write: .csv (the curve) or .json (all)."),
+        Option("--output", "-o", help="File to write: .csv (the curve) or .json (all)."),
     ] = None,
     field: Annotated[
-        Path | None,
-        typer.Option("--field", help="CSV file to write: strain along the bar at every step."),
+        Path | None, Option(help="CSV file to write: strain along the bar at every step.")
     ] = None,
-    figure: Annotated[
-        Path | None, typer.Option("--figure", help="SVG file to write: both as curves.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    figure: Annotated[Path | None, Option(help="SVG file to write: both as curves.")] = None,
+    force: Annotated[bool, Option("--force", help="Replace files that are there.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -540,10 +509,9 @@ def simulate(
 
     Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
     """
+    import planner
     from planner.cli.output import print_document
-    from planner.errors import ArgumentError
     from planner.formats.files import check_absent, write_whole
-    from planner.simulation.simulate import simulate as pull
 
     if output is not None and output.suffix.casefold() not in (".csv", ".json"):
         raise ArgumentError(f"--output {output}: its ending must be .csv or .json")
@@ -552,7 +520,7 @@ def simulate(
         raise ArgumentError("--output, --field and --figure name one file; give each its own")
     for path in targets:
         check_absent(path, force=force)
-    result = pull(
+    result = planner.simulate(
         source,
         to_strain=to_strain,
         rate_mm_s=rate_mm_s,
@@ -575,9 +543,7 @@ def simulate(
     if field is not None:
         write_whole(field, result.field_csv())
     if figure is not None:
-        from planner.report.svg import simulation_figure
-
-        write_whole(figure, simulation_figure(result))
+        write_whole(figure, planner.simulation_figure(result))
     if as_json:
         print_document(result.json())
     elif not quiet:
@@ -586,7 +552,6 @@ def simulate(
 
 
 def _between(text: str) -> tuple[float, float]:
-    from planner.errors import ArgumentError
 
     start, _, stop = text.partition(":")
     try:

@@ -32,15 +32,15 @@ from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
-from planner.printers import printer as load_printer
+from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
 
 __all__ = [
     "CURVES",
     "SPECIMENS",
+    "campaign_palette",
     "check_headings",
     "covariates_of",
-    "palette_of",
     "read_campaign",
     "read_campaign_file",
     "specimens_csv",
@@ -394,8 +394,13 @@ def read_campaign_file(folder: Path) -> CampaignFile:
         raise FileError(f"{_CAMPAIGN}: {error}; its keys are {known}") from error
 
 
-def palette_of(file: CampaignFile, folder: Path) -> Palette:
-    """Load the palette that campaign.toml names: a file beside it, or one of the printer's.
+def campaign_palette(
+    file: CampaignFile, folder: Path, palette: str | Path | Palette | None = None
+) -> Palette:
+    """Load a campaign's palette.
+
+    It is the given one; else the one that campaign.toml names, a file beside it or one of the
+    printer's.
 
     Raises
     ------
@@ -404,6 +409,8 @@ def palette_of(file: CampaignFile, folder: Path) -> Palette:
     PaletteError, UnknownNameError
         The file breaks its schema, or the printer or its palette is not installed.
     """
+    if palette is not None:
+        return palette_of(palette, file.printer)
     if file.palette is None:
         raise FileError(
             f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
@@ -421,13 +428,20 @@ def palette_of(file: CampaignFile, folder: Path) -> Palette:
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
-def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaign:
+def read_campaign(folder: str | Path, palette: str | Path | Palette | None = None) -> Campaign:
     """Read a campaign: campaign.toml, specimens.csv, curves, strain fields and profiles.
 
     Parameters
     ----------
+    folder
+        With campaign.toml, specimens.csv and the curves.
     palette
-        In place of the one that campaign.toml names.
+        By name, file or value, in place of the one that campaign.toml names.
+
+    Returns
+    -------
+    Campaign
+        Its specimens in the order of the list; what was left out is among its remarks.
 
     Raises
     ------
@@ -436,10 +450,15 @@ def read_campaign(folder: str | Path, palette: Palette | None = None) -> Campaig
         message names file and line or specimen, what is wrong and what to do.
     PaletteError, UnknownNameError
         The palette, or a material that it does not have.
+
+    Examples
+    --------
+    >>> len(planner.read_campaign("samples/warm-lab").specimens)  # doctest: +SKIP
+    24
     """
     folder = Path(folder)
     file = read_campaign_file(folder)
-    palette = palette_of(file, folder) if palette is None else palette
+    palette = campaign_palette(file, folder, palette)
     rows = read_specimens(folder / SPECIMENS)
     noted = _Notes()
     for note in check_headings(rows, SPECIMENS):
@@ -636,7 +655,7 @@ def specimens_csv(campaign: Campaign) -> bytes:
     return _table(_specimen_rows(campaign, profiles)).encode()
 
 
-def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = True) -> Path:
+def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = True) -> Path:
     """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
@@ -645,16 +664,28 @@ def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = T
 
     Parameters
     ----------
+    output
+        Folder to write.
     measured
         False leaves out what is yet to be measured: curves.csv has its heading alone.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder.
 
     Raises
     ------
     OutputError
         The folder exists and is not empty, or cannot be written.
+
+    Examples
+    --------
+    >>> made = planner.design("rate,moisture", 16)  # doctest: +SKIP
+    >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
     _, designs = _profile_files(campaign.specimens)
-    with new_folder(folder, kind=None) as scratch:
+    with new_folder(output, kind=None) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
         _write(scratch / "campaign.toml", _campaign_toml(campaign))
         (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))
@@ -666,7 +697,7 @@ def write_campaign(campaign: Campaign, folder: str | Path, *, measured: bool = T
             (scratch / "profiles").mkdir()
         for name, design in designs.items():
             _write(scratch / name, _table(_profile_rows(design)))
-    return Path(folder)
+    return Path(output)
 
 
 def _campaign_toml(campaign: Campaign) -> str:

@@ -2,15 +2,22 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, PaletteError
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    PaletteError,
+    PlannerError,
+    UnknownNameError,
+)
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect
+from planner.gap.diagnosis import Diagnosis, FoundEffect, read_diagnosis
 from planner.gap.effect import Effect, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.virtual import single_test, virtual_specimen
@@ -27,9 +34,10 @@ from planner.palette import (
     encode_palette,
     parse_palette,
 )
+from planner.printers import Printer, palette_of
 from planner.simulation.bar_solver import STRAIN_END, LawTables, law_tables, predict
 
-__all__ = ["Correction", "corrected_palette"]
+__all__ = ["Correction", "correct"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -173,6 +181,8 @@ class Correction:
     ----------
     palette
         The palette as it was where nothing could be corrected.
+    before
+        The palette that was corrected.
     corrected
         The effects that went into it, and "recalibration".
     notes
@@ -183,54 +193,139 @@ class Correction:
         By material: what its stress is multiplied by, at a strain of 0.1 or half its break.
     left
         The effects of the verdict that no palette can hold.
+    doubt
+        Why it may not be the one that was diagnosed; "" where it surely is.
     """
 
     palette: Palette
+    before: Palette
     corrected: tuple[str, ...]
     notes: tuple[str, ...]
     misfit: Mapping[str, float] = field(default_factory=dict)
     factor: Mapping[str, float] = field(default_factory=dict)
     left: tuple[str, ...] = ()
+    doubt: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """Return what was corrected, for which conditions and how well, as JSON holds it."""
+        at = self.palette.reference
+        return {
+            "corrected": list(self.corrected),
+            "left": list(self.left),
+            "conditions": asdict(at) if self.corrected else None,
+            "materials": {
+                m: {"stress_factor": float(f"{f:.6g}"), "misfit": float(f"{self.misfit[m]:.3g}")}
+                for m, f in self.factor.items()
+            },
+            "notes": list(self.notes),
+        }
 
 
-def corrected_palette(
-    palette: Palette,
-    diagnosis: Diagnosis,
-    conditions: Reference | None = None,
+def correct(
+    diagnosis: Diagnosis | str | Path,
     *,
-    recalibrate: bool = False,
+    palette: str | Path | Palette | None = None,
+    temperature_C: float | None = None,
+    rate_per_s: float | None = None,
+    soak_h: float | None = None,
+    age_days: float | None = None,
+    orientation: str | None = None,
     width_mm: float = 6.0,
     thickness_mm: float = 3.0,
+    recalibrate: bool = False,
+    printer: str | Printer = "connex3",
 ) -> Correction:
-    """Return a palette whose laws hold for the conditions of use, by a diagnosis' verdict.
+    """Correct a palette for the conditions of use, by a diagnosis' verdict.
 
     An effect of a condition is taken relative to the palette's own conditions, at which its laws
     were measured. A law that relaxes becomes what an even pull at the stated rate shows.
 
     Parameters
     ----------
-    conditions
-        Of use; those that are None are the palette's own.
-    recalibrate
-        Multiply every law by the level that the campaign asks for beside the effects, too.
+    diagnosis
+        A diagnosis, or the file or folder that holds it.
+    palette
+        By name, file or value; by default the one that was diagnosed, if the printer brings it.
+    temperature_C, rate_per_s, soak_h, age_days, orientation
+        Conditions of use: strain rate, hours in water, days since the print, and the load's
+        direction on the tray, x, y or z. Those that are None are the palette's own.
     width_mm, thickness_mm
         Of the part's section: water takes the longer, the thicker it is.
+    recalibrate
+        Multiply every law by the level that the campaign asks for beside the effects, too.
+    printer
+        Whose palettes names mean.
+
+    Returns
+    -------
+    Correction
+        With the corrected palette; `write_palette` writes it.
 
     Raises
     ------
     ArgumentError
         A condition or size outside what it may be.
+    UnknownNameError
+        No such printer or palette; or none is given, and the printer has not the diagnosed one;
+        or the diagnosis names an effect that there is not.
     FileError
-        The diagnosis names a form or parameters that this palette has not.
+        No diagnosis, or one that names a form or parameters that this palette has not.
     PaletteError
         The corrected laws would cross, or a law cannot follow.
-    UnknownNameError
-        The diagnosis names an effect that there is not.
+
+    Examples
+    --------
+    >>> warm = planner.correct("diagnosis", temperature_C=33)  # doctest: +SKIP
+    >>> planner.write_palette(warm.palette, "warm.toml")  # doctest: +SKIP
     """
-    use = _conditions(conditions or Reference(), palette.reference)
-    for name, value in (("`width_mm`", width_mm), ("`thickness_mm`", thickness_mm)):
+    if orientation not in (None, "x", "y", "z"):
+        raise ArgumentError(f"`orientation` {orientation}: it must be x, y or z")
+    along = cast("Literal['x', 'y', 'z'] | None", orientation)
+    diagnosis = diagnosis if isinstance(diagnosis, Diagnosis) else read_diagnosis(diagnosis)
+    before, doubt = _diagnosed_palette(diagnosis, palette, printer)
+    asked = Reference(rate_per_s, temperature_C, soak_h, age_days, along)
+    use = _conditions(asked, before.reference)
+    for name, value in (("width_mm", width_mm), ("thickness_mm", thickness_mm)):
         if not 0.0 < value < math.inf:
-            raise ArgumentError(f"{name} {value:g}: it must be above 0")
+            raise ArgumentError(f"`{name}` {value:g}: it must be above 0")
+    made = _corrected(before, diagnosis, use, (width_mm, thickness_mm), recalibrate)
+    return replace(made, doubt=doubt)
+
+
+def _diagnosed_palette(
+    found: Diagnosis, palette: str | Path | Palette | None, printer: str | Printer
+) -> tuple[Palette, str]:
+    """Return the palette, and a doubt whether it is the one that was diagnosed."""
+    if palette is None:
+        try:
+            chosen = palette_of(found.palette, printer)
+        except PlannerError:
+            has = "does not bring"
+        else:
+            if found.palette_sha256 in ("", chosen.sha256):
+                return chosen, ""
+            has = "brings with other bytes"
+        machine = printer if isinstance(printer, str) else printer.name
+        raise UnknownNameError(
+            f"the diagnosis is of a palette {found.palette} that printer {machine} {has}; give "
+            "its file, the campaign's palette.toml, with `palette`"
+        )
+    chosen = palette_of(palette, printer)
+    if found.palette_sha256 in ("", chosen.sha256):
+        return chosen, ""
+    return chosen, (
+        f"palette {chosen.name} is not, byte for byte, the one that was diagnosed; if it has "
+        "other laws, the correction is wrong: give the campaign's own with --palette"
+    )
+
+
+def _corrected(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    use: Reference,
+    section: tuple[float, float],
+    recalibrate: bool,
+) -> Correction:
     library = effects_for(palette)
     known: list[FoundEffect] = []
     left, notes = [], []
@@ -240,10 +335,9 @@ def corrected_palette(
             known.append(found)
         else:
             left.append(found.id)
-            notes.append(effect.advice(found, width_mm, thickness_mm))
+            notes.append(effect.advice(found, *section))
     notes += _doubts(diagnosis)
     applied = [_stated(e, library[e.id], palette.name) for e in known]
-    section = (width_mm, thickness_mm)
     factors = _Factors(palette, use, section)
     logs = {m.id: factors.log_factor(m, applied) for m in palette.materials}
     notes += [
@@ -257,7 +351,7 @@ def corrected_palette(
     if recalibrate and any(material in asked for material in logs):
         corrected.append("recalibration")
     if not corrected:
-        return Correction(palette, (), tuple(notes), left=tuple(left))
+        return Correction(palette, palette, (), tuple(notes), left=tuple(left))
     materials, misfit, factor, tension_alone = [], {}, {}, []
     for material in palette.materials:
         level = asked.get(material.id, (0.0, 0.0))[0]
@@ -282,9 +376,11 @@ def corrected_palette(
         name=palette.name.removesuffix("-corrected") + "-corrected",
         materials=tuple(materials),
         reference=use,
-        source=_source(palette, diagnosis, applied, corrected, use, thickness_mm),
+        source=_source(palette, diagnosis, applied, corrected, use, section[1]),
     )
-    return Correction(_checked(made), tuple(corrected), tuple(notes), misfit, factor, tuple(left))
+    return Correction(
+        _checked(made), palette, tuple(corrected), tuple(notes), misfit, factor, tuple(left)
+    )
 
 
 def _conditions(asked: Reference, own: Reference) -> Reference:

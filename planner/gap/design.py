@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise, product
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -42,6 +43,7 @@ from planner.gap.virtual import (
 )
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Material, Palette, Reference
+from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
 
@@ -52,7 +54,7 @@ __all__ = [
     "SpecimenSize",
     "Trial",
     "candidates_of",
-    "design_campaign",
+    "design",
     "may_take_bars",
     "next_experiments",
     "trials_of",
@@ -191,6 +193,9 @@ class SpecimenSize:
     width_mm: float = 6.0
     thickness_mm: float = 3.0
     gauge_mm: float = 25.0
+
+
+_USUAL_SIZE = SpecimenSize()
 
 
 def may_take_bars(effects: Sequence[str]) -> bool:
@@ -560,39 +565,92 @@ class CampaignDesign:
     left_over: int
     needs_camera: bool
 
+    def document(self) -> dict[str, Any]:
+        """Return what is to be measured, and what is expected of it, as JSON holds it."""
+        return {
+            "specimens": len(self.campaign.specimens),
+            "conditions": self.conditions,
+            "least": self.least,
+            "left_over": self.left_over,
+            "needs_strain_fields": self.needs_camera,
+            "notes": self.campaign.notes,
+            "expected": [
+                {
+                    "effect": e.id,
+                    "parameter": e.parameter,
+                    "unit": e.unit,
+                    "smallest": None if e.smallest is None else float(f"{e.smallest:.3g}"),
+                    "usual": float(f"{e.usual:.3g}"),
+                    "probability": round(e.probability, 3),
+                    "alike": list(e.alike),
+                    "alike_others": list(e.others),
+                }
+                for e in self.expected
+            ],
+        }
 
-def design_campaign(
-    palette: Palette,
-    effects: Sequence[str],
+
+def design(
+    effects: str | Sequence[str],
     budget: int,
     *,
-    printer: str = "connex3",
-    size: SpecimenSize | None = None,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    width_mm: float = _USUAL_SIZE.width_mm,
+    thickness_mm: float = _USUAL_SIZE.thickness_mm,
+    gauge_mm: float = _USUAL_SIZE.gauge_mm,
     progress: Callable[[str], None] | None = None,
 ) -> CampaignDesign:
-    """Return a campaign of at most `budget` specimens that tells effects apart.
+    """Choose the specimens that tell effects apart, and say how sure the diagnosis will be.
 
     Conditions are chosen one after the other from one step off the palette's own and a few
     crossed ones: first what makes every effect testable, then what adds most to what is told of
     the effects, laws' calibration, courses and batches being uncertain (D-optimal for each
     effect, all counting alike). Nothing is drawn by lot.
 
+    Parameters
+    ----------
+    effects
+        Ids, or one text with commas between them: ``"rate,moisture"``.
+    budget
+        Specimens at most, of both batches.
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+    width_mm, thickness_mm, gauge_mm
+        Of the usual specimen.
+    progress
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    CampaignDesign
+        `write_campaign` writes its campaign with ``measured=False``, to be filled in.
+
     Raises
     ------
     UnknownNameError
-        No effect of that id.
+        No effect of that id, no such printer or palette.
     ArgumentError
         No effect, one twice, a budget that cannot do, or a size out of bounds.
     PaletteError
         The palette has no elastic material, or a law that nothing can be predicted with.
+
+    Examples
+    --------
+    >>> made = planner.design("rate,moisture", 16)  # doctest: +SKIP
+    >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
+    machine = load_printer(printer)
+    palette = palette_of(palette, machine)
     library = effects_for(palette)
-    asked = tuple(effect_named(id, library, "`effects`").id for id in effects)
-    size = SpecimenSize() if size is None else size
+    named = effects.split(",") if isinstance(effects, str) else effects
+    wanted = [id.strip() for id in named if id.strip()]
+    asked = tuple(effect_named(id, library, "`effects`").id for id in wanted)
+    size = SpecimenSize(width_mm, thickness_mm, gauge_mm)
     _check(asked, budget, size)
     # Small matrices: more threads only change the last digits.
     with threadpool_limits(1, user_api="blas"):
-        return _designed(palette, library, asked, budget, printer, size, progress)
+        return _designed(palette, library, asked, budget, machine.name, size, progress)
 
 
 def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:

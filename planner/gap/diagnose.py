@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from planner.errors import UnknownNameError, did_you_mean
+from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, axis_columns
+from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
 from planner.gap.diagnosis import Diagnosis, Location, Quality, Traces, Untestable
@@ -32,6 +34,7 @@ from planner.gap.localise_axes import Noise
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
 from planner.numerics import FloatArray
+from planner.palette import Palette
 from planner.simulation.bar_solver import predict
 
 __all__ = ["LEAST_PROBABILITY", "RANKED", "confounders_of", "diagnose", "prepared"]
@@ -181,29 +184,56 @@ LEAST_PROBABILITY = 1e-4
 
 
 def diagnose(
-    campaign: Campaign,
+    campaign: Campaign | str | Path,
     *,
+    palette: str | Path | Palette | None = None,
+    without: str | Sequence[str] = (),
     seed: int = 0,
-    without: Sequence[str] = (),
     progress: _Progress | None = None,
     priors: Priors | None = None,
 ) -> Diagnosis:
-    """Return the diagnosis of a campaign.
+    """Say where measurements differ from the palette, which effect causes it, how far it closes.
 
     Parameters
     ----------
+    campaign
+        The folder of a campaign, or a campaign that was read from one.
+    palette
+        By name, file or value, in place of the one that the folder names.
     seed
         Of resampling; the same campaign and seed give the same diagnosis.
     without
         Effects to take out of the library, to see whether their absence is noticed.
     progress
         Called with how much is done, of how much, and what.
+    priors
+        Of the effects' number and sizes, for studies of the diagnosis itself.
+
+    Returns
+    -------
+    Diagnosis
+        `Diagnosis.ok` is false where there is a gap to explain, or one remains after the effect.
+        `write_diagnosis` writes the report.
 
     Raises
     ------
     UnknownNameError
         An effect in `without` that there is not.
+    ArgumentError
+        A palette beside a campaign that was read with one already.
+    FileError, PaletteError
+        A file of the folder that cannot be understood; see `read_campaign`.
+
+    Examples
+    --------
+    >>> planner.diagnose("samples/warm-lab").verdict  # doctest: +SKIP
+    'temperature'
     """
+    without = (without,) if isinstance(without, str) else without
+    if not isinstance(campaign, Campaign):
+        campaign = read_campaign(campaign, palette)
+    elif palette is not None:
+        raise ArgumentError("`palette` goes with the folder of a campaign; read it with that")
     # Small matrices: more threads only get into each other's way, and change the last digits.
     with threadpool_limits(1, user_api="blas"):
         return _diagnose(campaign, seed, without, progress, priors or Priors())

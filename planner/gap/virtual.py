@@ -15,9 +15,9 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
     CURVES,
     SPECIMENS,
+    campaign_palette,
     check_headings,
     covariates_of,
-    palette_of,
     read_campaign,
     read_campaign_file,
 )
@@ -26,6 +26,7 @@ from planner.gap.effects import effect_named, effects_for
 from planner.gap.segments import ReplicateTest, assemble, mean_times_s, path_of, time_grid
 from planner.numerics import FloatArray
 from planner.palette import Palette
+from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
 from planner.simulation.bar_solver import Prediction, Setup, law_tables, predict
 from planner.simulation.simulate import loading_path
@@ -36,6 +37,7 @@ __all__ = [
     "read_design",
     "single_test",
     "stated_effect",
+    "synthesise_campaign",
     "synthetic_campaign",
     "virtual_specimen",
     "virtual_strain",
@@ -222,7 +224,7 @@ def read_design(
     if path.is_file():
         return _listed(path, path.stem, palette, printer, camera)
     file = read_campaign_file(path)
-    own = palette_of(file, path)
+    own = campaign_palette(file, path)
     if _has_curves(path):
         campaign = read_campaign(path, own)
         return replace(campaign, specimens=tuple(_retraced(campaign)))
@@ -427,6 +429,68 @@ _WANDER_LENGTH = 0.15
 _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002
 _FIELD, _FIELD_RELATIVE = 0.003, 0.02
+
+
+def synthesise_campaign(
+    design: str | Path,
+    *,
+    effect: str | Sequence[str] = (),
+    scatter: float = _SCATTER,
+    seed: int = 1,
+    camera: bool = False,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+) -> Campaign:
+    """Make a campaign with stated effects by planner's own model, to teach or to practise.
+
+    It says of itself that it is simulated; it is no evidence of what the diagnosis can do with
+    measurements.
+
+    Parameters
+    ----------
+    design
+        Which specimens: a specimens.csv, or the folder of a campaign, whose own palette counts.
+    effect
+        What is at work, each ``"ID:NAME=VALUE,..."``, as in ``"rate:rise=0.12,form=power-law"``;
+        what is not given is at the middle of its range.
+    scatter
+        From specimen to specimen, of ln force; 0 leaves the sensors' noise alone.
+    seed
+        Same seed, same campaign.
+    camera
+        See the strain along planned bars, too.
+    printer, palette
+        Of a list without campaign.toml, by name, file or value.
+
+    Returns
+    -------
+    Campaign
+        As `read_campaign` returns a measured one; its remarks say what is to be known of the list.
+
+    Raises
+    ------
+    ArgumentError
+        A scatter below 0 or above 0.3, or an effect's value beyond what it may be.
+    UnknownNameError
+        No such effect, form, parameter, printer or palette.
+    FileError, PaletteError
+        A file that is missing or cannot be understood, a specimen without its sizes, or a law that
+        nothing can be predicted with.
+
+    Examples
+    --------
+    >>> made = planner.synthesise_campaign("lab", effect="rate:rise=0.12")  # doctest: +SKIP
+    >>> planner.diagnose(made).verdict  # doctest: +SKIP
+    'rate'
+    """
+    machine = load_printer(printer)
+    own = palette_of(palette, machine)
+    plan = read_design(design, own, printer=machine.name, camera=camera)
+    stated = [effect] if isinstance(effect, str) else effect
+    effects = [stated_effect(text, plan.palette) for text in stated]
+    rng = np.random.default_rng(seed)
+    made = synthetic_campaign(plan, effects, rng, scatter=scatter, seed_text=f"seed {seed}")
+    return replace(made, remarks=plan.remarks)
 
 
 def synthetic_campaign(

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
@@ -24,7 +25,7 @@ from planner.materials.homogenisation import reuss_MPa, reuss_share
 from planner.materials.mixtures import Blend, blend_for, nearest
 from planner.palette import Palette
 from planner.plan import Region
-from planner.printers import Printer
+from planner.printers import Printer, palette_of
 
 __all__ = [
     "MIXTURES_UNCALIBRATED",
@@ -33,9 +34,9 @@ __all__ = [
     "Mixture",
     "blend_interval_MPa",
     "blend_segments",
+    "invert",
     "laminated",
     "mixed_bands",
-    "mixture_for",
     "with_laminates",
 ]
 
@@ -97,16 +98,45 @@ class Mixture:
         }
 
 
-def mixture_for(palette: Palette, modulus_MPa: float, at_strain: float) -> Mixture:
-    """Find what has a wanted modulus.
+def invert(
+    modulus_MPa: float,
+    *,
+    at_strain: float = 0.1,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+) -> Mixture:
+    """Find the digital material, and the blend of two, that has a wanted stiffness.
+
+    Parameters
+    ----------
+    modulus_MPa
+        Wanted secant modulus.
+    at_strain
+        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+
+    Returns
+    -------
+    Mixture
+        `Mixture.reachable` is false where the palette ends before that modulus; the mixture is then
+        the nearest that can be printed.
 
     Raises
     ------
     ArgumentError
         The modulus is not a positive number, or the strain is out of range.
+    UnknownNameError, PaletteError
+        No such printer or palette, or a palette file that breaks the schema.
+
+    Examples
+    --------
+    >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
+    '36.3 % FLX9760 + 63.7 % FLX9770'
     """
     if not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
         raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")
+    palette = palette_of(palette, printer)
     scale = stiffness_scale(palette, at_strain)
     low, high = scale.moduli_MPa[0], scale.moduli_MPa[-1]
     within = min(max(modulus_MPa, low), high)

@@ -19,7 +19,7 @@ from planner.numerics import Float32Array, FloatArray
 from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
 from planner.voxels.columns import grid_for, iterate_columns
 
-__all__ = ["Certificate", "Difference", "certify", "differences", "shell_checks"]
+__all__ = ["Certificate", "Difference", "check", "diff", "shell_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -268,7 +268,7 @@ class Certificate:
         }
 
 
-def certify(
+def check(
     folder: str | Path, *, progress: Callable[[str], None] = lambda stage: None
 ) -> Certificate:
     """Verify a plan's folder: nothing missing, nothing altered, and every shell sound.
@@ -277,10 +277,27 @@ def certify(
     material, volume, triangles and place. Where bands share a file, their volumes are verified
     together.
 
+    Parameters
+    ----------
+    folder
+        That `Plan.write` or ``planner grade`` wrote, or its plan.json.
+    progress
+        Called with the name of each stage as it begins.
+
+    Returns
+    -------
+    Certificate
+        `Certificate.ok` is false when something does not hold, or the plan itself reported so.
+
     Raises
     ------
     FileError
         There is no plan to verify, or it cannot be read.
+
+    Examples
+    --------
+    >>> planner.check("finger-graded").ok  # doctest: +SKIP
+    True
     """
     file = plan_file(folder)
     root = file.parent
@@ -368,29 +385,41 @@ class Difference:
     after: str
 
 
-def differences(before: Plan, after: Plan, tolerance: float = 1e-6) -> tuple[Difference, ...]:
-    """Compare two plans.
+def diff(
+    before: Plan | str | Path, after: Plan | str | Path, *, tolerance: float = 1e-6
+) -> tuple[Difference, ...]:
+    """Compare two plans by meaning.
 
     Parameters
     ----------
+    before, after
+        Plans, or the files or folders that hold them.
     tolerance
         Relative difference of figures that still counts as equal; places along the field are
         compared with the same tolerance, absolutely.
-
-    Raises
-    ------
-    ArgumentError
-        The tolerance is not a number from 0 to 1.
 
     Returns
     -------
     tuple of Difference
         Empty when the plans mean the same. File hashes and version numbers do not count: they
         differ whenever anything else does, and sometimes when nothing does.
+
+    Raises
+    ------
+    ArgumentError
+        The tolerance is not a number from 0 to 1.
+    FileError
+        There is no plan, or it cannot be read.
+
+    Examples
+    --------
+    >>> planner.diff("finger-graded", "finger-before")[0].what  # doctest: +SKIP
+    'material volume mm3'
     """
     if not 0.0 <= tolerance <= 1.0:
         raise ArgumentError(f"`tolerance` {tolerance:g}: it must be a number from 0 to 1")
-    return tuple(_compare(before, after, tolerance))
+    plans = [plan if isinstance(plan, Plan) else read_plan(plan) for plan in (before, after)]
+    return tuple(_compare(plans[0], plans[1], tolerance))
 
 
 def _compare(before: Plan, after: Plan, tolerance: float) -> Iterator[Difference]:

@@ -73,8 +73,7 @@ from planner.plan import (
     Stiffness,
     Unreachable,
 )
-from planner.printers import Printer, palette_of
-from planner.printers import printer as load_printer
+from planner.printers import Printer, load_printer, palette_of
 
 __all__ = ["grade"]
 
@@ -451,7 +450,7 @@ def grade(
     at_strain = as_number(at_strain, "`at_strain`")
     cell_mm = None if cell_mm is None else positive(cell_mm, "`cell_mm`")
     choice = _blend_choice(blend)
-    scale = stiffness_scale(palette_of(machine, palette), at_strain)
+    scale = stiffness_scale(palette_of(palette, machine), at_strain)
     target, start, end = _target(profile, from_, to, scale)
 
     progress("reading the part")

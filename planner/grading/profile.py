@@ -14,6 +14,7 @@ from planner.formats.tables import finite_number, read_records
 from planner.materials.mixtures import CoefficientModel, nearest_on, thresholds_of
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
+from planner.printers import Printer, palette_of
 
 __all__ = [
     "Band",
@@ -22,6 +23,7 @@ __all__ = [
     "between",
     "distinct_positions",
     "equal_bands",
+    "list_materials",
     "natural_bands",
     "read_profile",
     "shortfalls",
@@ -264,6 +266,64 @@ class StiffnessScale:
         """Return a material's modulus in MPa."""
         ids = [material.id for material in self.palette.materials]
         return self.moduli_MPa[ids.index(material_id)]
+
+    def document(self) -> dict[str, Any]:
+        """Return the materials and their stiffness as JSON holds them."""
+        rows = zip(self.palette.materials, self.moduli_MPa, self.intervals_MPa, strict=True)
+        return {
+            "schema": 1,
+            "palette": self.palette.name,
+            "at_strain": self.at_strain,
+            "materials": [
+                {
+                    "id": material.id,
+                    "coordinate": material.coordinate,
+                    "modulus_MPa": modulus,
+                    "modulus_interval_MPa": list(interval),
+                    "elongation_at_break": material.elongation_at_break,
+                    "density_g_cm3": material.density_g_cm3,
+                    "deformation": material.deformation,
+                    "aliases": list(material.aliases),
+                    "colour": material.colour,
+                }
+                for material, modulus, interval in rows
+            ],
+        }
+
+
+def list_materials(
+    *,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    at_strain: float = 0.1,
+) -> StiffnessScale:
+    """List a palette's materials from soft to hard, with their stiffness.
+
+    Parameters
+    ----------
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+    at_strain
+        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+
+    Returns
+    -------
+    StiffnessScale
+        Materials are those of its palette.
+
+    Raises
+    ------
+    ArgumentError
+        The strain is not above 0, or a hyperelastic material breaks before it.
+    UnknownNameError, PaletteError
+        No such printer or palette, or a palette whose stiffness does not rise.
+
+    Examples
+    --------
+    >>> planner.list_materials(at_strain=0.3).modulus_of("TangoPlus")  # doctest: +SKIP
+    0.33
+    """
+    return stiffness_scale(palette_of(palette, printer), at_strain)
 
 
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:

@@ -17,7 +17,7 @@ __all__ = [
     "Curve",
     "MaterialCharacteristics",
     "Spread",
-    "characterise",
+    "characterise_curve",
     "characterise_material",
     "deformation",
     "doubts",
@@ -598,7 +598,7 @@ def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
     )
 
 
-def characterise(
+def characterise_curve(
     curve: Curve, *, secant_strains: Sequence[float] = SECANT_STRAINS
 ) -> Characteristics:
     """Take a loading curve's figures.
@@ -655,9 +655,9 @@ def characterise_material(
     Raises
     ------
     FileError, ArgumentError
-        See `characterise`.
+        See `characterise_curve`.
     """
-    found = tuple(characterise(curve, secant_strains=secant_strains) for curve in curves)
+    found = tuple(characterise_curve(curve, secant_strains=secant_strains) for curve in curves)
     figures: dict[str, list[float | None]] = {
         name: [getattr(c, name) for c in found] for name in _MATERIAL_FIGURES
     }

@@ -4,7 +4,7 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,23 +12,27 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
-from planner.formats.files import check_absent, write_whole
 from planner.formats.tables import number
 from planner.formats.tensile import ListedSpecimen
-from planner.materials.characterise import MaterialCharacteristics, Spread, doubts
-from planner.materials.fit import STARTS, LawCandidate, Weighting
+from planner.materials.characterise import (
+    SECANT_STRAINS,
+    MaterialCharacteristics,
+    Spread,
+    characterise_material,
+    doubts,
+)
+from planner.materials.fit import STARTS, LawCandidate, weighting_of
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
-from planner.materials.study import Study
+from planner.materials.study import Study, read_study
 from planner.palette import Material, Palette, Reference
 
 __all__ = [
+    "Characterisation",
     "PaletteStudy",
-    "characteristics_csv",
-    "characteristics_document",
-    "fit_study",
-    "write_characteristics",
+    "characterise",
+    "fit",
 ]
 
 
@@ -39,85 +43,156 @@ __all__ = [
 _DIGITS = 9
 
 
-def characteristics_csv(materials: Sequence[MaterialCharacteristics]) -> str:
-    """Return the table: material, specimens, deformation, then mean, sd, cv and 95 % interval.
+@dataclass(frozen=True, slots=True, eq=False)
+class Characterisation:
+    """What tensile tests say of materials without any law.
 
-    The columns of a figure `modulus_MPa` are modulus_MPa, modulus_sd_MPa, modulus_cv,
-    modulus_low_MPa, modulus_high_MPa and modulus_n (how many specimens have the figure: a
-    secant beyond break is none). Numbers have nine significant digits; an empty cell means unknown.
+    Attributes
+    ----------
+    materials
+        In the order of the tests.
+    notes
+        What was corrected, assumed or left out when the tests were read, one sentence each.
     """
-    names = list(dict.fromkeys(name for m in materials for name in m.spreads))
-    header = ["material", "specimens", "deformation"]
-    for name in names:
-        header += _columns(name)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    for material in materials:
-        row = [material.material, str(material.n), material.deformation.kind]
+
+    materials: tuple[MaterialCharacteristics, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What speaks against the materials' figures, one sentence each."""
+        return tuple(said for one in self.materials for said in doubts(one))
+
+    def csv(self) -> bytes:
+        """Return the table: material, specimens, deformation, then the figures with their spread.
+
+        The columns of a figure `modulus_MPa` are modulus_MPa, modulus_sd_MPa, modulus_cv,
+        modulus_low_MPa, modulus_high_MPa (95 % interval) and modulus_n: how many specimens have
+        the figure, as a secant beyond break is none. Numbers have nine significant digits; an
+        empty cell means unknown.
+        """
+        names = list(dict.fromkeys(name for m in self.materials for name in m.spreads))
+        header = ["material", "specimens", "deformation"]
         for name in names:
-            row += _cells(material.spreads.get(name))
-        writer.writerow(row)
-    return text.getvalue()
+            header += _columns(name)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(header)
+        for material in self.materials:
+            row = [material.material, str(material.n), material.deformation.kind]
+            for name in names:
+                row += _cells(material.spreads.get(name))
+            writer.writerow(row)
+        return text.getvalue().encode("utf-8")
+
+    def document(self) -> dict[str, Any]:
+        """Return the figures of materials and specimens as plain values, unrounded."""
+        specimens = [c for m in self.materials for c in m.specimens]
+        return {
+            "schema": 1,
+            "materials": [_characteristics_document(m) for m in self.materials],
+            "notes": [*self.notes, *(note for c in specimens for note in c.notes)],
+            "findings": list(self.findings),
+        }
 
 
-def characteristics_document(
-    materials: Sequence[MaterialCharacteristics], notes: Sequence[str]
-) -> dict[str, Any]:
-    """Return the figures of materials and specimens as plain values, unrounded."""
-    return {
-        "schema": 1,
-        "materials": [
-            {
-                "material": m.material,
-                "deformation": m.deformation.kind,
-                "deformation_reason": m.deformation.reason,
-                "specimens_agree": m.agree,
-                "figures": {
-                    name: {
-                        "mean": s.mean,
-                        "sd": s.sd,
-                        "cv": s.cv,
-                        "interval": None if s.interval is None else [*s.interval],
-                        "n": s.n,
-                    }
-                    for name, s in m.spreads.items()
-                },
-                "specimens": [
-                    {
-                        "specimen": c.specimen,
-                        "modulus_MPa": c.modulus_MPa,
-                        "modulus_uncompensated_MPa": c.modulus_uncompensated_MPa,
-                        "linear_strain": [*c.linear_strain],
-                        "toe_strain": c.toe_strain,
-                        "toughness_MJ_m3": c.toughness_MJ_m3,
-                        "elongation_at_break": c.elongation_at_break,
-                        "strength_MPa": c.strength_MPa,
-                        "secant_MPa": {f"{k:g}": v for k, v in c.secant_MPa.items()},
-                        "yield_strain": c.yield_strain,
-                        "deformation": c.deformation.kind,
-                    }
-                    for c in m.specimens
-                ],
-            }
-            for m in materials
-        ],
-        "notes": [*notes, *(note for m in materials for c in m.specimens for note in c.notes)],
-    }
+def characterise(
+    files: Study | Iterable[str | Path],
+    *,
+    specimens: str | Path | None = None,
+    material: str | None = None,
+    width_mm: float | None = None,
+    thickness_mm: float | None = None,
+    gauge_mm: float | None = None,
+    columns: Sequence[str] | None = None,
+    at_strain: Sequence[float] | None = None,
+) -> Characterisation:
+    """Take modulus, toughness, elongation and their spread from tensile tests.
 
+    Parameters
+    ----------
+    files
+        Tensile files, or folders of them, or a study of such that was read already. A list of
+        specimens among them, or named specimens.csv beside them, says what each one is.
+    specimens
+        The list of specimens, if it is elsewhere.
+    material
+        What all specimens without a row are made of; else their files tell.
+    width_mm, thickness_mm, gauge_mm
+        Size of the specimens that neither a row nor a file's head gives.
+    columns
+        Headings in place of the files' own, by position; ``-`` leaves a column out.
+    at_strain
+        Strains of secant moduli; 0.1, 0.5 and 1 by default.
 
-def write_characteristics(
-    materials: Sequence[MaterialCharacteristics], path: str | Path, *, force: bool = False
-) -> None:
-    """Write the CSV table, whole or not at all.
+    Returns
+    -------
+    Characterisation
+        `Characterisation.findings` is empty where nothing speaks against the figures.
 
     Raises
     ------
-    OutputError
-        The file is there already and `force` is false, or cannot be written.
+    FileError
+        A file or curve that no result should rest on; the message names it.
+    ArgumentError
+        A size or strain that is not above 0, or no file at all.
+
+    Examples
+    --------
+    >>> found = planner.characterise(["samples/tensile"])  # doctest: +SKIP
+    >>> found.materials[0].spreads["modulus_MPa"].mean  # doctest: +SKIP
+    0.63
     """
-    check_absent(path, force=force)
-    write_whole(path, characteristics_csv(materials).encode("utf-8"))
+    study = read_study(
+        files,
+        specimens=specimens,
+        material=material,
+        width_mm=width_mm,
+        thickness_mm=thickness_mm,
+        gauge_mm=gauge_mm,
+        columns=columns,
+    )
+    strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
+    found = [
+        characterise_material(name, curves, secant_strains=strains)
+        for name, curves in study.groups.items()
+    ]
+    return Characterisation(tuple(found), study.notes)
+
+
+def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
+    return {
+        "material": material.material,
+        "deformation": material.deformation.kind,
+        "deformation_reason": material.deformation.reason,
+        "specimens_agree": material.agree,
+        "figures": {
+            name: {
+                "mean": s.mean,
+                "sd": s.sd,
+                "cv": s.cv,
+                "interval": None if s.interval is None else [*s.interval],
+                "n": s.n,
+            }
+            for name, s in material.spreads.items()
+        },
+        "specimens": [
+            {
+                "specimen": c.specimen,
+                "modulus_MPa": c.modulus_MPa,
+                "modulus_uncompensated_MPa": c.modulus_uncompensated_MPa,
+                "linear_strain": [*c.linear_strain],
+                "toe_strain": c.toe_strain,
+                "toughness_MJ_m3": c.toughness_MJ_m3,
+                "elongation_at_break": c.elongation_at_break,
+                "strength_MPa": c.strength_MPa,
+                "secant_MPa": {f"{k:g}": v for k, v in c.secant_MPa.items()},
+                "yield_strain": c.yield_strain,
+                "deformation": c.deformation.kind,
+            }
+            for c in material.specimens
+        ],
+    }
 
 
 def _columns(name: str) -> list[str]:
@@ -198,80 +273,115 @@ class PaletteStudy:
         }
 
 
-def fit_study(
-    study: Study,
+def fit(
+    files: Study | Iterable[str | Path],
     *,
-    name: str,
     law: str = "all",
-    weighting: Weighting = "relative",
+    name: str | None = None,
+    weighting: str = "relative",
+    coordinate: Mapping[str, float] | None = None,
+    density: Mapping[str, float] | None = None,
     starts: int = STARTS,
     level: float = 0.95,
-    coordinates: Mapping[str, float] | None = None,
-    densities_g_cm3: Mapping[str, float] | None = None,
-    stage: Callable[[str], None] = lambda stage: None,
+    specimens: str | Path | None = None,
+    material: str | None = None,
+    width_mm: float | None = None,
+    thickness_mm: float | None = None,
+    gauge_mm: float | None = None,
+    columns: Sequence[str] | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> PaletteStudy:
-    """Fit every material of a study and put them on the coordinate m.
+    """Fit laws to tensile tests, choose one a material, and make a palette with intervals.
 
     Parameters
     ----------
+    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns
+        The tests; see `characterise`.
     law
-        "all" or one of `planner.materials.laws.FITTED_MODELS`.
-    coordinates
-        Coordinate by material. Without it: the column ``coordinate`` of specimens.csv, else
-        0..1 evenly in the order of stiffness.
-    densities_g_cm3
-        Density by material. Without it: the column ``density_g_cm3``, else
-        `_DEFAULT_DENSITY_G_CM3`, which is noted.
-    stage
+        ``ogden``, ``yeoh``, ``martins``, ``neo-hookean``, or ``all``: the best is chosen.
+    name
+        Name of the palette; ``palette`` by default, on the command line that of the file.
+    weighting
+        Residuals ``relative`` to the stress, or ``absolute``.
+    coordinate
+        Coordinate m by material. Without it: the column ``coordinate`` of specimens.csv, else
+        0 to 1 evenly in the order of stiffness.
+    density
+        In g/cm3 by material. Without it: the column ``density_g_cm3``, else 1.14, which is noted.
+    starts
+        Starts of each search.
+    level
+        Coverage of the intervals.
+    progress
         Told which material is fitted.
+
+    Returns
+    -------
+    PaletteStudy
+        With the palette, and what was tried. `write_palette` writes the palette.
 
     Raises
     ------
     ArgumentError
-        An unknown law or material, no stable law, or coordinates that do not rise with
-        stiffness.
+        An unknown law, weighting or material, no stable law, or coordinates that do not rise
+        with stiffness.
     FileError
         A curve or a column that no figure can rest on.
+
+    Examples
+    --------
+    >>> fitted = planner.fit(["samples/tensile"], law="ogden")  # doctest: +SKIP
+    >>> planner.write_palette(fitted.palette, "lab.toml")  # doctest: +SKIP
     """
+    study = read_study(
+        files,
+        specimens=specimens,
+        material=material,
+        width_mm=width_mm,
+        thickness_mm=thickness_mm,
+        gauge_mm=gauge_mm,
+        columns=columns,
+    )
+    residuals = weighting_of(weighting)
     laws = candidate_laws(law)
     notes = list(study.notes)
     fits: dict[str, MaterialFit] = {}
-    for material, curves in study.groups.items():
-        stage(f"fitting {material}")
-        fit = fit_material(material, curves, laws, weighting=weighting, starts=starts, level=level)
-        notes.extend(note for note in fit.notes if note not in notes)
-        fits[material] = fit
-    single = [material for material, fit in fits.items() if fit.characteristics.n == 1]
+    for called, curves in study.groups.items():
+        progress(f"fitting {called}")
+        fitted = fit_material(called, curves, laws, weighting=residuals, starts=starts, level=level)
+        notes.extend(note for note in fitted.notes if note not in notes)
+        fits[called] = fitted
+    single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
     if single:
         notes.append(
             f"one specimen of {', '.join(single)}: that tells nothing of the scatter between "
             f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
             "strain left out"
         )
-    ordered = sorted(fits, key=lambda material: _stiffness(fits[material], fits))
-    places = _coordinates(study, ordered, coordinates, notes)
-    densities = _densities(study, ordered, densities_g_cm3, notes)
+    ordered = sorted(fits, key=lambda called: _stiffness(fits[called], fits))
+    places = _coordinates(study, ordered, coordinate, notes)
+    densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
     materials = tuple(
         Material(
-            id=ids[material],
-            aliases=() if ids[material] == material else (material,),
-            coordinate=places[material],
-            elongation_at_break=fits[material].elongation_at_break,
-            density_g_cm3=densities[material],
-            law=fits[material].law,
+            id=ids[called],
+            aliases=() if ids[called] == called else (called,),
+            coordinate=places[called],
+            elongation_at_break=fits[called].elongation_at_break,
+            density_g_cm3=densities[called],
+            law=fits[called].law,
             colour=_colour(rank / max(len(ordered) - 1, 1)),
-            source=f"fitted to {fits[material].characteristics.n} tensile specimen(s), "
-            f"{weighting} residuals",
-            deformation=fits[material].characteristics.deformation.kind,
-            modulus_log_sd=fits[material].scatter.log_sd,
-            uncertainty=fits[material].uncertainty,
+            source=f"fitted to {fits[called].characteristics.n} tensile specimen(s), "
+            f"{residuals} residuals",
+            deformation=fits[called].characteristics.deformation.kind,
+            modulus_log_sd=fits[called].scatter.log_sd,
+            uncertainty=fits[called].uncertainty,
         )
-        for rank, material in enumerate(ordered)
+        for rank, called in enumerate(ordered)
     )
-    palette = Palette(name, materials, _reference(study, notes), "planner fit")
-    by_id = {ids[material]: fits[material] for material in ordered}
-    findings = tuple(said for material in ordered for said in _findings(fits[material]))
+    palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
+    by_id = {ids[called]: fits[called] for called in ordered}
+    findings = tuple(said for called in ordered for said in _findings(fits[called]))
     return PaletteStudy(palette, by_id, tuple(notes), _problem(palette), findings)
 
 

@@ -436,7 +436,7 @@ class Study:
 
 
 def read_study(
-    paths: Iterable[str | Path],
+    files: Study | Iterable[str | Path],
     *,
     specimens: str | Path | None = None,
     material: str | None = None,
@@ -449,9 +449,9 @@ def read_study(
 
     Parameters
     ----------
-    paths
-        Tensile files, or folders of them. A list of specimens among them, or named
-        specimens.csv beside them, says what each one is.
+    files
+        Tensile files, or folders of them; a study is returned as it is. A list of specimens among
+        them, or named specimens.csv beside them, says what each one is.
     specimens
         The list of specimens, if it is elsewhere.
     material
@@ -471,8 +471,10 @@ def read_study(
     ArgumentError
         A size that is not above 0, or no file at all.
     """
+    if isinstance(files, Study):
+        return files
     given = _given(width_mm, thickness_mm, gauge_mm)
-    files, listing = _files(paths, None if specimens is None else Path(specimens))
+    files, listing = _files(files, None if specimens is None else Path(specimens))
     notes: list[str] = []
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:

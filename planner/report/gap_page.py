@@ -339,17 +339,33 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     }
 
 
-def write_diagnosis(diagnosis: Diagnosis, folder: str | Path, *, force: bool = False) -> Path:
+def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = False) -> Path:
     """Write diagnosis.json, report.html, where.csv, ranking.csv and figures, all or nothing.
+
+    Parameters
+    ----------
+    output
+        Folder to write.
+    force
+        Replace a folder that an earlier diagnosis wrote.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder.
 
     Raises
     ------
     OutputError
         The folder may not be written; see `planner.formats.files.check_target`.
+
+    Examples
+    --------
+    >>> planner.write_diagnosis(planner.diagnose("lab"), "diagnosis")  # doctest: +SKIP
     """
     files = diagnosis_files(diagnosis)
-    with new_folder(folder, force=force, kind=DIAGNOSIS) as scratch:
+    with new_folder(output, force=force, kind=DIAGNOSIS) as scratch:
         (scratch / "figures").mkdir()
         for name, content in files.items():
             (scratch / name).write_bytes(content)
-    return Path(folder)
+    return Path(output)

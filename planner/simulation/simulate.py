@@ -13,10 +13,9 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_m
 from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray
-from planner.palette import Material, Palette, load_palette
+from planner.palette import Material, Palette
 from planner.plan import Plan, plan_file, read_plan
-from planner.printers import Printer
-from planner.printers import printer as load_printer
+from planner.printers import Printer, palette_of
 from planner.simulation.bar import Bar, bar_between, coupon, plan_sections, read_profile_bar
 from planner.simulation.bar_solver import (
     FARTHEST,
@@ -545,7 +544,7 @@ def _open_source(
     if isinstance(source, (str, Path)) and _is_plan(Path(source)):
         file = plan_file(source)
         return _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
-    chosen = _palette(palette, printer)
+    chosen = palette_of(palette, printer)
     name, bar = _bar(source, chosen, slices, section)
     return Source(name, bar_between(bar.edges_mm, bar.coordinate, bar.area_mm2, between_mm), chosen)
 
@@ -596,14 +595,14 @@ def _of_plan(
 ) -> Source:
     if palette is None:
         try:
-            chosen = _palette(plan.palette.name, plan.printer if printer is None else printer)
+            chosen = palette_of(plan.palette.name, plan.printer if printer is None else printer)
         except UnknownNameError as error:
             raise UnknownNameError(
                 f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
                 "`palette`"
             ) from error
     else:
-        chosen = _palette(palette, printer)
+        chosen = palette_of(palette, printer)
     notes = []
     if chosen.sha256 != plan.palette.sha256:
         notes.append(
@@ -617,15 +616,6 @@ def _of_plan(
             "forces are a rough guide"
         )
     return Source(plan.part.file, bar, chosen, tuple(notes))
-
-
-def _palette(palette: str | Path | Palette | None, printer: str | Printer | None) -> Palette:
-    if isinstance(palette, Palette):
-        return palette
-    if palette is not None and (str(palette).endswith(".toml") or Path(palette).is_file()):
-        return load_palette(palette)
-    machine = load_printer(printer or "connex3")
-    return machine.palette(None if palette is None else str(palette))
 
 
 # ------------------------------------------------------------------------------------------------

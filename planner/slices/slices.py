@@ -15,8 +15,7 @@ from planner.formats.stl import decode_stl
 from planner.mesh.mesh import Mesh, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import Plan, Region, plan_file, read_plan
-from planner.printers import Printer
-from planner.printers import printer as load_printer
+from planner.printers import Printer, load_printer
 from planner.slices.png import ImageKind, encode_layer
 from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
 

@@ -302,7 +302,7 @@ def _result(distributed: Any, future: Any, scheduler: str) -> SlabImages:
 
 def write_slices(
     plan: str | Path,
-    folder: str | Path,
+    output: str | Path,
     *,
     pitch_mm: float | Sequence[float] | None = None,
     indexed: bool = False,
@@ -321,8 +321,8 @@ def write_slices(
     ----------
     plan
         A plan.json, or its folder.
-    folder
-        What to write: ``layer_00000.png`` and so on, ``slices.json`` and ``layers.csv``.
+    output
+        Folder to write: ``layer_00000.png`` and so on, ``slices.json`` and ``layers.csv``.
     pitch_mm
         Edges of a voxel along x, y, z, or one for all; by default the printer's own.
     indexed
@@ -338,18 +338,28 @@ def write_slices(
     progress
         Called with the number of layers done, and of all.
 
+    Returns
+    -------
+    SliceStack
+        What was written; `SliceStack.ok` is false where the plan's shells overlap or are open.
+
     Raises
     ------
     PlannerError
         Bad input, see `planner.slices.slices.open_shells`; a folder that may not be written; a
         cluster that cannot be used.
+
+    Examples
+    --------
+    >>> planner.write_slices("finger-graded", "finger-slices", pitch_mm=0.1).ok  # doctest: +SKIP
+    True
     """
-    target = check_target(folder, force=force, kind=_SLICES)
+    target = check_target(output, force=force, kind=_SLICES)
     if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
     if target.is_relative_to(plan_file(plan).resolve().parent):
         raise OutputError(
-            f"{folder}: lies in the plan's own folder, which would then no longer be sound; name "
+            f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
             "another folder with `output`"
         )
     source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
@@ -360,7 +370,7 @@ def write_slices(
     layers = source.grid.shape[2]
     voxels = np.zeros((layers, len(source.shells)), np.int64)
     overlapping = open_rows = done = 0
-    with new_folder(folder, force=force, kind=_SLICES) as scratch:
+    with new_folder(output, force=force, kind=_SLICES) as scratch:
         for slab in _made(tasks, scheduler):
             for index, image in enumerate(slab.images, slab.first_layer):
                 (scratch / _layer_file(index)).write_bytes(image)

@@ -10,9 +10,9 @@ from benchmarks.withheld.real.left_out_rate import LeftOutRate, left_out_rates, 
 from benchmarks.withheld.real.page import Answered, page
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, Hypothesis, Location, Untestable
-from planner.printers import printer
+from planner.printers import load_printer
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 RISE = 0.2
 RATE = FoundEffect("rate", "power-law", {"rise": RISE}, {"rise": (0.1, 0.3)}, {"rise": "1"})
 

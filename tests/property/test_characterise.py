@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.formats.tables import QUANTITY_UNITS
-from planner.materials.characterise import Curve, characterise
+from planner.materials.characterise import Curve, characterise_curve
 from planner.materials.study import read_study
 
 SIZES = {"width_mm": 3.0, "thickness_mm": 2.0, "gauge_mm": 15.0}
@@ -29,8 +29,8 @@ def curve(scale: float, seed: int) -> Curve:
 @given(factor=st.floats(1e-3, 1e3), seed=st.integers(0, 1000))
 def test_moduli_scale_with_stress(factor: float, seed: int) -> None:
     one = curve(0.02, seed)
-    found = characterise(one)
-    other = characterise(Curve("s", one.strain, factor * one.stress_MPa))
+    found = characterise_curve(one)
+    other = characterise_curve(Curve("s", one.strain, factor * one.stress_MPa))
     # 1e-9: the same arithmetic on scaled numbers.
     assert other.modulus_MPa == pytest.approx(factor * found.modulus_MPa, rel=1e-9)
     assert other.toughness_MJ_m3 == pytest.approx(factor * found.toughness_MJ_m3, rel=1e-9)

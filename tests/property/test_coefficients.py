@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from planner.errors import ArgumentError, PaletteError
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import LawParameters, Material, Palette
-from planner.printers import printer
+from planner.printers import load_printer
 
-CONNEX3 = CoefficientModel(printer("connex3").palette())
+CONNEX3 = CoefficientModel(load_printer("connex3").palette())
 LAST = float(CONNEX3.coordinates[-1])
 coordinates = st.floats(0.0, LAST)
 stretches = st.floats(0.75, 1.55)

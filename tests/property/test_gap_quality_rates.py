@@ -15,10 +15,10 @@ import pytest
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.quality import examine, predicted_stress_MPa
 from planner.gap.quality_records import QualityProblem
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 ELASTIC = [m for m in PALETTE.materials if m.deformation == "elastic"]
 Generator = np.random.Generator
 

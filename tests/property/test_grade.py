@@ -12,7 +12,7 @@ import planner
 from planner.formats.stl import decode_stl
 
 SHELL_CHECKS = ("shells_unsound", "volume_error", "interfaces_unmatched", "overlap")
-IDS = [m.id for m in planner.printer("connex3").palette().materials]
+IDS = [m.id for m in planner.load_printer("connex3").palette().materials]
 
 
 @st.composite

@@ -16,9 +16,9 @@ from planner.materials.mixtures import (
     thresholds_MPa,
 )
 from planner.palette import LawParameters, Material, Palette
-from planner.printers import printer
+from planner.printers import load_printer
 
-CONNEX3 = CoefficientModel(printer("connex3").palette())
+CONNEX3 = CoefficientModel(load_printer("connex3").palette())
 IDS = [m.id for m in CONNEX3.palette.materials]
 strains = st.floats(0.0, 0.55)
 

@@ -11,14 +11,14 @@ import pytest
 
 from planner.materials.characterise import (
     Curve,
-    characterise,
+    characterise_curve,
     characterise_material,
     deformation,
     linear_part,
     spread,
     toe_compensated,
 )
-from planner.materials.palette_study import characteristics_csv
+from planner.materials.palette_study import characterise
 from planner.materials.study import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,7 +58,7 @@ def test_linear_part_with_noise(toe: float) -> None:
 
 
 def test_uncompensated_modulus_is_the_chord_over_the_toe() -> None:
-    found = characterise(rigid(300.0, 0.01))
+    found = characterise_curve(rigid(300.0, 0.01))
     low, high = found.linear_strain
     # The chord's stress is the line's at its end; 1e-9: the same arithmetic.
     expected = found.modulus_MPa * high / (high + found.toe_strain)
@@ -86,11 +86,11 @@ def neo_hookean(noise: float = 0.0, seed: int = 0) -> Curve:
 
 def test_a_rubber_gives_its_initial_modulus_and_is_not_shifted() -> None:
     # Young's modulus of an incompressible neo-Hookean solid is 3 mu = 0.6 MPa.
-    found = characterise(neo_hookean())
+    found = characterise_curve(neo_hookean())
     # 1e-6: Mooney's form holds the neo-Hookean solid, up to rounding.
     assert found.modulus_MPa == pytest.approx(0.6, rel=1e-6)
     assert found.toe_strain == 0.0
-    noisy = [characterise(neo_hookean(0.003, seed)) for seed in range(10)]
+    noisy = [characterise_curve(neo_hookean(0.003, seed)) for seed in range(10)]
     # 10 %: three standard errors of ten slopes of such noise.
     assert np.mean([c.modulus_MPa for c in noisy]) == pytest.approx(0.6, rel=0.1)
     assert all(c.toe_strain == 0.0 for c in noisy)
@@ -114,7 +114,7 @@ def test_the_modulus_of_an_arc_is_the_initial_one(mu_alpha: tuple[float, float])
 
 @pytest.mark.parametrize("curve", [neo_hookean(), rigid(300.0, 0.0)], ids=["arc", "line"])
 def test_without_a_toe_the_uncompensated_modulus_is_the_modulus(curve: Curve) -> None:
-    found = characterise(curve)
+    found = characterise_curve(curve)
     assert found.toe_strain == 0.0
     assert found.modulus_uncompensated_MPa == found.modulus_MPa
 
@@ -123,7 +123,7 @@ def test_without_a_toe_the_uncompensated_modulus_is_the_modulus(curve: Curve) ->
 def test_a_load_cell_not_zeroed_is_noted(share: float) -> None:
     curve = neo_hookean(0.001)
     offset = share * curve.stress_MPa.max()
-    notes = " ".join(characterise(Curve("r", curve.strain, curve.stress_MPa + offset)).notes)
+    notes = " ".join(characterise_curve(Curve("r", curve.strain, curve.stress_MPa + offset)).notes)
     assert ("may not have been zeroed" in notes) == (share != 0.0)
 
 
@@ -131,14 +131,14 @@ def test_a_slow_fall_that_counts_as_elongation_is_noted() -> None:
     curve = neo_hookean()
     strain = np.append(curve.strain, np.linspace(1.51, 1.8, 30))
     stress = np.append(curve.stress_MPa, curve.stress_MPa[-1] * np.linspace(0.98, 0.4, 30))
-    found = characterise(Curve("r", strain, stress))
+    found = characterise_curve(Curve("r", strain, stress))
     assert found.elongation_at_break == 1.8
     assert "falls slowly from its peak at strain 1.5 to the break at 1.8" in " ".join(found.notes)
-    assert "falls slowly" not in " ".join(characterise(curve).notes)
+    assert "falls slowly" not in " ".join(characterise_curve(curve).notes)
 
 
 def test_area_elongation_and_secants_are_the_analytic_ones() -> None:
-    found = characterise(neo_hookean(), secant_strains=(0.1, 0.5, 2.0))
+    found = characterise_curve(neo_hookean(), secant_strains=(0.1, 0.5, 2.0))
     # Energy of a neo-Hookean solid: mu/2 (l^2 + 2/l - 3) at stretch 2.5.
     # 1e-4: trapezoids of 0.005 strain.
     assert found.toughness_MJ_m3 == pytest.approx(0.1 * (6.25 + 0.8 - 3.0), rel=1e-4)
@@ -239,9 +239,9 @@ def test_the_sample_files_are_the_scripts() -> None:
 
 def test_table_is_readable_and_the_same_twice() -> None:
     study = read_study([ROOT / "samples" / "tensile"])
-    found = [characterise_material(m, c) for m, c in study.groups.items()]
-    text = characteristics_csv(found)
-    assert text == characteristics_csv(found)
+    found = characterise(study)
+    text = found.csv().decode()
+    assert text.encode() == characterise(study).csv()
     rows = list(csv.DictReader(io.StringIO(text)))
     assert [row["material"] for row in rows] == ["SYN-soft", "SYN-medium", "SYN-rigid"]
     assert rows[1]["secant_1_MPa"] == ""  # breaks before
@@ -252,7 +252,7 @@ def test_table_is_readable_and_the_same_twice() -> None:
 def test_treloar_by_position() -> None:
     path = ROOT / "tests" / "data" / "treloar" / "uniaxial.csv"
     study = read_study([path], columns=["stretch", "stress_MPa"])
-    found = characterise(study.groups["uniaxial"][0])
+    found = characterise_curve(study.groups["uniaxial"][0])
     # Treloar's rubber breaks at a stretch of 7.5 under some 5.6 MPa; its table ends there.
     assert found.elongation_at_break == pytest.approx(6.512)
     assert found.strength_MPa == pytest.approx(5.5639)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.materials.mixtures import CoefficientModel
-from planner.printers import printer
+from planner.printers import load_printer
 from printers.connex3.leave_one_out import (
     HeldOut,
     held_out,
@@ -18,7 +18,7 @@ from printers.connex3.leave_one_out import (
 from printers.connex3.thesis import load_thesis
 
 THESIS = load_thesis()
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 MODEL = CoefficientModel(PALETTE)
 TAIL = NormalDist().inv_cdf(0.975)
 

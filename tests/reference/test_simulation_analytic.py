@@ -10,11 +10,11 @@ from planner import simulate
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import Bar
 from planner.simulation.bar_solver import law_tables
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 MODEL = CoefficientModel(PALETTE)
 GRADES = MODEL.coordinates
 

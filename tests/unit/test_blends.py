@@ -186,7 +186,7 @@ def test_plans_hold_and_read_back(plans, blend):
     plan, folder = plans[blend]
     failed = {name for name, one in plan.checks.items() if not one.ok}
     assert not failed - {"places_too_thin"}
-    certificate = planner.certify(folder)
+    certificate = planner.check(folder)
     assert not certificate.problems
     assert all(one.ok for one in certificate.checks.values())
     back = planner.read_plan(folder)
@@ -232,7 +232,7 @@ def test_a_dithered_bar_is_as_stiff_as_its_target(plans):
         name: planner.simulate(folder, to_strain=0.02).force_N[-1]
         for name, (_, folder) in plans.items()
     }
-    scale = stiffness_scale(planner.printer("connex3").palette(), 0.1)
+    scale = stiffness_scale(planner.load_printer("connex3").palette(), 0.1)
     soft, hard = scale.modulus_of("FLX9760"), scale.modulus_of("FLX9785")
     u = (np.arange(2000) + 0.5) / 2000
     series = 1.0 / np.mean(1.0 / (soft * (hard / soft) ** u))
@@ -245,7 +245,7 @@ def test_a_dithered_bar_is_as_stiff_as_its_target(plans):
 
 def test_along_a_dithered_plan_the_coordinate_follows_the_target(plans):
     plan, folder = plans["dither"]
-    palette = planner.printer("connex3").palette()
+    palette = planner.load_printer("connex3").palette()
     u, coordinate = dithered_profile(plan, palette)
     assert (np.diff(coordinate) >= 0).all()
     assert coordinate[[0, -1]].tolist() == pytest.approx([3 / 6, 5 / 6])
@@ -300,11 +300,11 @@ def test_mixtures_follow_the_target_within_a_tenth():
 
 
 def test_differences_name_the_blend(plans):
-    from planner.grading.check import differences
+    from planner.grading.check import diff
 
     same = planner.read_plan(plans["dither"][1])
-    assert differences(same, planner.read_plan(plans["dither"][1])) == ()
-    found = differences(planner.read_plan(plans["nearest"][1]), same)
+    assert diff(same, planner.read_plan(plans["dither"][1])) == ()
+    found = diff(planner.read_plan(plans["nearest"][1]), same)
     assert ("blend", "kind nearest") in [(d.what, d.before) for d in found]
 
 
@@ -326,12 +326,12 @@ def test_same_input_same_bytes(plans):
         ({"blend": "bands:0"}, "1 to 1000"),
         ({"blend": "bands:many"}, "1 to 1000"),
         ({"blend": "bands:900"}, "thinner than a layer"),
-        ({"blend": "dither", "bands": 4}, "goes with --blend nearest or mix"),
-        ({"blend": "bands:2", "bands": 4}, "write --blend bands:N"),
+        ({"blend": "dither", "bands": 4}, "goes with `blend` nearest or mix"),
+        ({"blend": "bands:2", "bands": 4}, "write `blend` bands:N"),
         ({"blend": "mix", "bands": 100}, "up to 99"),
-        ({"cell_mm": 0.5}, "goes with --blend dither"),
+        ({"cell_mm": 0.5}, "goes with `blend` dither"),
         ({"blend": "dither", "cell_mm": 0.0}, "above 0"),
-        ({"blend": "dither", "cell_mm": 0.01}, "take --cell 0"),
+        ({"blend": "dither", "cell_mm": 0.01}, "take `cell_mm` 0"),
     ],
 )
 def test_blends_that_cannot_be(options, reason):

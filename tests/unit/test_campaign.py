@@ -79,12 +79,12 @@ def test_replicates_are_alike_but_for_small_differences(folder: Path) -> None:
 
 
 def test_a_palette_goes_before_the_files(folder: Path) -> None:
-    from planner.printers import printer
+    from planner.printers import load_printer
 
     (folder / "campaign.toml").write_text(TOML.replace("connex3-tango-vero", "absent"))
     with pytest.raises(UnknownNameError, match="no palette 'absent'"):
         read_campaign(folder)
-    palette = printer("connex3").palette()
+    palette = load_printer("connex3").palette()
     assert read_campaign(folder, palette).palette is palette
 
 

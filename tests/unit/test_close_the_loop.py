@@ -20,14 +20,14 @@ from planner.gap.campaign import Campaign, Specimen
 from planner.gap.virtual import virtual_specimen
 from planner.grading.grade import grade
 from planner.palette import Palette, Reference
-from planner.printers import printer
+from planner.printers import load_printer
 
 WARM = Reference(temperature_C=33.0)
 
 
 @pytest.fixture(scope="module")
 def palette() -> Palette:
-    return printer("connex3").palette()
+    return load_printer("connex3").palette()
 
 
 def melting(stress, specimen, coordinate):

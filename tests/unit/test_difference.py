@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from planner.grading.check import differences
+from planner.grading.check import diff
 from planner.plan import (
     Check,
     Finding,
@@ -55,7 +55,7 @@ PLAN = Plan(
 
 
 def test_a_plan_equals_itself_and_its_file(tmp_path) -> None:
-    assert differences(PLAN, PLAN) == ()
+    assert diff(PLAN, PLAN) == ()
     (tmp_path / "plan.json").write_bytes(PLAN.json())
     assert read_plan(tmp_path) == PLAN
     assert_same_plan(PLAN, tmp_path)
@@ -63,7 +63,7 @@ def test_a_plan_equals_itself_and_its_file(tmp_path) -> None:
 
 def test_hashes_and_versions_mean_nothing() -> None:
     other = dataclasses.replace(PLAN, version="9", part=dataclasses.replace(PLAN.part, sha256="00"))
-    assert differences(PLAN, other) == ()
+    assert diff(PLAN, other) == ()
 
 
 MOVED = (_region(1, "TangoPlus", 0.0, 0.5), _region(2, "FLX9795", 0.5, 1.0))
@@ -91,11 +91,11 @@ CHANGES = {
 @pytest.mark.parametrize("what", CHANGES)
 def test_each_change_shows_both_ways(what: str) -> None:
     other = dataclasses.replace(PLAN, **CHANGES[what])
-    assert what in {d.what for d in differences(PLAN, other)}
+    assert what in {d.what for d in diff(PLAN, other)}
     back = (
         what.replace("added", "REMOVED").replace("removed", "added").replace("REMOVED", "removed")
     )
-    assert back in {d.what for d in differences(other, PLAN)}
+    assert back in {d.what for d in diff(other, PLAN)}
     with pytest.raises(AssertionError, match="the plans differ"):
         assert_same_plan(other, PLAN)
 
@@ -104,8 +104,8 @@ def test_tolerance_is_the_line_between_equal_and_not() -> None:
     nudged = dataclasses.replace(
         PLAN, regions=(dataclasses.replace(PLAN.regions[0], volume_mm3=16.0008), PLAN.regions[1])
     )
-    assert differences(PLAN, nudged, tolerance=1e-4) == ()
-    assert {d.what for d in differences(PLAN, nudged, tolerance=1e-6)} == {
+    assert diff(PLAN, nudged, tolerance=1e-4) == ()
+    assert {d.what for d in diff(PLAN, nudged, tolerance=1e-6)} == {
         "volume mm3",
         "material volume mm3",
     }

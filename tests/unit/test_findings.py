@@ -40,7 +40,7 @@ def test_walls_far_over_the_tray_are_said_to_be_unchecked() -> None:
 
 def test_a_printer_of_fine_walls_says_what_it_cannot_check() -> None:
     """At a fifth of 0.1 mm a bar of 600 mm has 30,000 voxels, more than a grid can number."""
-    fine = replace(planner.printer("connex3"), minimum_wall_mm=0.1)
+    fine = replace(planner.load_printer("connex3"), minimum_wall_mm=0.1)
     plan = planner.grade(_bar(600.0), from_="Tango", to="Vero", axis="x", printer=fine)
     assert [found.kind for found in plan.findings] == ["tray", "unchecked"]
 

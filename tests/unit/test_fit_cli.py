@@ -136,7 +136,7 @@ def test_a_law_that_softens_into_another_is_a_finding(capsys) -> None:
         (["--starts", "0"], "starts"),
         (["--level", "1.5"], "level"),
         (["-o", "A.csv"], "A.csv: exists already"),
-        (["-o", "no/such/folder.toml"], "nothing was written"),
+        (["-o", "no/such/folder.toml"], "cannot be written"),
     ],
 )
 def test_bad_options_are_refused_and_nothing_is_written(

@@ -9,7 +9,7 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError, PaletteError
-from planner.gap.correct import corrected_palette
+from planner.gap.correct import Correction, correct
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effects import EFFECTS, effects_for
 from planner.materials.laws import make_law
@@ -17,6 +17,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
 
 PALETTE = Path(__file__).parents[2] / "printers/connex3/palettes/connex3-tango-vero.toml"
+OWN = Reference()
 WARM = Reference(temperature_C=33.0)
 AWAY = Reference(0.34, 33.0, 24.0, 100.0, "z")
 TEST_EFFECTS = [
@@ -37,6 +38,16 @@ def diagnosed(palette: Palette, *effects: FoundEffect, verdict: str | None = Non
         not_testable=(), where=(), gap=Gap(0.2, 0.03, 0.02, 0.95, None, None, None, ""),
         effect=effects, remainder=(), data_quality=(), next_experiments=(), detectable=(),
         limitations=(), recalibration={"FLX9760": (0.08, 0.02)},
+    )  # fmt: skip
+
+
+def corrected(
+    palette: Palette, diagnosis: Diagnosis, at: Reference = OWN, **options: bool
+) -> Correction:
+    return correct(
+        diagnosis, palette=palette, temperature_C=at.temperature_C, soak_h=at.soak_h,
+        rate_per_s=at.strain_rate_per_s, age_days=at.age_days, orientation=at.orientation,
+        **options,
     )  # fmt: skip
 
 
@@ -69,7 +80,7 @@ def stresses(palette: Palette, strain: float) -> np.ndarray:
 )
 def test_an_even_factor_multiplies_every_law(palette, effect, conditions, factor) -> None:
     """The equations of the forms, by hand; 9 digits of a file, terms of either sign take some."""
-    made = corrected_palette(palette, diagnosed(palette, effect), conditions)
+    made = corrected(palette, diagnosed(palette, effect), conditions)
     assert made.corrected == (effect.id,)
     for strain in (0.01, 0.1, 0.4):
         ratio = stresses(made.palette, strain) / stresses(palette, strain)
@@ -78,7 +89,7 @@ def test_an_even_factor_multiplies_every_law(palette, effect, conditions, factor
 
 
 def test_ids_and_all_but_the_law_stay(palette) -> None:
-    made = corrected_palette(palette, diagnosed(palette, found("temperature")), WARM).palette
+    made = corrected(palette, diagnosed(palette, found("temperature")), WARM).palette
     for old, new in zip(palette.materials, made.materials, strict=True):
         kept = ("id", "aliases", "coordinate", "density_g_cm3", "colour", "elongation_at_break")
         assert all(getattr(old, name) == getattr(new, name) for name in kept)
@@ -93,7 +104,7 @@ def test_ids_and_all_but_the_law_stay(palette) -> None:
 def test_the_interval_of_the_effect_widens_that_of_the_print(palette) -> None:
     """A slope of 0.03 +- 10 % at 10 K: ln factor +- 0.03 at 90 %, a deviation of 0.03 / 1.645."""
     effect = found("temperature", slope=0.03)
-    made = corrected_palette(palette, diagnosed(palette, effect), WARM).palette
+    made = corrected(palette, diagnosed(palette, effect), WARM).palette
     for old, new in zip(palette.materials, made.materials, strict=True):
         assert new.modulus_log_sd == pytest.approx(
             np.hypot(old.modulus_log_sd, 0.03 / 1.645), rel=1e-6
@@ -103,7 +114,7 @@ def test_the_interval_of_the_effect_widens_that_of_the_print(palette) -> None:
 def test_a_mixture_off_by_a_share_takes_the_law_of_that_mixture(palette) -> None:
     """A shift of 5 % of the range: the law between two grades, which no Ogden law is to 1 %."""
     effect = found("composition-offset", "constant", shift=0.05)
-    made = corrected_palette(palette, diagnosed(palette, effect))
+    made = corrected(palette, diagnosed(palette, effect))
     at = palette.materials[3].coordinate + 0.05 * 1.5
     wanted = CoefficientModel(palette).modulus_MPa(at, 0.1)
     got = CoefficientModel(made.palette).modulus_MPa(palette.materials[3].coordinate, 0.1)
@@ -114,17 +125,15 @@ def test_a_mixture_off_by_a_share_takes_the_law_of_that_mixture(palette) -> None
 @pytest.mark.parametrize("form", ["prony", "graded-prony", "fractional"])
 def test_a_relaxing_law_is_stiffer_pulled_faster_and_its_own_at_its_own_rate(palette, form) -> None:
     effect = found("rate", form)
-    faster = corrected_palette(
-        palette, diagnosed(palette, effect), Reference(strain_rate_per_s=0.34)
-    )
+    faster = corrected(palette, diagnosed(palette, effect), Reference(strain_rate_per_s=0.34))
     assert all(1.0 < factor < 1.3 for factor in faster.factor.values())
     assert max(faster.misfit.values()) < 0.03  # in shape a relaxing pull is no Ogden law
-    assert corrected_palette(palette, diagnosed(palette, effect)).corrected == ()
+    assert corrected(palette, diagnosed(palette, effect)).corrected == ()
 
 
 @pytest.mark.parametrize("id", TEST_EFFECTS)
 def test_what_is_the_tests_fault_leaves_the_palette(palette, id) -> None:
-    made = corrected_palette(palette, diagnosed(palette, found(id)), AWAY)
+    made = corrected(palette, diagnosed(palette, found(id)), AWAY)
     assert made.palette is palette
     assert made.corrected == ()
     assert any("the print was right, the measurement was off" in note for note in made.notes)
@@ -133,27 +142,27 @@ def test_what_is_the_tests_fault_leaves_the_palette(palette, id) -> None:
 @pytest.mark.parametrize("id", [*DESIGN_EFFECTS, "softening", "permanent-set"])
 def test_what_no_palette_can_hold_is_said(palette, id) -> None:
     for form in EFFECTS[id].forms:
-        made = corrected_palette(palette, diagnosed(palette, found(id, form.name)), AWAY)
+        made = corrected(palette, diagnosed(palette, found(id, form.name)), AWAY)
         assert made.palette is palette
         assert any(note.startswith(id) for note in made.notes)
 
 
 def test_an_oversize_is_answered_with_the_figure_to_draw(palette) -> None:
     effect = found("cross-section", "all-sides", oversize=0.1)
-    notes = corrected_palette(palette, diagnosed(palette, effect)).notes
+    notes = corrected(palette, diagnosed(palette, effect)).notes
     assert any("draw width and thickness each 0.10 mm smaller" in note for note in notes)
 
 
 def test_of_a_pair_the_palettes_part_is_corrected(palette) -> None:
     both = diagnosed(palette, found("force-scale"), found("temperature", slope=0.03))
-    made = corrected_palette(palette, both, WARM)
+    made = corrected(palette, both, WARM)
     assert made.corrected == ("temperature",)
     assert made.left == ("force-scale",)
     assert made.factor["FLX9760"] == pytest.approx(np.exp(-0.3), rel=1e-9)
 
 
 def test_recalibration_moves_one_materials_level(palette) -> None:
-    made = corrected_palette(palette, diagnosed(palette, verdict="none"), recalibrate=True)
+    made = corrected(palette, diagnosed(palette, verdict="none"), recalibrate=True)
     assert made.corrected == ("recalibration",)
     ratio = stresses(made.palette, 0.1) / stresses(palette, 0.1)
     place = [m.id for m in palette.materials].index("FLX9760")
@@ -167,13 +176,13 @@ def test_a_ladder_that_would_cross_is_refused(palette) -> None:
     form = next(f for f in effects_for(palette)["material-law"].forms if "FLX9760 f" in f.name)
     effect = FoundEffect("material-law", form.name, {"log_factor": 1.0}, {}, {})
     with pytest.raises(PaletteError, match="unfit to plan with"):
-        corrected_palette(palette, diagnosed(palette, effect))
+        corrected(palette, diagnosed(palette, effect))
 
 
 def test_a_form_of_another_palette_is_refused(palette) -> None:
     effect = FoundEffect("material-law", "Agilus factor", {"log_factor": 0.1}, {}, {})
     with pytest.raises(FileError, match="Agilus factor"):
-        corrected_palette(palette, diagnosed(palette, effect))
+        corrected(palette, diagnosed(palette, effect))
 
 
 @pytest.fixture

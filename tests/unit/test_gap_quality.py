@@ -11,9 +11,9 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.quality import examine, predicted_stress_MPa
 from planner.gap.quality_records import QualityProblem
 from planner.numerics import FloatArray
-from planner.printers import printer
+from planner.printers import load_printer
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 POUND_N = 4.4482216
 
 

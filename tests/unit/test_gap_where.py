@@ -23,10 +23,10 @@ from planner.gap.localise_axes import (
 from planner.gap.localise_tests import SpecimenScores, tail_p
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 GRADES = ("FLX9740", "FLX9750", "FLX9760", "FLX9770", "FLX9785")
 LEVEL, SLOPE, WANDER, OWN, FIELD = 0.03, 0.012, 0.006, 0.003, 0.03
 CALIBRATION, BATCH = 0.05, 0.012

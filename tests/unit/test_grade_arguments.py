@@ -31,10 +31,10 @@ def test_numpy_scalars_are_numbers() -> None:
 
 
 def test_materials_profiles_and_palettes_may_be_values() -> None:
-    palette = planner.printer("connex3").palette()
+    palette = planner.load_printer("connex3").palette()
     soft, hard = palette.materials[0], palette.materials[6]
     by_value = planner.grade(
-        MESH, from_=soft, to=hard, palette=palette, printer=planner.printer("connex3")
+        MESH, from_=soft, to=hard, palette=palette, printer=planner.load_printer("connex3")
     )
     assert by_value.json() == planner.grade(MESH, **ENDS).json()
     profile = planner.Profile("mine", (0, 1), (0.5, 5), "linear")
@@ -88,7 +88,7 @@ def test_a_profile_is_whole_or_refused(positions, moduli, shape) -> None:
 
 def test_values_can_be_sent_to_other_processes(tmp_path: Path) -> None:
     plan = planner.grade(MESH, **ENDS)
-    palette = planner.printer("connex3").palette()
+    palette = planner.load_printer("connex3").palette()
     for value in (plan, palette):
         assert pickle.loads(pickle.dumps(value)) == value
         assert copy.deepcopy(value) == value

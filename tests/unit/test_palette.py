@@ -7,7 +7,7 @@ import pytest
 
 from planner.errors import PaletteError, UnknownNameError
 from planner.palette import Palette, load_palette, parse_palette
-from planner.printers import printer
+from planner.printers import load_printer
 
 SOUND = """
 schema = 1
@@ -115,7 +115,7 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> N
     ],
 )
 def test_names_of_the_connex3(name: str, material: str) -> None:
-    assert printer("connex3").palette().resolve(name).id == material
+    assert load_printer("connex3").palette().resolve(name).id == material
 
 
 @pytest.mark.parametrize(
@@ -129,4 +129,4 @@ def test_names_of_the_connex3(name: str, material: str) -> None:
 )
 def test_names_that_stand_for_nothing_or_too_much(name: str, words: str) -> None:
     with pytest.raises(UnknownNameError, match=words):
-        printer("connex3").palette().resolve(name)
+        load_printer("connex3").palette().resolve(name)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import PaletteError, UnknownNameError
-from planner.printers import installed_printers, load_profile, printer
+from planner.printers import installed_printers, load_printer, load_profile
 from planner.testing import check_printer
 
 PALETTE = """
@@ -54,7 +54,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_connex3_is_installed_and_passes_its_check() -> None:
     assert "connex3" in installed_printers()
-    machine = printer("connex3")
+    machine = load_printer("connex3")
     check_printer(machine)
     assert machine.tray_mm == (490.0, 390.0, 200.0)
     assert (machine.pixel_mm, machine.layer_mm) == ((0.042, 0.042), 0.030)
@@ -95,6 +95,6 @@ def test_a_key_that_is_no_key_is_named(folder: Path) -> None:
 
 def test_unknown_printer_and_palette() -> None:
     with pytest.raises(UnknownNameError, match="did you mean connex3"):
-        printer("connx3")
+        load_printer("connx3")
     with pytest.raises(UnknownNameError, match="it has connex3-tango-vero"):
-        printer("connex3").palette("agilus")
+        load_printer("connex3").palette("agilus")

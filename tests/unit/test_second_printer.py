@@ -56,7 +56,10 @@ def test_it_is_listed_and_passes_its_check() -> None:
     row = listed["duojet"]
     assert row["tray_mm"] == [150.0, 100.0, 80.0]
     assert row["distribution"] == "duojet-printer 1.2"
-    run("-c", "import planner, planner.testing as t; t.check_printer(planner.printer('duojet'))")
+    run(
+        "-c",
+        "import planner, planner.testing as t; t.check_printer(planner.load_printer('duojet'))",
+    )
 
 
 def test_a_plan_has_its_names_wall_and_laws(plan: Path) -> None:
@@ -126,7 +129,7 @@ def test_without_the_plugin_layers_need_a_pitch(plan: Path, tmp_path: Path) -> N
     import planner as here
     from planner.errors import UnknownNameError
 
-    certificate = here.certify(plan)  # needs the files alone
+    certificate = here.check(plan)  # needs the files alone
     assert all(check.ok for check in certificate.checks.values())
     with pytest.raises(UnknownNameError, match=r"no printer 'duojet'.*`pitch_mm`"):
         here.write_slices(plan, tmp_path / "s")

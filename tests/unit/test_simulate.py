@@ -16,12 +16,12 @@ from planner.cli import run
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.materials.laws import make_law
 from planner.palette import LawParameters, Palette
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.report.svg import simulation_figure
 from planner.simulation.bar import Bar
 from planner.simulation.simulate import LoadingPath, simulate_bar
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 BOX_FACES = np.array(
     [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
      [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]

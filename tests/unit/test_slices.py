@@ -259,7 +259,7 @@ def test_blended_plans(blend: str, samples: Path, tmp_path: Path) -> None:
 
 
 def test_colours_that_differ_stay(dogbone: Path, tmp_path: Path) -> None:
-    palette = planner.printer("connex3").palette()
+    palette = planner.load_printer("connex3").palette()
     stack = planner.write_slices(dogbone, tmp_path / "s", pitch_mm=1.0)
     colours = {m.id: m.colour for m in palette.materials}
     for each in stack.materials:

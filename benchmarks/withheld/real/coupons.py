@@ -8,7 +8,7 @@ from scipy.interpolate import PchipInterpolator
 
 from planner.gap.campaign import Campaign, Specimen
 from planner.materials.characterise import Curve
-from planner.materials.palette_study import fit_study
+from planner.materials.palette_study import fit
 from planner.materials.study import Study
 from planner.numerics import FloatArray
 from planner.palette import Palette, Reference
@@ -92,7 +92,7 @@ def fitted_palette(
         )
         for material, given in curves.items()
     }
-    study = fit_study(Study(groups, {}, ()), name=name)
+    study = fit(Study(groups, {}, ()), name=name)
     if study.problem is not None:
         raise ValueError(f"{name}: {study.problem}")
     # None of the tests went to break: the laws hold as far as any of a material's curves goes

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from benchmarks.withheld.real.coupons import Real, coupon
 from planner.gap.campaign import Campaign
 from planner.numerics import FloatArray
-from planner.printers import printer
+from planner.printers import load_printer
 from printers.connex3.thesis import Published, load_thesis
 
 __all__ = ["stand_in", "thesis"]
@@ -22,7 +22,7 @@ POINTS = 60
 
 def thesis() -> Real:
     """Give the seven elastomers of Table 3.1 as specimens; the palette is the printer's own."""
-    machine = printer("connex3")
+    machine = load_printer("connex3")
     palette = machine.palette("connex3-tango-vero")
     reference = palette.reference
     rate_per_s = reference.strain_rate_per_s or RATE_MM_S / GAUGE_MM

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.gap.effects import effects_for
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
 
@@ -14,7 +14,7 @@ Make = Callable[..., Setup]
 Apply = Callable[..., Setup]
 Bars = dict[str, ProfileDesign]
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 
 
 def test_offsets_move_mixtures_and_never_leave_the_palette(coupons: Make, applied: Apply) -> None:

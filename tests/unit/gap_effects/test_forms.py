@@ -12,7 +12,7 @@ import pytest
 
 from planner.gap.effect import Effect, Form, Parameter
 from planner.gap.effects import EFFECTS, effects_for
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar_solver import SOFTENING_PEAKS, Setup
 
 Make = Callable[..., Setup]
@@ -25,7 +25,7 @@ CONTRACT = (
     "machine-compliance", "cross-section", "force-scale", "force-offset", "strain-scale", "skin",
     "material-law",
 )  # fmt: skip
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 
 
 def arrays(of: Setup) -> tuple[str, ...]:

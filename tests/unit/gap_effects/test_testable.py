@@ -9,10 +9,10 @@ import pytest
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS
-from planner.printers import printer
+from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 
-PALETTE = printer("connex3").palette()
+PALETTE = load_printer("connex3").palette()
 STEP_BAR = ProfileDesign("step", np.array([0.0, 12.5, 12.5, 25.0]), np.array([0.1, 0.1, 0.9, 0.9]))
 
 
