@@ -1,6 +1,6 @@
 """Solve the dithered pattern itself, and write the constants that planner interpolates.
 
-python benchmarks/calibrate_dither.py [--check]
+python -m benchmarks.calibrate_dither [--check]
 
 Writes planner/grading/bevelled.json (what dealt fractions come to) and
 planner/materials/dithered.json (where the modulus lies between Hashin and
@@ -16,17 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
 from planner.grading.dither import bevelled_fractions, blue_noise_ranks
-from planner.materials.homogenisation import (
-    effective_stiffness_MPa,
-    hashin_shtrikman_MPa,
-    solve_cell,
-    youngs_modulus_MPa,
-)
+from planner.materials.homogenisation import dithered_modulus_MPa, hashin_shtrikman_MPa
 
 PLANNER = Path(__file__).parents[1] / "planner"
-BEVELLED = PLANNER / "geometry/dither/bevelled.json"
-DITHERED = PLANNER / "materials/homogenisation/dithered.json"
+BEVELLED = PLANNER / "grading/bevelled.json"
+DITHERED = PLANNER / "materials/dithered.json"
 STEPS = 128
 DEALT = (0.06, 0.14, 0.25, 0.37, 0.5, 0.63, 0.75, 0.86, 0.94)
 CONTRASTS = (1.5, 2.5, 4.0, 10.0)
@@ -121,8 +117,6 @@ def directional(ranks, contrast):
 
 
 def check():
-    from planner.materials.homogenisation import dithered_modulus_MPa
-
     ranks = blue_noise_ranks()
     rng = np.random.default_rng(5)
     print("dealt volume contrast  solved  table  error")

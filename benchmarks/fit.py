@@ -14,10 +14,12 @@ import numpy as np
 
 from planner.materials.characterise import Curve
 from planner.materials.fit import fit_law, law_stress_MPa, sample_of
-from planner.materials.laws import OgdenColumns
+from planner.materials.laws import FITTED_MODELS
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import fit as fit_palette
 from planner.materials.study import Study, read_study
+
+OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
 
 GRADES, SPECIMENS, POINTS = 7, 3, 300
 
@@ -28,7 +30,7 @@ def specimens(grade: int, rng: np.random.Generator) -> tuple[Curve, ...]:
     for number in range(SPECIMENS):
         strain = np.linspace(0.0, 1.2 - 0.1 * grade, POINTS + 1)[1:]
         c = np.array([-0.05, 0.25]) * 2.0**grade
-        stress = law_stress_MPa(OgdenColumns(2), np.array([-2.0, 1.8]), c, 1.0 + strain)
+        stress = law_stress_MPa(OGDEN[2], np.array([-2.0, 1.8]), c, 1.0 + strain)
         stress = stress * np.exp(0.04 * rng.standard_normal())
         stress += 0.002 * stress.max() * rng.standard_normal(POINTS)
         curves.append(Curve(f"G{grade}-{number}", strain, stress, material=f"G{grade}"))
@@ -40,7 +42,7 @@ def main() -> None:
     for count in (30, 300):
         sample = sample_of(specimens(0, rng)[:1], points=count)
         started = time.perf_counter()
-        fit = fit_law(OgdenColumns(3), sample, starts=50)
+        fit = fit_law(OGDEN[3], sample, starts=50)
         seconds = time.perf_counter() - started
         agreeing = f"{fit.convergence.agreeing} of {fit.convergence.starts} starts agree"
         print(

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.materials.laws import literal_stress_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import load_printer
 from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms
-from printers.connex3.thesis import Published, load_thesis
+from printers.connex3.thesis import Published, literal_stress_MPa, load_thesis
 from printers.connex3.toe import correct
 
 FOLDER = Path(__file__).parent
@@ -79,7 +78,7 @@ def tables() -> dict[str, list[list[str]]]:
             f"{straight_line_modulus_MPa(published):.3g}",
             f"{area_MJ_m3(published) / published.toughness_MJ_m3:.2f}" if published.c else "",
             f"{gent_modulus_MPa(shore_a(published)):.3g}" if published.c else "",
-            f"{law.initial_modulus_MPa:.3g}",
+            f"{float(law.tangent_MPa(1.0)):.3g}",
             f"{float(MODEL.modulus_MPa(material.coordinate, 0.1)):.3g}",
             f"{float(low):.3g} to {float(high):.3g}",
         ]
@@ -147,7 +146,7 @@ def draw(path: Path) -> None:
         law = MODEL.laws[THESIS.materials.index(published)]
         s = np.geomspace(0.002, end, 40)
         secant.loglog(s, law.nominal_stress_MPa(1.0 + s) / s, color=colour)
-        secant.text(0.002, 1.06 * law.initial_modulus_MPa, published.id, fontsize=7)
+        secant.text(0.002, 1.06 * float(law.tangent_MPa(1.0)), published.id, fontsize=7)
     printed.set(xlim=(0, 0.45), ylim=(-0.08, 0.36), xlabel="crosshead strain")
     printed.set(ylabel="nominal stress, MPa", title="as printed, tangent and toe")
     secant.set(xlabel="strain, toe taken off", ylabel="secant modulus, MPa")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from thesis_numbers import FOLDER, MODEL, PALETTE, THESIS, area_MJ_m3, with_tables
 
-from planner.materials.laws import literal_stress_MPa
 from planner.numerics import FloatArray
 from printers.connex3.algorithm_one import (
     LiteralCurve,
@@ -30,6 +29,7 @@ from printers.connex3.leave_one_out import (
     r_squared,
     without,
 )
+from printers.connex3.thesis import literal_stress_MPa
 from printers.connex3.toe import correct
 
 FIGURES = ("thesis-figure-3-1", "thesis-figure-3-2", "thesis-figure-4-1")
@@ -77,7 +77,7 @@ def table_3_1() -> list[list[str]]:
             [
                 published.id,
                 f"{published.youngs_modulus_MPa:.4f}",
-                f"{law.initial_modulus_MPa:.3g}",
+                f"{float(law.tangent_MPa(1.0)):.3g}",
                 f"{published.toughness_MJ_m3:.4f}",
                 f"{area_MJ_m3(published):.4f}" if published.c else "",
                 f"{law_area_MJ_m3(place):.4f}",

@@ -1,8 +1,8 @@
-"""Constitutive laws in uniaxial tension, for planning and as a fit sees them."""
+"""Constitutive laws in uniaxial tension: what planning evaluates and what a fit seeks."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,22 +13,13 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 
 __all__ = [
     "FITTED_MODELS",
-    "LARGEST_ALPHA",
     "Law",
-    "Linear",
     "Martins",
-    "MartinsColumns",
     "NeoHookean",
-    "NeoHookeanColumns",
     "Ogden",
-    "OgdenColumns",
-    "OgdenThesis",
     "SeparableLaw",
     "Yeoh",
-    "YeohColumns",
     "candidate_laws",
-    "literal_stress_MPa",
-    "literal_tangent_MPa",
     "make_law",
     "positive_stretch",
     "secant_modulus_MPa",
@@ -46,11 +37,6 @@ class Law(Protocol):
     (engineering) stress is force over the area at rest, Cauchy stress over ``stretch``.
     """
 
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Tangent at rest; three times the shear modulus."""
-        ...
-
     def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return the nominal stress, of the shape of `stretch`."""
         ...
@@ -60,363 +46,13 @@ class Law(Protocol):
         ...
 
 
-def positive_stretch(stretch: ArrayLike) -> FloatArray:
-    """Return stretches as an array.
+class SeparableLaw(Law, Protocol):
+    """A law as a fit sees it: a sum of columns, ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``.
 
-    Raises
-    ------
-    ArgumentError
-        A stretch is not above 0 and finite.
+    Linear in the coefficients c, and nonlinear at most in one parameter a_j a column: variable
+    projection solves for c exactly and searches over a alone. What follows is of the model and
+    its number of terms, whatever the parameters of the law that is asked.
     """
-    array = np.asarray(stretch, dtype=np.float64)
-    allowed = (array > 0.0) & (array < np.inf)
-    if not allowed.all():
-        raise ArgumentError(
-            f"stretch {array[~allowed].flat[0]:g}: it must be above 0 and finite; stretch is "
-            "1 at rest, 1 + engineering strain"
-        )
-    return array
-
-
-# ------------------------------------------------------------------------------------------------
-# Linear elasticity in engineering strain.
-
-
-@dataclass(frozen=True, slots=True)
-class Linear:
-    """Hooke's law, P = E (λ - 1), for grades of which only Young's modulus is known.
-
-    Its secant modulus is E at every strain.
-    """
-
-    modulus_MPa: float
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return E."""
-        return self.modulus_MPa
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return E (λ - 1)."""
-        return self.modulus_MPa * (positive_stretch(stretch) - 1.0)
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return E."""
-        return np.full_like(positive_stretch(stretch), self.modulus_MPa)
-
-
-# ------------------------------------------------------------------------------------------------
-# The Martins law.
-
-
-@dataclass(frozen=True, slots=True)
-class Martins:
-    """Exponential matrix and fibre: W = c2 (exp(c1 J) - 1) + c4 (exp(c3 (λ-1)²) - 1).
-
-    J = I1 - 3 = λ² + 2/λ - 3. With g = λ - 1/λ²,
-    P = 2 c1 c2 g exp(c1 J) + 2 c3 c4 (λ-1) exp(c3 (λ-1)²), and E0 = 6 c1 c2 + 2 c3 c4
-    (Martins, Natal Jorge & Ferreira, Strain 42, 2006, who print the Cauchy stress λ P; the
-    numbering is that of Hemleben's eq. 3.6).
-    """
-
-    c1: float
-    c2_MPa: float
-    c3: float
-    c4_MPa: float
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return 6 c1 c2 + 2 c3 c4."""
-        return 6.0 * self.c1 * self.c2_MPa + 2.0 * self.c3 * self.c4_MPa
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return dW/dλ."""
-        stretch = positive_stretch(stretch)
-        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
-        return matrix * (stretch - stretch**-2) + fibre * (stretch - 1.0)
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return d²W/dλ²."""
-        stretch = positive_stretch(stretch)
-        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
-        g = stretch - stretch**-2
-        return matrix * (1.0 + 2.0 * stretch**-3 + 2.0 * self.c1 * g**2) + fibre * (
-            1.0 + 2.0 * self.c3 * (stretch - 1.0) ** 2
-        )
-
-    def _matrix_and_fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray]:
-        j = stretch**2 + 2.0 / stretch - 3.0
-        matrix = 2.0 * self.c1 * self.c2_MPa * np.exp(self.c1 * j)
-        fibre = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * (stretch - 1.0) ** 2)
-        return matrix, fibre
-
-
-# ------------------------------------------------------------------------------------------------
-# The neo-Hookean law.
-
-
-@dataclass(frozen=True, slots=True)
-class NeoHookean:
-    """Gaussian chains: W = μ/2 (I1 - 3), P = μ (λ - 1/λ²), with I1 = λ² + 2/λ.
-
-    μ is the shear modulus, E0 = 3 μ (Treloar, The Physics of Rubber Elasticity, 1975).
-    """
-
-    mu_MPa: float
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return 3 μ."""
-        return 3.0 * self.mu_MPa
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return μ (λ - 1/λ²)."""
-        stretch = positive_stretch(stretch)
-        return self.mu_MPa * (stretch - stretch**-2)
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return μ (1 + 2/λ³)."""
-        stretch = positive_stretch(stretch)
-        return self.mu_MPa * (1.0 + 2.0 * stretch**-3)
-
-
-# ------------------------------------------------------------------------------------------------
-# The Ogden law.
-
-
-@dataclass(frozen=True, slots=True)
-class Ogden:
-    """W = Σ μi/αi (λ^αi + 2 λ^(-αi/2) - 3), P = Σ μi (λ^(αi-1) - λ^(-αi/2-1)).
-
-    Twice the shear modulus is Σ μi αi, so E0 = 3/2 Σ μi αi (Ogden, Proc. R. Soc. A 326, 1972).
-
-    Parameters
-    ----------
-    mu_MPa, alpha
-        One of each a term; no alpha is 0.
-    """
-
-    mu_MPa: tuple[float, ...]
-    alpha: tuple[float, ...]
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return 3/2 Σ μi αi."""
-        return 1.5 * sum(mu * a for mu, a in zip(self.mu_MPa, self.alpha, strict=True))
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return Σ μi (λ^(αi-1) - λ^(-αi/2-1))."""
-        stretch = positive_stretch(stretch)
-        stress = np.zeros_like(stretch)
-        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
-            stress = stress + mu * (stretch ** (a - 1.0) - stretch ** (-a / 2.0 - 1.0))
-        return stress
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return Σ μi ((αi-1) λ^(αi-2) + (αi/2+1) λ^(-αi/2-2))."""
-        stretch = positive_stretch(stretch)
-        tangent = np.zeros_like(stretch)
-        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
-            tangent = tangent + mu * (
-                (a - 1.0) * stretch ** (a - 2.0) + (a / 2.0 + 1.0) * stretch ** (-a / 2.0 - 2.0)
-            )
-        return tangent
-
-
-# ------------------------------------------------------------------------------------------------
-# The Ogden-like expression of Hemleben's thesis, as printed; to reproduce it, not to plan.
-
-
-@dataclass(frozen=True, slots=True)
-class OgdenThesis:
-    """P = Σ c_i (x^c_j - 2^(c_j-1) x^(-c_j/2)), (i, j) = (1, 2), (3, 4), (5, 6), x the strain.
-
-    Eq. 3.8 of S. Hemleben, Modeling a Spectrum of 3D Printed Materials for Soft Robots, Oregon
-    State University, 2017. What the thesis calls λ is the engineering strain x = stretch - 1,
-    and the factor 2^(c-1) comes of (2/√λ)^c in place of 2 (1/√λ)^c in the energy. Hence the
-    stress neither vanishes nor stays finite at rest: the law holds from `strain_min` to
-    `strain_max` only, and has no initial modulus.
-    """
-
-    c: tuple[float, ...]
-    strain_min: float
-    strain_max: float
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Raise, for the expression diverges at rest.
-
-        Raises
-        ------
-        ArgumentError
-            Always.
-        """
-        raise ArgumentError(
-            "the thesis-literal law diverges at rest and has no initial modulus; "
-            "use the material's stress-free law"
-        )
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return the stress as printed.
-
-        Raises
-        ------
-        ArgumentError
-            A strain outside [strain_min, strain_max].
-        """
-        return literal_stress_MPa(self.c, self._strain(stretch))
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return the derivative by the strain.
-
-        Raises
-        ------
-        ArgumentError
-            A strain outside [strain_min, strain_max].
-        """
-        return literal_tangent_MPa(self.c, self._strain(stretch))
-
-    def _strain(self, stretch: ArrayLike) -> FloatArray:
-        strain = positive_stretch(stretch) - 1.0
-        # A few roundings of 1 + strain, so that the ends themselves are within.
-        slack = 8.0 * np.finfo(np.float64).eps
-        outside = (strain < self.strain_min - slack) | (strain > self.strain_max + slack)
-        if outside.any():
-            raise ArgumentError(
-                f"strain {strain[outside].flat[0]:g}: the thesis-literal law holds from "
-                f"{self.strain_min:g} to {self.strain_max:g} only; use the material's "
-                "stress-free law elsewhere"
-            )
-        return strain
-
-
-def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
-    """Return eq. 3.8 at strains above 0, wherever they are.
-
-    Parameters
-    ----------
-    c
-        Six coefficients along the last axis; the other axes broadcast with `strain`.
-    """
-    c = np.asarray(c, dtype=np.float64)
-    x = np.asarray(strain, dtype=np.float64)
-    stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
-    for i in (0, 2, 4):
-        a, b = c[..., i], c[..., i + 1]
-        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
-    return stress
-
-
-def literal_tangent_MPa(c: ArrayLike, strain: ArrayLike, order: int = 1) -> FloatArray:
-    """Return the derivative of eq. 3.8 by the strain, of order 1 or 2.
-
-    Parameters
-    ----------
-    c, strain
-        As `literal_stress_MPa`.
-    """
-    c = np.asarray(c, dtype=np.float64)
-    x = np.asarray(strain, dtype=np.float64)
-    slope: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
-    for i in (0, 2, 4):
-        a, b = c[..., i], c[..., i + 1]
-        up, down = a * b, a * b * 2.0 ** (b - 2.0)
-        if order == 1:
-            slope = slope + up * x ** (b - 1.0) + down * x ** (-b / 2.0 - 1.0)
-        else:
-            slope = slope + up * (b - 1.0) * x ** (b - 2.0)
-            slope = slope - down * (b / 2.0 + 1.0) * x ** (-b / 2.0 - 2.0)
-    return slope
-
-
-# ------------------------------------------------------------------------------------------------
-# The Yeoh law.
-
-
-@dataclass(frozen=True, slots=True)
-class Yeoh:
-    """W = c1 J + c2 J² + c3 J³ with J = I1 - 3 = λ² + 2/λ - 3.
-
-    P = dW/dλ = 2 (λ - 1/λ²) (c1 + 2 c2 J + 3 c3 J²); the shear modulus is 2 c1, E0 = 6 c1
-    (Yeoh, Rubber Chem. Technol. 66, 1993). The form with λ² - 1/λ in front is the Cauchy stress
-    λ P of the same energy.
-    """
-
-    c_MPa: tuple[float, float, float]
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return 6 c1."""
-        return 6.0 * self.c_MPa[0]
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W'(J) dJ/dλ."""
-        stretch = positive_stretch(stretch)
-        c1, c2, c3 = self.c_MPa
-        j = stretch**2 + 2.0 / stretch - 3.0
-        return 2.0 * (stretch - stretch**-2) * (c1 + j * (2.0 * c2 + 3.0 * c3 * j))
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
-        stretch = positive_stretch(stretch)
-        c1, c2, c3 = self.c_MPa
-        j = stretch**2 + 2.0 / stretch - 3.0
-        slope = 2.0 * (stretch - stretch**-2)
-        return (2.0 * c2 + 6.0 * c3 * j) * slope**2 + (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * (
-            2.0 + 4.0 * stretch**-3
-        )
-
-
-# ------------------------------------------------------------------------------------------------
-# Constitutive laws, one a module, and how a palette's parameters become one.
-#
-# All are uniaxial and incompressible and return the nominal stress in MPa at a stretch; see
-# `Law`. `OgdenThesis` alone is neither stress-free at rest nor valid everywhere.
-
-
-def make_law(parameters: LawParameters) -> Law:
-    """Return the law that a palette's parameters describe.
-
-    Raises
-    ------
-    ArgumentError
-        No law is called so.
-    """
-    p = parameters.parameters
-    match parameters.model:
-        case "linear":
-            return Linear(*p["modulus_MPa"])
-        case "neo-hookean":
-            return NeoHookean(*p["mu_MPa"])
-        case "yeoh":
-            c1, c2, c3 = p["c_MPa"]
-            return Yeoh((c1, c2, c3))
-        case "ogden":
-            return Ogden(p["mu_MPa"], p["alpha"])
-        case "martins":
-            return Martins(*p["c1"], *p["c2_MPa"], *p["c3"], *p["c4_MPa"])
-        case "ogden-thesis":
-            return OgdenThesis(p["c"], *p["strain_min"], *p["strain_max"])
-    raise ArgumentError(f"law {parameters.model!r}: it must be one of {', '.join(LAW_PARAMETERS)}")
-
-
-# ------------------------------------------------------------------------------------------------
-# Laws as a fit sees them: a sum of columns, each linear in one coefficient.
-#
-# Every law of the palette is ``P(stretch) = sum_j c_j phi_j(stretch; a_j)``: linear in the
-# coefficients c, and nonlinear at most in one parameter a_j a column. Variable projection solves
-# for c exactly and searches over a alone.
-
-
-LARGEST_ALPHA = 30.0
-"""Bound of the Ogden exponents: beyond it a term is nothing but a step at the last point."""
-
-_LARGEST_TERMS = 3
-"""Ogden terms tried; a fourth is never identified by one mode of deformation."""
-
-
-class SeparableLaw(Protocol):
-    """A law as columns."""
 
     @property
     def model(self) -> str:
@@ -478,15 +114,69 @@ class SeparableLaw(Protocol):
         ...
 
 
-class NeoHookeanColumns:
-    """P = mu (l - l^-2)."""
+def positive_stretch(stretch: ArrayLike) -> FloatArray:
+    """Return stretches as an array.
 
-    model = "neo-hookean"
-    columns = 1
+    Raises
+    ------
+    ArgumentError
+        A stretch is not above 0 and finite.
+    """
+    array = np.asarray(stretch, dtype=np.float64)
+    allowed = (array > 0.0) & (array < np.inf)
+    if not allowed.all():
+        raise ArgumentError(
+            f"stretch {array[~allowed].flat[0]:g}: it must be above 0 and finite; stretch is "
+            "1 at rest, 1 + engineering strain"
+        )
+    return array
+
+
+# ------------------------------------------------------------------------------------------------
+# The laws: equation and source, stress and tangent, and columns for a fit.
+
+
+_LARGEST_ALPHA = 30.0
+"""Bound of the Ogden exponents: beyond it a term is nothing but a step at the last point."""
+
+_LARGEST_TERMS = 3
+"""Ogden terms tried; a fourth is never identified by one mode of deformation."""
+
+_MARTINS_REACH = (1e-3, 12.0)
+"""Bounds of the arguments of Martins' two exponentials at the largest stretch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Hooke's law, P = E (λ - 1), for grades of which only Young's modulus is known.
+
+    Its secant modulus is E at every strain.
+    """
+
+    modulus_MPa: float
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return E (λ - 1)."""
+        return self.modulus_MPa * (positive_stretch(stretch) - 1.0)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return E."""
+        return np.full_like(positive_stretch(stretch), self.modulus_MPa)
+
+
+class _LinearForm:
+    """The form of a law that is linear in its parameters, which are the coefficients."""
+
+    __slots__ = ()
+    columns: ClassVar[int]
     nonlinear = 0
 
+    def _columns(self, stretch: FloatArray) -> FloatArray:
+        """Return the columns, (n, p)."""
+        raise NotImplementedError
+
     def bounds(self, stretch_max: float) -> FloatArray:
-        """Return no bounds: the law is linear in mu."""
+        """Return no bounds."""
         return np.empty((0, 2))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
@@ -494,69 +184,144 @@ class NeoHookeanColumns:
         return fraction[:, :0]
 
     def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the column l - l^-2."""
-        return _linear(_uniaxial(stretch)[:, None], a)
+        """Return the columns, which are those of every candidate."""
+        phi = self._columns(stretch)
+        shape = (len(a), *phi.shape)
+        return np.broadcast_to(phi, shape), np.empty((*shape[:2], 0))
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return one: the file holds the coefficients themselves."""
         shape = (len(a), self.columns)
         return np.ones(shape), np.zeros(shape)
+
+
+@dataclass(frozen=True, slots=True)
+class NeoHookean(_LinearForm):
+    """Gaussian chains: W = μ/2 (I1 - 3), P = μ (λ - 1/λ²), with I1 = λ² + 2/λ.
+
+    μ is the shear modulus, E0 = 3 μ (Treloar, The Physics of Rubber Elasticity, 1975).
+    """
+
+    mu_MPa: float
+
+    model = "neo-hookean"
+    columns = 1
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return μ (λ - 1/λ²)."""
+        stretch = positive_stretch(stretch)
+        return self.mu_MPa * (stretch - stretch**-2)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return μ (1 + 2/λ³)."""
+        stretch = positive_stretch(stretch)
+        return self.mu_MPa * (1.0 + 2.0 * stretch**-3)
+
+    def _columns(self, stretch: FloatArray) -> FloatArray:
+        return _uniaxial(stretch)[:, None]
 
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
         """Return mu in MPa."""
         return {"mu_MPa": (float(c[0]),)}
 
 
-class YeohColumns:
-    """P = 2 (l - l^-2) (c1 + 2 c2 (I1 - 3) + 3 c3 (I1 - 3)^2), I1 = l^2 + 2/l."""
+@dataclass(frozen=True, slots=True)
+class Yeoh(_LinearForm):
+    """W = c1 J + c2 J² + c3 J³ with J = I1 - 3 = λ² + 2/λ - 3.
+
+    P = dW/dλ = 2 (λ - 1/λ²) (c1 + 2 c2 J + 3 c3 J²); the shear modulus is 2 c1, E0 = 6 c1
+    (Yeoh, Rubber Chem. Technol. 66, 1993). The form with λ² - 1/λ in front is the Cauchy stress
+    λ P of the same energy.
+    """
+
+    c_MPa: tuple[float, float, float]
 
     model = "yeoh"
     columns = 3
-    nonlinear = 0
 
-    def bounds(self, stretch_max: float) -> FloatArray:
-        """Return no bounds: the law is linear in c1, c2, c3."""
-        return np.empty((0, 2))
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W'(J) dJ/dλ."""
+        stretch = positive_stretch(stretch)
+        c1, c2, c3 = self.c_MPa
+        j = stretch**2 + 2.0 / stretch - 3.0
+        return 2.0 * (stretch - stretch**-2) * (c1 + j * (2.0 * c2 + 3.0 * c3 * j))
 
-    def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
-        """Return the empty start."""
-        return fraction[:, :0]
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return W''(J) (dJ/dλ)² + W'(J) d²J/dλ²."""
+        stretch = positive_stretch(stretch)
+        c1, c2, c3 = self.c_MPa
+        j = stretch**2 + 2.0 / stretch - 3.0
+        slope = 2.0 * (stretch - stretch**-2)
+        return (2.0 * c2 + 6.0 * c3 * j) * slope**2 + (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * (
+            2.0 + 4.0 * stretch**-3
+        )
 
-    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the columns of c1, c2 and c3."""
+    def _columns(self, stretch: FloatArray) -> FloatArray:
         invariant = _first_invariant(stretch)[:, None] ** np.arange(3)
-        return _linear(2.0 * _uniaxial(stretch)[:, None] * np.arange(1, 4) * invariant, a)
-
-    def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return one: the file holds the coefficients themselves."""
-        shape = (len(a), self.columns)
-        return np.ones(shape), np.zeros(shape)
+        columns: FloatArray = 2.0 * _uniaxial(stretch)[:, None] * np.arange(1, 4) * invariant
+        return columns
 
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
         """Return c1, c2, c3 in MPa."""
         return {"c_MPa": tuple(float(v) for v in c)}
 
 
-class OgdenColumns:
-    """P = sum_i mu_i (l^(alpha_i - 1) - l^(-alpha_i/2 - 1)).
+@dataclass(frozen=True, slots=True)
+class Ogden:
+    """W = Σ μi/αi (λ^αi + 2 λ^(-αi/2) - 3), P = Σ μi (λ^(αi-1) - λ^(-αi/2-1)).
 
-    The coefficients are the terms' shares E_i = 1.5 mu_i alpha_i of the initial modulus, which
+    Twice the shear modulus is Σ μi αi, so E0 = 3/2 Σ μi αi (Ogden, Proc. R. Soc. A 326, 1972).
+
+    Parameters
+    ----------
+    mu_MPa, alpha
+        One of each a term; no alpha is 0.
+
+    A fit's coefficients are the terms' shares E_i = 1.5 mu_i alpha_i of the initial modulus, which
     keeps the columns finite and apart from zero where an alpha goes through zero.
     """
 
+    mu_MPa: tuple[float, ...]
+    alpha: tuple[float, ...]
+
     model = "ogden"
 
-    def __init__(self, terms: int) -> None:
-        self.columns = self.nonlinear = terms
+    @property
+    def columns(self) -> int:
+        """Return the number of terms."""
+        return len(self.alpha)
+
+    @property
+    def nonlinear(self) -> int:
+        """Return the number of terms."""
+        return len(self.alpha)
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return Σ μi (λ^(αi-1) - λ^(-αi/2-1))."""
+        stretch = positive_stretch(stretch)
+        stress = np.zeros_like(stretch)
+        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
+            stress = stress + mu * (stretch ** (a - 1.0) - stretch ** (-a / 2.0 - 1.0))
+        return stress
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return Σ μi ((αi-1) λ^(αi-2) + (αi/2+1) λ^(-αi/2-2))."""
+        stretch = positive_stretch(stretch)
+        tangent = np.zeros_like(stretch)
+        for mu, a in zip(self.mu_MPa, self.alpha, strict=True):
+            tangent = tangent + mu * (
+                (a - 1.0) * stretch ** (a - 2.0) + (a / 2.0 + 1.0) * stretch ** (-a / 2.0 - 2.0)
+            )
+        return tangent
 
     def bounds(self, stretch_max: float) -> FloatArray:
-        """Return -LARGEST_ALPHA, LARGEST_ALPHA for each exponent."""
-        return np.tile([-LARGEST_ALPHA, LARGEST_ALPHA], (self.nonlinear, 1))
+        """Return the bounds of each exponent."""
+        return np.tile([-_LARGEST_ALPHA, _LARGEST_ALPHA], (self.nonlinear, 1))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
         """Spread starts denser near zero, where rubbers lie; sorted, for terms can be swapped."""
         t = 2.0 * fraction - 1.0
-        return np.sort(LARGEST_ALPHA * t * np.abs(t), axis=1)
+        return np.sort(_LARGEST_ALPHA * t * np.abs(t), axis=1)
 
     def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (l^(a-1) - l^(-a/2-1)) / (1.5 a) and its derivative by a.
@@ -592,23 +357,51 @@ class OgdenColumns:
         return {"mu_MPa": tuple(float(v) for v in c), "alpha": tuple(float(v) for v in a)}
 
 
-class MartinsColumns:
-    """P = 2 (l - l^-2) c1 c2 exp(c1 (I1 - 3)) + 2 (l - 1) c3 c4 exp(c3 (l - 1)^2).
+@dataclass(frozen=True, slots=True)
+class Martins:
+    """Exponential matrix and fibre: W = c2 (exp(c1 J) - 1) + c4 (exp(c3 (λ-1)²) - 1).
 
-    The coefficients are the products c1 c2 and c3 c4.
+    J = I1 - 3 = λ² + 2/λ - 3. With g = λ - 1/λ²,
+    P = 2 c1 c2 g exp(c1 J) + 2 c3 c4 (λ-1) exp(c3 (λ-1)²), and E0 = 6 c1 c2 + 2 c3 c4
+    (Martins, Natal Jorge & Ferreira, Strain 42, 2006, who print the Cauchy stress λ P; the
+    numbering is that of Hemleben's eq. 3.6). A fit's coefficients are the products c1 c2 and c3 c4.
     """
+
+    c1: float
+    c2_MPa: float
+    c3: float
+    c4_MPa: float
 
     model = "martins"
     columns = 2
     nonlinear = 2
-    _REACH = (1e-3, 12.0)
-    """Bounds of the arguments of the two exponentials at the largest stretch."""
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return dW/dλ."""
+        stretch = positive_stretch(stretch)
+        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
+        return matrix * (stretch - stretch**-2) + fibre * (stretch - 1.0)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return d²W/dλ²."""
+        stretch = positive_stretch(stretch)
+        matrix, fibre = self._matrix_and_fibre_MPa(stretch)
+        g = stretch - stretch**-2
+        return matrix * (1.0 + 2.0 * stretch**-3 + 2.0 * self.c1 * g**2) + fibre * (
+            1.0 + 2.0 * self.c3 * (stretch - 1.0) ** 2
+        )
+
+    def _matrix_and_fibre_MPa(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray]:
+        j = stretch**2 + 2.0 / stretch - 3.0
+        matrix = 2.0 * self.c1 * self.c2_MPa * np.exp(self.c1 * j)
+        fibre = 2.0 * self.c3 * self.c4_MPa * np.exp(self.c3 * (stretch - 1.0) ** 2)
+        return matrix, fibre
 
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return the bounds of c1 and c3, both positive."""
         invariant = _first_invariant(np.array([stretch_max]))[0]
         largest = np.array([[invariant], [(stretch_max - 1.0) ** 2]])
-        out: FloatArray = np.array(self._REACH) / np.maximum(largest, 1e-6)
+        out: FloatArray = np.array(_MARTINS_REACH) / np.maximum(largest, 1e-6)
         return out
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
@@ -638,13 +431,56 @@ class MartinsColumns:
         }
 
 
-FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
-    "neo-hookean": (NeoHookeanColumns(),),
-    "ogden": tuple(OgdenColumns(n) for n in range(1, _LARGEST_TERMS + 1)),
-    "yeoh": (YeohColumns(),),
-    "martins": (MartinsColumns(),),
+def _uniaxial(stretch: FloatArray) -> FloatArray:
+    """Return l - l^-2, exact near one."""
+    strain = stretch - 1.0
+    out: FloatArray = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
+    return out
+
+
+def _first_invariant(stretch: FloatArray) -> FloatArray:
+    """Return I1 - 3 in uniaxial tension, exact near one."""
+    strain = stretch - 1.0
+    out: FloatArray = strain * strain * (stretch + 2.0) / stretch
+    return out
+
+
+# ------------------------------------------------------------------------------------------------
+# Laws by name: of a palette's parameters, and for a fit.
+
+
+_LAWS: Mapping[str, Callable[..., Law]] = {
+    "linear": Linear,
+    "neo-hookean": NeoHookean,
+    "yeoh": Yeoh,
+    "ogden": Ogden,
+    "martins": Martins,
 }
-"""The laws that can be fitted, in each number of terms that is tried."""
+
+
+def make_law(parameters: LawParameters) -> Law:
+    """Return the law that a palette's parameters describe.
+
+    Raises
+    ------
+    ArgumentError
+        No law is called so, or it is one that is published and not planned with.
+    """
+    model = parameters.model
+    if model not in _LAWS:
+        names = ", ".join(name for name in LAW_PARAMETERS if name in _LAWS)
+        raise ArgumentError(f"law {model!r}: it must be one of {names}")
+    of_terms = model in ("yeoh", "ogden")
+    return _LAWS[model](**{k: v if of_terms else v[0] for k, v in parameters.parameters.items()})
+
+
+FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
+    "neo-hookean": (NeoHookean(1.0),),
+    "ogden": tuple(Ogden((1.0,) * n, (2.0,) * n) for n in range(1, _LARGEST_TERMS + 1)),
+    "yeoh": (Yeoh((1.0, 0.0, 0.0)),),
+    "martins": (Martins(1.0, 1.0, 1.0, 1.0),),
+}
+"""The laws that can be fitted, in each number of terms that is tried, with any parameters."""
 
 
 def candidate_laws(model: str) -> tuple[SeparableLaw, ...]:
@@ -662,25 +498,6 @@ def candidate_laws(model: str) -> tuple[SeparableLaw, ...]:
             f"law {model!r}: no such law; choose one of {', '.join(FITTED_MODELS)}, all"
         )
     return FITTED_MODELS[model]
-
-
-def _uniaxial(stretch: FloatArray) -> FloatArray:
-    """Return l - l^-2, exact near one."""
-    strain = stretch - 1.0
-    out: FloatArray = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
-    return out
-
-
-def _first_invariant(stretch: FloatArray) -> FloatArray:
-    """Return I1 - 3 in uniaxial tension, exact near one."""
-    strain = stretch - 1.0
-    out: FloatArray = strain * strain * (stretch + 2.0) / stretch
-    return out
-
-
-def _linear(phi: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-    shape = (len(a), *phi.shape)
-    return np.broadcast_to(phi, shape), np.empty((*shape[:2], 0))
 
 
 # ------------------------------------------------------------------------------------------------

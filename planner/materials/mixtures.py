@@ -1,7 +1,6 @@
 """Stiffness between a palette's grades, and the grade or blend that has a wanted one."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from statistics import NormalDist
 
@@ -9,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PaletteError
-from planner.materials.laws import Law, OgdenThesis, make_law, positive_stretch, secant_modulus_MPa
-from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
+from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 
 __all__ = [
@@ -20,51 +19,8 @@ __all__ = [
     "coordinate_for",
     "nearest",
     "nearest_on",
-    "reachable",
-    "thresholds_MPa",
     "thresholds_of",
 ]
-
-
-# ------------------------------------------------------------------------------------------------
-# A blend of two grades as a law of its own.
-
-
-@dataclass(frozen=True, slots=True)
-class BlendLaw:
-    """The geometric mean of two laws: P = Pa^(1-t) Pb^t at every stretch, t in 0..1.
-
-    Written with secant moduli, P = Sa^(1-t) Sb^t (λ - 1), it holds in compression too. It is
-    stress-free at rest, increases with stretch where both laws do, and lies between them.
-    """
-
-    softer: Law
-    harder: Law
-    fraction: float
-
-    @property
-    def initial_modulus_MPa(self) -> float:
-        """Return the geometric mean of the two initial moduli."""
-        t = self.fraction
-        a, b = self.softer.initial_modulus_MPa, self.harder.initial_modulus_MPa
-        return float(a ** (1.0 - t) * b**t)
-
-    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return Sa^(1-t) Sb^t (λ - 1)."""
-        strain = positive_stretch(stretch) - 1.0
-        a = secant_modulus_MPa(self.softer, strain)
-        b = secant_modulus_MPa(self.harder, strain)
-        return a ** (1.0 - self.fraction) * b**self.fraction * strain
-
-    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
-        """Return Sa^(1-t) Sb^t ((1-t) Ta/Sa + t Tb/Sb), T the tangents."""
-        strain = positive_stretch(stretch) - 1.0
-        t = self.fraction
-        a = secant_modulus_MPa(self.softer, strain)
-        b = secant_modulus_MPa(self.harder, strain)
-        share = (1.0 - t) * self.softer.tangent_MPa(stretch) / a
-        share = share + t * self.harder.tangent_MPa(stretch) / b
-        return a ** (1.0 - t) * b**t * share
 
 
 # ------------------------------------------------------------------------------------------------
@@ -109,6 +65,13 @@ class CoefficientModel:
         materials = self.palette.materials
         elastic = [m for m in materials if m.deformation == "elastic"] or materials
         limit = min(m.elongation_at_break for m in elastic)
+        for material in materials:
+            if material.law.model == "ogden-thesis":
+                raise PaletteError(
+                    f"palette {self.palette.name}: material {material.id!r}: law: "
+                    f"{material.law.model} is not stress-free at rest; give it under 'published' "
+                    "and a stress-free law here"
+                )
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
         object.__setattr__(self, "strain_limit", limit)
         _check_ladder(self)
@@ -132,8 +95,8 @@ class CoefficientModel:
         """
         lower, upper, t = self.bracket(coordinate)
         strain = np.asarray(at_strain, dtype=np.float64)
-        softer = self._of_grade(secant_modulus_MPa, lower, strain)
-        harder = self._of_grade(secant_modulus_MPa, upper, strain)
+        softer = self._grade_modulus_MPa(lower, strain)
+        harder = self._grade_modulus_MPa(upper, strain)
         return softer ** (1.0 - t) * harder**t
 
     def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
@@ -146,22 +109,6 @@ class CoefficientModel:
         """
         strain = positive_stretch(stretch) - 1.0
         return self.modulus_MPa(coordinate, strain) * strain
-
-    def tangent_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
-        """Return the derivative of the nominal stress by the stretch.
-
-        Raises
-        ------
-        ArgumentError
-            A coordinate outside the palette, or a stretch not above 0.
-        """
-        lower, upper, t = self.bracket(coordinate)
-        strain = positive_stretch(stretch) - 1.0
-        softer = self._of_grade(secant_modulus_MPa, lower, strain)
-        harder = self._of_grade(secant_modulus_MPa, upper, strain)
-        share = (1.0 - t) * self._of_grade(_tangent_MPa, lower, strain) / softer
-        share = share + t * self._of_grade(_tangent_MPa, upper, strain) / harder
-        return softer ** (1.0 - t) * harder**t * share
 
     def modulus_interval_MPa(
         self, coordinate: ArrayLike, at_strain: ArrayLike, level: float = 0.95
@@ -207,19 +154,6 @@ class CoefficientModel:
         residuals = (steps[:-1] * after - steps[1:] * before) / (before + after)
         return np.asarray(np.mean(residuals**2 * (before + after) / (before * after), axis=0))
 
-    def law_at(self, coordinate: float) -> Law:
-        """Return the law at one coordinate: a grade's own, or a blend of two.
-
-        Raises
-        ------
-        ArgumentError
-            The coordinate is outside the palette.
-        """
-        lower, upper, t = self.bracket(float(coordinate))
-        if t == 0.0:
-            return self.laws[int(lower)]
-        return BlendLaw(self.laws[int(lower)], self.laws[int(upper)], float(t))
-
     def bracket(self, coordinate: ArrayLike) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the grades below and above, and how far between them, 0..1.
 
@@ -243,31 +177,20 @@ class CoefficientModel:
         gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
         return lower, upper, np.asarray((m - c[lower]) / gap)
 
-    def _of_grade(
-        self, function: Callable[[Law, FloatArray], FloatArray], grade: IntArray, strain: FloatArray
-    ) -> FloatArray:
+    def _grade_modulus_MPa(self, grade: IntArray, strain: FloatArray) -> FloatArray:
+        """Return the secant modulus of grades by their place; both broadcast."""
         if strain.ndim == 0:
-            return np.array([function(law, strain) for law in self.laws])[grade]
+            return self.grade_moduli_MPa(strain)[grade]
         grade, strain = np.broadcast_arrays(grade, strain)
         result = np.empty(grade.shape)
         for k in np.unique(grade):
             here = grade == k
-            result[here] = function(self.laws[k], strain[here])
+            result[here] = secant_modulus_MPa(self.laws[k], strain[here])
         return result
-
-
-def _tangent_MPa(law: Law, strain: FloatArray) -> FloatArray:
-    return law.tangent_MPa(1.0 + strain)
 
 
 def _check_ladder(model: CoefficientModel) -> None:
     name, materials = model.palette.name, model.palette.materials
-    for material, law in zip(materials, model.laws, strict=True):
-        if isinstance(law, OgdenThesis):
-            raise PaletteError(
-                f"palette {name}: material {material.id!r}: law: {material.law.model} is not "
-                "stress-free at rest; give it under 'published' and a stress-free law here"
-            )
     strains = np.linspace(0.0, model.strain_limit, _LADDER_STRAINS)
     moduli = model.grade_moduli_MPa(strains)
     for material, row in zip(materials, moduli, strict=True):
@@ -292,8 +215,7 @@ def _check_ladder(model: CoefficientModel) -> None:
 # ------------------------------------------------------------------------------------------------
 # From a wanted stiffness back to a coordinate, a grade or a blend of two.
 #
-# All at one working strain. Moduli outside the palette's range are clamped to it; `reachable`
-# tells which were not.
+# All at one working strain. Moduli outside the palette's range are clamped to it.
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,17 +232,6 @@ class Blend:
     upper: str
     fraction: float
     coordinate: float
-
-
-def thresholds_MPa(model: CoefficientModel, at_strain: float) -> FloatArray:
-    """Return the moduli at which the nearest grade changes: the neighbours' geometric means.
-
-    Raises
-    ------
-    ArgumentError
-        The strain is not a working strain, 0 to `CoefficientModel.strain_limit`.
-    """
-    return thresholds_of(_ladder_MPa(model, at_strain))
 
 
 def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
@@ -344,19 +255,6 @@ def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -
         A modulus is not above 0, or the strain not a working strain.
     """
     return nearest_on(_ladder_MPa(model, at_strain), modulus_MPa)
-
-
-def reachable(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> BoolArray:
-    """Return whether the palette's range holds each modulus.
-
-    Raises
-    ------
-    ArgumentError
-        As `nearest`.
-    """
-    ladder = _ladder_MPa(model, at_strain)
-    target = _positive(modulus_MPa)
-    return np.asarray((target >= ladder[0]) & (target <= ladder[-1]))
 
 
 def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
-from planner.materials.laws import Law, OgdenThesis, make_law, secant_modulus_MPa
+from planner.materials.laws import Law, make_law, secant_modulus_MPa
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
@@ -124,9 +124,9 @@ def law_tables(
     nodes = np.linspace(0.0, strain_end, _TABLE_INTERVALS + 1)
     tables = []
     for material in palette.materials:
-        law = make_law(material.law)
         end = farthest * material.elongation_at_break
-        table = None if isinstance(law, OgdenThesis) else _table_cubics(law, nodes, end)
+        published = material.law.model == "ogden-thesis"
+        table = None if published else _table_cubics(make_law(material.law), nodes, end)
         if table is None:
             raise PaletteError(
                 f"palette {palette.name}: material {material.id!r}: law: {material.law.model} "

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
-from planner.materials.laws import literal_stress_MPa
 from planner.numerics import FloatArray
+from printers.connex3.thesis import literal_stress_MPa
 
 __all__ = [
     "LiteralCurve",

@@ -13,11 +13,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from planner.materials.laws import literal_stress_MPa
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette, Reference, encode_palette
 from printers.connex3.ogden_fit import fit_ogden
-from printers.connex3.thesis import Published, Thesis, load_thesis
+from printers.connex3.thesis import Published, Thesis, literal_stress_MPa, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct
 
 __all__ = [

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.materials.laws import literal_stress_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -18,7 +17,7 @@ from printers.connex3.algorithm_one import (
     algorithm_one,
     quadratics_through,
 )
-from printers.connex3.thesis import Published, Thesis
+from printers.connex3.thesis import Published, Thesis, literal_stress_MPa
 from printers.connex3.toe import correct
 
 __all__ = [

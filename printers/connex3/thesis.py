@@ -1,11 +1,15 @@
-"""The thesis' published figures, as data."""
+"""The thesis' published figures, as data, and its law as printed: to reproduce it, not to plan."""
 
 from dataclasses import dataclass
 from importlib.resources import files
 
 import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
 
-__all__ = ["Published", "Thesis", "load_thesis"]
+from planner.numerics import FloatArray
+
+__all__ = ["Published", "Thesis", "literal_stress_MPa", "literal_tangent_MPa", "load_thesis"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,3 +58,51 @@ def load_thesis() -> Thesis:
         ),
         source=document["source"],
     )
+
+
+# ------------------------------------------------------------------------------------------------
+# Eq. 3.8: P = Σ c_i (x^c_j - 2^(c_j-1) x^(-c_j/2)), (i, j) = (1, 2), (3, 4), (5, 6), x the strain.
+#
+# From S. Hemleben, Modeling a Spectrum of 3D Printed Materials for Soft Robots, Oregon State
+# University, 2017. What the thesis calls λ is the engineering strain x = stretch - 1, and the
+# factor 2^(c-1) comes of (2/√λ)^c in place of 2 (1/√λ)^c in the energy. Hence the stress neither
+# vanishes nor stays finite at rest; palettes tell the strains between which it holds.
+
+
+def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
+    """Return eq. 3.8 at strains above 0, wherever they are.
+
+    Parameters
+    ----------
+    c
+        Six coefficients along the last axis; the other axes broadcast with `strain`.
+    """
+    c = np.asarray(c, dtype=np.float64)
+    x = np.asarray(strain, dtype=np.float64)
+    stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
+    for i in (0, 2, 4):
+        a, b = c[..., i], c[..., i + 1]
+        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
+    return stress
+
+
+def literal_tangent_MPa(c: ArrayLike, strain: ArrayLike, order: int = 1) -> FloatArray:
+    """Return the derivative of eq. 3.8 by the strain, of order 1 or 2.
+
+    Parameters
+    ----------
+    c, strain
+        As `literal_stress_MPa`.
+    """
+    c = np.asarray(c, dtype=np.float64)
+    x = np.asarray(strain, dtype=np.float64)
+    slope: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
+    for i in (0, 2, 4):
+        a, b = c[..., i], c[..., i + 1]
+        up, down = a * b, a * b * 2.0 ** (b - 2.0)
+        if order == 1:
+            slope = slope + up * x ** (b - 1.0) + down * x ** (-b / 2.0 - 1.0)
+        else:
+            slope = slope + up * (b - 1.0) * x ** (b - 2.0)
+            slope = slope - down * (b / 2.0 + 1.0) * x ** (-b / 2.0 - 2.0)
+    return slope

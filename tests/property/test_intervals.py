@@ -19,18 +19,19 @@ from planner.materials.fit_intervals import (
     scatter_of_moduli,
 )
 from planner.materials.laws import (
-    LARGEST_ALPHA,
-    NeoHookeanColumns,
-    OgdenColumns,
+    FITTED_MODELS,
     SeparableLaw,
-    YeohColumns,
 )
+
+(NEO_HOOKEAN,) = FITTED_MODELS["neo-hookean"]
+(YEOH,) = FITTED_MODELS["yeoh"]
+OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
 
 SEEDS = 200
 LAWS: dict[str, tuple[SeparableLaw, tuple[float, ...], tuple[float, ...]]] = {
-    "neo-hookean": (NeoHookeanColumns(), (), (0.4,)),
-    "yeoh": (YeohColumns(), (), (0.2, -0.01, 0.003)),
-    "ogden": (OgdenColumns(1), (2.5,), (0.3,)),
+    "neo-hookean": (NEO_HOOKEAN, (), (0.4,)),
+    "yeoh": (YEOH, (), (0.2, -0.01, 0.003)),
+    "ogden": (OGDEN[1], (2.5,), (0.3,)),
 }
 
 
@@ -95,7 +96,7 @@ def test_linear_law_gives_students_interval() -> None:
     sample = sample_of(
         [Curve(f"S{k}", strain, mu * column) for k, mu in enumerate(own)], weighting="absolute"
     )
-    ends = intervals(fit_law(NeoHookeanColumns(), sample), sample)
+    ends = intervals(fit_law(NEO_HOOKEAN, sample), sample)
     half = 4.30265 * own.std(ddof=1) / np.sqrt(3)
     # The profile's crossing is found to 2 % of its distance; a quadratic profile, exactly.
     np.testing.assert_allclose(ends.c[0], [own.mean() - half, own.mean() + half], rtol=1e-4)
@@ -105,19 +106,18 @@ def test_linear_law_gives_students_interval() -> None:
 def test_undetermined_parameters_are_left_open() -> None:
     """A second Ogden term of a neo-Hookean material is not determined by its tests."""
     sample = synthetic("neo-hookean", 0, 3)
-    ends = intervals(fit_law(OgdenColumns(2), sample, starts=12), sample)
+    ends = intervals(fit_law(OGDEN[2], sample, starts=12), sample)
     widths = ends.a[:, 1] - ends.a[:, 0]
     assert widths.max() > 10.0
     # Where the search met the bound without a crossing the side is open, never the bound.
     assert np.isinf(ends.a).any()
-    assert not np.any(np.abs(ends.a) == LARGEST_ALPHA)
+    assert not np.any(np.abs(ends.a) == OGDEN[2].bounds(3.0).max())
 
 
 def test_profiles_and_students_intervals_are_told_apart() -> None:
     sample = synthetic("ogden", 1, 3)
     one, two, yeoh = (
-        intervals(fit_law(law, sample, starts=12), sample)
-        for law in (OgdenColumns(1), OgdenColumns(2), YeohColumns())
+        intervals(fit_law(law, sample, starts=12), sample) for law in (OGDEN[1], OGDEN[2], YEOH)
     )
     np.testing.assert_array_equal(one.profiled, [True, True])
     np.testing.assert_array_equal(two.profiled, [True, True, False, False])
@@ -127,7 +127,7 @@ def test_profiles_and_students_intervals_are_told_apart() -> None:
 def test_one_specimen_counts_its_correlation() -> None:
     """Noise correlated by 0.9 and its bin means leave far fewer independent points than 60."""
     sample = synthetic("neo-hookean", 0, 1)
-    ends = intervals(fit_law(NeoHookeanColumns(), sample), sample)
+    ends = intervals(fit_law(NEO_HOOKEAN, sample), sample)
     assert ends.basis == "one specimen"
     assert ends.independent_points is not None
     assert 2 < ends.independent_points < 40
@@ -153,7 +153,7 @@ def test_scatter_of_one_specimen_is_assumed() -> None:
 
 def test_scatter_of_a_fit_sees_levels_and_misfit() -> None:
     sample = synthetic("ogden", 3, 5, level_sd=0.1)
-    good = scatter_of_fit(fit_law(OgdenColumns(1), sample), sample)
-    poor = scatter_of_fit(fit_law(NeoHookeanColumns(), sample), sample)
+    good = scatter_of_fit(fit_law(OGDEN[1], sample), sample)
+    poor = scatter_of_fit(fit_law(NEO_HOOKEAN, sample), sample)
     assert good.between == pytest.approx(0.1, rel=0.8)
     assert poor.misfit > 1.5 * good.misfit

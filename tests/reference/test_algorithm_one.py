@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
-from planner.materials.laws import literal_stress_MPa
 from printers.connex3.algorithm_one import (
     LiteralCurve,
     QuadraticCoefficients,
@@ -18,7 +17,7 @@ from printers.connex3.algorithm_one import (
     quadratics_through,
 )
 from printers.connex3.leave_one_out import published_curve, r_squared
-from printers.connex3.thesis import load_thesis
+from printers.connex3.thesis import literal_stress_MPa, load_thesis
 
 THESIS = load_thesis()
 PRINTED = QuadraticCoefficients(THESIS.quadratics)

@@ -18,5 +18,5 @@ def test_ogdens_1972_law_follows_treloars_1944_rubber(shared_data: Path) -> None
     # Ogden drew his curve through the points by eye: within 12 % until Treloar's rubber locks.
     assert np.abs(error[stretch < 7.1]).max() < 0.12
     # The neo-Hookean law of the same initial modulus cannot follow the upturn.
-    soft = NeoHookean(law.initial_modulus_MPa / 3.0)
+    soft = NeoHookean(float(law.tangent_MPa(1.0)) / 3.0)
     assert soft.nominal_stress_MPa(7.05) < 0.75 * stress_MPa[np.argmin(abs(stretch - 7.05))]

@@ -12,8 +12,10 @@ import pytest
 from planner.cli import run
 from planner.cli.materials import _interval
 from planner.materials.fit import law_stress_MPa
-from planner.materials.laws import OgdenColumns
+from planner.materials.laws import FITTED_MODELS
 from planner.palette import load_palette
+
+OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +33,7 @@ def palette_file(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def write_curve(name: str, mu_MPa: float, break_strain: float = 1.0) -> None:
     """A stress-strain file of a one-term Ogden material."""
     strain = np.linspace(0.0, break_strain, 81)
-    stress = law_stress_MPa(OgdenColumns(1), np.array([2.5]), np.array([mu_MPa]), 1.0 + strain)
+    stress = law_stress_MPa(OGDEN[1], np.array([2.5]), np.array([mu_MPa]), 1.0 + strain)
     rows = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(strain, stress, strict=True))
     Path(name).write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
 

@@ -15,12 +15,14 @@ from planner.materials.fit import (
     weighting_of,
 )
 from planner.materials.laws import (
-    NeoHookeanColumns,
-    OgdenColumns,
+    FITTED_MODELS,
     SeparableLaw,
-    YeohColumns,
     candidate_laws,
 )
+
+(NEO_HOOKEAN,) = FITTED_MODELS["neo-hookean"]
+(YEOH,) = FITTED_MODELS["yeoh"]
+OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
 
 
 def study(
@@ -52,7 +54,7 @@ def study(
 @pytest.mark.parametrize("specimens", [1, 3, 5])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_neo_hookean_material_gets_one_parameter(specimens: int, seed: int) -> None:
-    sample = study(NeoHookeanColumns(), (), (0.4,), specimens=specimens, seed=seed)
+    sample = study(NEO_HOOKEAN, (), (0.4,), specimens=specimens, seed=seed)
     choice = choose_law(candidate_laws("all"), sample, 2.0, starts=12)
     assert choice.chosen is not None
     assert choice.chosen.fit.name == "neo-hookean"
@@ -62,7 +64,7 @@ def test_a_neo_hookean_material_gets_one_parameter(specimens: int, seed: int) ->
 @pytest.mark.parametrize("specimens", [1, 3])
 def test_an_s_shaped_curve_is_not_left_to_neo_hooke(specimens: int) -> None:
     """The neo-Hookean error (27 %) is many times that of laws with an upturn."""
-    law = OgdenColumns(2)
+    law = OGDEN[2]
     sample = study(law, (1.3, 8.0), (0.4, 2e-4), specimens=specimens, seed=4, break_strain=3.0)
     choice = choose_law(candidate_laws("all"), sample, 3.0, starts=12)
     assert choice.chosen is not None
@@ -73,14 +75,14 @@ def test_an_s_shaped_curve_is_not_left_to_neo_hooke(specimens: int) -> None:
 
 def short(strain_from: float, strain_to: float) -> Curve:
     strain = np.linspace(strain_from, strain_to, 40)
-    stress = law_stress_MPa(NeoHookeanColumns(), np.array([]), np.array([0.4]), 1.0 + strain)
+    stress = law_stress_MPa(NEO_HOOKEAN, np.array([]), np.array([0.4]), 1.0 + strain)
     return Curve(f"to {strain_to:g}", strain, stress)
 
 
 def test_a_specimen_beyond_the_others_strain_is_not_asked() -> None:
     """The long one begins where the short one ends: only the short one can be predicted."""
     sample = sample_of([short(0.2, 1.6), short(0.0, 0.1)])
-    choice = choose_law([NeoHookeanColumns(), OgdenColumns(1)], sample, 1.0, starts=6)
+    choice = choose_law([NEO_HOOKEAN, OGDEN[1]], sample, 1.0, starts=6)
     assert choice.chosen is not None
     assert all(c.held_out.shape == (1,) for c in choice.candidates)
     assert np.isfinite(choice.chosen.held_out_error)
@@ -88,8 +90,8 @@ def test_a_specimen_beyond_the_others_strain_is_not_asked() -> None:
 
 def test_scatter_between_specimens_does_not_hide_the_shape() -> None:
     """Levels scatter by 5 %, the shapes differ by 3 %: the paired comparison tells them apart."""
-    sample = study(OgdenColumns(1), (3.2,), (0.3,), specimens=3, seed=2, break_strain=1.0)
-    choice = choose_law([NeoHookeanColumns(), OgdenColumns(1)], sample, 1.0, starts=12)
+    sample = study(OGDEN[1], (3.2,), (0.3,), specimens=3, seed=2, break_strain=1.0)
+    choice = choose_law([NEO_HOOKEAN, OGDEN[1]], sample, 1.0, starts=12)
     assert choice.chosen is not None
     assert choice.chosen.fit.name == "ogden-1"
 
@@ -100,22 +102,22 @@ def test_an_unstable_law_is_flagged_and_not_chosen() -> None:
     sample = sample_of(
         [Curve(f"S{k}", strain, (1 - 0.01 * k) * np.tanh(2 * strain)) for k in (0, 1)]
     )
-    fit = fit_law(YeohColumns(), sample)
+    fit = fit_law(YEOH, sample)
     found = stability(fit, 1.0)
     assert not found.stable
     assert found.strain is not None
     falling = law_stress_MPa(fit.law, fit.a, fit.c, 1 + found.strain + np.array([-2e-3, 2e-3]))
     assert falling[1] < falling[0]
-    choice = choose_law([YeohColumns(), NeoHookeanColumns()], sample, 1.0)
+    choice = choose_law([YEOH, NEO_HOOKEAN], sample, 1.0)
     assert choice.chosen is not None
     assert choice.chosen.fit.name == "neo-hookean"
-    alone = choose_law([YeohColumns()], sample, 1.0)
+    alone = choose_law([YEOH], sample, 1.0)
     assert alone.chosen is None
 
 
 def test_stability_sees_only_the_range_it_is_asked_for() -> None:
-    sample = study(NeoHookeanColumns(), (), (0.4,), specimens=1, seed=0)
-    fit = fit_law(NeoHookeanColumns(), sample)
+    sample = study(NEO_HOOKEAN, (), (0.4,), specimens=1, seed=0)
+    fit = fit_law(NEO_HOOKEAN, sample)
     assert stability(fit, 2.0).stable
     assert stability(fit, 2.0).checked == pytest.approx((-0.1, 2.2))
 
@@ -129,18 +131,16 @@ def test_each_specimen_counts_once() -> None:
         )
         weights = [sample.weight[sample.specimen == k].sum() for k in (0, 1)]
         assert weights == pytest.approx([0.5, 0.5])
-    fit = fit_law(
-        NeoHookeanColumns(), sample_of([Curve("a", sparse, sparse), Curve("b", dense, dense)])
-    )
+    fit = fit_law(NEO_HOOKEAN, sample_of([Curve("a", sparse, sparse), Curve("b", dense, dense)]))
     # The bins of 400 points and the 20 points lie on one line.
-    both = fit_law(NeoHookeanColumns(), sample_of([Curve("a", sparse, sparse)]))
+    both = fit_law(NEO_HOOKEAN, sample_of([Curve("a", sparse, sparse)]))
     assert fit.c[0] == pytest.approx(both.c[0], rel=0.01)
 
 
 def test_cost_does_not_depend_on_the_unit_of_stress() -> None:
     strain = np.linspace(0, 1, 101)[1:]
     costs = [
-        fit_law(NeoHookeanColumns(), sample_of([Curve("a", strain, unit * strain**1.2)])).cost
+        fit_law(NEO_HOOKEAN, sample_of([Curve("a", strain, unit * strain**1.2)])).cost
         for unit in (1e-3, 1.0, 1e3)
     ]
     assert costs == pytest.approx([costs[0]] * 3, rel=1e-9)
@@ -150,7 +150,7 @@ def test_too_few_points_are_refused() -> None:
     strain = np.linspace(0.1, 1.0, 8)
     sample = sample_of([Curve("S1", strain, strain)])
     with pytest.raises(ArgumentError, match=r"points are too few to fit ogden-3"):
-        choose_law([OgdenColumns(3)], sample.part(np.arange(8) < 6), 1.0)
+        choose_law([OGDEN[3]], sample.part(np.arange(8) < 6), 1.0)
 
 
 @pytest.mark.parametrize(

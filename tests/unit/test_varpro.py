@@ -9,24 +9,25 @@ from planner.materials.characterise import Curve
 from planner.materials.fit import Held, Sample, law_stress_MPa, minimise, sample_of, spread_starts
 from planner.materials.laws import (
     FITTED_MODELS,
-    MartinsColumns,
-    NeoHookeanColumns,
-    OgdenColumns,
     SeparableLaw,
-    YeohColumns,
     make_law,
 )
 from planner.palette import LawParameters
 
+(NEO_HOOKEAN,) = FITTED_MODELS["neo-hookean"]
+(YEOH,) = FITTED_MODELS["yeoh"]
+(MARTINS,) = FITTED_MODELS["martins"]
+OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
+
 STRETCH = np.linspace(1.0, 3.0, 41)[1:]
 LAWS = [law for laws in FITTED_MODELS.values() for law in laws]
 EXACT = [
-    (NeoHookeanColumns(), [], [0.4]),
-    (YeohColumns(), [], [0.2, -0.01, 0.003]),
-    (OgdenColumns(1), [2.5], [0.3]),
-    (OgdenColumns(2), [-2.0, 4.0], [-0.1, 0.05]),
-    (OgdenColumns(3), [-3.0, 1.3, 6.0], [-0.05, 0.6, 0.001]),
-    (MartinsColumns(), [0.2, 0.5], [0.3, 0.2]),
+    (NEO_HOOKEAN, [], [0.4]),
+    (YEOH, [], [0.2, -0.01, 0.003]),
+    (OGDEN[1], [2.5], [0.3]),
+    (OGDEN[2], [-2.0, 4.0], [-0.1, 0.05]),
+    (OGDEN[3], [-3.0, 1.3, 6.0], [-0.05, 0.6, 0.001]),
+    (MARTINS, [0.2, 0.5], [0.3, 0.2]),
 ]
 
 
@@ -50,7 +51,7 @@ def test_columns_are_the_palette_law(law: SeparableLaw, a: list[float], c: list[
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(st.floats(-29.9, 29.9), st.floats(1.001, 6.0))
 def test_derivative_of_an_ogden_column(alpha: float, stretch: float) -> None:
-    law, x, h = OgdenColumns(1), np.array([stretch]), 1e-5
+    law, x, h = OGDEN[1], np.array([stretch]), 1e-5
     _, slope = law.evaluate(x, np.array([[alpha]]))
     ends = [law.evaluate(x, np.array([[alpha + d]]))[0][0, 0, 0] for d in (-h, h)]
     difference = (ends[1] - ends[0]) / (2 * h)
@@ -61,7 +62,7 @@ def test_derivative_of_an_ogden_column(alpha: float, stretch: float) -> None:
 
 def test_an_ogden_column_goes_smoothly_through_zero() -> None:
     """At alpha = 0 the column is ln(l) / l; the series near it meets the closed form."""
-    phi, _ = OgdenColumns(1).evaluate(STRETCH, np.array([[0.0], [1e-9], [0.012]]))
+    phi, _ = OGDEN[1].evaluate(STRETCH, np.array([[0.0], [1e-9], [0.012]]))
     np.testing.assert_allclose(phi[0, :, 0], np.log(STRETCH) / STRETCH, rtol=1e-14)
     np.testing.assert_allclose(phi[1], phi[0], rtol=1e-8)
     alpha = 0.012
@@ -80,20 +81,20 @@ def test_exact_data_are_fitted_exactly(law: SeparableLaw, a: list[float], c: lis
 
 def test_a_linear_law_is_the_least_squares_solution() -> None:
     rng = np.random.default_rng(1)
-    stress = YeohColumns().evaluate(STRETCH, np.empty((1, 0)))[0][0] @ [0.2, -0.01, 0.003]
+    stress = YEOH.evaluate(STRETCH, np.empty((1, 0)))[0][0] @ [0.2, -0.01, 0.003]
     stress = stress * (1 + 0.02 * rng.standard_normal(len(stress)))
     sample = sample_of([Curve("S1", STRETCH - 1.0, stress)], points=None)
-    found = minimise(YeohColumns(), sample, np.empty((1, 0)))
-    columns = YeohColumns().evaluate(STRETCH, np.empty((1, 0)))[0][0] * sample.factor[:, None]
+    found = minimise(YEOH, sample, np.empty((1, 0)))
+    columns = YEOH.evaluate(STRETCH, np.empty((1, 0)))[0][0] * sample.factor[:, None]
     expected = np.linalg.lstsq(columns, sample.factor * stress, rcond=None)[0]
     # The ridge of 1e-4 moves near-collinear columns by about its square over their gap.
     np.testing.assert_allclose(found.c[0], expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("law", [OgdenColumns(2), MartinsColumns()], ids=_name)
+@pytest.mark.parametrize("law", [OGDEN[2], MARTINS], ids=_name)
 def test_the_search_ends_at_a_minimum(law: SeparableLaw) -> None:
     """No small step of any parameter lowers the cost, found with the others held or free."""
-    sample = _sample(YeohColumns(), [], [0.2, -0.01, 0.003])
+    sample = _sample(YEOH, [], [0.2, -0.01, 0.003])
     found = minimise(law, sample, spread_starts(law, sample, 40))
     best = int(found.cost.argmin())
     at = found.a[best]
@@ -107,7 +108,7 @@ def test_the_search_ends_at_a_minimum(law: SeparableLaw) -> None:
 
 
 def test_held_parameters_stay_and_cost_more() -> None:
-    law, a, c = OgdenColumns(2), [-2.0, 4.0], [-0.1, 0.05]
+    law, a, c = OGDEN[2], [-2.0, 4.0], [-0.1, 0.05]
     sample = _sample(law, a, c)
     held = Held(np.array([[False, False]]), np.array([[np.nan, 0.06]]))
     found = minimise(law, sample, np.array([a]), held)
@@ -121,7 +122,7 @@ def test_held_parameters_stay_and_cost_more() -> None:
 
 @pytest.mark.parametrize("law", LAWS, ids=_name)
 def test_starts_lie_within_the_bounds(law: SeparableLaw) -> None:
-    sample = _sample(NeoHookeanColumns(), [], [0.4])
+    sample = _sample(NEO_HOOKEAN, [], [0.4])
     starts = spread_starts(law, sample, 64, shift=0.3)
     low, high = law.bounds(3.0).T
     assert np.all(starts >= low)
@@ -132,7 +133,7 @@ def test_starts_lie_within_the_bounds(law: SeparableLaw) -> None:
 
 def test_coincident_terms_stay_small() -> None:
     """A neo-Hookean material leaves a second Ogden term free; it must not blow up."""
-    sample = _sample(NeoHookeanColumns(), [], [0.4])
-    found = minimise(OgdenColumns(2), sample, spread_starts(OgdenColumns(2), sample, 50))
+    sample = _sample(NEO_HOOKEAN, [], [0.4])
+    found = minimise(OGDEN[2], sample, spread_starts(OGDEN[2], sample, 50))
     best = int(found.cost.argmin())
     assert np.abs(found.c[best]).max() < 100.0
