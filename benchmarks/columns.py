@@ -4,7 +4,6 @@ Run ``python benchmarks/columns.py`` (a minute or two), or with ``--quick`` for 
 """
 
 import argparse
-import itertools
 import resource
 import time
 from collections.abc import Callable
@@ -13,10 +12,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from planner.fields.basic import axis_field
 from planner.mesh.mesh import Mesh
-from planner.voxels.columns import dense, grid_for, iterate_columns, label_columns, layers, voxelize
-from planner.voxels.thin_places import thin_walls
+from planner.voxels.columns import dense, grid_for, iterate_columns, voxelize
+from planner.voxels.thin_places import thin_solid_places
 
 NATIVE = (0.042, 0.042, 0.03)
 
@@ -76,31 +74,16 @@ def filling_the_tray() -> None:
         )
 
 
-def labelling(mesh: Mesh) -> None:
-    columns = voxelize(mesh, NATIVE)
-    levels = np.linspace(0, 1, 11)[1:-1]
-    for axis in ("z", "x", (1.0, 2.0, 3.0)):
-        took, labelled = best(lambda a=axis: label_columns(columns, axis_field(a, mesh), levels))
-        print(f"9 levels along {axis}: {took:.3f} s, {len(labelled.start):.2e} runs")
-    took, images = best(lambda: layers(labelled, 1000, 1064))
-    print(f"64 layers: {took:.3f} s, {images.size / took:.2e} voxels/s")
-
-
 def walls() -> None:
     parts = {
         "bar of 115 x 19 x 4 mm": Mesh(*_box(115, 19, 4)),
         "organic of 100 x 80 x 60 mm": organic(6, (100, 80, 60)),
         "box of 200 mm": Mesh(*_box(200, 200, 200)),
     }
-    for (name, mesh), bands in itertools.product(parts.items(), (1, 9)):
-        levels = np.linspace(0, 1, bands + 1)[1:-1]
-        field = axis_field("x", mesh)
-        took, found = best(
-            lambda m=mesh, f=field, v=levels, n=bands: thin_walls(m, f, v, range(n), 0.6), times=1
-        )
+    for name, mesh in parts.items():
+        took, (found, more) = best(lambda m=mesh: thin_solid_places(m, 0.6, listed=3), times=1)
         print(
-            f"walls, {name}, {bands} bands: {took:.2f} s, {len(found)} findings, "
-            f"peak {peak_MB():.0f} MB",
+            f"walls, {name}: {took:.2f} s, {len(found) + more} places, peak {peak_MB():.0f} MB",
             flush=True,
         )
 
@@ -115,10 +98,9 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="columns beside trimesh only")
     quick = parser.parse_args().quick
     warm = Mesh(*_box(3, 3, 0.4))
-    thin_walls(warm, axis_field("x", warm), (0.5,), "ab", 0.6)
+    thin_solid_places(warm, 0.6, listed=3)
     part = organic(7, (110, 82, 70))
     if not quick:  # trimesh last: it would set the peak memory
         filling_the_tray()
-        labelling(part)
         walls()
     beside_trimesh(part)

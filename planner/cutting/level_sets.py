@@ -33,6 +33,7 @@ from planner.mesh.audit import audit_welded
 from planner.mesh.mesh import (
     Mesh,
     cancel_opposite,
+    compact,
     measure,
     order_edges,
     order_rows,
@@ -444,7 +445,7 @@ def _divide_along(
     order = np.argsort(sets.level[source[kept == 1]], kind="stable")
     caps, source = caps[kept == 1][order], source[kept == 1][order]
     broken = meetings.broken + part_loops.broken + level_loops.broken
-    return _compact(pool, faces, label, caps, sets.level[source], broken)
+    return _cleaned(pool, faces, label, caps, sets.level[source], broken)
 
 
 def _surface(
@@ -487,7 +488,7 @@ def _divided(
     return found[proper], label[proper], source[proper]
 
 
-def _compact(
+def _cleaned(
     pool: Float32Array, faces: NDArray[np.int32], piece: NDArray[np.int32],
     caps: NDArray[np.int32], cap_level: NDArray[np.int32], broken: int,
 ) -> DividedField:  # fmt: skip
@@ -496,11 +497,9 @@ def _compact(
     faces, piece = faces[keep], piece[keep]
     keep = _cancel_by(caps, cap_level)
     caps, cap_level = caps[keep], cap_level[keep]
-    used = np.zeros(len(pool), dtype=np.bool_)
-    used[faces.ravel()] = True
-    used[caps.ravel()] = True
-    index = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return DividedField(pool[used], index[faces], piece, index[caps], cap_level, broken)
+    used, both = compact(np.concatenate([faces, caps]), len(pool))
+    faces, caps = both[: len(faces)], both[len(faces) :]
+    return DividedField(pool[used], faces, piece, caps, cap_level, broken)
 
 
 def _cancel_by(faces: NDArray[np.int32], label: NDArray[np.int32]) -> NDArray[np.bool_]:

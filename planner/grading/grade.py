@@ -13,7 +13,7 @@ import numpy as np
 
 from planner import __version__
 from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
-from planner.cutting.pieces import Pieces, piece_volumes_mm3, split
+from planner.cutting.pieces import Pieces, split
 from planner.errors import ArgumentError, as_count, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, build_field
@@ -37,13 +37,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.printability import (
-    CutPart,
-    interface_checks,
-    print_checks,
-    voxel_checks,
-    wall_checks,
-)
+from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
     Profile,
@@ -553,30 +547,21 @@ def _printing(
     pitch_mm: float, machine: Printer,
 ) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:  # fmt: skip
     """Hold the pieces against the printer; also say what is not sure."""
-    volumes_mm3 = piece_volumes_mm3(pieces)
+    levels, names = design.levels, [what.name for what in design.printed]
+    fewer = "periods" if design.choice.kind == "bands" else "bands"
+    cure = f"take fewer {fewer}, a gentler profile there"
     if design.dealt is not None:
-        # Walls of the part as a whole: cells of two materials hold each other.
-        whole = axis_field(None, mesh)
-        checks, findings = print_checks(
-            mesh, whole, (), ("the part",), volumes_mm3.sum(keepdims=True), machine
-        )
+        # Cells of two materials hold each other: the part is held to its walls as a whole.
+        levels, names, shells = levels[:0], ["the part"], ()
+    cut = CutPart(mesh, along, levels, pieces, names, shells, pitch_mm, cure)
+    checks, findings = print_checks(cut, machine)
+    if design.dealt is not None:
         cell_mm, least_mm = design.dealt.cell_mm, machine.minimum_feature_mm
         checks["cell_mm"] = Check(cell_mm, least_mm, cell_mm >= least_mm * (1.0 - 1e-9))
-        return {**checks, **voxel_checks(pieces, mesh, volumes_mm3, machine)}, findings, ()
-    levels = design.levels
-    materials = [what.name for what in design.printed]
-    checks, findings = print_checks(mesh, along, levels.tolist(), materials, volumes_mm3, machine)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
         unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
-    if isinstance(along, PlanarField):
-        return checks, findings, unsure
-    drawn, more = interface_checks(pieces, along, levels, pitch_mm, mesh, volumes_mm3, machine)
-    fewer = "periods" if design.choice.kind == "bands" else "bands"
-    cure = f"take fewer {fewer}, a gentler profile there"
-    divided = CutPart(mesh, along, levels, pieces, materials, shells, pitch_mm, cure)
-    walls, thin = wall_checks(divided, machine)
-    return {**checks, **walls, **drawn}, (*findings, *thin, *more), unsure
+    return checks, findings, unsure
 
 
 def _check_thickness(

@@ -7,32 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.cutting.pieces import Pieces, shell_faces
+from planner.cutting.pieces import Pieces, piece_volumes_mm3, shell_faces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, compact
 from planner.numerics import FloatArray
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
-from planner.voxels.columns import (
-    MOST_VOXELS,
-    grid_for,
-    iterate_columns,
-    label_columns,
-    label_volumes_mm3,
-)
+from planner.voxels.columns import MOST_VOXELS, grid_for, iterate_columns
 from planner.voxels.thin_places import (
     SOUND,
     ThinPlace,
     longest_checked_mm,
     room_mm,
+    space_around_mm,
     thin_solid_places,
     thin_space_places,
-    thin_walls,
 )
-from planner.voxels.thin_places import ThinWall as Place
 
-__all__ = ["CutPart", "interface_checks", "print_checks", "voxel_checks", "wall_checks"]
+__all__ = ["CutPart", "print_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -102,118 +95,31 @@ def _more(unlisted: int, what: str) -> str:
 
 
 # ------------------------------------------------------------------------------------------------
-# What of a plan will not print as drawn, with its place and size.
+# A placed part, what it was divided along, and what came of it.
 
 
-def print_checks(
-    mesh: Mesh,
-    field: Field,
-    levels: Sequence[float],
-    materials: Sequence[str],
-    volumes_mm3: FloatArray,
-    machine: Printer,
-) -> tuple[dict[str, Check], tuple[Finding, ...]]:
-    """Hold a placed part against the printer: tray, minimum wall, native voxels.
+@dataclass(frozen=True, eq=False)
+class CutPart:
+    """A placed part, what it was divided along, and what came of it.
 
-    `levels` divide it into pieces of `materials` and `volumes_mm3`.
-
-    Returns
-    -------
-    checks : dict
-        ``tray_excess_mm``: how far the part reaches beyond the tray at worst.
-        ``places_too_thin``: walls and fragments below the minimum wall.
-        ``voxel_volume_error``: volume of each piece in the printer's own voxels against
-        `volumes_mm3`, of the part's volume, at worst. A voxel is counted wrongly only where the
-        surface passes within half its diagonal, which is the limit. Voxels are coarser than the
-        printer's where a part over the tray would need more than can be numbered.
-
-        Walls and voxels of a curved field are not checked here, see
-        `planner.grading.printability`, nor are those of a part that is far over the tray; the
-        findings then say so: its unit is wrong.
-    findings : tuple of Finding
-        In words, the tray first. Places are in the coordinates of the files.
+    Attributes
+    ----------
+    names
+        What each piece between `levels` is printed in.
+    shells
+        Of each material; none where cells of several lie among each other.
+    cure
+        What makes bands thicker, in words.
     """
-    checks, findings = {}, []
-    extent_mm = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
-    checks["tray_excess_mm"] = Check(max(excess_mm, 0.0), 0.0, excess_mm <= 0.0)
-    if excess_mm > 0.0:
-        findings.append(_too_large(extent_mm, machine))
-    longest_mm = longest_checked_mm(machine.minimum_wall_mm)
-    if excess_mm > max(machine.tray_mm) or (excess_mm > 0.0 and extent_mm.max() > longest_mm):
-        findings.append(_unchecked(machine))
-        return checks, tuple(findings)
-    if not isinstance(field, PlanarField):
-        return checks, tuple(findings)
-    places = thin_walls(mesh, field, levels, materials, machine.minimum_wall_mm)
-    count = sum(1 + place.more for place in places)
-    checks["places_too_thin"] = Check(count, 0, count == 0)
-    findings += [_too_thin(place, materials[place.label], machine) for place in places]
-    checks["voxel_volume_error"] = _voxel_check(mesh, field, levels, volumes_mm3, machine)
-    return checks, tuple(findings)
 
-
-def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
-    size = " x ".join(f"{length:.1f}" for length in extent_mm)
-    tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
-    turned = (np.sort(extent_mm) <= np.sort(np.array(machine.tray_mm))).all()
-    cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
-    return Finding(
-        kind="tray",
-        message=f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; "
-        f"{cure}",
-        size_mm=float(extent_mm.max()),
-    )
-
-
-def _unchecked(machine: Printer) -> Finding:
-    return Finding(
-        kind="unchecked",
-        message=f"walls and voxels were not checked: the part is far over the tray of "
-        f"{machine.title}; check its unit",
-    )
-
-
-def _too_thin(place: Place, material: str, machine: Printer) -> Finding:
-    where = ", ".join(f"{coordinate:.2f}" for coordinate in place.place_mm)
-    extent = " x ".join(f"{length:.2f}" for length in place.extent_mm)
-    what = "a wall" if place.kind == "thin-wall" else "a separate fragment"
-    more = f"; and {place.more} more places of {material}" if place.more else ""
-    return Finding(
-        kind=place.kind,
-        message=f"{material}: {what} of {place.size_mm:.2f} mm at ({where}) mm over {extent} mm is "
-        f"below the minimum wall of {machine.minimum_wall_mm:g} mm{more}",
-        material=material,
-        place_mm=place.place_mm,
-        size_mm=place.size_mm,
-    )
-
-
-def _voxel_check(
-    mesh: Mesh, field: Field, levels: Sequence[float], volumes_mm3: FloatArray, machine: Printer
-) -> Check:
-    pitch_mm = _voxel_mm(mesh, machine)
-    counted_mm3 = np.zeros(len(levels) + 1)
-    for columns in iterate_columns(mesh, grid_for(mesh.bounds_mm, pitch_mm.tolist())):
-        labelled = label_columns(columns, field, levels)
-        counted_mm3 += label_volumes_mm3(labelled, len(levels) + 1)
-    return voxel_check(counted_mm3, volumes_mm3, mesh, pitch_mm)
-
-
-def _voxel_mm(mesh: Mesh, machine: Printer) -> FloatArray:
-    """Return the printer's voxel, or a larger one where the part has too many to number."""
-    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
-    extent_mm = np.ptp(mesh.bounds_mm, axis=0)
-    return native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
-
-
-def voxel_check(
-    counted_mm3: FloatArray, volumes_mm3: FloatArray, mesh: Mesh, pitch_mm: FloatArray
-) -> Check:
-    """Hold volumes counted in voxels against those of the pieces."""
-    error = float(np.abs(counted_mm3 - volumes_mm3).max()) / mesh.volume_mm3
-    limit = mesh.area_mm2 * float(np.linalg.norm(pitch_mm)) / mesh.volume_mm3
-    return Check(error, limit, error <= limit)
+    mesh: Mesh
+    field: Field
+    levels: FloatArray
+    pieces: Pieces
+    names: Sequence[str]
+    shells: Sequence[Shell]
+    pitch_mm: float
+    cure: str
 
 
 # ------------------------------------------------------------------------------------------------
@@ -224,20 +130,26 @@ _INTERFACE_SAMPLES = 20_000
 _KEPT = 0.9
 
 
-def _interface_error_mm(pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float) -> float:
+def _interfaces(part: CutPart, findings: list[Finding]) -> dict[str, Check]:
+    """Hold interfaces against the level sets that they stand for."""
+    error_mm, pitch_mm = _interface_error_mm(part), part.pitch_mm
+    if error_mm > pitch_mm / 2:
+        message = (
+            f"interfaces lie {error_mm:.2g} mm or more from where the field has them: "
+            f"the field bends within a pitch of {pitch_mm:g} mm; take a finer --pitch"
+        )
+        findings.append(Finding(kind="pitch", message=message, size_mm=error_mm))
+    return {"interface_error_mm": Check(error_mm, pitch_mm / 2, error_mm <= pitch_mm / 2)}
+
+
+def _interface_error_mm(part: CutPart) -> float:
     """Measure the distance from their level sets that 90 % of the interfaces' area keeps.
 
     Along the normals at the centres of up to 20000 triangles, which lie farther off than their
     corners. Where the level set does not pass within half a pitch, as at the edges of a distance
     field, the distance is estimated from the field's slope, and counts as a pitch at most.
-
-    Parameters
-    ----------
-    pieces
-        The divided part.
-    levels
-        Of the interfaces.
     """
+    pieces, field, pitch_mm = part.pieces, part.field, part.pitch_mm
     count = len(pieces.cap_faces)
     if count == 0:
         return 0.0
@@ -248,7 +160,7 @@ def _interface_error_mm(pieces: Pieces, field: Field, levels: FloatArray, pitch_
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     centre = corners.mean(axis=1)
     half = 0.5 * pitch_mm * normal
-    level = levels[pieces.cap_level[chosen]]
+    level = part.levels[pieces.cap_level[chosen]]
     off = field.values(centre) - level
     below, above = field.values(centre - half) - level, field.values(centre + half) - level
     towards = np.where((off > 0.0) == (below > 0.0), above, below)
@@ -302,42 +214,28 @@ class BandThickness:
         return float(self.thickness_mm[order[at]])
 
 
-def _band_thicknesses(
-    pieces: Pieces, field: Field, levels: FloatArray, names: Sequence[str], pitch_mm: float
-) -> tuple[BandThickness, ...]:
+def _band_thicknesses(part: CutPart) -> tuple[BandThickness, ...]:
     """Measure the bands that have an interface on both sides, in the order of the field.
 
     From the centres of up to 200 triangles of either interface along their normals to where the
     field has the other level. Ways that do not end there, as beyond an edge of the field, are
     left out.
-
-    Parameters
-    ----------
-    names
-        What each piece is made of.
     """
     found = []
-    corners = pieces.vertices.T
+    corners = part.pieces.vertices.T
     longest_mm = float(np.linalg.norm([np.ptp(corners[axis]) for axis in range(3)]))
-    for _, group in itertools.groupby(range(pieces.count), key=names.__getitem__):
+    for _, group in itertools.groupby(range(len(part.names)), key=part.names.__getitem__):
         own = list(group)
-        if own[0] == 0 or own[-1] == pieces.count - 1:
+        if own[0] == 0 or own[-1] == len(part.names) - 1:
             continue
-        band = _measured(pieces, field, levels, own[0], own[-1], pitch_mm, longest_mm)
+        band = _measured(part, own[0], own[-1], longest_mm)
         if band is not None:
             found.append(band)
     return tuple(found)
 
 
-def _measured(
-    pieces: Pieces,
-    field: Field,
-    levels: FloatArray,
-    first: int,
-    last: int,
-    pitch_mm: float,
-    longest_mm: float,
-) -> BandThickness | None:
+def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandThickness | None:
+    pieces, field, levels = part.pieces, part.field, part.levels
     low, high = float(levels[first - 1]), float(levels[last])
     at, way, area, target = [], [], [], []
     for level, sign, end in ((first - 1, 1.0, high), (last, -1.0, low)):
@@ -356,7 +254,7 @@ def _measured(
         return None
     own = np.where(goal == high, low, high)
     begin = field.values(start)  # centres of triangles lie off their level by a chord's height
-    reached = np.full(len(start), 0.25 * pitch_mm)
+    reached = np.full(len(start), 0.25 * part.pitch_mm)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
             value = field.values(start + reached[:, None] * towards)
@@ -373,60 +271,7 @@ def _measured(
 
 
 # ------------------------------------------------------------------------------------------------
-# Checks of a plan along a curved field: where its interfaces lie, and its voxels.
-
-
-def interface_checks(
-    pieces: Pieces, field: Field, levels: FloatArray, pitch_mm: float, mesh: Mesh,
-    volumes_mm3: FloatArray, machine: Printer,
-) -> tuple[dict[str, Check], tuple[Finding, ...]]:  # fmt: skip
-    """Measure interfaces against the field, and pieces against the printer's voxels.
-
-    Returns
-    -------
-    checks : dict
-        ``_interface_error_mm``: distance from their level sets that 90 % of the interfaces' area
-        keeps; at most half a pitch is wanted. ``voxel_volume_error``: see
-        `planner.grading.printability.print_checks`.
-    findings : tuple of Finding
-        What to do where an interface is too far off.
-    """
-    error_mm = _interface_error_mm(pieces, field, levels, pitch_mm)
-    checks = {"interface_error_mm": Check(error_mm, pitch_mm / 2, error_mm <= pitch_mm / 2)}
-    findings: list[Finding] = []
-    if error_mm > pitch_mm / 2:
-        findings.append(
-            Finding(
-                kind="pitch",
-                message=f"interfaces lie {error_mm:.2g} mm or more from where the field has them: "
-                f"the field bends within a pitch of {pitch_mm:g} mm; take a finer --pitch",
-                size_mm=error_mm,
-            )
-        )
-    checks |= voxel_checks(pieces, mesh, volumes_mm3, machine)
-    return checks, tuple(findings)
-
-
-def voxel_checks(
-    pieces: Pieces, mesh: Mesh, volumes_mm3: FloatArray, machine: Printer
-) -> dict[str, Check]:
-    """Hold the pieces of a part that fits the tray, nearly, against the printer's voxels."""
-    if not bool((np.ptp(mesh.bounds_mm, axis=0) <= 2.0 * np.array(machine.tray_mm)).all()):
-        return {}
-    voxel = _voxel_mm(mesh, machine)
-    grid = grid_for(mesh.bounds_mm, voxel.tolist())
-    counted = np.zeros(pieces.count)
-    for number in range(pieces.count):
-        faces = shell_faces(pieces, [number])
-        if len(faces):
-            shell = Mesh(pieces.vertices.astype(np.float64), faces)
-            counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
-    counted *= grid.voxel_mm3
-    return {"voxel_volume_error": voxel_check(counted, volumes_mm3, mesh, voxel)}
-
-
-# ------------------------------------------------------------------------------------------------
-# Walls, bands, bits and gaps of a part divided along curved level sets.
+# What of a plan will not print as drawn, with its place and size.
 #
 # A wall stands by itself, so it is the part as a whole that has to have the minimum wall: where it
 # is of several materials, they are jetted into each other and cure as one. A band is held by what
@@ -440,73 +285,90 @@ _PASSED = 3.0  # limits that the tapering edge of a layer may be wide
 _TRIED = 9  # points of a band that balls are put into
 
 
-@dataclass(frozen=True, eq=False)
-class CutPart:
-    """A placed part, what it was divided along, and what came of it.
-
-    Attributes
-    ----------
-    names
-        What each piece is printed in.
-    cure
-        What makes bands thicker, in words.
-    """
-
-    mesh: Mesh
-    field: Field
-    levels: FloatArray
-    pieces: Pieces
-    names: Sequence[str]
-    shells: Sequence[Shell]
-    pitch_mm: float
-    cure: str
-
-
-def wall_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
-    """Hold walls, layers, separate bits and gaps of a part against the printer.
+def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tuple[Finding, ...]]:
+    """Hold a part against the printer: tray, walls, layers, bits, gaps, native voxels.
 
     Returns
     -------
     checks : dict
+        ``tray_excess_mm``: how far the part reaches beyond the tray at worst.
         ``places_too_thin``: walls of the part below the minimum wall, layers of one material below
         the minimum feature, separate bits smaller than it. ``thinnest_band_mm``: the thickness
         that 95 % of the thinnest band keeps, of bands with an interface on both sides and of
         layers found too thin; left out where there is neither. ``gaps_too_narrow``: gaps below
         the minimum feature.
+        ``interface_error_mm``, of curved fields: distance from their level sets that 90 % of the
+        interfaces' area keeps; at most half a pitch is wanted.
+        ``voxel_volume_error``: volume of each piece in the printer's own voxels against its own,
+        of the part's volume, at worst. A voxel is counted wrongly only where the surface passes
+        within half its diagonal, which is the limit. Voxels are coarser than the printer's where
+        a part over the tray would need more than can be numbered.
+
+        Walls and voxels of a part that is far over the tray are not checked; the findings then
+        say so: its unit is wrong.
     findings : tuple of Finding
-        With place, size, limit and what to change; three of a kind and a material at most.
+        With place, size, limit and what to change, the tray first; three of a kind and a material
+        at most. Places are in the coordinates of the files.
     """
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
-    if not bool((extent_mm <= 2.0 * np.array(machine.tray_mm)).all()):
-        return {}, ()  # print_checks says so
+    excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
+    checks = {"tray_excess_mm": Check(max(excess_mm, 0.0), 0.0, excess_mm <= 0.0)}
+    findings = [_too_large(extent_mm, machine)] if excess_mm > 0.0 else []
+    if excess_mm > max(machine.tray_mm):
+        message = "walls and voxels were not checked: the part is far over the tray of "
+        findings.append(Finding("unchecked", f"{message}{machine.title}; check its unit"))
+        return checks, tuple(findings)
+    wall_mm, feature_mm = machine.minimum_wall_mm, machine.minimum_feature_mm
+    around_mm = float(extent_mm.max()) + space_around_mm(feature_mm)
+    if around_mm <= longest_checked_mm(min(wall_mm, feature_mm)):
+        checks |= _walls(part, machine, findings)
+    else:
+        message = "walls, bands and gaps were not checked: the part is too long for so small a"
+        what = f"feature as {feature_mm:g}" if feature_mm <= wall_mm else f"wall as {wall_mm:g}"
+        findings.append(Finding("unchecked", f"{message} {what} mm"))
+    if not isinstance(part.field, PlanarField) and len(part.levels):
+        checks |= _interfaces(part, findings)
+    return checks | {"voxel_volume_error": _voxel_check(part, machine)}, tuple(findings)
+
+
+def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
+    size = " x ".join(f"{length:.1f}" for length in extent_mm)
+    tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
+    turned = (np.sort(extent_mm) <= np.sort(np.array(machine.tray_mm))).all()
+    cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
+    return Finding(
+        kind="tray",
+        message=f"the part is {size} mm, larger than the tray of {machine.title}, {tray} mm; "
+        f"{cure}",
+        size_mm=float(extent_mm.max()),
+    )
+
+
+def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str, Check]:
+    """Hold walls, layers, separate bits and gaps of a part against the printer."""
     limit_mm = machine.minimum_feature_mm
-    if float(extent_mm.max()) > longest_checked_mm(limit_mm) - 8.0 * limit_mm:
-        message = "bands and gaps were not checked: the part is too long for so small a feature"
-        return {}, (Finding(kind="unchecked", message=f"{message} as {limit_mm:g} mm"),)
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
-    findings = [
+    findings += [
         _wall_finding(
             place, _piece_name(part, place), machine, unlisted if place is walls[-1] else 0
         )
         for place in walls
     ]
-    count, thicknesses = len(walls) + unlisted, []
-    measured = _band_thicknesses(part.pieces, part.field, part.levels, part.names, part.pitch_mm)
+    count, thicknesses, thick = len(walls) + unlisted, list[float](), True
+    measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
         own = [band for band in measured if part.names[band.first] == shell.material]
         found, number, thinnest = _layers(part, shell, own, machine, bool(walls))
         findings += found
         count += number
         thicknesses += thinnest
+        thick &= not any(finding.kind == "thin-band" for finding in found)
     checks = {"places_too_thin": Check(count, 0, count == 0)}
     if thicknesses:
-        thick = not any(finding.kind == "thin-band" for finding in findings)
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
-    for gap in gaps:
-        findings.append(_gap_finding(gap, machine, unlisted if gap is gaps[-1] else 0))
-    checks["gaps_too_narrow"] = Check(len(gaps) + unlisted, 0, not gaps)
-    return checks, tuple(findings)
+    findings += [_gap_finding(gap, machine, unlisted if gap is gaps[-1] else 0) for gap in gaps]
+    return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 
 
 def _layers(
@@ -591,3 +453,23 @@ def _field_at(part: CutPart, place: ThinPlace) -> float:
 
 def _piece_name(part: CutPart, place: ThinPlace) -> str:
     return part.names[int(np.searchsorted(part.levels, _field_at(part, place), side="right"))]
+
+
+def _voxel_check(part: CutPart, machine: Printer) -> Check:
+    """Hold the pieces of a part against the printer's voxels, or larger ones of a large part."""
+    native_mm = np.array([*machine.pixel_mm, machine.layer_mm])
+    extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
+    voxel = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
+    grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
+    counted = np.zeros(part.pieces.count)
+    vertices = part.pieces.vertices
+    for number in range(part.pieces.count):
+        faces = shell_faces(part.pieces, [number])
+        if len(faces):
+            used, faces = compact(faces, len(vertices))
+            shell = Mesh(vertices[used].astype(np.float64), faces)
+            counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
+    off_mm3 = np.abs(counted * grid.voxel_mm3 - piece_volumes_mm3(part.pieces))
+    error = float(off_mm3.max()) / part.mesh.volume_mm3
+    limit = part.mesh.area_mm2 * float(np.linalg.norm(voxel)) / part.mesh.volume_mm3
+    return Check(error, limit, error <= limit)

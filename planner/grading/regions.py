@@ -12,6 +12,7 @@ from planner.formats.stl import encode_stl
 from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.grading.profile import Band, StiffnessScale
 from planner.materials.mixtures import blend_for
+from planner.mesh.mesh import compact
 from planner.numerics import FloatArray
 from planner.plan import Point, Region, Shell
 from planner.printers import Printer
@@ -121,9 +122,8 @@ def shells_of(
     shells: list[Shell] = []
     for what in sorted(used_ones.values(), key=lambda what: what.coordinate):
         faces = shell_faces(pieces, np.flatnonzero(names == what.name))
-        used, compact = np.unique(faces, return_inverse=True)
+        used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
-        faces = compact.reshape(-1, 3).astype(np.int32)
         file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
         shells.append(
             Shell(

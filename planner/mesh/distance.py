@@ -217,16 +217,12 @@ def inscribed_ball(
     vertices: FloatArray,
     faces: IntArray,
     point: FloatArray,
-    normal: FloatArray,
-    low: float,
-    high: float,
     step: float,
     reach: float,
 ) -> tuple[FloatArray, float]:
     """Climb from a point to the centre of the largest ball that fits there.
 
-    The ball keeps inside the surface and between the planes normal . x = low and high. The
-    search halves its step from `step` to a sixteenth of it, which is its precision, and stays
+    The search halves its step from `step` to a sixteenth of it, which is its precision, and stays
     within `step` of where it starts along each axis.
 
     Parameters
@@ -253,7 +249,7 @@ def inscribed_ball(
             near[n] = f
             n += 1
     near = near[:n]
-    best = _depth(vertices, faces, near, point, normal, low, high, reach)
+    best = _depth(vertices, faces, near, point, reach)
     centre, start, trial = np.empty(3), np.empty(3), np.empty(3)
     for axis in range(3):
         centre[axis] = point[axis]
@@ -270,7 +266,7 @@ def inscribed_ball(
                 digits //= 3
             if strayed:
                 continue
-            depth = _depth(vertices, faces, near, trial, normal, low, high, reach)
+            depth = _depth(vertices, faces, near, trial, reach)
             if depth > best + 1e-9:
                 moved, best = True, depth
                 for axis in range(3):
@@ -286,9 +282,6 @@ def _depth(
     faces: IntArray,
     near: IntArray,
     point: FloatArray,
-    normal: FloatArray,
-    low: float,
-    high: float,
     reach: float,
 ) -> float:
     # Distance to the surface, negative outside. Among triangles that share the nearest point
@@ -316,9 +309,7 @@ def _depth(
             facing = abs(cosine)
             inside = cosine >= 0.0
         nearest = min(nearest, distance)
-    along = point[0] * normal[0] + point[1] * normal[1] + point[2] * normal[2]
-    depth = np.sqrt(nearest) if inside else -np.sqrt(nearest)
-    return float(min(depth, along - low, high - along))
+    return float(np.sqrt(nearest) if inside else -np.sqrt(nearest))
 
 
 @kernel

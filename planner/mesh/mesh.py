@@ -15,6 +15,7 @@ __all__ = [
     "Mesh",
     "Topology",
     "cancel_opposite",
+    "compact",
     "connected",
     "consistent_winding",
     "measure",
@@ -244,6 +245,14 @@ def row_slot(rows: Any, i: Any, shift: Any) -> Any:
     mixed ^= mixed >> np.uint64(32)
     mixed *= np.uint64(0xD6E8FEB86659FD93)
     return np.int64(mixed >> shift)
+
+
+def compact(faces: NDArray[np.int32], vertices: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Return which of so many vertices some faces use, and the faces in terms of those alone."""
+    used = np.zeros(vertices, dtype=np.bool_)
+    used[faces.ravel()] = True
+    index = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return np.flatnonzero(used), index[faces]
 
 
 def repeats_index(faces: NDArray[np.int32]) -> BoolArray:

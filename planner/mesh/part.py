@@ -2,18 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
 from planner.formats.mesh_file import unit_scale_mm
-from planner.mesh.mesh import Mesh, Topology, cancel_opposite, repeats_index, weld, weld_points
+from planner.mesh.mesh import (
+    Mesh,
+    Topology,
+    cancel_opposite,
+    compact,
+    repeats_index,
+    weld,
+    weld_points,
+)
 from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Part", "make_part", "part_from_arrays", "part_from_trimesh", "place"]
+__all__ = ["Part", "make_part", "part_from_arrays", "place"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -150,7 +156,8 @@ def make_part(
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
     repairs += arranged.notes
-    mesh = _used(arranged.vertices, arranged.faces)
+    used, faces = compact(arranged.faces, len(arranged.vertices))
+    mesh = Mesh(arranged.vertices[used], faces)
     _check_solid(mesh, name, reweld=arranged.vertices is not vertices or touching)
     return Part(mesh, name, tuple(repairs), tuple(_size_warnings(mesh, tray_mm)))
 
@@ -185,24 +192,6 @@ def part_from_arrays(
     return make_part(points[index.astype(np.int64)], name=name, tray_mm=tray_mm)
 
 
-def part_from_trimesh(
-    mesh: Any, *, name: str = "part", tray_mm: tuple[float, float, float] | None = None
-) -> Part:
-    """Make a part of anything with ``vertices`` and ``faces`` in mm, such as a trimesh.Trimesh.
-
-    Raises
-    ------
-    ArgumentError
-        It has none, or see `part_from_arrays`.
-    MeshError
-        See `make_part`.
-    """
-    vertices, faces = getattr(mesh, "vertices", None), getattr(mesh, "faces", None)
-    if vertices is None or faces is None:
-        raise ArgumentError(f"{name}: a {type(mesh).__name__} has no vertices and faces")
-    return part_from_arrays(vertices, faces, name=name, tray_mm=tray_mm)
-
-
 def _check_numbers(triangles: FloatArray, name: str) -> None:
     if triangles.size == 0:
         raise MeshError(f"{name}: holds no triangles; export the part again")
@@ -215,16 +204,6 @@ def _check_numbers(triangles: FloatArray, name: str) -> None:
             f"mm; coordinates must be finite and at most {_FARTHEST_MM:g} mm: check the unit, or "
             "export the part again"
         )
-
-
-def _used(vertices: FloatArray, faces: NDArray[np.int32]) -> Mesh:
-    """Leave out vertices that no face uses."""
-    used = np.zeros(len(vertices), dtype=np.bool_)
-    used[faces.ravel()] = True
-    if used.all():
-        return Mesh(vertices, faces)
-    index = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return Mesh(vertices[used], index[faces])
 
 
 def _check_solid(mesh: Mesh, name: str, *, reweld: bool) -> None:

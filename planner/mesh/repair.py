@@ -15,6 +15,7 @@ from planner.mesh.mesh import (
     Mesh,
     Topology,
     cancel_opposite,
+    compact,
     consistent_winding,
     measure,
     repeats_index,
@@ -503,10 +504,8 @@ def _unite(vertices: FloatArray, groups: list[NDArray[np.int32]], touching: bool
 def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:
     import manifold3d
 
-    used, index = np.unique(faces, return_inverse=True)
-    mesh = manifold3d.Mesh64(
-        np.ascontiguousarray(vertices[used]), index.reshape(-1, 3).astype(np.uint64)
-    )
+    used, faces = compact(faces, len(vertices))
+    mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices[used]), faces.astype(np.uint64))
     solid = manifold3d.Manifold(mesh)
     if solid.status() != manifold3d.Error.NoError:
         raise MeshError(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.stl import decode_stl
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import Plan, Region, plan_file, read_plan
 from planner.printers import Printer, load_printer
@@ -92,12 +92,11 @@ class SlabTriangles:
 
     def alone(self) -> "SlabTriangles":
         """Return the same without the faces and vertices that the slab does not need."""
-        faces = self.faces[self.members]
-        used, renumbered = np.unique(faces, return_inverse=True)
+        used, faces = compact(self.faces[self.members], len(self.snapped))
         return replace(
             self,
             snapped=self.snapped[used],
-            faces=renumbered.reshape(-1, 3).astype(np.int32),
+            faces=faces,
             members=np.arange(len(faces), dtype=np.int32),
         )
 

@@ -1,18 +1,19 @@
-"""Places of a solid, or of the space around one, that are thinner than a limit."""
+"""Places of a closed solid, or of the space around one, that are thinner than a limit.
 
-import itertools
-from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+Found on a voxel grid by opening the solid with a ball as wide as the limit, then measured by
+inscribed balls between the solid's own triangles, so that nothing of the limit or more is reported.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError
-from planner.fields.basic import Field, PlanarField
 from planner.mesh.distance import inscribed_ball
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
-from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, label_by_planes
+from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
+from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns
 from planner.voxels.morphology import (
     ROOM,
     Bits,
@@ -29,46 +30,37 @@ from planner.voxels.morphology import (
 
 __all__ = [
     "SOUND",
-    "PlanarBand",
     "ThinPlace",
-    "ThinWall",
     "longest_checked_mm",
     "raster_for",
     "room_mm",
-    "thin_places",
+    "space_around_mm",
     "thin_solid_places",
     "thin_space_places",
-    "thin_walls",
 ]
 
 
+SOUND = 0.98
+"""Of a limit: what is drawn at the limit comes out rounded."""
+
+
 # ------------------------------------------------------------------------------------------------
-# Voxels of a band of a mesh that no ball of a given size reaches, gathered into places.
+# The grid that a solid is looked at on.
 
 
 FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 11
 _COARSEST_RADIUS = 2
-_SAMPLES = 8
-"""Voxels that a place brings to be measured at."""
-
+_NARROWEST = 3  # voxels: nothing thinner takes the ball of the coarsest radius
+_SAMPLES = 8  # voxels that a place brings to be measured at
 _SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
 _LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
-MOST_WORK = {5: 2_500_000, 4: 4_000_000, 3: 200_000_000}
-"""What `raster_for` may spend on a region with a ball of a radius; the coarsest may cost all."""
-
-
-@dataclass(frozen=True)
-class PlanarBand:
-    """The part of a mesh with low <= normal . x < high, in mm; infinite where no plane cuts."""
-
-    normal: FloatArray
-    low_mm: float
-    high_mm: float
+_MOST_WORK = {5: 500_000, 4: 1_000_000, 3: 4_000_000}
+"""Columns times lines of a ball of a radius that may be spent; the coarsest may cost all."""
 
 
 @dataclass(frozen=True)
 class Raster:
-    """A grid for a band, and the ball that opens it.
+    """A grid for a solid, and the ball that opens it.
 
     Attributes
     ----------
@@ -103,8 +95,8 @@ class Raster:
 
 
 @dataclass(frozen=True)
-class ThinVoxels:
-    """A connected set of thin voxels.
+class _Place:
+    """A connected set of thin voxels, before it is measured.
 
     Attributes
     ----------
@@ -113,7 +105,7 @@ class ThinVoxels:
     low, high
         Smallest voxel, and one past the largest, along the grid's axes.
     alone
-        Whether it touches no other voxel of the band.
+        Whether it touches no other voxel of the solid.
     core : (n, 3)
         Up to `_SAMPLES` voxels spread over it, each as far from the surface as its column goes.
     """
@@ -127,28 +119,25 @@ class ThinVoxels:
 
 
 def raster_for(
-    low_mm: FloatArray,
-    high_mm: FloatArray,
-    diameter_mm: float,
-    most_work: Mapping[int, int] = MOST_WORK,
+    low_mm: FloatArray, high_mm: FloatArray, limit_mm: float, finest: int | None = None
 ) -> Raster:
-    """Choose a grid for a box and a ball: the finest that is cheap in memory and time.
+    """Choose a grid for a box and a limit: the finest that is cheap in memory and time.
 
     Parameters
     ----------
-    most_work
-        By the ball's radius in voxels: columns times lines of the ball.
+    finest
+        Largest radius of the ball in voxels; `FINEST_RADIUS` by default.
     """
     order = np.argsort(high_mm - low_mm, kind="stable")
-    for radius in range(FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
-        pitch = diameter_mm / (2 * radius + 1)
+    for radius in range(finest or FINEST_RADIUS, _COARSEST_RADIUS - 1, -1):
+        pitch = limit_mm / (2 * radius + 1)
         origin = low_mm[order] - pitch
         shape = np.ceil((high_mm - low_mm)[order] / pitch).astype(np.int64) + 2
         row_bytes = (int(shape[0]) + 2 * ROOM) * (int(shape[2]) // 64 + 3) * 8
         rows = _SET_BYTES // row_bytes
         work = int(shape[0]) * int(shape[1]) * len(ball(radius))
         small = rows >= min(_LEAST_ROWS, int(shape[1])) and int(shape.max()) <= MOST_VOXELS
-        if small and work <= most_work.get(radius, 0):
+        if small and work <= _MOST_WORK.get(radius, 0):
             break
     x, y, z = (float(o) for o in origin)
     nx, ny, nz = (int(n) for n in shape)
@@ -156,45 +145,80 @@ def raster_for(
     return Raster(order, grid, radius, max(min(rows, ny), _LEAST_ROWS))
 
 
-def thin_places(mesh: Mesh, band: PlanarBand, raster: Raster) -> list[ThinVoxels]:
-    """Return the places of a band that the raster's ball does not reach.
+def longest_checked_mm(limit_mm: float) -> float:
+    """Return the longest extent of a solid that can be looked at for a limit."""
+    return (MOST_VOXELS - 3) * limit_mm / (2 * _COARSEST_RADIUS + 1)
+
+
+# ------------------------------------------------------------------------------------------------
+# Voxels of a solid that no ball of a given size reaches, gathered into places.
+
+
+def _surely_sound(mesh: Mesh, limit_mm: float) -> bool:
+    """Tell, at little cost, that nothing of a solid is thinner than a limit.
+
+    The coarsest ball, on voxels of which no thinner solid takes it: where it leaves nothing that
+    extends by two thirds of the limit, a finer one leaves nothing that extends by the limit.
+    """
+    wide_mm = limit_mm * (2 * _COARSEST_RADIUS + 1) / _NARROWEST
+    raster = raster_for(mesh.bounds_mm[0], mesh.bounds_mm[1], wide_mm, _COARSEST_RADIUS)
+    slabs = _windows(_opened(_solid_words(mesh, raster), raster), raster, _NARROWEST)
+    for first, last, low, (region, opened) in slabs:
+        reached = opened.copy()
+        grow(reached, region, _NARROWEST - 1)
+        if _without(region, reached)[first - low : last - low].any():
+            return False
+    return True
+
+
+def _places_in(words: Iterator[tuple[Bits, ...]], raster: Raster) -> list[_Place]:
+    """Return the places of a set that the raster's ball does not reach.
 
     Opening by the ball leaves slivers at every convex edge; a place counts from the voxels on
-    that lie further than `Raster.reach` steps inside the band from what the ball reaches, and
+    that lie further than `Raster.reach` steps inside the set from what the ball reaches, and
     extends back to it. A sharp corner, where such voxels take up less than the ball's radius in
     every direction, does not count.
-    """
-    return _places_in(_chunks(mesh, band, raster), raster)
-
-
-def _places_in(words: Iterator[tuple[Bits, ...]], raster: Raster) -> list[ThinVoxels]:
-    """Return the places of a set that the raster's ball does not reach; see `thin_places`.
 
     Parameters
     ----------
     words
         The set, slab by slab of `Raster.slab_rows` rows.
     """
-    found = []
     slabs = _windows(_opened(words, raster), raster, raster.halo)
-    for first, last, low, (region, opened) in slabs:
-        reached = opened.copy()
-        if not grow(reached, region, raster.reach):
-            continue
-        core = region & ~reached
-        place, thin = core.copy(), region & ~opened
-        grow(place, thin, raster.reach)
-        runs = runs_of(place, first - low, last - low)
-        if len(runs):
-            beside = region & ~place
-            grow(beside, region, 2)
-            touching = members(runs, place & beside)[:, 0] >= 0
-            counting = members(runs, core)
-            depth, voxel = _deepest(runs, region, core, raster.radius)
-            runs[:, 0] += low
-            table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
-            found.append(np.column_stack(table).astype(np.int64))
-    return _gather(np.concatenate(found), raster.radius) if found else []
+    found = [
+        _thin_runs(region, opened, first, last, low, raster)
+        for first, last, low, (region, opened) in slabs
+    ]
+    return _gather(np.concatenate(found), raster.radius)
+
+
+def _thin_runs(
+    region: Bits, opened: Bits, first: int, last: int, low: int, raster: Raster
+) -> IntArray:
+    # runs of places in rows first to last, as `_gather` takes them; rows of the sets begin at low
+    reached = opened.copy()
+    if not grow(reached, region, raster.reach):
+        return np.empty((0, 9), np.int64)
+    core = _without(region, reached)
+    place = core.copy()
+    grow(place, _without(region, opened), raster.reach)
+    runs = runs_of(place, first - low, last - low)
+    if not len(runs):
+        return np.empty((0, 9), np.int64)
+    beside = _without(region, place)
+    grow(beside, region, 2)
+    touching = members(runs, place & beside)[:, 0] >= 0
+    counting = members(runs, core)
+    depth, voxel = _deepest(runs, region, core, raster.radius)
+    runs[:, 0] += low
+    table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
+    return np.column_stack(table).astype(np.int64)
+
+
+def _without(region: Bits, taken: Bits) -> Bits:
+    left = ~taken
+    left &= region
+    return left
 
 
 def _deepest(runs: IntArray, region: Bits, core: Bits, radius: int) -> tuple[IntArray, IntArray]:
@@ -211,8 +235,10 @@ def _deepest(runs: IntArray, region: Bits, core: Bits, radius: int) -> tuple[Int
     return depth, voxel
 
 
-def _gather(runs: IntArray, shortest: int) -> list[ThinVoxels]:
+def _gather(runs: IntArray, shortest: int) -> list[_Place]:
     # columns of runs: row, column, start, stop, touching, depth, voxel, first and last of core
+    if not len(runs):
+        return []
     number = components(np.ascontiguousarray(runs[:, :4]))
     order = np.argsort(number, kind="stable")
     places = []
@@ -228,7 +254,7 @@ def _gather(runs: IntArray, shortest: int) -> list[ThinVoxels]:
         row, column, _, _, _, _, voxel = deepest[len(deepest) // 2, :7]
         spread = np.linspace(0, len(core) - 1, _SAMPLES).astype(np.int64)
         places.append(
-            ThinVoxels(
+            _Place(
                 deepest=np.array([column, row, voxel]),
                 low=group[:, [1, 0, 2]].min(axis=0),
                 high=group[:, [1, 0, 3]].max(axis=0) + np.array([1, 1, 0]),
@@ -249,16 +275,11 @@ def _windows(
     for first in range(0, rows, raster.slab_rows):
         last = min(first + raster.slab_rows, rows)
         low, high = max(first - halo, 0), min(last + halo, rows)
-        parts = [tuple(part[low - base :] for part in held)]
-        until = base + len(held[0])
-        while until < high:
-            parts.append(next(chunks))
-            until += len(parts[-1][0])
-        if len(parts) > 1:
-            held = tuple(np.concatenate(pieces) for pieces in zip(*parts, strict=True))
-        else:
-            held = parts[0]
+        held = tuple(part[low - base :] for part in held)
         base = low
+        while base + len(held[0]) < high:
+            both = zip(held, next(chunks), strict=True)
+            held = tuple(np.concatenate(parts) for parts in both)
         yield first, last, low, tuple(part[: high - low] for part in held)
 
 
@@ -270,70 +291,12 @@ def _opened(words: Iterator[tuple[Bits, ...]], raster: Raster) -> Iterator[tuple
         active = active_words(region, raster.radius)
         eroded = morph(region, lines, False, region, active)
         opened = morph(eroded, lines, True, region, active)
+        del active, eroded  # or they would be held until the next slab
         yield region[first - low : last - low], opened[first - low : last - low]
 
 
-def _chunks(mesh: Mesh, band: PlanarBand, raster: Raster) -> Iterator[tuple[Bits, ...]]:
-    # the band's voxels; sheets thinner than a voxel come from columns along the other two axes
-    columns, _, voxels = raster.grid.shape
-    sheets = np.concatenate(
-        [_thin_voxels(mesh, band, raster, turn) for turn in ((2, 1, 0), (0, 2, 1))]
-    )
-    sheets = sheets[np.argsort(sheets[:, 1], kind="stable")]
-    for slab, wanted in _band_columns(mesh, band, raster, raster.slab_rows):
-        bits = empty_set(slab.rows, columns, voxels)
-        add_runs(bits, 0, slab.offsets, slab.start, slab.stop, wanted)
-        ends = np.searchsorted(sheets[:, 1], [slab.first_row, slab.first_row + slab.rows])
-        column, row, voxel = sheets[ends[0] : ends[1]].T
-        words = (row - slab.first_row, ROOM + column, 1 + (voxel >> 6))
-        np.bitwise_or.at(bits, words, np.uint64(1) << (voxel & 63).astype(np.uint64))
-        yield (bits,)
-
-
-def _thin_voxels(
-    mesh: Mesh, band: PlanarBand, raster: Raster, turn: tuple[int, int, int]
-) -> IntArray:
-    # voxels (n, 3) in the raster's axes where columns along another axis are one voxel thick
-    found = [np.empty((0, 3), np.int64)]
-    for slab in iterate_columns(*_turned(mesh, raster, turn), shortest=1):
-        thin = np.flatnonzero(slab.stop - slab.start == 1)
-        column = np.searchsorted(slab.offsets, thin, side="right") - 1
-        row, i = np.divmod(column, slab.grid.shape[0])
-        voxels = np.empty((len(thin), 3), np.int64)
-        voxels[:, turn] = np.column_stack([i, row + slab.first_row, slab.start[thin]])
-        x, y, z = (raster.grid.centre_mm(voxels) * band.normal[raster.order]).T
-        along = x + y + z
-        found.append(voxels[(along >= band.low_mm) & (along < band.high_mm)])
-    return np.concatenate(found)
-
-
-def _band_columns(
-    mesh: Mesh, band: PlanarBand, raster: Raster, rows: int
-) -> Iterator[tuple[Columns, BoolArray]]:
-    # columns along the raster's z, with the runs that lie in the band
-    planes = np.array([band.low_mm, band.high_mm])
-    cuts = planes[np.isfinite(planes)]
-    along, grid = _turned(mesh, raster, (0, 1, 2))
-    for slab in iterate_columns(along, grid, slab_rows=rows, shortest=1):
-        labelled = label_by_planes(slab, band.normal[raster.order], cuts)
-        yield labelled, labelled.label == int(np.isfinite(band.low_mm))
-
-
-def _turned(mesh: Mesh, raster: Raster, turn: tuple[int, int, int]) -> tuple[Mesh, Grid]:
-    """Return mesh and grid with the raster's axes in another order."""
-    axes = raster.order[list(turn)]
-    odd = np.linalg.det(np.eye(3)[axes]) < 0  # a mirror image: turn the faces around
-    grid = raster.grid
-    x, y, z = turn
-    return Mesh(mesh.vertices[:, axes], mesh.faces[:, ::-1] if odd else mesh.faces), Grid(
-        (grid.origin_mm[x], grid.origin_mm[y], grid.origin_mm[z]),
-        grid.pitch_mm,
-        (grid.shape[x], grid.shape[y], grid.shape[z]),
-    )
-
-
 # ------------------------------------------------------------------------------------------------
-# A closed mesh as sets of voxels for `planner.voxels.thin_places`, however thin it is.
+# A closed mesh as sets of voxels, however thin it is.
 #
 # A voxel belongs to the solid when its centre does. Where the solid is thinner than a voxel it may
 # hold no centre; there the voxels that its triangles pass through are taken instead. They are told
@@ -348,7 +311,9 @@ _BESIDE = 3  # rows on either side of a slab that cells reaching into it are tol
 
 def _solid_words(mesh: Mesh, raster: Raster) -> Iterator[tuple[Bits, ...]]:
     """Draw a closed mesh on a raster, slab by slab of `Raster.slab_rows` rows."""
-    along, grid = _turned(mesh, raster, (0, 1, 2))
+    odd = np.linalg.det(np.eye(3)[raster.order]) < 0  # a mirror image: turn the faces around
+    faces = mesh.faces[:, ::-1] if odd else mesh.faces
+    along, grid = Mesh(mesh.vertices[:, raster.order], faces), raster.grid
     corners = (along.vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     # rows are below 2^14: sorting whole ones takes a few passes over them
     row = np.clip(np.floor(corners[:, 1]), -1, MOST_VOXELS).astype(np.int16)
@@ -469,17 +434,7 @@ def _near(before: Any, here: Any, after: Any, row: Any, column: Any, voxel: Any)
 
 
 # ------------------------------------------------------------------------------------------------
-# Places where a closed solid, or the space around one, is thinner than a limit.
-#
-# Found on a voxel grid as in `planner.voxels.thin_places`, then measured by inscribed balls
-# between the solid's own triangles, so that nothing of the limit or more is reported.
-
-
-SOUND = 0.98
-"""Of a limit: what is drawn at the limit comes out rounded."""
-
-_MOST_WORK = {5: 500_000, 4: 1_000_000, 3: 4_000_000}
-_EVERYWHERE = np.array([0.0, 0.0, 1.0]), -np.inf, np.inf
+# Places, measured.
 
 
 @dataclass(frozen=True)
@@ -530,7 +485,9 @@ def thin_solid_places(
     more : int
         Places that were found and not measured.
     """
-    raster = raster_for(mesh.bounds_mm[0], mesh.bounds_mm[1], limit_mm, _MOST_WORK)
+    if _surely_sound(mesh, limit_mm):
+        return [], 0
+    raster = raster_for(mesh.bounds_mm[0], mesh.bounds_mm[1], limit_mm)
     widest = widest_passed_mm / raster.grid.pitch_mm[0]
     places = [
         place
@@ -548,12 +505,17 @@ def thin_solid_places(
     return found, 0
 
 
+def space_around_mm(limit_mm: float) -> float:
+    """Return how much longer the box is that `thin_space_places` looks at than the solid."""
+    return 8.0 * limit_mm
+
+
 def thin_space_places(mesh: Mesh, limit_mm: float, *, listed: int) -> tuple[list[ThinPlace], int]:
     """Find where empty space between surfaces of a closed solid, or within, is narrow.
 
     As `thin_solid_places`, of a box around the solid without the solid.
     """
-    margin_mm = 4.0 * limit_mm
+    margin_mm = space_around_mm(limit_mm) / 2.0
     corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
     low, high = mesh.bounds_mm + np.array([[-margin_mm], [margin_mm]])
     box = np.array(
@@ -584,13 +546,13 @@ def room_mm(
     centres, diameters = np.empty((len(points_mm), 3)), np.empty(len(points_mm))
     for i, point in enumerate(points_mm):
         centres[i], radius = inscribed_ball(
-            mesh.vertices, faces, np.ascontiguousarray(point), *_EVERYWHERE, step_mm, reach_mm
+            mesh.vertices, faces, np.ascontiguousarray(point), step_mm, reach_mm
         )
         diameters[i] = 2.0 * radius
     return centres, diameters
 
 
-def _measured(mesh: Mesh, raster: Raster, place: ThinVoxels, limit_mm: float) -> ThinPlace | None:
+def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> ThinPlace | None:
     pitch_mm = raster.grid.pitch_mm[0]
     voxels: IntArray = np.concatenate([place.deepest[None], place.core])
     points = np.array([raster.position_mm(voxel) for voxel in voxels])
@@ -625,231 +587,3 @@ def _within(vertices: Any, faces: Any, low: Any, high: Any, found: Any) -> Any:
             found[n] = f
             n += 1
     return n
-
-
-# ------------------------------------------------------------------------------------------------
-# Places where a material's region is too thin, or too small, to print.
-#
-# The region of a material is opened by a ball on a voxel grid: what no ball of the minimum wall
-# reaches is thin. At a convex edge this leaves a sliver that is no defect, so a place counts only
-# where it extends further than one minimum wall from sound material, measured inside the region,
-# over a length of half a minimum wall: that lets pass the edges and corners of a box, sharp edges
-# down to about 40 degrees, and the corners of obliquely cut bands.
-
-
-_SOUND = 0.98  # of the minimum wall: walls drawn at the minimum come out rounded
-
-
-@dataclass(frozen=True)
-class ThinWall:
-    """A place that may not print.
-
-    Attributes
-    ----------
-    kind
-        "thin-wall": thinner than the minimum wall. "fragment": a separate piece of material that
-        is smaller than the minimum wall in every direction.
-    label
-        Index of the piece that holds `place_mm`.
-    place_mm
-        Centre of the largest ball that fits into the place.
-    size_mm
-        Diameter of that ball: the thickness at the place's thickest point.
-    extent_mm, volume_mm3
-        Bounding box and volume of the place, in whole voxels.
-    more
-        Places of this material that were found beyond this one and are not listed.
-    """
-
-    kind: Literal["thin-wall", "fragment"]
-    label: int
-    place_mm: tuple[float, float, float]
-    size_mm: float
-    extent_mm: tuple[float, float, float]
-    volume_mm3: float
-    more: int = 0
-
-
-@dataclass(frozen=True)
-class _Region:
-    """Adjacent pieces of one material, and the extent of the part that they take up."""
-
-    material: Hashable
-    first: int
-    band: PlanarBand
-    thickness_mm: float
-    inner_mm: FloatArray  # planes between its pieces
-
-
-def longest_checked_mm(minimum_wall_mm: float) -> float:
-    """Return the longest extent of a part whose walls `thin_walls` can check."""
-    return (MOST_VOXELS - 3) * minimum_wall_mm / (2 * _COARSEST_RADIUS + 1)
-
-
-def thin_walls(
-    mesh: Mesh,
-    field: Field,
-    levels: Sequence[float],
-    materials: Sequence[Hashable],
-    minimum_wall_mm: float,
-    *,
-    limit: int = 20,
-) -> tuple[ThinWall, ...]:
-    """Find what is thinner than the minimum wall in the region of each material.
-
-    Adjacent pieces of one material are one region. Places that touch are one finding.
-
-    The grid's pitch is minimum_wall / 11 for small parts (a dog-bone), / 7 up to a cube of about
-    200 mm (for a wall of 0.6 mm), and / 5 beyond, which keeps to some seconds and less than 1 GB.
-    A wall of the minimum or more is never reported, in whatever direction it lies; one below
-    0.85 of it (0.8, 0.75, 0.6 at / 9, / 7, / 5) always is, if it reaches further than a minimum
-    wall; in between it depends on how it lies on the grid. Sheets thinner than the pitch are
-    found; pins and fragments thinner than it may be missed. Sizes are short of the true ones by
-    at most 0.02 minimum walls, 0.04 on the coarsest grid.
-
-    Parameters
-    ----------
-    field, levels
-        A field with planar level sets and the levels that divide the mesh into pieces.
-    materials
-        What each piece is made of, len(levels) + 1.
-    limit
-        Largest number of findings for a material, the largest places first; the last of them
-        tells how many `more` there are.
-
-    Returns
-    -------
-    tuple of Finding
-        By material in order of the pieces, and by falling volume.
-
-    Raises
-    ------
-    ArgumentError
-        The wall or limit is not positive, the counts do not match, the field is not planar, or
-        a region is longer than `longest_checked_mm`.
-    """
-    if not (0 < minimum_wall_mm < np.inf and limit > 0):
-        raise ArgumentError(
-            f"minimum wall is {minimum_wall_mm} mm and limit {limit}; both must be positive"
-        )
-    if len(materials) != len(levels) + 1:
-        raise ArgumentError(
-            f"{len(levels)} levels make {len(levels) + 1} pieces, and there are {len(materials)} "
-            "materials; give one for each piece"
-        )
-    found: dict[Hashable, list[ThinWall]] = {}
-    unlisted: dict[Hashable, int] = {}
-    for region in _regions(mesh, field, levels, materials):
-        findings, rest = _thin_walls_of(mesh, region, minimum_wall_mm, limit)
-        found.setdefault(region.material, []).extend(findings)
-        unlisted[region.material] = unlisted.get(region.material, 0) + rest
-    listed: list[ThinWall] = []
-    for material, findings in found.items():
-        findings.sort(key=lambda f: (-f.volume_mm3, f.label, f.place_mm))
-        more = unlisted[material] + max(len(findings) - limit, 0)
-        listed += findings[:limit]
-        if more:
-            listed[-1] = replace(listed[-1], more=more)
-    return tuple(listed)
-
-
-def _regions(
-    mesh: Mesh, field: Field, levels: Sequence[float], materials: Sequence[Hashable]
-) -> list[_Region]:
-    if not isinstance(field, PlanarField):
-        raise ArgumentError(
-            f"field {field.name!r}: its level sets are not planes, and walls can be checked "
-            "along planar fields only; use an axis"
-        )
-    planes = [field.plane(float(level)) for level in levels]
-    normal = np.asarray(planes[0][0] if planes else (0.0, 0.0, 1.0), dtype=np.float64)
-    terms = mesh.vertices[mesh.faces.ravel()] * normal
-    along = terms[:, 0] + terms[:, 1] + terms[:, 2]
-    start, end = float(along.min()), float(along.max())
-    cuts = [-np.inf, *(float(offset) for _, offset in planes), np.inf]
-    regions = []
-    for material, group in itertools.groupby(range(len(materials)), key=materials.__getitem__):
-        pieces = list(group)
-        low, high = cuts[pieces[0]], cuts[pieces[-1] + 1]
-        band = PlanarBand(
-            normal, low if low > start else -float(np.inf), high if high < end else float(np.inf)
-        )
-        thickness = min(high, end) - max(low, start)
-        if thickness > 0:
-            inner = np.array(cuts[pieces[0] + 1 : pieces[-1] + 1])
-            regions.append(_Region(material, pieces[0], band, thickness, inner))
-    return regions
-
-
-def _thin_walls_of(
-    mesh: Mesh, region: _Region, wall_mm: float, limit: int
-) -> tuple[list[ThinWall], int]:
-    """Return up to `limit` findings of a region, and how many places were not looked at."""
-    raster = raster_for(*_bounds(mesh, region.band), wall_mm)
-    drawn = _regions_drawn(region, raster.grid.pitch_mm[0])
-    places = thin_places(mesh, drawn, raster)
-    places.sort(key=lambda p: (-p.voxels, *p.low.tolist()))
-    share = min(1.0, region.thickness_mm / raster.grid.pitch_mm[0])
-    findings: list[ThinWall] = []
-    for seen, place in enumerate(places):
-        if len(findings) == limit:
-            return findings, len(places) - seen
-        finding = _measure(mesh, region, raster, place, wall_mm, share)
-        if finding is not None:
-            findings.append(finding)
-    return findings, 0
-
-
-def _bounds(mesh: Mesh, band: PlanarBand) -> tuple[FloatArray, FloatArray]:
-    # of the part of the bounding box between the band's planes, by interval arithmetic
-    low, high = mesh.bounds_mm
-    terms = np.sort(np.stack([low * band.normal, high * band.normal]), axis=0)
-    narrow_low, narrow_high = low.copy(), high.copy()
-    for axis, n in enumerate(band.normal):
-        if abs(n) > 1e-6:
-            others = terms.sum(axis=1) - terms[:, axis]
-            ends = sorted([(band.low_mm - others[1]) / n, (band.high_mm - others[0]) / n])
-            narrow_low[axis] = min(max(low[axis], ends[0]), high[axis])
-            narrow_high[axis] = max(min(high[axis], ends[1]), low[axis])
-    return narrow_low, narrow_high
-
-
-def _regions_drawn(region: _Region, pitch_mm: float) -> PlanarBand:
-    # a band thinner than a voxel is drawn one voxel thick, so that no centre misses it
-    band = region.band
-    spare = max(pitch_mm - region.thickness_mm, 0.0)
-    if np.isfinite(band.low_mm) and np.isfinite(band.high_mm):
-        spare /= 2
-    return PlanarBand(band.normal, band.low_mm - spare, band.high_mm + spare)
-
-
-def _measure(
-    mesh: Mesh, region: _Region, raster: Raster, place: ThinVoxels, wall_mm: float, share: float
-) -> ThinWall | None:
-    pitch = raster.grid.pitch_mm[0]
-    band = region.band
-    centre, radius = inscribed_ball(
-        mesh.vertices,
-        mesh.faces,
-        raster.position_mm(place.deepest),
-        band.normal,
-        band.low_mm,
-        band.high_mm,
-        1.5 * pitch,
-        wall_mm,
-    )
-    if 2 * radius >= _SOUND * wall_mm:
-        return None
-    extent = np.empty(3)
-    extent[raster.order] = (place.high - place.low) * pitch
-    x, y, z = centre.tolist()
-    along = x * band.normal[0] + y * band.normal[1] + z * band.normal[2]
-    small = place.alone and bool((extent - pitch < wall_mm).all())  # between voxel centres
-    return ThinWall(
-        kind="fragment" if small else "thin-wall",
-        label=region.first + int(np.searchsorted(region.inner_mm, along, side="right")),
-        place_mm=(x, y, z),
-        size_mm=float(2 * radius),
-        extent_mm=(float(extent[0]), float(extent[1]), float(extent[2])),
-        volume_mm3=place.voxels * raster.grid.voxel_mm3 * share,
-    )

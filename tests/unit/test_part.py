@@ -9,7 +9,7 @@ import pytest
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Topology, weld
-from planner.mesh.part import make_part, part_from_arrays, part_from_trimesh
+from planner.mesh.part import make_part, part_from_arrays
 
 BOX_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 BOX_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -351,14 +351,10 @@ def test_unit_hints():
     assert "--unit um it is 100 x 10 x 10 mm" in huge
 
 
-def test_arrays_and_meshes():
-    class Mesh:
-        vertices, faces = BOX_CORNERS.tolist(), BOX_FACES.tolist()
-
-    made = part_from_trimesh(Mesh(), name="cube")
+def test_arrays():
+    made = part_from_arrays(BOX_CORNERS, BOX_FACES, name="cube")
     assert made.name == "cube"
     assert made.mesh.volume_mm3 == pytest.approx(1)
-    assert part_from_arrays(BOX_CORNERS, BOX_FACES).mesh.volume_mm3 == pytest.approx(1)
 
 
 @pytest.mark.parametrize(
@@ -372,8 +368,3 @@ def test_arrays_and_meshes():
 def test_arrays_that_are_no_mesh(vertices, faces, message):
     with pytest.raises(ArgumentError, match=message):
         part_from_arrays(vertices, faces)
-
-
-def test_object_without_faces():
-    with pytest.raises(ArgumentError, match="a str has no vertices and faces"):
-        part_from_trimesh("part.stl")
