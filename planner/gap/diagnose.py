@@ -14,7 +14,7 @@ from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
-from planner.gap.diagnosis import Diagnosis, Location, Quality, Traces, Untestable
+from planner.gap.diagnosis import Diagnosis, Location, Traces, Untestable
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
@@ -278,7 +278,7 @@ def _diagnose(
         gap=gap,
         effect=found_effects(problem, nominal, chosen),
         remainder=remainder,
-        data_quality=tuple(Quality(p.specimen, p.kind, p.problem) for p in examine(campaign)),
+        data_quality=examine(campaign),
         next_experiments=next_experiments(problem, weighed, ranking, rng),
         detectable=detectable_sizes(problem, nominal, priors),
         limitations=(

@@ -24,7 +24,7 @@ __all__ = [
     "Gap",
     "Hypothesis",
     "Location",
-    "Quality",
+    "QualityProblem",
     "Traces",
     "Untestable",
     "read_diagnosis",
@@ -138,7 +138,7 @@ class Detectable:
 
 
 @dataclass(frozen=True, slots=True)
-class Quality:
+class QualityProblem:
     """Something wrong with the data; `specimen` None means the whole campaign."""
 
     specimen: str | None
@@ -248,7 +248,7 @@ class Diagnosis:
     gap: Gap
     effect: tuple[FoundEffect, ...]
     remainder: tuple[Location, ...]
-    data_quality: tuple[Quality, ...]
+    data_quality: tuple[QualityProblem, ...]
     next_experiments: tuple[Experiment, ...]
     detectable: tuple[Detectable, ...]
     limitations: tuple[str, ...]
@@ -351,7 +351,7 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     gap: Gap
     effect: dict[str, FoundEffect]
     remainder: _RemainderFile
-    data_quality: tuple[Quality, ...]
+    data_quality: tuple[QualityProblem, ...]
     next_experiments: tuple[Experiment, ...]
     detectable: tuple[Detectable, ...] = ()
     recalibration: dict[str, _LevelFile] = {}

@@ -1,7 +1,7 @@
 """Data quality of a campaign: records held against each other and against the palette."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,24 +9,27 @@ import numpy as np
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
+from planner.gap.diagnosis import QualityProblem
 from planner.gap.quality_records import (
-    QualityProblem,
+    Problems,
     amplitude_problems,
-    clipping_problems,
-    dead_cell_problems,
+    clipping,
+    dead_cell,
     duplicate_problems,
     first_turn,
-    protocol_problems,
-    rate_problems,
+    problems_of,
+    protocol,
+    rate,
+    shared_problems_of,
     size_problems,
     speed_mm_s,
-    timing_problems,
+    timing,
 )
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette
 
-__all__ = ["examine", "log_load", "predicted_stress_MPa"]
+__all__ = ["examine", "predicted_stress_MPa"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -85,7 +88,7 @@ def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArra
     return bar
 
 
-def log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -> float | None:
+def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -> float | None:
     """Return ln(measured over predicted load), the median over the first loading's upper part.
 
     Parameters
@@ -143,7 +146,7 @@ def _slices(specimen: Specimen) -> FloatArray:
 _FAMILY_WISE = 0.003
 """Chance of any false outlier in a clean campaign, over specimens and figures."""
 
-SMALLEST = 0.08
+_LEAST_SHIFT = 0.08
 """A load within 8 % of its replicates' is no fault of the data, however small their scatter."""
 
 _USUAL_SCATTER, _USUAL_WEIGHT = 0.06, 4.0
@@ -154,17 +157,13 @@ _GRID = np.linspace(0.3, 0.9, 13)
 _SHORT = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class _Figure:
-    """One number a specimen: a group's values by place."""
-
-    name: str
-    groups: tuple[tuple[tuple[int, ...], FloatArray], ...]
+_Groups = list[tuple[tuple[int, ...], FloatArray]]
+"""Replicates by place, with one number each."""
 
 
 def _outlier_problems(
-    specimens: Sequence[Specimen], *, leave_out: frozenset[str] = frozenset()
-) -> tuple[QualityProblem, ...]:
+    specimens: Sequence[Specimen], leave_out: Collection[str | None]
+) -> list[QualityProblem]:
     """Return outlying specimens, the clearest first in each round.
 
     Two figures are judged: the load at common strains, and how it grows with strain. Levels are
@@ -183,13 +182,12 @@ def _outlier_problems(
     found: list[QualityProblem] = []
     while True:
         figures = _figures(kept, [tuple(i for i in g if i not in gone) for g in groups])
-        worst = min(
-            (w for figure in figures for w in _judged(figure)), key=lambda w: w[0], default=None
-        )
+        judged = ((*w, name) for name, figure in figures.items() for w in _judged(figure))
+        worst = min(judged, key=lambda w: w[0], default=None)
         if worst is None or worst[0] >= _FAMILY_WISE / max(tests, 1):
-            return tuple(found)
-        _, name, place, shift, others = worst
-        found.extend(_problems(kept, name, place, shift, others))
+            return found
+        _, place, shift, others, name = worst
+        found.extend(_outliers(kept, name, place, shift, others))
         gone |= {place} if len(others) > 1 else {place, *others}
 
 
@@ -204,9 +202,9 @@ def _groups(specimens: Sequence[Specimen]) -> tuple[tuple[int, ...], ...]:
 
 def _figures(
     specimens: Sequence[Specimen], groups: Sequence[tuple[int, ...]]
-) -> tuple[_Figure, _Figure]:
-    level: list[tuple[tuple[int, ...], FloatArray]] = []
-    growth: list[tuple[tuple[int, ...], FloatArray]] = []
+) -> dict[str, _Groups]:
+    level: _Groups = []
+    growth: _Groups = []
     for group in groups:
         loadings = {i: _first_loading(specimens[i]) for i in group}
         ends = {i: float(strain[-1]) for i, (strain, _) in loadings.items()}
@@ -222,17 +220,16 @@ def _figures(
         level.append((members, np.mean(logs, axis=1)))
         x = np.log(at) - np.mean(np.log(at))
         growth.append((members, logs @ x / float(x @ x)))
-    return _Figure("load", tuple(level)), _Figure("growth", tuple(growth))
+    return {"load": level, "growth": growth}
 
 
-def _judged(figure: _Figure) -> list[tuple[float, str, int, float, tuple[int, ...]]]:
-    """Return p-value, figure, specimen, shift and replicates of everyone that can be judged."""
+def _judged(groups: _Groups) -> Iterator[tuple[float, int, float, tuple[int, ...]]]:
+    """Yield p-value, specimen, shift and replicates of everyone that can be judged."""
     from scipy.special import stdtr
 
-    judged = []
-    variances = [float(np.var(values, ddof=1)) for _, values in figure.groups]
-    freedoms = [len(members) - 1 for members, _ in figure.groups]
-    for g, (members, values) in enumerate(figure.groups):
+    variances = [float(np.var(values, ddof=1)) for _, values in groups]
+    freedoms = [len(members) - 1 for members, _ in groups]
+    for g, (members, values) in enumerate(groups):
         n = len(members)
         weight, centre = _prior(
             variances[:g] + variances[g + 1 :], freedoms[:g] + freedoms[g + 1 :]
@@ -241,15 +238,13 @@ def _judged(figure: _Figure) -> list[tuple[float, str, int, float, tuple[int, ..
             others = np.delete(values, k)
             shift = float(values[k] - np.mean(others))
             freedom = weight + n - 2
-            if freedom <= 0.0 or abs(shift) < SMALLEST:
+            if freedom <= 0.0 or abs(shift) < _LEAST_SHIFT:
                 continue
             own = float(np.var(others, ddof=1)) * (n - 2) if n > 2 else 0.0
             variance = (weight * centre + own) / freedom
             scale = math.sqrt(variance * (1.0 + 1.0 / (n - 1)))
             p = 2.0 * float(stdtr(freedom, -abs(shift) / scale)) if scale > 0.0 else 0.0
-            rest = tuple(m for m in members if m != place)
-            judged.append((p, figure.name, place, shift, rest))
-    return judged
+            yield p, place, shift, tuple(m for m in members if m != place)
 
 
 def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, float]:
@@ -258,6 +253,7 @@ def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, 
     What is usual counts as one more group. The weight never exceeds a half of the degrees of
     freedom that it comes from, or that of the usual.
     """
+    from scipy.optimize import brentq
     from scipy.special import polygamma, psi
 
     known = [(v, d) for v, d in zip(variances, freedoms, strict=True) if v > 0.0]
@@ -268,51 +264,31 @@ def _prior(variances: Sequence[float], freedoms: Sequence[int]) -> tuple[float, 
     d = np.array([d for _, d in known], dtype=np.float64)
     e = np.log([v for v, _ in known]) - psi(d / 2.0) + np.log(d / 2.0)
     excess = float(np.var(e, ddof=1) - np.mean(polygamma(1, d / 2.0)))
-    if excess <= 0.0:
+    if excess <= 1e-8:  # the trigamma function's inverse is beyond any weight
         return most, float(np.exp(np.mean(e)))
-    weight = 2.0 * _trigamma_inverse(excess)
+    weight = 2.0 * math.exp(brentq(lambda x: polygamma(1, math.exp(x)) - excess, -20.0, 20.0))
     centre = math.exp(float(np.mean(e)) + float(psi(weight / 2.0)) - math.log(weight / 2.0))
     return min(weight, most), centre
 
 
-def _trigamma_inverse(value: float) -> float:
-    """Return x with trigamma(x) = value, by bisection in log x."""
-    from scipy.special import polygamma
-
-    low, high = -20.0, 20.0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        if float(polygamma(1, math.exp(middle))) > value:
-            low = middle
-        else:
-            high = middle
-    return math.exp(0.5 * (low + high))
-
-
-def _problems(
+def _outliers(
     specimens: Sequence[Specimen], name: str, place: int, shift: float, others: Sequence[int]
-) -> list[QualityProblem]:
-    if name == "load":
-        size = f"load is {100 * math.expm1(shift):+.0f} % off"
-    else:
-        size = f"load grows with strain to the power {shift:+.2f} apart from"
-    found = float(f"{math.exp(shift) if name == 'load' else shift:.6g}")
-    expected = 1.0 if name == "load" else 0.0
+) -> Iterator[QualityProblem]:
+    size = (
+        f"load is {100 * math.expm1(shift):+.0f} % off"
+        if name == "load"
+        else f"load grows with strain to the power {shift:+.2f} apart from"
+    )
     if len(others) > 1:
         words = f"{size} that of its {len(others)} replicates"
-        return [QualityProblem("outlier", specimens[place].id, words, found, expected)]
-    pair = (place, others[0])
-    return [
-        QualityProblem(
-            "outlier",
-            specimens[one].id,
+        yield QualityProblem(specimens[place].id, "outlier", words)
+        return
+    for one, other in ((place, others[0]), (others[0], place)):
+        words = (
             f"{size} that of its only replicate {specimens[other].id}, more than replicates "
-            "elsewhere; which of the two is off cannot be told",
-            found,
-            expected,
+            "elsewhere; which of the two is off cannot be told"
         )
-        for one, other in (pair, pair[::-1])
-    ]
+        yield QualityProblem(specimens[one].id, "outlier", words)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -407,7 +383,7 @@ _STEADY = 0.15
 """Robust log deviation of the others from a trend in the conditions, for a single to be judged."""
 
 
-def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[QualityProblem, ...]:
+def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> list[QualityProblem]:
     """Return what looks like another unit of force, travel or size.
 
     The load of each specimen is put in proportion to the laws' prediction. Specimens apart from
@@ -415,9 +391,9 @@ def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[Qua
     all the others over their conditions; then a material apart from the others; last the whole
     campaign. What is aligned with a condition cannot be told from an effect and is not named.
     """
-    loads = {i: v for i, s in enumerate(specimens) if (v := log_load(s, palette)) is not None}
+    loads = {i: v for i, s in enumerate(specimens) if (v := _log_load(s, palette)) is not None}
     if not loads:
-        return ()
+        return []
     off = _among_replicates(specimens, loads)
     off |= _apart_from_trend(specimens, {i: v for i, v in loads.items() if i not in off})
     rest = {i: v for i, v in loads.items() if i not in off}
@@ -429,7 +405,8 @@ def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> tuple[Qua
     ]
     rest = {i: v for i, v in rest.items() if i not in materials}
     whole = _whole(specimens, palette, rest)
-    return (*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole]))
+    fields = problems_of(_field_in_percent, specimens)
+    return [*problems, *fields, *([] if whole is None else [whole])]
 
 
 def _among_replicates(
@@ -515,7 +492,7 @@ def _whole(
         return None
     travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
     if 2 * len(travel) > len(near):
-        return QualityProblem("units", None, travel[0], math.exp(shift), 1.0)
+        return QualityProblem(None, "units", travel[0])
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
     if _slip(shift, tolerance) is None:
         return None
@@ -542,7 +519,7 @@ def _single(
 ) -> QualityProblem:
     travel = _travel_slip(specimens[i], palette, load)
     if travel is not None:
-        return QualityProblem("units", specimens[i].id, travel, math.exp(shift), 1.0)
+        return QualityProblem(specimens[i].id, "units", travel)
     return _problem(specimens[i].id, shift, "its replicates' or neighbours'")
 
 
@@ -552,11 +529,9 @@ def _problem(specimen: str | None, shift: float, whose: str) -> QualityProblem:
     ratio = math.exp(abs(shift))
     way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
     return QualityProblem(
-        "units",
         specimen,
+        "units",
         f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
-        float(f"{math.exp(shift):.6g}"),
-        1.0,
     )
 
 
@@ -576,33 +551,25 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | Non
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
     if abs(abs(ratio) - math.log(_INCH)) > 0.1:
         return None
-    corrected = log_load(specimen, palette, stretched=_INCH if ratio < 0.0 else 1.0 / _INCH)
+    corrected = _log_load(specimen, palette, stretched=_INCH if ratio < 0.0 else 1.0 / _INCH)
     if corrected is None or abs(corrected) > abs(load) - _SPLIT:
         return None
     words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
     return f"travel is off by 25.4 against its declared rate and its load, as if {words}"
 
 
-def _fields_in_percent(specimens: Sequence[Specimen]) -> list[QualityProblem]:
-    found = []
-    for s in specimens:
-        if s.strain_field is None:
-            continue
-        mean = np.mean(s.strain_field.strain, axis=1)
-        travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
-        at = int(np.argmax(travel))
-        if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
-            found.append(
-                QualityProblem(
-                    "units",
-                    s.id,
-                    f"the strain field reaches {mean[at]:.3g} on average, travel over gauge "
-                    f"length {travel[at]:.3g}; per cent taken for fractions",
-                    float(f"{mean[at]:.6g}"),
-                    float(f"{travel[at]:.6g}"),
-                )
-            )
-    return found
+def _field_in_percent(s: Specimen) -> Problems:
+    if s.strain_field is None:
+        return
+    mean = np.mean(s.strain_field.strain, axis=1)
+    travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
+    at = int(np.argmax(travel))
+    if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
+        yield (
+            "units",
+            f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
+            f"{travel[at]:.3g}; per cent taken for fractions",
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -617,23 +584,23 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     any other factor is a gap to diagnose, not a fault of the data.
     """
     specimens = campaign.specimens
-    dead = tuple(dead_cell_problems(specimens))
+    dead = problems_of(dead_cell, specimens)
     silent = {p.specimen for p in dead}
     live = [s for s in specimens if s.id not in silent]
+    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
     units = _unit_problems(live, campaign.palette)
     copies = tuple(duplicate_problems(specimens))
-    named = frozenset(p.specimen for p in (*dead, *units, *copies) if p.specimen is not None)
     problems: tuple[QualityProblem, ...] = (
         *dead,
         *units,
         *size_problems(specimens),
-        *rate_problems(specimens),
-        *protocol_problems(live),
+        *shared_problems_of(rate, timed),
+        *problems_of(protocol, live),
         *amplitude_problems(specimens),
-        *_outlier_problems(specimens, leave_out=named),
-        *clipping_problems(live),
+        *_outlier_problems(specimens, {p.specimen for p in (*dead, *units, *copies)}),
+        *problems_of(clipping, live),
         *copies,
-        *timing_problems(specimens),
+        *problems_of(timing, specimens),
     )
     order = {s.id: place for place, s in enumerate(specimens)}
     return tuple(sorted(problems, key=lambda p: -1 if p.specimen is None else order[p.specimen]))

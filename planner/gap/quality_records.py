@@ -1,76 +1,65 @@
 """Faults of single records: clipped force, dead cells, clocks, motion, sizes, copies."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenColumn
 from planner.gap.campaign import Specimen, replicate_groups
+from planner.gap.diagnosis import QualityProblem
 from planner.materials.characterise import noise_sd
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
     "HOLDS",
     "UNLOADS",
-    "ProblemKind",
-    "QualityProblem",
+    "Problems",
     "amplitude_problems",
-    "clipping_problems",
-    "dead_cell_problems",
-    "dropouts",
+    "clipping",
+    "dead_cell",
     "duplicate_problems",
     "first_turn",
     "hold_share",
-    "protocol_problems",
-    "rate_problems",
+    "problems_of",
+    "protocol",
+    "rate",
+    "shared_problems_of",
     "size_problems",
     "speed_mm_s",
-    "spikes",
-    "timing_problems",
+    "timing",
     "unloading_share",
 ]
 
 
 # ------------------------------------------------------------------------------------------------
-# Something about the data that a lab should look at.
+# Problems of single records, one by one and of all at once.
 
 
-ProblemKind = Literal[
-    "amplitude", "clipped", "dead", "dropout", "duplicate", "outlier", "protocol", "rate", "size",
-    "spike", "units",
-]  # fmt: skip
+Problems = Iterator[tuple[str, str]]
+"""What is wrong with one specimen: the kind, and in words what was found against what was expected,
+without the specimen's name."""
 
 
-@dataclass(frozen=True, slots=True)
-class QualityProblem:
-    """One problem.
-
-    Attributes
-    ----------
-    specimen
-        Its id, or None where the whole campaign has it.
-    problem
-        In words, without the specimen's name: what was found against what was expected.
-    value, expected
-        The same as figures, in the unit the words give; None where there is none.
-    """
-
-    kind: ProblemKind
-    specimen: str | None
-    problem: str
-    value: float | None = None
-    expected: float | None = None
+def problems_of(
+    check: Callable[[Specimen], Problems], specimens: Sequence[Specimen]
+) -> list[QualityProblem]:
+    """Return what a check finds in each specimen."""
+    return [QualityProblem(s.id, *found) for s in specimens for found in check(s)]
 
 
-def _gathered(problems: Sequence[QualityProblem], of: int) -> tuple[QualityProblem, ...]:
-    """Make one problem of the whole campaign from equal ones of all `of` specimens, if over two."""
-    if of > 2 and len(problems) == of and len({(p.kind, p.problem) for p in problems}) == 1:
-        return (replace(problems[0], specimen=None),)
-    return tuple(problems)
+def shared_problems_of(
+    check: Callable[[Specimen], Problems], specimens: Sequence[Specimen]
+) -> list[QualityProblem]:
+    """Return the same, but one problem of the campaign where all of over two have an equal one."""
+    found = problems_of(check, specimens)
+    equal = len({(p.kind, p.problem) for p in found}) == 1
+    if len(specimens) > 2 and len(found) == len(specimens) and equal:
+        return [replace(found[0], specimen=None)]
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -85,19 +74,15 @@ _RISE, _RISE_SHARE = 4.0, 0.01
 along the plateau: a material that yields levels off before."""
 
 
-def clipping_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    """Yield specimens whose load cell or amplifier was at its limit."""
-    for s in specimens:
-        run = _plateau(s)
-        if run is not None:
-            top = float(s.force_N[run[0]])
-            yield QualityProblem(
-                "clipped",
-                s.id,
-                f"force stands at {top:.4g} N over {run[1] - run[0]} points from strain "
-                f"{s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
-                float(f"{top:.6g}"),
-            )
+def clipping(s: Specimen) -> Problems:
+    """Yield a load cell or amplifier that was at its limit."""
+    run = _plateau(s)
+    if run is not None:
+        yield (
+            "clipped",
+            f"force stands at {float(np.max(s.force_N)):.4g} N over {run[1] - run[0]} points from "
+            f"strain {s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
+        )
 
 
 def _plateau(s: Specimen) -> tuple[int, int] | None:
@@ -210,25 +195,22 @@ _LEAST_STRAIN, _ARRIVED = 0.01, 0.98
 _BLOCKS, _FEWEST = 20, 5
 
 
-def dead_cell_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    """Yield specimens whose force stood still, but for noise, over the first loading."""
-    for s in specimens:
-        stop = _loaded(s)
-        if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
-            continue
-        time, force = _blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
-        points = max(stop // len(time), 1)
-        noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
-        middle = float(np.median(force))
-        if float(np.ptp(force)) <= max(_STEADY_SHARE * abs(middle), noise):
-            yield QualityProblem(
-                "dead",
-                s.id,
-                f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
-                f"{s.displacement_mm[stop - 1]:.3g} mm; a dead or unplugged load cell? Leave the "
-                "specimen out",
-                float(f"{middle:.6g}"),
-            )
+def dead_cell(s: Specimen) -> Problems:
+    """Yield a force that stood still, but for noise, over the first loading."""
+    stop = _loaded(s)
+    if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
+        return
+    time, force = _blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
+    points = max(stop // len(time), 1)
+    noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
+    middle = float(np.median(force))
+    if float(np.ptp(force)) <= max(_STEADY_SHARE * abs(middle), noise):
+        yield (
+            "dead",
+            f"force stays at {middle:.3g} N while the crosshead goes from 0 to "
+            f"{s.displacement_mm[stop - 1]:.3g} mm; a dead or unplugged load cell? Leave the "
+            "specimen out",
+        )
 
 
 def _loaded(s: Specimen) -> int:
@@ -252,37 +234,28 @@ _WIDEST = 3
 _AROUND = 6
 
 
-def timing_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    """Yield specimens with lost data or with spikes."""
-    for s in specimens:
-        gaps = dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
-        if len(gaps):
-            steps = np.diff(s.time_s)
-            longest = int(gaps[np.argmax(steps[gaps])])
-            usual = float(np.median(steps))
-            yield QualityProblem(
-                "dropout",
-                s.id,
-                f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
-                f"{s.time_s[longest]:.4g} s, where {usual:.3g} s is usual",
-                float(f"{steps[longest]:.6g}"),
-                float(f"{usual:.6g}"),
+def timing(s: Specimen) -> Problems:
+    """Yield lost data and spikes."""
+    gaps = _dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
+    if len(gaps):
+        steps = np.diff(s.time_s)
+        longest = int(gaps[np.argmax(steps[gaps])])
+        yield (
+            "dropout",
+            f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
+            f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual",
+        )
+    for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
+        found = _spikes(values)
+        if found:
+            yield (
+                "spike",
+                f"{_times(len(found), 'spike')} in {name}, the first of {values[found[0]]:.4g} at "
+                f"{s.time_s[found[0]]:.4g} s",
             )
-        for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
-            found = spikes(values)
-            if len(found):
-                first = int(found[0])
-                yield QualityProblem(
-                    "spike",
-                    s.id,
-                    f"{_times(len(found), 'spike')} in {name}, the first of {values[first]:.4g} at "
-                    f"{s.time_s[first]:.4g} s",
-                    float(f"{values[first]:.6g}"),
-                    float(f"{np.median(_around(values, first)):.6g}"),
-                )
 
 
-def dropouts(time_s: FloatArray) -> IntArray:
+def _dropouts(time_s: FloatArray) -> IntArray:
     """Return the indices of steps far longer than those before and behind them."""
     steps = np.diff(time_s)
     if len(steps) < 7:
@@ -295,14 +268,15 @@ def dropouts(time_s: FloatArray) -> IntArray:
     return found
 
 
-def spikes(values: FloatArray) -> IntArray:
+def _spikes(values: FloatArray) -> list[int]:
     """Return the indices at which up to `_WIDEST` points leap out and the record comes back.
 
     A turn of a triangle wave or a break is none: a spike leaps further than the record moves
     nearby on both sides, and ends where it began.
     """
     n = len(values)
-    least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * _span(values))
+    low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
+    least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * float(high - low))
     moves = np.abs(np.diff(values))
     found: list[int] = []
     for width in range(1, _WIDEST + 1):
@@ -320,19 +294,7 @@ def spikes(values: FloatArray) -> IntArray:
             )
             if this > _SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
                 found.append(int(i) + 1)
-    return np.array(sorted(found), dtype=np.int64)
-
-
-def _span(values: FloatArray) -> float:
-    """Range of the record without what leaps out of it."""
-    low, high = np.quantile(values, [0.02, 0.98])
-    return float(high - low)
-
-
-def _around(values: FloatArray, at: int) -> FloatArray:
-    return np.concatenate(
-        [values[at - _AROUND : at], values[at + _WIDEST : at + _WIDEST + _AROUND]]
-    )
+    return sorted(found)
 
 
 def _times(count: int, what: str) -> str:
@@ -355,34 +317,18 @@ _SLIPS = (
 )
 
 
-def rate_problems(specimens: Sequence[Specimen]) -> tuple[QualityProblem, ...]:
-    """Return the specimens whose crosshead moved at another speed than declared."""
-    known = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
-    return _gathered(tuple(_rate_problems(known)), len(known))
-
-
-def _rate_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    for s in specimens:
-        speed = speed_mm_s(s.time_s, s.displacement_mm)
-        declared = s.rate_mm_s
-        if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= _TOLERANCE:
-            continue
-        reason = next(
-            (
-                f"; {words}"
-                for factor, words in _SLIPS
-                if abs(abs(math.log(speed / declared)) - math.log(factor)) < _TOLERANCE
-            ),
-            "",
-        )
-        yield QualityProblem(
-            "rate",
-            s.id,
-            f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
-            f"is declared{reason}",
-            float(f"{speed:.6g}"),
-            declared,
-        )
+def rate(s: Specimen) -> Problems:
+    """Yield a crosshead that moved at another speed than declared."""
+    speed, declared = speed_mm_s(s.time_s, s.displacement_mm), s.rate_mm_s
+    if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= _TOLERANCE:
+        return
+    off = abs(math.log(speed / declared))
+    reasons = [words for factor, words in _SLIPS if abs(off - math.log(factor)) < _TOLERANCE]
+    yield (
+        "rate",
+        f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
+        f"is declared{f'; {reasons[0]}' if reasons else ''}",
+    )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -402,9 +348,8 @@ def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem
         digits = _rounded(s.force_N).tobytes() + _rounded(s.displacement_mm).tobytes()
         other = seen.setdefault(digits, s.id)
         if other != s.id:
-            yield QualityProblem(
-                "duplicate", s.id, f"its curve is that of specimen {other}, number for number"
-            )
+            words = f"its curve is that of specimen {other}, number for number"
+            yield QualityProblem(s.id, "duplicate", words)
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
@@ -427,45 +372,33 @@ def size_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     for name, column in SPECIMEN_COLUMNS.items():
         if column.is_size:
             sized = [s for s in specimens if getattr(s, name) is not None]
-            problems = tuple(_implausible(sized, name, *column.plausible))
-            yield from _gathered(problems, len(sized))
-    for name in ("width_mm", "thickness_mm"):
-        yield from _against_nominal(specimens, name)
+            yield from shared_problems_of(partial(_implausible, column=column), sized)
+    for name in ("width", "thickness"):
+        yield from problems_of(partial(_off_nominal, name=name), specimens)
 
 
-def _implausible(
-    specimens: Sequence[Specimen], name: str, low: float, high: float
-) -> Iterator[QualityProblem]:
-    for s in specimens:
-        size: float = getattr(s, name)
-        if low <= size <= high:
-            continue
-        inches = size * _INCH if size < low else size / _INCH
-        reason = "; inches?" if low <= inches <= high and size < low else ""
-        yield QualityProblem(
+def _implausible(s: Specimen, column: SpecimenColumn) -> Problems:
+    size: float = getattr(s, column.name)
+    low, high = column.plausible
+    if not low <= size <= high:
+        inches = "; inches?" if size < low <= size * _INCH <= high else ""
+        yield (
             "size",
-            s.id,
-            f"{name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{reason}",
-            size,
-            low if size < low else high,
+            f"{column.name} is {size:.4g}; tensile specimens have {low:g} to {high:g} mm{inches}",
         )
 
 
-def _against_nominal(specimens: Sequence[Specimen], name: str) -> Iterator[QualityProblem]:
-    for s in specimens:
-        nominal: float | None = getattr(s, name)
-        measured: float | None = getattr(s, f"measured_{name}")
-        if nominal is None or measured is None:
-            continue
-        if abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
-            yield QualityProblem(
-                "size",
-                s.id,
-                f"measured {name.removesuffix('_mm')} is {measured:.4g} mm, nominal "
-                f"{nominal:.4g} mm; width and thickness swapped, or another unit?",
-                measured,
-                nominal,
-            )
+def _off_nominal(s: Specimen, name: str) -> Problems:
+    nominal: float | None = getattr(s, f"{name}_mm")
+    measured: float | None = getattr(s, f"measured_{name}_mm")
+    if nominal is None or measured is None:
+        return
+    if abs(measured - nominal) > max(_DEVIATION * nominal, _SLACK_MM):
+        yield (
+            "size",
+            f"measured {name} is {measured:.4g} mm, nominal {nominal:.4g} mm; width and thickness "
+            "swapped, or another unit?",
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -481,33 +414,20 @@ _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", 
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
 
-def protocol_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    """Yield the specimens that were tested otherwise than their protocol says."""
-    for s in specimens:
-        back = unloading_share(s.displacement_mm, s.force_N)
-        held = hold_share(s)
-        if s.protocol == "monotonic" and back > UNLOADS:
-            yield QualityProblem(
-                "protocol", s.id,
-                f"declared monotonic, but it is unloaded by {100 * back:.0f} % of its travel; "
-                "a cyclic test?", back, 0.0,
-            )  # fmt: skip
-        elif s.protocol == "monotonic" and held > HOLDS:
-            yield QualityProblem(
-                "protocol", s.id,
-                f"declared monotonic, but it is held for {100 * held:.0f} % of its time; "
-                "a relaxation test?", held, 0.0,
-            )  # fmt: skip
-        elif s.protocol == "cyclic" and back < 0.5 * UNLOADS:
-            yield QualityProblem(
-                "protocol", s.id, "declared cyclic, but it is never unloaded", back
-            )
-        elif s.protocol == "relaxation" and held < 0.5 * HOLDS:
-            yield QualityProblem(
-                "protocol", s.id,
-                f"declared relaxation, but it is held for {100 * held:.0f} % of its time only",
-                held,
-            )  # fmt: skip
+def protocol(s: Specimen) -> Problems:
+    """Yield a test that was another than its protocol says."""
+    back, held = unloading_share(s.displacement_mm, s.force_N), hold_share(s)
+    found = None
+    if s.protocol == "monotonic" and back > UNLOADS:
+        found = f"it is unloaded by {100 * back:.0f} % of its travel; a cyclic test?"
+    elif s.protocol == "monotonic" and held > HOLDS:
+        found = f"it is held for {100 * held:.0f} % of its time; a relaxation test?"
+    elif s.protocol == "cyclic" and back < 0.5 * UNLOADS:
+        found = "it is never unloaded"
+    elif s.protocol == "relaxation" and held < 0.5 * HOLDS:
+        found = f"it is held for {100 * held:.0f} % of its time only"
+    if found is not None:
+        yield "protocol", f"declared {s.protocol}, but {found}"
 
 
 def hold_share(specimen: Specimen) -> float:
@@ -556,11 +476,6 @@ def _declared_mm(specimen: Specimen) -> float | None:
     return None
 
 
-def _amplitude(specimen: Specimen, peak: float, expected: float, whose: str) -> QualityProblem:
-    return QualityProblem(
-        "amplitude",
-        specimen.id,
-        f"travels to {peak:.3g} mm, where {expected:.3g} mm {whose}",
-        float(f"{peak:.6g}"),
-        float(f"{expected:.6g}"),
-    )
+def _amplitude(s: Specimen, peak: float, expected: float, whose: str) -> QualityProblem:
+    words = f"travels to {peak:.3g} mm, where {expected:.3g} mm {whose}"
+    return QualityProblem(s.id, "amplitude", words)

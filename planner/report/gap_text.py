@@ -14,7 +14,7 @@ from planner.gap.diagnosis import (
     Experiment,
     FoundEffect,
     Gap,
-    Quality,
+    QualityProblem,
 )
 from planner.gap.effects import EFFECTS
 
@@ -520,7 +520,7 @@ def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{listed(ids)}{': ' + reason.rstrip('.') if reason else ''}."
 
 
-def _quality(problems: tuple[Quality, ...]) -> Iterator[str]:
+def _quality(problems: tuple[QualityProblem, ...]) -> Iterator[str]:
     for q in problems[:_PROBLEMS]:
         yield sentence(f"{q.specimen or 'All specimens'}: {q.problem}")
     if len(problems) > _PROBLEMS:

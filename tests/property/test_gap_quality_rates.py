@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign, Specimen
+from planner.gap.diagnosis import QualityProblem
 from planner.gap.quality import examine, predicted_stress_MPa
-from planner.gap.quality_records import QualityProblem
 from planner.printers import load_printer
 from planner.simulation.bar import ProfileDesign
 

@@ -13,7 +13,7 @@ from planner.gap.diagnosis import (
     Gap,
     Hypothesis,
     Location,
-    Quality,
+    QualityProblem,
     Traces,
     Untestable,
 )
@@ -75,7 +75,7 @@ RATE = Diagnosis(
         ),
     ),
     remainder=(),
-    data_quality=(Quality("B", "units", "load 4.45 times its replicates': pounds-force?"),),
+    data_quality=(QualityProblem("B", "units", "load 4.45 times its replicates': pounds-force?"),),
     next_experiments=(
         Experiment(
             {"rate_mm_s": np.float64(0.005), "replicates": np.int64(3)},
