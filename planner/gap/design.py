@@ -890,9 +890,7 @@ def next_experiments(
             key=lambda p: -float(distance[p] * share[list(p)].min()),
         )
         named = tuple(
-            (_name(known[a]), _name(known[b]))
-            for a, b in splits[:3]
-            if distance[a, b] > _TOLD_APART
+            (known[a].name, known[b].name) for a, b in splits[:3] if distance[a, b] > _TOLD_APART
         )
         found.append(Experiment(dict(trial.change), named, gain, trial.hours, _detail(trial)))
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
@@ -968,10 +966,6 @@ def _information(
     gain = own - logsumexp(log, axis=1) - np.repeat(np.log(share), _DRAWS)
     # Of a sample it may come out below nought, which information is not.
     return max(float(np.repeat(share, _DRAWS) @ gain / _DRAWS), 0.0), distance
-
-
-def _name(hypothesis: Hypothesis) -> str:
-    return "+".join(hypothesis.effects) or "none"
 
 
 def _detail(trial: Trial) -> str:

@@ -14,7 +14,7 @@ from planner.gap.campaign import Campaign, Specimen, axis_columns
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
-from planner.gap.diagnosis import Diagnosis, Location, Traces, Untestable
+from planner.gap.diagnosis import Diagnosis, Location, Traces, Untestable, name_of
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
@@ -266,7 +266,7 @@ def _diagnose(
         palette_sha256=campaign.palette.sha256,
         specimens=len(campaign.specimens),
         tests=len(model.tests),
-        verdict=_name(verdict),
+        verdict=name_of(verdict),
         ranking=tuple(
             replace(h, effects=h.effects or ("none",))
             for h in ranking[:RANKED]
@@ -333,15 +333,11 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     return campaign, observation_model(campaign)
 
 
-def _name(effects: Effects) -> str:
-    return "+".join(effects) or "none"
-
-
 def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
     found = []
     if refuted is not None:
         found.append(
-            f"{_name(refuted)} fits best, but predicts conditions that are left out worse than "
+            f"{name_of(refuted)} fits best, but predicts conditions that are left out worse than "
             "the palette alone does: it is no explanation"
         )
     n = len(problem.campaign.specimens)

@@ -27,6 +27,7 @@ __all__ = [
     "QualityProblem",
     "Traces",
     "Untestable",
+    "name_of",
     "read_diagnosis",
 ]
 
@@ -39,6 +40,11 @@ Effects = tuple[str, ...]
 """Effect ids, sorted; () stands for "none", ("unknown",) for what no effect explains."""
 
 
+def name_of(effects: Effects) -> str:
+    """Return a hypothesis as a verdict is written: "none", an id, or "a+b"."""
+    return "+".join(effects) or "none"
+
+
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
     """A set of effects and its probability.
@@ -49,6 +55,11 @@ class Hypothesis:
     effects: Effects
     probability: float
     with_unknown: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As a verdict is written."""
+        return name_of(self.effects)
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +271,11 @@ class Diagnosis:
     def ok(self) -> bool:
         """Whether no gap was found: nothing to explain, and nothing that remains."""
         return self.verdict == "none" and not self.remainder
+
+    @property
+    def named(self) -> bool:
+        """Whether the verdict names effects of the library."""
+        return self.verdict not in ("none", "unknown")
 
     def document(self) -> dict[str, Any]:
         """Return the diagnosis as JSON holds it, figures rounded to `_SIGNIFICANT_DIGITS`.

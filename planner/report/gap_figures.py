@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces
 from planner.numerics import FloatArray
-from planner.report.gap_text import axis_words, id_of, p_value, percent, probability, unit_of
+from planner.report.gap_text import axis_words, p_value, percent, probability, unit_of
 from planner.report.svg import (
     GREY,
     INK,
@@ -305,9 +305,7 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
     shown = [(place, points) for place, points in shown if np.isfinite(points.before).any()]
     if not shown:
         return None
-    has_after = diagnosis.verdict not in ("none", "unknown") and any(
-        np.isfinite(points.after).any() for _, points in shown
-    )
+    has_after = diagnosis.named and any(np.isfinite(points.after).any() for _, points in shown)
     if not has_after:
         shown = [(p, replace(q, after=np.full_like(q.before, np.nan))) for p, q in shown]
     y_range = _y_range([points for _, points in shown])
@@ -454,7 +452,7 @@ def _curves_figure(diagnosis: Diagnosis) -> bytes | None:
     traces = diagnosis.traces
     if traces is None:
         return None
-    if diagnosis.verdict in ("none", "unknown"):  # no effects to draw
+    if not diagnosis.named:  # no effects to draw
         traces = replace(traces, after_N=np.full_like(traces.before_N, np.nan))
     squares = traces.errors(traces.before_N) ** 2
     errors = np.array([_mean(squares[rows]) for rows in traces.rows])
@@ -548,7 +546,7 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
     shown = [
         h
         for h in diagnosis.ranking[:_MOST]
-        if h.probability >= _LEAST or id_of(h.effects) in ("none", diagnosis.verdict)
+        if h.probability >= _LEAST or h.name in ("none", diagnosis.verdict)
     ]
     alike = diagnosis.same_class if len(diagnosis.same_class) > 1 else ()
     bars = []
@@ -557,7 +555,7 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         plain = width * (1.0 - min(max(h.with_unknown, 0.0), 1.0))
         if h.effects == ("unknown",):
             plain = 0.0
-        name = f"{'● ' if h.effects in alike else ''}{id_of(h.effects)}"
+        name = f"{'● ' if h.effects in alike else ''}{h.name}"
         stretches = ((plain, _AFTER), (width - plain, _PALE))
         bars.append(_Bar(name, stretches, probability(h.probability)))
     marks = [(_BARS_WIDTH * share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
@@ -591,7 +589,7 @@ _LINE, _LEADING = 104, 15.0
 def _closure_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: a bar an error, the replicate floor as a dashed line."""
     gap = diagnosis.gap
-    named = diagnosis.verdict not in ("none", "unknown")
+    named = diagnosis.named
     after = "with the verdict's effects" if named else "with the best of each fold"
     rows = [
         (words, value, colour)

@@ -3,20 +3,18 @@
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from planner import __version__
 from planner.formats.files import FolderKind, new_folder
-from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis import Diagnosis, Gap
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
     TextSection,
     axis_words,
     headline,
-    id_of,
     meaning,
     number_words,
     percent,
@@ -37,22 +35,12 @@ __all__ = ["DIAGNOSIS", "diagnosis_files", "write_diagnosis"]
 _SIGNIFICANT_DIGITS = 6
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A heading, columns and rows of text; `figures` are columns that stand flush right."""
-
-    heading: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    figures: tuple[str, ...] = ()
-
-
 def _ranking_csv(diagnosis: Diagnosis) -> bytes:
     """Return the hypotheses, most probable first."""
     return _csv(
         ("hypothesis", "probability", "with_unknown", "same_class"),
         (
-            (id_of(h.effects), h.probability, h.with_unknown, h.effects in diagnosis.same_class)
+            (h.name, h.probability, h.with_unknown, h.effects in diagnosis.same_class)
             for h in diagnosis.ranking
         ),
     )
@@ -70,72 +58,92 @@ def _where_csv(diagnosis: Diagnosis) -> bytes:
     )
 
 
-def _page_tables(diagnosis: Diagnosis) -> Iterator[Table]:
-    """Yield the tables of the report, empty ones left out."""
-    for table in (
-        _ranking(diagnosis),
-        _parameters(diagnosis),
-        _where(diagnosis),
-        _errors(diagnosis),
-        _recalibration(diagnosis),
-        _detectable(diagnosis),
-        _untestable(diagnosis),
-        _experiments(diagnosis),
-        _quality(diagnosis),
-    ):
-        if table.rows:
-            yield table
+_FLUSH_RIGHT = {
+    "probability", "of it with an unknown", "value", "share", "p", "error",
+    "factor on the law's stress", "smallest seen", "expected gain, nats", "hours",
+}  # fmt: skip
 
 
-def _ranking(d: Diagnosis) -> Table:
-    rows = [
-        (
-            id_of(h.effects),
-            probability(h.probability),
-            percent(h.with_unknown),
-            "yes" if h.effects in d.same_class else "",
-        )
-        for h in d.ranking
-    ]
-    columns = ("hypothesis", "probability", "of it with an unknown", "same class as the verdict")
-    return Table("Explanations weighed", columns, tuple(rows), columns[1:3])
+def _page_tables(d: Diagnosis) -> dict[str, list[dict[str, str]]]:
+    """Return the tables of the report by their headings: rows, each by column."""
+    return {
+        "Explanations weighed": [
+            {
+                "hypothesis": h.name,
+                "probability": probability(h.probability),
+                "of it with an unknown": percent(h.with_unknown),
+                "same class as the verdict": "yes" if h.effects in d.same_class else "",
+            }
+            for h in d.ranking
+        ],
+        "Size of the effects": [
+            {
+                "effect": e.id,
+                "form": e.form,
+                "parameter": name,
+                "meaning": meaning(e.id, e.form, name),
+                "value": number_words(value),
+                "90 % interval": _interval(e.interval.get(name)),
+                "unit": _unit(e.units.get(name, "1")),
+            }
+            for e in d.effect
+            for name, value in e.parameters.items()
+        ],
+        "Where it lies": [
+            {
+                "of": of,
+                "along": axis_words(p.axis),
+                "share": percent(p.share),
+                "90 % interval": _interval(p.share_interval, percent),
+                "p": number_words(p.p, 2),
+                "detail": p.detail,
+            }
+            for of, places in (("gap", d.where), ("remainder", d.remainder))
+            for p in places
+        ],
+        "Error of force, on data held out": [
+            {"model": words, "error": error} for words, error in _errors(d.gap)
+        ],
+        "What the data ask of the laws besides": [
+            {
+                "material": material,
+                "factor on the law's stress": number_words(math.exp(factor)),
+                "90 % interval": _interval((factor - 1.645 * sd, factor + 1.645 * sd), _factor),
+            }
+            for material, (factor, sd) in d.recalibration.items()
+        ],
+        "What this campaign could have seen": [
+            {
+                "effect": s.id,
+                "parameter": s.parameter,
+                "meaning": meaning(s.id, "", s.parameter),
+                "smallest seen": "none within its bounds"
+                if s.size is None
+                else number_words(s.size),
+                "unit": _unit(s.unit),
+            }
+            for s in d.detectable
+        ],
+        "What it could not test": [
+            {"effect": u.id, "what it is": title(u.id), "because": u.reason} for u in d.not_testable
+        ],
+        "What to test next": [
+            {
+                "test": x.detail or ", ".join(setting(*change) for change in x.change.items()),
+                "tells": "; ".join(f"{a} from {b}" for a, b in x.splits),
+                "expected gain, nats": number_words(x.expected_gain_nats, 2),
+                "hours": number_words(x.hours, 2),
+            }
+            for x in d.next_experiments
+        ],
+        "Data to look at": [
+            {"specimen": q.specimen or "all", "kind": q.kind, "problem": q.problem}
+            for q in d.data_quality
+        ],
+    }
 
 
-def _parameters(d: Diagnosis) -> Table:
-    rows = []
-    for effect in d.effect:
-        for name, value in effect.parameters.items():
-            ends = effect.interval.get(name)
-            unit = effect.units.get(name, "1")
-            rows.append(
-                (
-                    effect.id,
-                    effect.form,
-                    name,
-                    meaning(effect.id, effect.form, name),
-                    number_words(value),
-                    "" if ends is None else _interval(ends),
-                    "" if unit == "1" else unit,
-                )
-            )
-    columns = ("effect", "form", "parameter", "meaning", "value", "90 % interval", "unit")
-    return Table("Size of the effects", columns, tuple(rows), ("value",))
-
-
-def _where(d: Diagnosis) -> Table:
-    rows = [
-        (of, axis_words(p.axis), percent(p.share), f"{percent(low)} to {percent(high)}",
-         number_words(p.p, 2), p.detail)
-        for of, places in (("gap", d.where), ("remainder", d.remainder))
-        for p in places
-        for low, high in (p.share_interval,)
-    ]  # fmt: skip
-    columns = ("of", "along", "share", "90 % interval", "p", "detail")
-    return Table("Where it lies", columns, tuple(rows), ("share", "p"))
-
-
-def _errors(d: Diagnosis) -> Table:
-    gap = d.gap
+def _errors(gap: Gap) -> list[tuple[str, str]]:
     named = (
         ("palette alone", gap.before),
         ("laws refitted, no effect", gap.recalibration_only),
@@ -145,66 +153,23 @@ def _errors(d: Diagnosis) -> Table:
     )
     rows = [(words, "not known" if v is None else percent(v, 3)) for words, v in named]
     if gap.closed is not None:
-        ends = gap.closed_interval
-        within = "" if ends is None else f" ({percent(ends[0])} to {percent(ends[1])})"
-        rows.append(("closed", f"{percent(gap.closed)}{within}"))
-    return Table("Error of force, on data held out", ("model", "error"), tuple(rows), ("error",))
+        ends = _interval(gap.closed_interval, percent)
+        rows.append(("closed", percent(gap.closed) + (f" ({ends})" if ends else "")))
+    return rows
 
 
-def _recalibration(d: Diagnosis) -> Table:
-    rows = [
-        (
-            material,
-            number_words(math.exp(factor)),
-            " to ".join(number_words(math.exp(factor + z * sd)) for z in (-1.645, 1.645)),
-        )
-        for material, (factor, sd) in d.recalibration.items()
-    ]
-    columns = ("material", "factor on the law's stress", "90 % interval")
-    return Table("What the data ask of the laws besides", columns, tuple(rows), columns[1:2])
+def _factor(log: float) -> str:
+    return number_words(math.exp(log))
 
 
-def _detectable(d: Diagnosis) -> Table:
-    rows = [
-        (
-            s.id,
-            s.parameter,
-            meaning(s.id, "", s.parameter),
-            "none within its bounds" if s.size is None else number_words(s.size),
-            "" if s.unit == "1" else s.unit,
-        )
-        for s in d.detectable
-    ]
-    columns = ("effect", "parameter", "meaning", "smallest seen", "unit")
-    return Table("What this campaign could have seen", columns, tuple(rows), columns[3:4])
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
-def _untestable(d: Diagnosis) -> Table:
-    rows = [(u.id, title(u.id), u.reason) for u in d.not_testable]
-    return Table("What it could not test", ("effect", "what it is", "because"), tuple(rows))
-
-
-def _experiments(d: Diagnosis) -> Table:
-    rows = [
-        (
-            x.detail or ", ".join(setting(key, value) for key, value in x.change.items()),
-            "; ".join(f"{a} from {b}" for a, b in x.splits),
-            number_words(x.expected_gain_nats, 2),
-            number_words(x.hours, 2),
-        )
-        for x in d.next_experiments
-    ]
-    columns = ("test", "tells", "expected gain, nats", "hours")
-    return Table("What to test next", columns, tuple(rows), columns[2:])
-
-
-def _quality(d: Diagnosis) -> Table:
-    rows = [(q.specimen or "all", q.kind, q.problem) for q in d.data_quality]
-    return Table("Data to look at", ("specimen", "kind", "problem"), tuple(rows))
-
-
-def _interval(ends: tuple[float, float]) -> str:
-    return f"{number_words(ends[0])} to {number_words(ends[1])}"
+def _interval(
+    ends: tuple[float, float] | None, words: Callable[[float], str] = number_words
+) -> str:
+    return "" if ends is None else f"{words(ends[0])} to {words(ends[1])}"
 
 
 def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
@@ -258,23 +223,9 @@ footer { margin-top: 2.5rem; padding-top: .75rem; border-top: 1px solid var(--li
   figure { border: 0; padding: 0; } .wide { overflow: visible; } }
 """
 
-_ORDER = ("residuals", "evidence", "closure", "curves")
-"""Figures that come after the sections, by name; others follow in their own order."""
 
-
-def _page(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> bytes:
-    """Return the page.
-
-    Parameters
-    ----------
-    figures
-        SVG by name.
-    """
-    return "\n".join(_lines(diagnosis, figures)).encode("utf-8")
-
-
-def _lines(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
-    d = diagnosis
+def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
+    """Yield the lines of the page, figures as SVG by name."""
     yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
     yield f"<title>{escape(d.campaign)}: {escape(d.verdict)}</title>"
@@ -285,10 +236,11 @@ def _lines(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
         yield from _section(section)
     if figures:
         yield "<h2>Figures</h2>"
-    for name in sorted(figures, key=lambda n: (_ORDER.index(n) if n in _ORDER else 99, n)):
-        yield f"<figure>\n{figures[name].decode('utf-8').strip()}\n</figure>"
-    for table in _page_tables(d):
-        yield from _table(table)
+    for svg in figures.values():
+        yield f"<figure>\n{svg.decode('utf-8').strip()}\n</figure>"
+    for heading, rows in _page_tables(d).items():
+        if rows:
+            yield from _table(heading, rows)
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
@@ -304,15 +256,14 @@ def _section(section: TextSection) -> Iterator[str]:
         yield f"<p>{escape(' '.join(section.sentences))}</p>"
 
 
-def _table(table: Table) -> Iterator[str]:
-    kinds = [' class="figure"' if c in table.figures else "" for c in table.columns]
-    yield f'<h2>{escape(table.heading)}</h2>\n<div class="wide">\n<table>\n<thead><tr>'
-    heads = zip(table.columns, kinds, strict=True)
-    yield "".join(f'<th scope="col"{kind}>{escape(words)}</th>' for words, kind in heads)
+def _table(heading: str, rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    kinds = {name: ' class="figure"' if name in _FLUSH_RIGHT else "" for name in rows[0]}
+    yield f'<h2>{escape(heading)}</h2>\n<div class="wide">\n<table>\n<thead><tr>'
+    yield "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in kinds.items())
     yield "</tr></thead>\n<tbody>"
-    for row in table.rows:
-        cells = zip(row, kinds, strict=True)
-        yield f"<tr>{''.join(f'<td{kind}>{escape(cell)}</td>' for cell, kind in cells)}</tr>"
+    for row in rows:
+        cells = (f"<td{kinds[name]}>{escape(cell)}</td>" for name, cell in row.items())
+        yield f"<tr>{''.join(cells)}</tr>"
     yield "</tbody>\n</table>\n</div>"
 
 
@@ -332,7 +283,7 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     figures = figures_of(diagnosis)
     return {
         "diagnosis.json": diagnosis.json(),
-        "report.html": _page(diagnosis, figures),
+        "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
         "where.csv": _where_csv(diagnosis),
         "ranking.csv": _ranking_csv(diagnosis),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},

@@ -10,11 +10,12 @@ from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.diagnosis import (
     Detectable,
     Diagnosis,
-    Effects,
     Experiment,
     FoundEffect,
     Gap,
+    Hypothesis,
     QualityProblem,
+    name_of,
 )
 from planner.gap.effects import EFFECTS
 
@@ -22,7 +23,6 @@ __all__ = [
     "TextSection",
     "axis_words",
     "headline",
-    "id_of",
     "listed",
     "meaning",
     "number_words",
@@ -59,26 +59,11 @@ _UNITS: Mapping[str, str] = {
 }  # fmt: skip
 
 
-def id_of(effects: Effects) -> str:
-    """Return a hypothesis as a verdict is written: "none", an id, or "a+b"."""
-    return "+".join(effects) if effects else "none"
-
-
 def title(effect: str) -> str:
     """Return the name that an effect has in a heading."""
     if effect == "unknown":
         return "something unknown"
     return EFFECTS[effect].title if effect in EFFECTS else effect
-
-
-def _effects_words(effects: Effects) -> str:
-    """Return a hypothesis in words."""
-    return " + ".join(title(e) for e in effects) if effects else "no gap"
-
-
-def _clause(effect: str) -> str:
-    """Return what an effect does, as the end of a sentence."""
-    return EFFECTS[effect].clause if effect in EFFECTS else title(effect)
 
 
 def axis_words(axis: str) -> str:
@@ -192,13 +177,10 @@ def _detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
 
 def meaning(effect: str, form: str, parameter: str) -> str:
     """Return what a parameter means, as the effect's form says it; "" where none does."""
-    known = EFFECTS.get(effect)
-    forms = () if known is None else known.forms
-    for one in sorted(forms, key=lambda f: f.name != form):
-        for candidate in one.parameters:
-            if candidate.name == parameter:
-                return candidate.meaning
-    return ""
+    forms = EFFECTS[effect].forms if effect in EFFECTS else ()
+    own_first = sorted(forms, key=lambda f: f.name != form)
+    known = (p.meaning for one in own_first for p in one.parameters if p.name == parameter)
+    return next(known, "")
 
 
 def _shown(name: str, words: str, unit: str, value: float) -> str:
@@ -206,7 +188,7 @@ def _shown(name: str, words: str, unit: str, value: float) -> str:
     if name.startswith("log_"):
         return f"{number_words(math.exp(value))} times"
     if words.startswith(_LOG_STRESS):
-        return _signed_percent(math.expm1(value))
+        return f"{'+' if value > 0.0 else ''}{percent(math.expm1(value))}"
     return number_words(value) if unit in ("1", "") else f"{number_words(value)} {unit}"
 
 
@@ -231,10 +213,6 @@ def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
         if low.endswith(suffix) and high.endswith(suffix):
             return f"{low.removesuffix(suffix)} to {high}"
     return f"{low} to {high}"
-
-
-def _signed_percent(change: float) -> str:
-    return f"{'+' if change > 0.0 else ''}{percent(change)}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -283,15 +261,14 @@ def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
 
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one line."""
-    chance = probability(_probability_of(diagnosis))
-    if diagnosis.verdict == "none":
-        return f"Verdict: none (probability {chance}): no gap that needs an explanation"
-    if diagnosis.verdict == "unknown":
-        return f"Verdict: unknown (probability {chance}): a gap that no effect here explains"
-    effects = tuple(diagnosis.verdict.split("+"))
-    verdict = f"Verdict: {diagnosis.verdict} (probability {chance})"
-    words = _effects_words(effects)
-    return verdict if words == diagnosis.verdict else f"{verdict}: {words}"
+    verdict = diagnosis.verdict
+    words = {
+        "none": "no gap that needs an explanation",
+        "unknown": "a gap that no effect here explains",
+    }.get(verdict, " + ".join(map(title, verdict.split("+"))))
+    chance = probability(_best(diagnosis).probability)
+    more = f": {words}" if words != verdict else ""
+    return f"Verdict: {verdict} (probability {chance}){more}"
 
 
 def verdict_sections(diagnosis: Diagnosis) -> tuple[TextSection, ...]:
@@ -321,26 +298,22 @@ def scope(diagnosis: Diagnosis) -> str:
     return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
 
 
-def _effects_of(verdict: str) -> Effects:
-    return () if verdict == "none" else tuple(verdict.split("+"))
-
-
-def _probability_of(diagnosis: Diagnosis) -> float:
-    found = (h.probability for h in diagnosis.ranking if id_of(h.effects) == diagnosis.verdict)
-    return next(found, 0.0)
+def _best(diagnosis: Diagnosis) -> Hypothesis:
+    """Return the verdict with its probability, 0 where the ranking lacks it."""
+    found = (h for h in diagnosis.ranking if h.name == diagnosis.verdict)
+    return next(found, Hypothesis((), 0.0))
 
 
 def _what(diagnosis: Diagnosis) -> Iterator[str]:
-    effects = _effects_of(diagnosis.verdict)
-    chance = _probability_of(diagnosis)
-    sure = next((words for least, words in _SURE if chance >= least), None)
-    clauses = "; and ".join(_clause(e) for e in effects)
-    if not effects:
+    best, effects = _best(diagnosis), diagnosis.verdict.split("+")
+    sure = next((words for least, words in _SURE if best.probability >= least), None)
+    clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
+    if diagnosis.verdict == "none":
         yield (
             "What was measured agrees with the palette within the scatter of specimens and the "
             "uncertainty of the palette's own calibration."
         )
-    elif effects == ("unknown",):
+    elif diagnosis.verdict == "unknown":
         yield (
             "The measurements differ from the palette in a way that none of the effects weighed "
             "here, alone or in pairs, reproduces."
@@ -353,21 +326,15 @@ def _what(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{len(effects)} effects are {sure} at work: {clauses}."
     else:
         yield f"The cause is {sure} this: {clauses}."
-    yield from _doubts(diagnosis)
-
-
-def _doubts(diagnosis: Diagnosis) -> Iterator[str]:
-    verdict = diagnosis.verdict
-    top = next((h for h in diagnosis.ranking if id_of(h.effects) == verdict), None)
-    if top is not None and verdict != "unknown" and top.with_unknown >= _UNKNOWN_SHARE:
+    if diagnosis.verdict != "unknown" and best.with_unknown >= _UNKNOWN_SHARE:
         yield (
-            f"Even so, {percent(top.with_unknown)} of that probability asks for something unknown "
-            "beside it."
+            f"Even so, {percent(best.with_unknown)} of that probability asks for something "
+            "unknown beside it."
         )
     others = [
-        f"{id_of(h.effects)} ({probability(h.probability)})"
+        f"{h.name} ({probability(h.probability)})"
         for h in diagnosis.ranking
-        if id_of(h.effects) != verdict and h.probability >= _WORTH_NAMING
+        if h.name != diagnosis.verdict and h.probability >= _WORTH_NAMING
     ]
     if others:
         yield f"Less probable, but not ruled out: {listed(others, most=4)}."
@@ -398,28 +365,36 @@ def _where(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
-    gap = diagnosis.gap
-    named = diagnosis.verdict not in ("none", "unknown")
+    gap, named = diagnosis.gap, diagnosis.named
+    floor = ""
+    if gap.floor is not None:
+        floor = f"; replicates differ by {percent(gap.floor)}, which no model can beat"
     yield (
         f"The palette alone misses the force by {percent(gap.before)} of a test's largest, in root "
-        "mean square" + (f"; {_floor(gap)}." if gap.floor is not None else ".")
+        f"mean square{floor}."
     )
     if gap.floor is None:
         yield (
             "There are no replicates to say how far any model could get, so how much of the gap "
             "closes cannot be said."
         )
-    if named and gap.after is None:
+    if gap.after is not None:
+        yield _closed(gap, gap.after, named)
+        if gap.held_out:
+            yield sentence(f"Held out: {gap.held_out}")
+    elif named:
         yield (
             "How far the effect closes it could not be checked on tests that it was not fitted "
             "to: this campaign has too few conditions to leave one out."
         )
-    if gap.after is not None:
-        yield from _closed(gap, named)
-    if gap.after is not None and gap.held_out:
-        yield sentence(f"Held out: {gap.held_out}")
     if named and gap.extrapolated is not None and gap.extrapolated_before is not None:
-        yield from _beyond(gap.extrapolated_before, gap.extrapolated)
+        worse = gap.extrapolated > gap.extrapolated_before
+        yield (
+            "Where whole levels are left out, so that the effect is carried beyond what was "
+            f"tested, it misses by {percent(gap.extrapolated)}, and the palette alone by "
+            f"{percent(gap.extrapolated_before)}"
+            f"{': do not use it beyond the conditions tested' if worse else ''}."
+        )
     baselines = [
         f"{percent(value)} {words}"
         for value, words in (
@@ -430,54 +405,32 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
     ]
     if baselines:
         yield f"For comparison: {listed(baselines)}."
-    if named and gap.after is not None and not gap.negative_transfer:
-        yield from _no_better(gap.after, gap.recalibration_only)
-
-
-def _beyond(before: float, after: float) -> Iterator[str]:
-    worse = after > before
-    yield (
-        f"Where whole levels are left out, so that the effect is carried beyond what was tested, "
-        f"it misses by {percent(after)}, and the palette alone by {percent(before)}"
-        + (": do not use it beyond the conditions tested." if worse else ".")
-    )
-
-
-def _floor(gap: Gap) -> str:
-    assert gap.floor is not None
-    return f"replicates differ by {percent(gap.floor)}, which no model can beat"
-
-
-def _closed(gap: Gap, named: bool) -> Iterator[str]:
-    assert gap.after is not None
-    model = "With the effect added" if named else "With the best explanation of each fold"
-    if gap.negative_transfer:
-        yield (
-            f"{model} it misses tests that took no part in the fit by "
-            f"{percent(gap.after)}: the effect makes predictions worse, so do not use it."
-        )
-        return
-    closed = ""
-    if gap.closed is not None and gap.closed <= 0.0:
-        closed = ", which closes nothing"
-    elif gap.closed is not None:
-        closed = f", which closes {percent(gap.closed)} of what can be closed"
-        if gap.closed_interval is not None:
-            low, high = gap.closed_interval
-            closed += f" (90 % interval {percent(low)} to {percent(high)})"
-    yield (f"{model} it misses tests that took no part in the fit by {percent(gap.after)}{closed}.")
-
-
-def _no_better(after: float, recalibrated: float | None) -> Iterator[str]:
-    if recalibrated is not None and recalibrated <= after:
+    refitted = math.inf if gap.recalibration_only is None else gap.recalibration_only
+    if named and gap.after is not None and not gap.negative_transfer and refitted <= gap.after:
         yield (
             "Refitting the laws does as well as the effect: what is off may be the palette, "
             "or what the effect does to all its materials alike."
         )
 
 
+def _closed(gap: Gap, after: float, named: bool) -> str:
+    model = "With the effect added" if named else "With the best explanation of each fold"
+    misses = f"{model} it misses tests that took no part in the fit by {percent(after)}"
+    if gap.negative_transfer:
+        return f"{misses}: the effect makes predictions worse, so do not use it."
+    if gap.closed is None:
+        return f"{misses}."
+    if gap.closed <= 0.0:
+        return f"{misses}, which closes nothing."
+    within = ""
+    if gap.closed_interval is not None:
+        low, high = gap.closed_interval
+        within = f" (90 % interval {percent(low)} to {percent(high)})"
+    return f"{misses}, which closes {percent(gap.closed)} of what can be closed{within}."
+
+
 def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
-    others = [name for name in map(id_of, diagnosis.same_class) if name != diagnosis.verdict]
+    others = [name for name in map(name_of, diagnosis.same_class) if name != diagnosis.verdict]
     if not others:
         return
     if diagnosis.verdict == "none":
@@ -487,7 +440,8 @@ def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
         small = " or ".join(filter(None, (along, unknown)))
         yield f"These data do not exclude a small gap {small}."
     else:
-        named = listed([_hypothesis(name) for name in others], last="or")
+        words = {"none": "no gap at all", "unknown": "an unknown cause"}
+        named = listed([words.get(name, name) for name in others], last="or")
         what = "An unknown cause" if diagnosis.verdict == "unknown" else diagnosis.verdict
         yield f"{what} looks the same here as {named}; take them as one answer."
     splits = {tuple(sorted(pair)) for x in diagnosis.next_experiments for pair in x.splits}
@@ -495,15 +449,10 @@ def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
         yield "The tests proposed below would split them."
 
 
-def _hypothesis(name: str) -> str:
-    return {"none": "no gap at all", "unknown": "an unknown cause"}.get(name, name)
-
-
 def _remainder(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.remainder:
         return
-    named = diagnosis.verdict not in ("none", "unknown")
-    yield f"{'Beside the effect, a' if named else 'A'} gap above scatter remains:"
+    yield f"{'Beside the effect, a' if diagnosis.named else 'A'} gap above scatter remains:"
     places = [
         f"along {axis_words(p.axis)} ({p_value(p.p)})"
         + (f", {p.detail.rstrip('.')}" if p.detail else "")
