@@ -515,6 +515,8 @@ def simulate(
 
     if output is not None and output.suffix.casefold() not in (".csv", ".json"):
         raise ArgumentError(f"--output {output}: its ending must be .csv or .json")
+    if figure is not None and figure.suffix.casefold() != ".svg":
+        raise ArgumentError(f"--figure {figure}: its ending must be .svg")
     targets = [path for path in (output, field, figure) if path is not None]
     if len(set(targets)) < len(targets):
         raise ArgumentError("--output, --field and --figure name one file; give each its own")

@@ -128,7 +128,9 @@ def canonical_unit(unit: str) -> str:
     if called in _SCALE_MM:
         return called
     hint = did_you_mean(unit, [*_SCALE_MM, *_ALSO_CALLED])
-    raise ArgumentError(f"`unit` {unit}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}")
+    raise ArgumentError(
+        f"`unit` {unit or repr(unit)}: no such unit; {hint}it may be {', '.join(_SCALE_MM)}"
+    )
 
 
 def unit_scale_mm(unit: str) -> float:

@@ -223,6 +223,10 @@ def read_design(
     path = Path(path)
     if path.is_file():
         return _listed(path, path.stem, palette, printer, camera)
+    if not path.is_dir():
+        raise FileError(
+            f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
+        )
     file = read_campaign_file(path)
     own = campaign_palette(file, path)
     if _has_curves(path):
