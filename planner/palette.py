@@ -239,10 +239,25 @@ class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 def load_palette(path: str | Path) -> Palette:
     """Read a palette file (TOML).
 
+    Parameters
+    ----------
+    path
+        The file; its keys are in docs/reference/files.md.
+
+    Returns
+    -------
+    Palette
+        Its materials from soft to hard.
+
     Raises
     ------
     PaletteError
         The file is missing, no TOML, or breaks the schema; the message names the key.
+
+    Examples
+    --------
+    >>> planner.load_palette("lab.toml").resolve("flx97").id  # doctest: +SKIP
+    'FLX9760'
     """
     path = Path(path)
     try:
@@ -407,6 +422,8 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
 
     Parameters
     ----------
+    palette
+        Fitted, corrected or read.
     output
         The file.
     force
@@ -416,6 +433,10 @@ def write_palette(palette: Palette, output: str | Path, *, force: bool = False) 
     ------
     OutputError
         The file is there already and `force` is false, or the system refused.
+
+    Examples
+    --------
+    >>> planner.write_palette(planner.fit(["tests"]).palette, "lab.toml")  # doctest: +SKIP
     """
     check_absent(output, force=force)
     write_whole(output, encode_palette(palette))

@@ -346,10 +346,25 @@ def read_plan(path: str | Path) -> Plan:
 
     Its figures have the nine digits that the file keeps.
 
+    Parameters
+    ----------
+    path
+        The plan.json, or the folder that `Plan.write` or ``planner grade`` wrote.
+
+    Returns
+    -------
+    Plan
+        Without shells, so that it cannot be written again.
+
     Raises
     ------
     FileError
         The file is missing, or is no plan of schema 1; the message names the key.
+
+    Examples
+    --------
+    >>> planner.read_plan("finger-graded").regions[0].material  # doctest: +SKIP
+    'TangoPlus'
     """
     file = plan_file(path)
     try:

@@ -185,12 +185,33 @@ def load_profile(folder: Traversable) -> PrinterProfile:
 
 
 def installed_printers() -> dict[str, EntryPoint]:
-    """Return the installed printers' entry points by name, sorted; nothing is loaded yet."""
+    """List the installed printers; nothing is loaded yet.
+
+    Returns
+    -------
+    dict
+        Their entry points by name, sorted: each says which object of which distribution it is.
+
+    Examples
+    --------
+    >>> list(planner.installed_printers())  # doctest: +SKIP
+    ['connex3']
+    """
     return {e.name: e for e in sorted(entry_points(group=_GROUP), key=lambda e: e.name)}
 
 
 def load_printer(name: str | Printer) -> Printer:
-    """Load an installed printer; a printer given as such is returned as it is.
+    """Load an installed printer.
+
+    Parameters
+    ----------
+    name
+        As `installed_printers` lists it; a printer given as such is returned as it is.
+
+    Returns
+    -------
+    Printer
+        What planner asks of it, and its palettes.
 
     Raises
     ------
@@ -198,6 +219,11 @@ def load_printer(name: str | Printer) -> Printer:
         Neither a name nor a printer.
     UnknownNameError
         No printer of that name is installed, or its plugin is not a printer.
+
+    Examples
+    --------
+    >>> planner.load_printer("connex3").palette().name  # doctest: +SKIP
+    'connex3-tango-vero'
     """
     if isinstance(name, Printer):
         return name

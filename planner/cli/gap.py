@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from planner.gap.correct import Correction
-    from planner.gap.design import CampaignDesign, Expected
+    from planner.gap.design import CampaignDesign
 
 __all__ = ["app"]
 
@@ -161,7 +161,7 @@ def correct(
         print_document({"schema": 1, "file": file, **made.document()})
     elif not quiet:
         _correct_report(made, output)
-    return 0 if made.corrected and not made.left else 1
+    return 0 if made.ok else 1
 
 
 def _correct_report(made: "Correction", output: Path) -> None:
@@ -247,11 +247,7 @@ def design(
         print_document({"schema": 1, "written": output.name, **made.document()})
     elif not quiet:
         _design_report(made, output, listed=listed)
-    return 0 if all(_well(e) for e in made.expected) else 1
-
-
-def _well(expected: "Expected") -> bool:
-    return not expected.alike and expected.probability >= 0.5
+    return 0 if made.ok else 1
 
 
 def _check_target(output: Path, asked: "Sequence[str]", *, listed: bool) -> None:

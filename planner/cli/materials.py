@@ -258,7 +258,7 @@ def characterise(
             say(f"wrote {output}")
         for said in found.findings:
             finding(said)
-    return 1 if found.findings else 0
+    return 0 if found.ok else 1
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
@@ -380,20 +380,20 @@ def fit(
             progress=stage,
         )
     planner.write_palette(result.palette, output, force=force)
-    findings = list(result.findings)
-    if result.problem is not None:
-        findings.append(
-            f"{result.problem}; planner cannot grade, invert or list materials with this palette"
-        )
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
         for note in result.notes:
             warn(note)
         _print_report(result, output)
-        for said in findings:
+        for said in result.findings:
             finding(said)
-    return 1 if findings else 0
+        if result.problem is not None:
+            finding(
+                f"{result.problem}; planner cannot grade, invert or list materials with this "
+                "palette"
+            )
+    return 0 if result.ok else 1
 
 
 def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:

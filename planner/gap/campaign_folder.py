@@ -454,7 +454,7 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
     Examples
     --------
     >>> len(planner.read_campaign("samples/warm-lab").specimens)  # doctest: +SKIP
-    24
+    18
     """
     folder = Path(folder)
     file = read_campaign_file(folder)
@@ -664,6 +664,8 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
     Parameters
     ----------
+    campaign
+        As it was read, designed or made.
     output
         Folder to write.
     measured

@@ -206,6 +206,11 @@ class Correction:
     left: tuple[str, ...] = ()
     doubt: str = ""
 
+    @property
+    def ok(self) -> bool:
+        """Whether the palette was corrected for all that the verdict names."""
+        return bool(self.corrected) and not self.left
+
     def document(self) -> dict[str, Any]:
         """Return what was corrected, for which conditions and how well, as JSON holds it."""
         at = self.palette.reference

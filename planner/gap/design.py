@@ -565,6 +565,11 @@ class CampaignDesign:
     left_over: int
     needs_camera: bool
 
+    @property
+    def ok(self) -> bool:
+        """Whether every effect will rather be named than missed, and be told from the others."""
+        return all(not e.alike and e.probability >= 0.5 for e in self.expected)
+
     def document(self) -> dict[str, Any]:
         """Return what is to be measured, and what is expected of it, as JSON holds it."""
         return {

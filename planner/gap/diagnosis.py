@@ -379,10 +379,25 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
 
     The keys of the contract suffice; those that planner does not know are ignored.
 
+    Parameters
+    ----------
+    path
+        The file, or the folder that ``planner gap diagnose`` wrote.
+
+    Returns
+    -------
+    Diagnosis
+        Without traces, which the report alone draws.
+
     Raises
     ------
     FileError
         The file cannot be read, is no JSON, or is not a diagnosis; the message names the key.
+
+    Examples
+    --------
+    >>> planner.read_diagnosis("diagnosis").verdict  # doctest: +SKIP
+    'temperature'
     """
     path = Path(path)
     file = path / "diagnosis.json" if path.is_dir() else path

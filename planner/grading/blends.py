@@ -132,7 +132,7 @@ def invert(
     Examples
     --------
     >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
-    '36.3 % FLX9760 + 63.7 % FLX9770'
+    '70.8 % FLX9750 + 29.2 % FLX9760'
     """
     if not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
         raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")

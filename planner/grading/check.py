@@ -413,8 +413,8 @@ def diff(
 
     Examples
     --------
-    >>> planner.diff("finger-graded", "finger-before")[0].what  # doctest: +SKIP
-    'material volume mm3'
+    >>> planner.diff("finger-graded", "five-bands")[0].what  # doctest: +SKIP
+    'material removed'
     """
     if not 0.0 <= tolerance <= 1.0:
         raise ArgumentError(f"`tolerance` {tolerance:g}: it must be a number from 0 to 1")

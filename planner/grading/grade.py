@@ -402,7 +402,7 @@ def grade(
         Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
         the cuts lie where the nearest material, or the mixture, changes.
     field
-        What the gradient follows instead of an axis: text as for ``--field``, such as
+        What the gradient follows instead of an axis: text such as
         ``"radial: point=0 0 5, to=12"``; a function of points (n, 3) in the part's coordinates
         that returns values from 0 to 1; or any `Field` over the part as placed for printing.
     pitch_mm
@@ -435,6 +435,11 @@ def grade(
     ------
     PlannerError
         Bad input, with what to do about it.
+
+    Examples
+    --------
+    >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero", axis="x")  # doctest: +SKIP
+    >>> plan.write("finger-graded")  # doctest: +SKIP
     """
     machine = load_printer(printer)
     if field is not None and axis is not None:

@@ -295,6 +295,8 @@ def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = F
 
     Parameters
     ----------
+    diagnosis
+        What `planner.diagnose` returns, with its traces.
     output
         Folder to write.
     force

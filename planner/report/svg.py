@@ -229,7 +229,25 @@ _HEADROOM = 1.06
 
 
 def simulation_figure(simulation: Simulation) -> bytes:
-    """Return the figure as SVG; a coupon, which strains evenly, has the left panel alone."""
+    """Draw force against displacement with its interval, and the strain along the bar.
+
+    A coupon, which strains evenly, has the left panel alone.
+
+    Parameters
+    ----------
+    simulation
+        What `planner.simulate` returns.
+
+    Returns
+    -------
+    bytes
+        The figure as SVG.
+
+    Examples
+    --------
+    >>> figure = planner.simulation_figure(planner.simulate("FLX9760"))  # doctest: +SKIP
+    >>> Path("pull.svg").write_bytes(figure)  # doctest: +SKIP
+    """
     title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
     parts = list(_curve(simulation))
     width = _LEFT + _WIDTH + 24.0

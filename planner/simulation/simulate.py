@@ -708,8 +708,11 @@ def simulate(
         Speed of the crosshead; by default the palette's reference strain rate times the length.
         The palette's laws are elastic, so it sets the times alone.
     protocol
-        ``monotonic``, ``cyclic`` (up and down, `cycles` times) or ``relaxation`` (held for
-        `hold_s`).
+        ``monotonic``, ``cyclic`` (up and down) or ``relaxation`` (held).
+    cycles
+        Of the cyclic protocol.
+    hold_s
+        How long relaxation holds.
     steps
         Load steps of each leg.
     slices
@@ -732,6 +735,12 @@ def simulate(
     ------
     PlannerError
         Bad input, with what to do about it.
+
+    Examples
+    --------
+    >>> result = planner.simulate("FLX9760", to_strain=0.2)  # doctest: +SKIP
+    >>> round(float(result.force_N[-1]), 2)  # doctest: +SKIP
+    8.42
     """
     if not 0.0 < to_strain <= _MOST_STRAIN:
         raise ArgumentError(

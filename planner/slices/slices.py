@@ -532,10 +532,21 @@ def iterate_layers(
         Edges of a voxel along x, y, z; by default those of the printer, which is by default the
         plan's.
 
+    Yields
+    ------
+    Layer
+        With the label of every voxel: 0 for nothing, else the place of its material from 1.
+
     Raises
     ------
     PlannerError
         See `planner.slices.slices.open_shells`.
+
+    Examples
+    --------
+    >>> layer = next(planner.iterate_layers("finger-graded", pitch_mm=1.0))  # doctest: +SKIP
+    >>> layer.label.shape  # doctest: +SKIP
+    (16, 97)
     """
     source = open_shells(plan, pitch_mm=pitch_mm, printer=printer)
     grid, materials = source.grid, tuple(shell.material for shell in source.shells)

@@ -1,0 +1,147 @@
+"""The Python interface: all that the commands do, under the same names, with the same defaults."""
+
+import inspect
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+import planner
+from planner.cli import app, run
+
+REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+PAGE = runpy.run_path(str(REFERENCE / "make_python.py"))
+FUNCTIONS = {n: f for n in planner.__all__ if inspect.isfunction(f := getattr(planner, n))}
+# What a command does with a result: where it is written, and what of it is printed.
+OF_THE_COMMAND = {"output", "force", "strict", "dry_run", "field", "figure", "as_json", "quiet"}
+
+
+def commands() -> dict[str, Any]:
+    group: Any = typer.main.get_command(app)
+    below = {f"gap {name}": c for name, c in group.commands["gap"].commands.items()}
+    return {name: c for name, c in group.commands.items() if name != "gap"} | below
+
+
+def test_every_command_has_its_function() -> None:
+    assert set(PAGE["COMMANDS"]) == set(commands())
+    assert set(PAGE["COMMANDS"].values()) <= set(planner.__all__)
+
+
+@pytest.mark.parametrize(("command", "name"), PAGE["COMMANDS"].items())
+def test_a_function_takes_what_its_command_takes_with_the_same_defaults(command, name) -> None:
+    arguments = inspect.signature(getattr(planner, name)).parameters
+    for option in commands()[command].params:
+        if option.name not in arguments:
+            assert option.name in OF_THE_COMMAND, option.name
+        elif not option.required and option.name not in {"output", "force"}:
+            default = arguments[option.name].default
+            assert option.default == (None if default == () else default), option.name
+        elif option.required:
+            assert arguments[option.name].default is inspect.Parameter.empty, option.name
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_is_told_whole(name: str) -> None:
+    told = PAGE["sections"](FUNCTIONS[name])
+    parameters = set(inspect.signature(FUNCTIONS[name]).parameters)
+    keys = PAGE["entries"](told.get("Parameters", ""))
+    assert {word.strip() for key in keys for word in key.split(",")} == parameters
+    assert "Examples" in told
+    assert {"Returns", "Yields"} & set(told) or name == "write_palette"
+    assert "Raises" in told or name in {"installed_printers", "simulation_figure"}
+
+
+def test_the_reference_page_is_the_docstrings() -> None:
+    """docs/reference/python.md is what its generator makes of them now."""
+    made = PAGE["reference"]()
+    assert (REFERENCE / "python.md").read_text(encoding="utf-8") == made
+    assert all(f"\n### {name}\n" in made for name in planner.__all__)
+
+
+def test_every_public_name_is_there_after_everything_is_imported() -> None:
+    """No module hides one: ``import planner.slices`` makes planner.slices that package."""
+    code = (
+        "import planner, planner.cli, importlib, pkgutil\n"
+        "for m in pkgutil.walk_packages(planner.__path__, 'planner.'):\n"
+        "    m.name.endswith('__main__') or importlib.import_module(m.name)\n"
+        "assert not [n for n in planner.__all__ if n in vars(planner)]\n"
+        "assert set(planner.__all__) <= set(dir(planner))\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_importing_planner_imports_nothing_else() -> None:
+    code = (
+        "import sys; before = set(sys.modules); import planner\n"
+        "roots = {name.partition('.')[0] for name in set(sys.modules) - before}\n"
+        "assert not roots - sys.stdlib_module_names - {'planner'}, roots\n"
+        "assert not [name for name in sys.modules if name.startswith('planner.')]\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+BLOCK = "grade finger.stl --from Tango --to Vero"
+WRONG = [
+    ("grade", {"from_": "Tango"}, "grade finger.stl --from Tango", "`from_` Tango `to` Vero"),
+    ("grade", {"from_": "Tango", "to": "Tango"}, "grade finger.stl --from Tango --to Tango",
+     "`from_` Tango and `to` Tango are one"),
+    ("grade", {"pitch_mm": 0.0}, f"{BLOCK} --pitch 0", "`pitch_mm` 0: it must be above 0"),
+    ("grade", {"bands": 0}, f"{BLOCK} --bands 0", "`bands` 0: it must be"),
+    ("grade", {"at_strain": 10.0}, f"{BLOCK} --at-strain 10", "`at_strain` 10: the working"),
+    ("grade", {"cell_mm": 0.5}, f"{BLOCK} --cell 0.5", "`cell_mm` 0.5: it goes with `blend`"),
+    ("grade", {"profile": "lgo"}, f"{BLOCK} --profile lgo", "`profile` lgo: no such profile; did"),
+    ("grade", {"unit": "inhc"}, f"{BLOCK} --unit inhc", "`unit` inhc: no such unit; did you mean"),
+    ("grade", {"unit": ""}, f"{BLOCK} --unit=", "`unit` '': no such unit"),
+    ("grade", {"axis": "x", "field": "axis: z"}, [*BLOCK.split(), "--axis", "x", "--field",
+     "axis: z"], "give `axis` or `field`, not both"),
+    ("simulate", {"to_strain": 0.0}, "simulate FLX9760 --to-strain 0", "`to_strain` 0: it must"),
+    ("simulate", {"rate_mm_s": 0.0}, "simulate FLX9760 --rate 0", "`rate_mm_s` 0: it must be"),
+    ("simulate", {"hold_s": -1.0}, "simulate FLX9760 --hold-s -1", "`hold_s` -1: it must be"),
+    ("simulate", {"between_mm": (9.0, 3.0)}, "simulate FLX9760 --between 9:3",
+     "`between_mm` 9:3: it must rise"),
+    ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0 MPa"),
+    ("list_materials", {"at_strain": 0.0}, "materials --at-strain 0", "`at_strain` 0: the"),
+    ("design", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
+     "`budget` 1000: it must be at most"),
+    ("design", {"budget": 8, "gauge_mm": 0.0},
+     "gap design --effects rate --budget 8 --gauge-mm 0 -o d", "`gauge_mm` 0: it must be"),
+    ("synthesise_campaign", {"scatter": 1.0}, "gap simulate --design lab --scatter 1 -o d",
+     "`scatter` 1: it must be from 0 to 0.3"),
+    ("synthesise_campaign", {"effect": "rtae"}, "gap simulate --design lab --effect rtae -o d",
+     "`effect` rtae: no such effect; did you mean rate"),
+    ("diagnose", {"without": "rat"}, "gap diagnose lab --without rat", "`without` rat: no such"),
+]  # fmt: skip
+FIRST = {
+    "grade": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0], "list_materials": [],
+    "design": ["rate"], "synthesise_campaign": ["lab"], "diagnose": ["lab"],
+}  # fmt: skip
+OPTIONS = {
+    "`from_`": "--from", "`pitch_mm`": "--pitch", "`cell_mm`": "--cell", "`rate_mm_s`": "--rate",
+    "`between_mm`": "--between", "`modulus_MPa`": "--modulus",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "wrong", "command", "says"), WRONG)
+def test_messages_name_arguments_in_python_and_options_on_the_command_line(
+    samples: Path, tmp_path: Path, monkeypatch, capsys, name, wrong, command, says
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("finger.stl").symlink_to(samples / "finger.stl")
+    Path("lab").symlink_to(samples / "warm-lab")
+    if name == "grade" and "from_" not in wrong:
+        wrong = {"from_": "Tango", "to": "Vero", **wrong}
+    with pytest.raises(planner.PlannerError) as caught:
+        getattr(planner, name)(*FIRST[name], **wrong)
+    assert says in str(caught.value)
+    assert "--" not in str(caught.value)
+    assert run(command.split() if isinstance(command, str) else command) == 2
+    shown = str(caught.value)
+    for argument, option in OPTIONS.items():
+        shown = shown.replace(argument, option)
+    words = shown.split("`")
+    words[1::2] = ["--" + word.strip("_").replace("_", "-") for word in words[1::2]]
+    assert capsys.readouterr().err == f"planner: {''.join(words)}\n"
