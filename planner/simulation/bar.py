@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.tables import finite_number, read_columns, read_records
+from planner.grading.profile import dithered_profile, is_dithered
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan, Region, plan_file, read_plan
@@ -190,7 +191,6 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     UnknownNameError
         The palette lacks a material of the plan.
     """
-    from planner.grading.dither import dithered_profile, is_dithered
     from planner.voxels.columns import iterate_columns
 
     direction, start_mm, span_mm = _axis(plan.gradient.field)
@@ -527,8 +527,6 @@ def _of_plan(
         ]
     else:
         notes = []
-    from planner.grading.dither import dithered_profile, is_dithered
-
     by_stretch = {region.field: region for region in plan.regions}  # two of each, where dithered
     regions = [by_stretch[field] for field in sorted(by_stretch)]
     _check_whole(regions, where)

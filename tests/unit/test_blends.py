@@ -26,11 +26,10 @@ from planner.grading.dither import (
     count_cells,
     dither_cells,
     dither_voxels,
-    dithered_profile,
     own_volumes,
     thresholds,
 )
-from planner.grading.profile import Profile, stiffness_scale
+from planner.grading.profile import Profile, dithered_profile, stiffness_scale
 from planner.materials.homogenisation import dithered_modulus_MPa
 from planner.mesh.audit import audit, interfaces_cancel
 from planner.mesh.mesh import Mesh
