@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -23,6 +23,7 @@ from planner.formats.tables import number, read_columns
 from planner.formats.tensile import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
+    SpecimenConditions,
     TensileTable,
     read_specimens,
     read_tensile,
@@ -126,27 +127,20 @@ _TURNED_RATIO = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Sizes:
-    """What turns strain and stress into travel and force, where known; and the declared rate."""
+class _Source:
+    """A specimen's table, and what turns strain and stress into travel and force, where known."""
 
+    where: str
+    table: TensileTable
     gauge_mm: float
     area_mm2: float | None
     rate_mm_s: float | None
+    notes: list[str]
+    """What was corrected, without naming the specimen."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Record:
-    """One specimen's measurement; `notes` say what was corrected, without naming it."""
-
-    time_s: FloatArray
-    displacement_mm: FloatArray
-    force_N: FloatArray
-    time_recorded: bool
-    notes: tuple[str, ...]
-
-
-def _record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
-    """Take time, travel and force of a table.
+def _record_of(source: _Source) -> dict[str, Any]:
+    """Take time, travel and force of a table, and whether the time was recorded.
 
     Force that counts negative in tension is turned, travel counts from its unloaded start,
     points of one time are averaged, and a time that was not recorded is counted from travel and
@@ -158,29 +152,27 @@ def _record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
         A channel is missing, the record is too short, or time falls; the message names file,
         specimen and line.
     """
-    if len(table.lines) < MINIMUM_POINTS:
+    where, points, notes = source.where, len(source.table.lines), source.notes
+    if points < MINIMUM_POINTS:
         raise FileError(
-            f"{where}: the curve has {len(table.lines)} points; at least {MINIMUM_POINTS} are "
+            f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    notes: list[str] = []
-    force = _upright(_force(table, sizes, where, notes), "force", notes)
-    travel = _upright(_travel(table, sizes, where, notes), "travel", notes)
+    force = _upright(_force(source), "force", notes)
+    travel = _upright(_travel(source), "travel", notes)
     if not np.any(force > 0.0):
         raise FileError(f"{where}: no force above 0; check the load cell, its sign and the column")
-    reach = float(np.max(np.abs(travel)))
-    if reach == 0.0:
+    if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
     unloaded = abs(force[0]) < _START_SHARE * float(np.max(force))
     if unloaded and abs(travel[0]) > _START_SHARE * float(np.ptp(travel)):
         notes.append("travel counts from its unloaded start, not from 0 as recorded")
         travel = travel - travel[0]
-    time, recorded = _time(table, travel, sizes, where, notes)
-    same = np.flatnonzero(np.diff(time) == 0.0)
-    if len(same):
+    time, recorded = _time(source, travel)
+    starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
+    if len(starts) < points:
         notes.append("several points of one time, averaged; log time with more digits")
-        starts = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0.0]))
-        counts = np.diff(np.append(starts, len(time)))
+        counts = np.diff(np.append(starts, points))
         time = time[starts]
         travel = np.add.reduceat(travel, starts) / counts
         force = np.add.reduceat(force, starts) / counts
@@ -188,30 +180,33 @@ def _record_of(table: TensileTable, sizes: Sizes, *, where: str) -> Record:
             raise FileError(
                 f"{where}: only {len(time)} different times; check the unit and digits of time"
             )
-    return Record(time, travel, force, recorded, (*notes, *table.notes))
+    return {"time_s": time, "displacement_mm": travel, "force_N": force, "time_recorded": recorded}
 
 
-def _force(table: TensileTable, sizes: Sizes, where: str, notes: list[str]) -> FloatArray:
-    if "force_N" in table.columns:
-        return table.columns["force_N"]
-    if "stress_MPa" not in table.columns:
-        raise FileError(f"{where}: no column of force; export it, headed 'force_N'")
-    if sizes.area_mm2 is None:
+def _force(source: _Source) -> FloatArray:
+    columns = source.table.columns
+    if "force_N" in columns:
+        return columns["force_N"]
+    if "stress_MPa" not in columns:
+        raise FileError(f"{source.where}: no column of force; export it, headed 'force_N'")
+    if source.area_mm2 is None:
         raise FileError(
-            f"{where}: a stress but no force, and the section is unknown; give width_mm and "
+            f"{source.where}: a stress but no force, and the section is unknown; give width_mm and "
             "thickness_mm in specimens.csv"
         )
-    notes.append("force is stress times the section in specimens.csv; it was not recorded")
-    return table.columns["stress_MPa"] * sizes.area_mm2
+    source.notes.append("force is stress times the section in specimens.csv; it was not recorded")
+    return columns["stress_MPa"] * source.area_mm2
 
 
-def _travel(table: TensileTable, sizes: Sizes, where: str, notes: list[str]) -> FloatArray:
-    if "displacement_mm" in table.columns:
-        return table.columns["displacement_mm"]
-    if "strain" not in table.columns:
-        raise FileError(f"{where}: no column of travel; export it, headed 'displacement_mm'")
-    notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
-    return table.columns["strain"] * sizes.gauge_mm
+def _travel(source: _Source) -> FloatArray:
+    columns = source.table.columns
+    if "displacement_mm" in columns:
+        return columns["displacement_mm"]
+    if "strain" not in columns:
+        what = "no column of travel; export it, headed 'displacement_mm'"
+        raise FileError(f"{source.where}: {what}")
+    source.notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
+    return columns["strain"] * source.gauge_mm
 
 
 def _upright(values: FloatArray, what: str, notes: list[str]) -> FloatArray:
@@ -222,30 +217,28 @@ def _upright(values: FloatArray, what: str, notes: list[str]) -> FloatArray:
     return -values
 
 
-def _time(
-    table: TensileTable, travel: FloatArray, sizes: Sizes, where: str, notes: list[str]
-) -> tuple[FloatArray, bool]:
-    if "time_s" not in table.columns:
-        if sizes.rate_mm_s is None:
+def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
+    if "time_s" not in source.table.columns:
+        if source.rate_mm_s is None:
             raise FileError(
-                f"{where}: no column of time and no rate_mm_s; export the time, headed 'time_s', "
-                "or give the rate in specimens.csv"
+                f"{source.where}: no column of time and no rate_mm_s; export the time, headed "
+                "'time_s', or give the rate in specimens.csv"
             )
-        notes.append("time was not recorded; it is counted from travel and rate_mm_s")
+        source.notes.append("time was not recorded; it is counted from travel and rate_mm_s")
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(travel)))])
-        return path / sizes.rate_mm_s, False
-    time = table.columns["time_s"]
+        return path / source.rate_mm_s, False
+    time = source.table.columns["time_s"]
     fall = np.flatnonzero(np.diff(time) < 0.0)
     if len(fall):
         at = int(fall[0])
         reversed_ = len(fall) == len(time) - 1
         what = "the rows stand in reversed order" if reversed_ else "sort or repair the rows"
         raise FileError(
-            f"{where}, line {table.lines[at + 1]}: time falls from {time[at]:g} s to "
+            f"{source.where}, line {source.table.lines[at + 1]}: time falls from {time[at]:g} s to "
             f"{time[at + 1]:g} s; {what}"
         )
     if time[0] < 0.0:
-        notes.append(f"time counts from its first value, {time[0]:g} s")
+        source.notes.append(f"time counts from its first value, {time[0]:g} s")
         time = time - time[0]
     return time, True
 
@@ -467,8 +460,9 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
     fields: dict[str, MeasuredField] = {}
     if (folder / _FIELDS).is_file():
         fields = _read_strain_fields(folder / _FIELDS)
-        for note, stray in _strays(fields, rows, _FIELDS):
-            noted.add(note, stray)
+        listed = {row.specimen for row in rows}
+        for stray in (specimen for specimen in fields if specimen not in listed):
+            noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
     covariates = covariates_of(rows)
     place = _Place(folder, palette, noted)
     specimens: list[Specimen] = []
@@ -555,15 +549,6 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
     return found
 
 
-def _strays(
-    found: Mapping[str, object], rows: Sequence[Row], name: str
-) -> Iterator[tuple[str, str]]:
-    known = {row.specimen for row in rows}
-    for specimen in found:
-        if specimen not in known:
-            yield f"in {name} but no row in {SPECIMENS}; left out", specimen
-
-
 def _specimen(
     row: Row,
     table: TensileTable,
@@ -572,61 +557,47 @@ def _specimen(
     place: _Place,
 ) -> Specimen:
     where = f"specimen {row.specimen} ({table.file})"
-    gauge = _size(row, table, "gauge_mm")
+    known = row.conditions()
+    for name, value in table.metadata.items():  # what the file's head tells, the row does not
+        if known.get(name, "") is None and isinstance(value, float) and value > 0.0:
+            known[name] = value
     design, material = None, None
+    notes: list[str] = []
     with _naming(f"{SPECIMENS}, specimen {row.specimen}"):
         if row.material:
             material = place.palette.resolve(row.material).id
         else:
-            file = place.folder / row.profile
-            design, notes = read_profile(file, palette=place.palette, gauge_mm=gauge)
-            gauge = design.length_mm
-            for note in notes:
-                place.noted.add(note, row.specimen)
-    if gauge is None:
+            file, gauge = place.folder / row.profile, known["gauge_mm"]
+            design, told = read_profile(file, palette=place.palette, gauge_mm=gauge)
+            known["gauge_mm"] = design.length_mm
+            notes += told
+    if known["gauge_mm"] is None:
         raise FileError(f"{where}: the gauge length is unknown; give gauge_mm in {SPECIMENS}")
-    width, thickness = (_size(row, table, name) for name in ("width_mm", "thickness_mm"))
-    width_known = width or row.measured_width_mm or (design and design.width_mm is not None)
-    thickness_known = (
-        thickness or row.measured_thickness_mm or (design and design.thickness_mm is not None)
-    )
-    if not (width_known and thickness_known):
-        missing = "thickness_mm" if width_known else "width_mm"
-        raise FileError(
-            f"{where}: the section is unknown, so its force cannot be predicted; give {missing} "
-            f"in {SPECIMENS}"
-        )
-    rate = _size(row, table, "rate_mm_s")
-    area = (
-        row.area_mm2
-        if width is None or thickness is None
-        else ((row.measured_width_mm or width) * (row.measured_thickness_mm or thickness))
-    )
-    record = _record_of(table, Sizes(gauge, area, rate), where=where)
-    for note in record.notes:
-        place.noted.add(note, row.specimen)
+    for name in ("width_mm", "thickness_mm"):
+        drawn = design is not None and getattr(design, name) is not None
+        if not (drawn or known[name] or known[f"measured_{name}"]):
+            raise FileError(
+                f"{where}: the section is unknown, so its force cannot be predicted; give {name} "
+                f"in {SPECIMENS}"
+            )
+    gauge = known.pop("gauge_mm")
+    area = SpecimenConditions(**known).area_mm2
+    record = _record_of(_Source(where, table, gauge, area, known["rate_mm_s"], notes))
+    notes += table.notes
     if measured_field is not None and measured_field.note:
-        place.noted.add(measured_field.note, row.specimen)
-    known = {"gauge_mm": gauge, "width_mm": width, "thickness_mm": thickness, "rate_mm_s": rate}
+        notes.append(measured_field.note)
+    for note in notes:
+        place.noted.add(note, row.specimen)
     return Specimen(
         id=row.specimen,
-        time_s=record.time_s,
-        displacement_mm=record.displacement_mm,
-        force_N=record.force_N,
-        time_recorded=record.time_recorded,
+        gauge_mm=gauge,
         material=material,
         profile=design,
-        **(row.conditions() | known),
         covariates=covariates,
         strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
+        **record,
+        **known,
     )
-
-
-def _size(row: Row, table: TensileTable, name: str) -> float | None:
-    """Return a size or rate: from the specimen's row, else from the head of its file."""
-    given = getattr(row, name)
-    value = table.metadata.get(name) if given is None else given
-    return value if isinstance(value, float) and value > 0.0 else None
 
 
 @contextlib.contextmanager
