@@ -17,7 +17,7 @@ from planner.errors import (
     UnknownNameError,
 )
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect, read_diagnosis
+from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
 from planner.gap.effect import Effect, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.virtual import single_test, virtual_specimen
@@ -47,16 +47,6 @@ __all__ = ["Correction", "correct"]
 _STARTS = 24
 _EVEN = 1e-4
 """Spread of ln factor along the strain below which the law keeps its course."""
-
-_STRESSES: Mapping[str, str] = MappingProxyType(
-    {
-        "linear": "modulus_MPa",
-        "neo-hookean": "mu_MPa",
-        "yeoh": "c_MPa",
-        "ogden": "mu_MPa",
-    }
-)
-"""The parameters that a factor on the stress multiplies, where the model has such a list."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,20 +82,24 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     PaletteError
         The model cannot follow: its stress would fall before the break.
     """
-    even = float(np.ptp(log_factor)) < _EVEN
-    if even or material.law.model == "linear":
-        law = _multiplied(material.law, float(np.exp(log_factor.mean())))
-        if law is not None:
-            return Refit(
-                law, float(np.sqrt(np.mean((np.exp(log_factor.mean() - log_factor) - 1.0) ** 2)))
-            )
-    stress = make_law(material.law).nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
-    model = _model(material.law)
+    law = material.law
+    if law.model == "linear" or float(np.ptp(log_factor)) < _EVEN:
+        even = log_factor.mean()
+        parameters = {
+            name: tuple(v * float(np.exp(even)) for v in values) if _is_stress(name) else values
+            for name, values in law.parameters.items()
+        }
+        misfit = float(np.sqrt(np.mean((np.exp(even - log_factor) - 1.0) ** 2)))
+        return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
+    stress = make_law(law).nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
+    model = _model(law)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
-    fit = fit_law(model, sample, starts=_STARTS, also=_exponents(material.law))
+    own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not _is_stress(name)]
+    start = np.concatenate(own)[None] if own else None
+    fit = fit_law(model, sample, starts=_STARTS, also=start)
     if not stability(fit, material.elongation_at_break, margin=0.0).stable:
         raise PaletteError(
-            f"material {material.id}: its {material.law.model} law cannot follow the correction: "
+            f"material {material.id}: its {law.model} law cannot follow the correction: "
             "the stress would fall before the break; measure it at these conditions and fit a "
             "law with planner fit"
         )
@@ -116,13 +110,9 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     return Refit(fit.parameters, misfit, alone)
 
 
-def _multiplied(law: LawParameters, factor: float) -> LawParameters | None:
-    parameters = dict(law.parameters)
-    for name in ("c2_MPa", "c4_MPa") if law.model == "martins" else (_STRESSES.get(law.model),):
-        if name is None:
-            return None
-        parameters[name] = tuple(value * factor for value in parameters[name])
-    return LawParameters(law.model, MappingProxyType(parameters))
+def _is_stress(parameter: str) -> bool:
+    """Return whether a factor on the stress multiplies a law's parameter; else it is a shape's."""
+    return parameter.endswith("_MPa")
 
 
 def _model(law: LawParameters) -> SeparableLaw:
@@ -139,15 +129,6 @@ def _model(law: LawParameters) -> SeparableLaw:
             f"an Ogden law of {terms} terms cannot be fitted again; the most is {len(models)}"
         )
     return models[terms - 1]
-
-
-def _exponents(law: LawParameters) -> FloatArray | None:
-    """Return the law's own nonlinear parameters as a start, (1, q)."""
-    if law.model == "ogden":
-        return np.sort(np.array([law.parameters["alpha"]]), axis=1)
-    if law.model == "martins":
-        return np.array([[law.parameters["c1"][0], law.parameters["c3"][0]]])
-    return None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -478,7 +459,8 @@ class _Factors:
         effects: Sequence[StatedEffect],
         strain: FloatArray,
     ) -> FloatArray:
-        assert at.strain_rate_per_s is not None
+        conditions = asdict(at)
+        rate_per_s = conditions.pop("strain_rate_per_s")
         specimen = virtual_specimen(
             self.palette,
             id=material.id,
@@ -487,15 +469,11 @@ class _Factors:
             material=material.id,
             width_mm=self.section_mm[0],
             thickness_mm=self.section_mm[1],
-            rate_mm_s=at.strain_rate_per_s * _GAUGE_mm,
-            temperature_C=at.temperature_C,
-            soak_h=at.soak_h,
-            age_days=at.age_days,
-            orientation=at.orientation,
-            protocol="monotonic",
+            rate_mm_s=rate_per_s * _GAUGE_mm,
+            **conditions,
         )
         campaign = Campaign("use", "", self.palette, (specimen,))
-        setup = single_test(campaign, 0, strain / at.strain_rate_per_s, strain * _GAUGE_mm)
+        setup = single_test(campaign, 0, strain / rate_per_s, strain * _GAUGE_mm)
         assert setup is not None
         force: FloatArray = predict(with_effects(setup, effects), self.laws).force_N[0]
         return force
@@ -510,7 +488,7 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
         )
     if diagnosis.verdict == "none":
         notes.append("the verdict is none: the palette is right as far as the campaign can tell")
-    others = ["+".join(e) for e in diagnosis.same_class if "+".join(e) != diagnosis.verdict]
+    others = [name for name in map(name_of, diagnosis.same_class) if name != diagnosis.verdict]
     if others and diagnosis.effect:
         notes.append(
             f"the data cannot tell {diagnosis.verdict} from {', '.join(others)}; the correction "

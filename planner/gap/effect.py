@@ -58,7 +58,7 @@ class Parameter:
         Bounds. Of a form's first parameter, its size: the least that is worth naming and the most
         that is physical; it is 0 when the effect is off.
     log
-        Whether equal ratios, not equal differences, are equally likely.
+        Whether equal ratios are equally likely, as of most sizes; else equal differences are.
     signed
         Of a size: whether it may be negative as well.
     unit
@@ -70,7 +70,7 @@ class Parameter:
     high: float
     meaning: str
     unit: str = "1"
-    log: bool = False
+    log: bool = True
     signed: bool = False
 
     @property
@@ -310,7 +310,9 @@ def stated(*references: Reference) -> Reference:
     return Reference(*(next(v for v in values if v is not None) for values in known))
 
 
-PEAK = Parameter("peak", 0.0, 1.0, "mixture that shows most of it, softest 0 to hardest 1")
+PEAK = Parameter(
+    "peak", 0.0, 1.0, "mixture that shows most of it, softest 0 to hardest 1", log=False
+)
 
 
 def place_on_palette(setup: Setup) -> FloatArray:

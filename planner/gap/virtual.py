@@ -158,39 +158,14 @@ def single_test(
         return None
     grid = time_grid([path])
     test = ReplicateTest((place,), grid, mean_times_s([path], grid), ())
-    setup = assemble(campaign, [test], {place: path})
-    shape = (1, len(time_s))
-    return setup.with_(
+    none = np.zeros((1, len(time_s)))
+    return assemble(campaign, [test], {place: path}).with_(
         time_s=np.asarray(time_s, dtype=np.float64)[None],
         travel_mm=np.asarray(travel_mm, dtype=np.float64)[None],
-        lost_mm=np.zeros(shape),
-        gain=np.ones(shape),
-        offset_N=np.zeros(shape),
+        lost_mm=none,
+        gain=none + 1.0,
+        offset_N=none,
     )
-
-
-def _nominal_record(campaign: Campaign, place: int) -> tuple[FloatArray, FloatArray, float] | None:
-    """Return time and travel of a specimen's test as it was meant: corners, and lines between.
-
-    The last figure is what was taken off the record's clock: times count from the start of travel.
-
-    None where the specimen never loads over enough rows to be observed.
-    """
-    path = path_of(campaign.specimens[place])
-    if path is None or not path.segments:
-        return None
-    corners_s = np.array([0.0, *(segment.end_s for segment in path.segments)])
-    corners_mm = np.array([0.0, *(segment.end_mm for segment in path.segments)])
-    rows = max(_LONE_ROWS // len(path.segments), 12)
-    parts = [np.zeros(1)]
-    for segment in path.segments:
-        length = segment.end_s - segment.begin_s
-        even = np.arange(1, rows + 1) / rows
-        parts.append(
-            segment.begin_s + length * (even if segment.moves else np.geomspace(1e-3, 1.0, rows))
-        )
-    time = np.concatenate(parts)
-    return time, np.interp(time, corners_s, corners_mm), path.shift_s
 
 
 # ------------------------------------------------------------------------------------------------
@@ -231,7 +206,13 @@ def read_design(
     own = campaign_palette(file, path)
     if _has_curves(path):
         campaign = read_campaign(path, own)
-        return replace(campaign, specimens=tuple(_retraced(campaign)))
+        specimens = tuple(s for s in map(_retraced, campaign.specimens) if s is not None)
+        if not specimens:
+            raise FileError(
+                f"campaign {campaign.name}: no specimen loads over enough points to be followed; "
+                f"give its {SPECIMENS} alone, and each goes the way of its protocol"
+            )
+        return replace(campaign, specimens=specimens)
     return _listed(path / SPECIMENS, file.name, own, file.printer, camera)
 
 
@@ -245,37 +226,42 @@ def _has_curves(folder: Path) -> bool:
     return sum(bool(line.strip()) for line in lines) > 1
 
 
-def _retraced(campaign: Campaign) -> list[Specimen]:
-    """Return the specimens on the ways they went, without their sensors' noise."""
-    found = []
-    for place, specimen in enumerate(campaign.specimens):
-        record = _nominal_record(campaign, place)
-        if record is None:
-            continue
-        time, travel, shift_s = record
-        seen = specimen.strain_field
-        found.append(
-            replace(
-                specimen,
-                time_s=time,
-                displacement_mm=travel,
-                force_N=travel / specimen.gauge_mm,
-                strain_field=None if seen is None else replace(seen, time_s=seen.time_s - shift_s),
-            )
-        )
-    if not found:
-        raise FileError(
-            f"campaign {campaign.name}: no specimen loads over enough points to be followed; "
-            f"give its {SPECIMENS} alone, and each goes the way of its protocol"
-        )
-    return found
+def _retraced(specimen: Specimen) -> Specimen | None:
+    """Return a specimen on the way that it was meant to go: corners, and lines between.
+
+    None where it never loads over enough rows to be observed.
+    """
+    path = path_of(specimen)
+    if path is None or not path.segments:
+        return None
+    rows = max(_LONE_ROWS // len(path.segments), 12)
+    even, held = np.arange(1, rows + 1) / rows, np.geomspace(1e-3, 1.0, rows)
+    parts = [s.begin_s + (s.end_s - s.begin_s) * (even if s.moves else held) for s in path.segments]
+    time = np.concatenate([np.zeros(1), *parts])
+    corners_s = np.array([0.0, *(s.end_s for s in path.segments)])
+    corners_mm = np.array([0.0, *(s.end_mm for s in path.segments)])
+    travel = np.interp(time, corners_s, corners_mm)
+    seen = specimen.strain_field
+    return replace(
+        specimen,
+        time_s=time,
+        displacement_mm=travel,
+        force_N=travel / specimen.gauge_mm,
+        # Times count from the start of travel.
+        strain_field=None if seen is None else replace(seen, time_s=seen.time_s - path.shift_s),
+    )
 
 
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
     rows = read_specimens(file)
     notes = tuple(check_headings(rows, file.name))
     covariates = covariates_of(rows)
-    designs = [_design(row, file, palette) for row in rows]
+    designs = [
+        read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
+        if row.profile
+        else None
+        for row in rows
+    ]
     strain = virtual_strain(
         palette, [row.material for row in rows if row.material], [d for d in designs if d]
     )
@@ -307,12 +293,6 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         covariates=tuple(rows[0].covariates),
         remarks=notes,
     )
-
-
-def _design(row: Row, file: Path, palette: Palette) -> ProfileDesign | None:
-    if not row.profile:
-        return None
-    return read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
 
 
 def _gauge_mm(row: Row, design: ProfileDesign | None, file: Path) -> float:

@@ -73,7 +73,7 @@ def _graded(setup: Setup, size: float, values: Values) -> FloatArray:
 # Ageing: curing goes on after the print and stiffens; some mixtures lose stiffness instead.
 
 
-_DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", log=True, signed=True)
+_DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", signed=True)
 
 
 def _log_time(setup: Setup, values: Values) -> Setup:
@@ -99,7 +99,7 @@ AGEING = Effect(
     (
         Form(
             "log-time",
-            (_DECADE, Parameter("onset", 0.3, 30.0, "age of the first change", "days", log=True)),
+            (_DECADE, Parameter("onset", 0.3, 30.0, "age of the first change", "days")),
             _log_time,
             "ln stress += a (log10(1 + t / t_0) - log10(1 + t_ref / t_0))",
             "Struik, Physical Aging in Amorphous Polymers and Other Materials, 1978",
@@ -114,8 +114,8 @@ AGEING = Effect(
         Form(
             "saturating",
             (
-                Parameter("change", 0.02, 0.6, "of ln stress in the end", log=True, signed=True),
-                Parameter("time", 2.0, 600.0, "of the reaction", "days", log=True),
+                Parameter("change", 0.02, 0.6, "of ln stress in the end", signed=True),
+                Parameter("time", 2.0, 600.0, "of the reaction", "days"),
             ),
             _saturating,
             "ln stress += a (exp(-t_ref / tau) - exp(-t / tau))",
@@ -133,8 +133,8 @@ AGEING = Effect(
 # Moisture: soaked elastomer swells and softens, saturating within about a day.
 
 
-_MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated specimen")
-_SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h", log=True)
+_MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated specimen", log=False)
+_SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h")
 
 
 def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Apply:
@@ -186,10 +186,7 @@ MOISTURE = Effect(
         ),
         Form(
             "root-time",
-            (
-                _MOISTURE_SIZE,
-                Parameter("saturation", 2.0, 100.0, "time of saturation", "h", log=True),
-            ),
+            (_MOISTURE_SIZE, Parameter("saturation", 2.0, 100.0, "time of saturation", "h")),
             _softened_by(_root),
             "E = E0 (1 - s tanh(sqrt(t / t_s)))",
             "Crank, The Mathematics of Diffusion, 1975, ch. 4 (short times)",
@@ -209,7 +206,7 @@ MOISTURE = Effect(
 _BREADTH_K = 10.0
 """Logistic scale of the transition: 10 to 90 % within 44 K, as jetted elastomers show."""
 
-_SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K", log=True)
+_SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K")
 
 
 def _warmer_K(setup: Setup) -> FloatArray:
@@ -263,11 +260,7 @@ TEMPERATURE = Effect(
         ),
         Form(
             "wlf",
-            (
-                _SLOPE,
-                Parameter("constant", 30.0, 150.0, "the second WLF constant", "K", log=True),
-                PEAK,
-            ),
+            (_SLOPE, Parameter("constant", 30.0, 150.0, "the second WLF constant", "K"), PEAK),
             _wlf,
             "ln stress -= b w(m) (T - T_ref) / (1 + (T - T_ref) / C2)",
             "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701",
@@ -275,9 +268,11 @@ TEMPERATURE = Effect(
         Form(
             "transition",
             (
-                Parameter("drop", 0.2, 7.0, "of ln stress from glass to rubber", log=True),
-                Parameter("transition", -10.0, 40.0, "temperature of the softest's", "°C"),
-                Parameter("span", 0.0, 60.0, "how much higher the hardest's lies", "K"),
+                Parameter("drop", 0.2, 7.0, "of ln stress from glass to rubber"),
+                Parameter(
+                    "transition", -10.0, 40.0, "temperature of the softest's", "°C", log=False
+                ),
+                Parameter("span", 0.0, 60.0, "how much higher the hardest's lies", "K", log=False),
             ),
             _transition,
             "ln stress -= D (s(T) - s(T_ref)), s(T) = 1 / (1 + exp(-(T - T_g(m)) / 10 K))",
@@ -301,9 +296,9 @@ REFERENCE_STRAIN = 0.15
 _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
-_RISE = Parameter("rise", 0.02, 0.8, "of ln stress per decade of strain rate", log=True)
-_SHARE = Parameter("share", 0.04, 0.8, "of the instantaneous stress that relaxes", log=True)
-_CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s", log=True)
+_RISE = Parameter("rise", 0.02, 0.8, "of ln stress per decade of strain rate")
+_SHARE = Parameter("share", 0.04, 0.8, "of the instantaneous stress that relaxes")
+_CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s")
 
 
 def _rate_decades(setup: Setup) -> FloatArray:
@@ -382,7 +377,7 @@ RATE = Effect(
         ),
         Form(
             "prony",
-            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade", log=True)),
+            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade")),
             _prony,
             "G(t) = 1 - g sum p_k (1 - exp(-t / tau_k)), p log-normal",
             "Fung, Biomechanics, 1981, ch. 7 (quasi-linear viscoelasticity)",
@@ -397,8 +392,8 @@ RATE = Effect(
         Form(
             "fractional",
             (
-                Parameter("exponent", 0.008, 0.3, "of the decay", log=True),
-                Parameter("onset", 0.02, 5.0, "time from which it decays", "s", log=True),
+                Parameter("exponent", 0.008, 0.3, "of the decay"),
+                Parameter("onset", 0.02, 5.0, "time from which it decays", "s"),
                 PEAK,
             ),
             _fractional,
@@ -429,7 +424,7 @@ def _first_loading_alone(found: FoundEffect, width_mm: float, thickness_mm: floa
 # Permanent set: a material strained once stays longer, and bears no stress up to there.
 
 
-_SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays", log=True)
+_SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays")
 _SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
 
 
@@ -466,7 +461,7 @@ PERMANENT_SET = Effect(
         Form("graded", (_SET_SIZE, PEAK), _proportional, "e_p = s w(m) e_max", _SOURCE),
         Form(
             "threshold",
-            (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays", log=True)),
+            (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays")),
             _threshold,
             "e_p = s e_max y / (1 + y), y = (e_max / e_0)^4",
             "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
@@ -474,8 +469,8 @@ PERMANENT_SET = Effect(
         Form(
             "power",
             (
-                Parameter("share", 0.02, 0.7, "of strain 1 that stays", log=True),
-                Parameter("power", 1.1, 3.0, "of the largest strain"),
+                Parameter("share", 0.02, 0.7, "of strain 1 that stays"),
+                Parameter("power", 1.1, 3.0, "of the largest strain", log=False),
             ),
             _set_power,
             "e_p = s e_max^p",
@@ -493,10 +488,8 @@ PERMANENT_SET = Effect(
 # Softening (Mullins): a material strained once is softer below the largest strain it has seen.
 
 
-_SOFTENING_SIZE = Parameter(
-    "softening", 0.02, 0.7, "stress lost near rest after a large strain", log=True
-)
-_SCALE = Parameter("scale", 0.03, 1.0, "largest strain at which two thirds are lost", log=True)
+_SOFTENING_SIZE = Parameter("softening", 0.02, 0.7, "stress lost near rest after a large strain")
+_SCALE = Parameter("scale", 0.03, 1.0, "largest strain at which two thirds are lost")
 
 _SHARES: FloatArray = SOFTENING_SHARES[:, None]
 _PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
@@ -530,11 +523,7 @@ SOFTENING = Effect(
     (
         Form(
             "damage",
-            (
-                _SOFTENING_SIZE,
-                _SCALE,
-                Parameter("power", 0.4, 3.0, "of strain over the largest", log=True),
-            ),
+            (_SOFTENING_SIZE, _SCALE, Parameter("power", 0.4, 3.0, "of strain over the largest")),
             _damage,
             "stress *= 1 - s (1 - (e / e_max)^p) (1 - exp(-e_max / e_0)) below e_max",
             "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
@@ -550,8 +539,8 @@ SOFTENING = Effect(
             "pseudo-elastic",
             (
                 _SOFTENING_SIZE,
-                Parameter("scale", 0.03, 0.6, "strain of slight softening", log=True),
-                Parameter("reach", 0.0, 1.0, "of softening at large strains"),
+                Parameter("scale", 0.03, 0.6, "strain of slight softening"),
+                Parameter("reach", 0.0, 1.0, "of softening at large strains", log=False),
             ),
             _pseudo_elastic,
             "stress *= 1 - s erf((e_max^2 - e^2) / (e_0^2 + b e_max^2)) below e_max",

@@ -33,7 +33,7 @@ _WIDTH = 0.3
 
 
 def _shift_of(low: float, high: float, meaning: str) -> Parameter:
-    return Parameter("shift", low, high, meaning, log=True, signed=True)
+    return Parameter("shift", low, high, meaning, signed=True)
 
 
 def _shifted(setup: Setup, shift: FloatArray) -> Setup:
@@ -130,8 +130,8 @@ def effect_for(coordinates: Sequence[float], names: Sequence[str]) -> Effect:
         Of the materials, in the same order.
     """
     nodes = np.asarray(coordinates, dtype=np.float64)
-    factor = Parameter("log_factor", 0.1, 1.6, "of its stress", log=True, signed=True)
-    tilt = Parameter("log_tilt", 0.1, 1.2, "of its stress with strain", log=True, signed=True)
+    factor = Parameter("log_factor", 0.1, 1.6, "of its stress", signed=True)
+    tilt = Parameter("log_tilt", 0.1, 1.2, "of its stress with strain", signed=True)
     forms = []
     for place, name in enumerate(names):
         peak = np.zeros(len(nodes))
@@ -294,21 +294,21 @@ INTERFACE_BLEED = Effect(
     (
         Form(
             "gaussian",
-            (Parameter("length", 0.05, 2.0, "standard deviation", "mm", log=True),),
+            (Parameter("length", 0.05, 2.0, "standard deviation", "mm"),),
             _bled(_gaussian),
             "m = design * normal density: erf across a step",
             "Crank, The Mathematics of Diffusion, 1975, ch. 2",
         ),
         Form(
             "exponential",
-            (Parameter("length", 0.04, 1.5, "of decay", "mm", log=True),),
+            (Parameter("length", 0.04, 1.5, "of decay", "mm"),),
             _bled(_exponential),
             "m = design * exp(-|x| / l) / (2 l)",
             "Crank, The Mathematics of Diffusion, 1975, ch. 14 (diffusion with reaction)",
         ),
         Form(
             "droplet",
-            (Parameter("length", 0.1, 4.0, "radius of spreading", "mm", log=True),),
+            (Parameter("length", 0.1, 4.0, "radius of spreading", "mm"),),
             _bled(_droplet),
             "m = design * 3 (1 - (x / l)^2) / (4 l) within l",
             "Zorzetto et al., Sci. Rep. 10, 2020, 22285",
@@ -330,7 +330,7 @@ _PARTS = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
 
 
 def _change(name: str) -> Parameter:
-    return Parameter("change", 0.02, 0.5, f"of ln stress along {name}", log=True, signed=True)
+    return Parameter("change", 0.02, 0.5, f"of ln stress along {name}", signed=True)
 
 
 def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> FloatArray:
@@ -357,8 +357,7 @@ def _strained_layers(setup: Setup, values: Values) -> Setup:
     """Across the layers, the more or the less the further the strain."""
     change = _along(setup, z=values["change"])
     return setup.with_(
-        log_factor=setup.log_factor + change,
-        log_tilt=setup.log_tilt + values["growth"] * change,
+        log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + values["growth"] * change
     )
 
 
@@ -391,14 +390,14 @@ ORIENTATION = Effect(
         ),
         Form(
             "three-way",
-            (_change("z"), Parameter("part", -0.5, 1.5, "of it along y")),
+            (_change("z"), Parameter("part", -0.5, 1.5, "of it along y", log=False)),
             _three_way,
             "ln stress += a along z, r a along y",
             _ORIENTATION_SOURCE,
         ),
         Form(
             "strained-layers",
-            (_change("z"), Parameter("growth", -1.0, 1.0, "of it with strain")),
+            (_change("z"), Parameter("growth", -1.0, 1.0, "of it with strain", log=False)),
             _strained_layers,
             "ln stress += a (1 + k tanh((strain - 0.15) / 0.2)) along z",
             _ORIENTATION_SOURCE,
@@ -421,7 +420,7 @@ _LEAST = 0.1
 
 
 def _oversize(meaning: str) -> Parameter:
-    return Parameter("oversize", 0.02, 0.4, meaning, "mm", log=True, signed=True)
+    return Parameter("oversize", 0.02, 0.4, meaning, "mm", signed=True)
 
 
 def _sizes_mm(setup: Setup) -> dict[str, FloatArray]:
@@ -470,10 +469,9 @@ def _draw_smaller(found: FoundEffect, width_mm: float, thickness_mm: float) -> s
             f"{lost / width_mm:.2f} mm thicker"
         )
     over = found.parameters["oversize"]
-    which = {
-        "thickness": "the thickness (across the layers)",
-        "width": "the width",
-    }.get(found.form, "width and thickness each")
+    which = {"thickness": "the thickness (across the layers)", "width": "the width"}.get(
+        found.form, "width and thickness each"
+    )
     return f"{head}draw {which} {abs(over):.2f} mm {'smaller' if over > 0.0 else 'larger'}"
 
 
@@ -506,7 +504,7 @@ CROSS_SECTION = Effect(
         ),
         Form(
             "rounded",
-            (Parameter("radius", 0.3, 2.0, "of the corners", "mm", log=True),),
+            (Parameter("radius", 0.3, 2.0, "of the corners", "mm"),),
             _rounded,
             "A = A0 - (4 - pi) r^2",
             _SECTION_SOURCE,
@@ -524,9 +522,9 @@ CROSS_SECTION = Effect(
 
 
 _SIZE = Parameter(
-    "log_stiffness", 0.1, 1.5, "ln of the skin's stress over the inside's", log=True, signed=True
+    "log_stiffness", 0.1, 1.5, "ln of the skin's stress over the inside's", signed=True
 )
-_DEPTH = Parameter("depth", 0.04, 0.6, "of the skin", "mm", log=True)
+_DEPTH = Parameter("depth", 0.04, 0.6, "of the skin", "mm")
 _SKIN_SOURCE = "Voigt, Ann. Phys. 274, 1889, 573 (layers side by side)"
 
 

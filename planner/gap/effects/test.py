@@ -40,8 +40,8 @@ def _measure_anew(how: str) -> Advice:
 # Force offset: the load cell was not zero when it should have been.
 
 
-_OFFSET = Parameter("offset", 0.01, 0.4, "shown without load", "N", log=True, signed=True)
-_WEIGHT = Parameter("offset", 0.4, 5.0, "shown without load", "N", log=True, signed=True)
+_OFFSET = Parameter("offset", 0.01, 0.4, "shown without load", "N", signed=True)
+_WEIGHT = Parameter("offset", 0.4, 5.0, "shown without load", "N", signed=True)
 _OFFSET_RARE = 0.2
 _OFFSET_SOURCE = "ISO 376 (zero and drift of force-proving instruments)"
 
@@ -79,14 +79,14 @@ FORCE_OFFSET = Effect(
         ),
         Form(
             "drifting",
-            (Parameter("drift", 0.01, 0.6, "of the zero", "N/min", log=True, signed=True),),
+            (Parameter("drift", 0.01, 0.6, "of the zero", "N/min", signed=True),),
             _drifting,
             "shown = F + a t",
             _OFFSET_SOURCE,
         ),
         Form(
             "fading",
-            (_OFFSET, Parameter("time", 3.0, 600.0, "of fading", "s", log=True)),
+            (_OFFSET, Parameter("time", 3.0, 600.0, "of fading", "s")),
             _fading,
             "shown = F + a exp(-t / tau)",
             _OFFSET_SOURCE,
@@ -118,7 +118,7 @@ def _gained(setup: Setup, values: Values) -> Setup:
 def _unit(name: str, factor: float, meaning: str) -> Form:
     """Form of a known factor, 3 % to either side left for the load cell's own."""
     log = math.log(factor)
-    size = Parameter("log_gain", log - 0.03, log + 0.03, meaning, signed=True)
+    size = Parameter("log_gain", log - 0.03, log + 0.03, meaning, signed=True, log=False)
     return Form(name, (size,), _gained, f"ln gain = +-ln {factor:.4g}", _UNITS, _SCALE_RARE)
 
 
@@ -130,11 +130,7 @@ FORCE_SCALE = Effect(
     (
         Form(
             "gain",
-            (
-                Parameter(
-                    "log_gain", 0.02, 0.5, "ln of shown over true force", log=True, signed=True
-                ),
-            ),
+            (Parameter("log_gain", 0.02, 0.5, "ln of shown over true force", signed=True),),
             _gained,
             "shown = F exp(a)",
             "ISO 7500-1 (verification of the force-measuring system)",
@@ -145,11 +141,7 @@ FORCE_SCALE = Effect(
         ),
         Form(
             "other-unit",
-            (
-                Parameter(
-                    "log_gain", 0.5, 7.0, "ln of shown over true force", log=True, signed=True
-                ),
-            ),
+            (Parameter("log_gain", 0.5, 7.0, "ln of shown over true force", signed=True),),
             _gained,
             "shown = F exp(a), |a| up to ln 1100",
             _UNITS,
@@ -170,7 +162,7 @@ FORCE_SCALE = Effect(
 # Grip slack: the crosshead moves before the specimen is taut.
 
 
-_SIZE = Parameter("slack", 0.02, 2.0, "travel lost", "mm", log=True)
+_SIZE = Parameter("slack", 0.02, 2.0, "travel lost", "mm")
 _SLACK_SOURCE = "ASTM D638, annex on toe compensation"
 
 
@@ -211,11 +203,7 @@ GRIP_SLACK = Effect(
     "boundary",
     (
         Form(
-            "dead-travel",
-            (_SIZE,),
-            _dead_travel,
-            "lost = d s / (d^4 + s^4)^(1/4)",
-            _SLACK_SOURCE,
+            "dead-travel", (_SIZE,), _dead_travel, "lost = d s / (d^4 + s^4)^(1/4)", _SLACK_SOURCE
         ),
         Form(
             "seating",
@@ -226,7 +214,7 @@ GRIP_SLACK = Effect(
         ),
         Form(
             "taking-up",
-            (_SIZE, Parameter("length", 0.1, 5.0, "over which it is taken up", "mm", log=True)),
+            (_SIZE, Parameter("length", 0.1, 5.0, "over which it is taken up", "mm")),
             _taking_up,
             "lost = s (1 - exp(-d / (s + l)))",
             _SLACK_SOURCE,
@@ -277,8 +265,8 @@ GRIP_SLIP = Effect(
         Form(
             "threshold",
             (
-                Parameter("slip", 0.003, 0.5, "per newton beyond the hold", "mm/N", log=True),
-                Parameter("hold", 0.3, 60.0, "load that the grips hold", "N", log=True),
+                Parameter("slip", 0.003, 0.5, "per newton beyond the hold", "mm/N"),
+                Parameter("hold", 0.3, 60.0, "load that the grips hold", "N"),
             ),
             _threshold,
             "lost = k max(F_max - F_0, 0)",
@@ -287,8 +275,8 @@ GRIP_SLIP = Effect(
         Form(
             "power",
             (
-                Parameter("slip", 0.01, 3.0, "at 20 N", "mm", log=True),
-                Parameter("power", 1.0, 2.5, "of the load"),
+                Parameter("slip", 0.01, 3.0, "at 20 N", "mm"),
+                Parameter("power", 1.0, 2.5, "of the load", log=False),
             ),
             _power,
             "lost = s (F_max / 20 N)^p",
@@ -324,7 +312,7 @@ MACHINE_COMPLIANCE = Effect(
     (
         Form(
             "linear",
-            (Parameter("compliance", 0.002, 0.1, "of machine and grips", "mm/N", log=True),),
+            (Parameter("compliance", 0.002, 0.1, "of machine and grips", "mm/N"),),
             _in_series,
             "lost = C F",
             "Kalidindi, Abusafieh & El-Danaf, Exp. Mech. 37, 1997, 210",
@@ -332,8 +320,8 @@ MACHINE_COMPLIANCE = Effect(
         Form(
             "stiffening",
             (
-                Parameter("compliance", 0.003, 0.4, "without load", "mm/N", log=True),
-                Parameter("power", 0.2, 0.9, "of the load"),
+                Parameter("compliance", 0.003, 0.4, "without load", "mm/N"),
+                Parameter("power", 0.2, 0.9, "of the load", log=False),
             ),
             _in_series,
             "lost = C ((1 + F)^p - 1) / p, F in N",
@@ -374,23 +362,14 @@ STRAIN_SCALE = Effect(
     (
         Form(
             "factor",
-            (
-                Parameter(
-                    "log_factor",
-                    0.01,
-                    0.5,
-                    "ln of true over recorded strain",
-                    log=True,
-                    signed=True,
-                ),
-            ),
+            (Parameter("log_factor", 0.01, 0.5, "ln of true over recorded strain", signed=True),),
             _factor,
             "strain = travel / gauge exp(a)",
             "ISO 37 (strain is measured between marks, not grips)",
         ),
         Form(
             "ends",
-            (Parameter("length", 0.3, 20.0, "that strains beyond the gauge", "mm", log=True),),
+            (Parameter("length", 0.3, 20.0, "that strains beyond the gauge", "mm"),),
             _ends,
             "strain = travel / (gauge + l)",
             "ISO 37 (the fillets of a dumb-bell strain as well)",
@@ -404,6 +383,7 @@ STRAIN_SCALE = Effect(
                     _INCH + 0.03,
                     "travel in inches taken for mm, or the reverse",
                     signed=True,
+                    log=False,
                 ),
             ),
             _factor,

@@ -26,8 +26,8 @@ FEATURES = 30
 
 def effect(id: str, shapes: int = 0, forms: int = 1) -> Effect:
     """Return an effect whose forms have a size from 1 to 40 and some shapes."""
-    shape = tuple(Parameter(f"shape{k}", -1.0, 1.0, "") for k in range(shapes))
-    size = Parameter("size", 1.0, 40.0, "")
+    shape = tuple(Parameter(f"shape{k}", -1.0, 1.0, "", log=False) for k in range(shapes))
+    size = Parameter("size", 1.0, 40.0, "", log=False)
     form = Form("form", (size, *shape), lambda setup, values: setup, "", "")
     return Effect(id, id, id, "law", (form,) * forms, (), ())
 
