@@ -9,9 +9,10 @@ import hashlib
 import itertools
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -306,7 +307,7 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
 
 def _material(entry: _MaterialFile, name: str) -> Material:
     where = f"palette {name}: material {entry.id!r}"
-    if not entry.id or not all(c.isascii() and (c.isalnum() or c in "._-") for c in entry.id):
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", entry.id):
         raise PaletteError(
             f"{where}: the id goes into file names; use letters, digits, '.', '-' and '_'"
         )
@@ -319,41 +320,32 @@ def _material(entry: _MaterialFile, name: str) -> Material:
         if not math.isfinite(value) or value <= low:
             raise PaletteError(f"{where}: {key} is {value}; it must be finite and above {low:g}")
     colour = entry.colour
-    if not (len(colour) == 7 and colour[0] == "#" and _is_hex(colour[1:])):
+    if not re.fullmatch(r"#[0-9A-Fa-f]{6}", colour):
         raise PaletteError(f"{where}: colour is {colour!r}; write it as '#RRGGBB'")
-    return Material(
-        id=entry.id,
-        coordinate=entry.coordinate,
-        elongation_at_break=entry.elongation_at_break,
-        density_g_cm3=entry.density_g_cm3,
-        law=_law(entry.law, f"{where}: law"),
-        aliases=tuple(entry.aliases),
-        colour=colour.upper(),
-        source=entry.source,
-        deformation=entry.deformation,
-        modulus_log_sd=entry.modulus_log_sd,
-        published=None if entry.published is None else _law(entry.published, f"{where}: published"),
-        uncertainty=entry.uncertainty,
-    )
-
-
-def _is_hex(text: str) -> bool:
-    return all(c in "0123456789abcdefABCDEF" for c in text)
+    published = entry.published
+    read = {
+        "law": _law(entry.law, f"{where}: law"),
+        "published": None if published is None else _law(published, f"{where}: published"),
+        "aliases": tuple(entry.aliases),
+        "colour": colour.upper(),
+    }
+    return Material(**{**msgspec.structs.asdict(entry), **read})
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
     model = table.get("model")
     if not isinstance(model, str) or model not in LAW_PARAMETERS:
-        known = _list(LAW_PARAMETERS)
+        known = ", ".join(LAW_PARAMETERS)
         raise PaletteError(f"{where}: model is {model!r}; it must be one of {known}")
     expected = LAW_PARAMETERS[model]
+    takes = f"{model} takes {', '.join(expected)}"
     for key in table:
         if key != "model" and key not in expected:
-            raise PaletteError(f"{where}: unknown key {key!r}; {model} takes {_list(expected)}")
+            raise PaletteError(f"{where}: unknown key {key!r}; {takes}")
     parameters: dict[str, tuple[float, ...]] = {}
     for key in expected:
         if key not in table:
-            raise PaletteError(f"{where}: {key!r} is missing; {model} takes {_list(expected)}")
+            raise PaletteError(f"{where}: {key!r} is missing; {takes}")
         value = table[key]
         values = value if isinstance(value, list) else [value]
         if not values or not all(
@@ -369,10 +361,6 @@ def _law(table: Mapping[str, Any], where: str) -> LawParameters:
     if len(set(lengths.values())) > 1:
         raise PaletteError(f"{where}: {lengths}: these lists must be of one length")
     return LawParameters(model, parameters)
-
-
-def _list(names: Mapping[str, object] | tuple[str, ...]) -> str:
-    return ", ".join(names)
 
 
 def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
@@ -448,14 +436,7 @@ def _lines(palette: Palette) -> Iterator[str]:
     yield 'kind = "palette"'
     if palette.source:
         yield f"source = {_text(palette.source)}"
-    reference = palette.reference
-    conditions = {
-        "strain_rate_per_s": reference.strain_rate_per_s,
-        "temperature_C": reference.temperature_C,
-        "soak_h": reference.soak_h,
-        "age_days": reference.age_days,
-        "orientation": reference.orientation,
-    }
+    conditions = asdict(palette.reference)
     if any(value is not None for value in conditions.values()):
         yield from ("", "[reference]")
         yield from _pairs(conditions)

@@ -258,12 +258,9 @@ class Plan:
             f"| `{Path(shell.file).name}` | {shell.operator_name} | {shell.colour} |"
             for shell in self.shells
         ]
+        mixed = any(shell.constituents for shell in self.shells)
         head = ["## Which material to which file", "", "| file | material | colour |"]
-        return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if self._mixes else ())]
-
-    @property
-    def _mixes(self) -> bool:
-        return any(shell.constituents for shell in self.shells)
+        return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if mixed else ())]
 
     def write(self, output: str | Path | None = None, *, force: bool = False) -> Path:
         """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.

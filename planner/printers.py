@@ -100,9 +100,9 @@ class _ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     layer_mm: float
     minimum_wall_mm: float
     minimum_feature_mm: float
-    base_resins: list[str]
+    base_resins: tuple[str, ...]
     support: str
-    palettes: list[str]
+    palettes: tuple[str, ...]
     operator_names: dict[str, str] = {}
     source: str = ""
 
@@ -168,20 +168,9 @@ def load_profile(folder: Traversable) -> PrinterProfile:
         raise PaletteError(f"printer {folder}: printer.toml: {error}") from error
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: printer.toml needs schema = 1 and a palette")
-    return PrinterProfile(
-        name=file.name,
-        title=file.title,
-        tray_mm=file.tray_mm,
-        pixel_mm=file.pixel_mm,
-        layer_mm=file.layer_mm,
-        minimum_wall_mm=file.minimum_wall_mm,
-        minimum_feature_mm=file.minimum_feature_mm,
-        base_resins=tuple(file.base_resins),
-        support=file.support,
-        palettes=tuple(file.palettes),
-        operator_names=file.operator_names,
-        folder=folder,
-    )
+    stated = msgspec.structs.asdict(file)
+    del stated["schema"], stated["source"]
+    return PrinterProfile(**stated, folder=folder)
 
 
 def installed_printers() -> dict[str, EntryPoint]:

@@ -35,6 +35,11 @@ __all__ = ["characterise", "fit", "invert", "materials", "printers"]
 # planner printers.
 
 
+_STATED = (
+    "title", "tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "base_resins", "palettes",
+)  # fmt: skip
+
+
 def printers(as_json: AsJson = False) -> int:
     """List the installed printers, what they print and where each comes from.
 
@@ -52,22 +57,9 @@ def printers(as_json: AsJson = False) -> int:
         except PlannerError as error:
             broken.append(str(error))
             continue
-        rows.append(
-            {
-                "name": name,
-                "title": machine.title,
-                "tray_mm": list(machine.tray_mm),
-                "pixel_mm": list(machine.pixel_mm),
-                "layer_mm": machine.layer_mm,
-                "minimum_wall_mm": machine.minimum_wall_mm,
-                "base_resins": list(machine.base_resins),
-                "palettes": list(machine.palettes),
-                "plugin": entry.value,
-                "distribution": None
-                if entry.dist is None
-                else f"{entry.dist.name} {entry.dist.version}",
-            }
-        )
+        made_by = None if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+        stated = {key: getattr(machine, key) for key in _STATED}
+        rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
     if as_json:
         print_document({"schema": 1, "printers": rows, "broken": broken})
         return 1 if broken else 0
@@ -106,7 +98,7 @@ def materials(
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
     import planner
-    from planner.cli.output import format_number, print_document, print_table
+    from planner.cli.output import format_number, format_range, print_document, print_table
 
     scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
     if as_json:
@@ -120,7 +112,7 @@ def materials(
                 material.id,
                 f"{material.coordinate:.3f}",
                 format_number(modulus),
-                f"{format_number(interval[0])} .. {format_number(interval[1])}",
+                format_range(interval),
                 f"{100 * material.elongation_at_break:.0f} %",
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
@@ -157,7 +149,13 @@ def invert(
     Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
     """
     import planner
-    from planner.cli.output import finding, format_number, print_document, print_table
+    from planner.cli.output import (
+        finding,
+        format_number,
+        format_range,
+        print_document,
+        print_table,
+    )
     from planner.printers import palette_of
 
     chosen = palette_of(palette, printer)
@@ -179,7 +177,7 @@ def invert(
                     mixture.blend_text(),
                     f"{mixture.blend.coordinate:.4f}",
                     format_number(mixture.modulus_MPa, 4),
-                    " .. ".join(format_number(end) for end in mixture.interval_MPa),
+                    format_range(mixture.interval_MPa),
                 ]
                 for mixture in found
             ],

@@ -31,6 +31,7 @@ __all__ = [
     "complain",
     "finding",
     "format_number",
+    "format_range",
     "print_document",
     "print_table",
     "progress",
@@ -165,13 +166,14 @@ def format_number(value: float, digits: int = 3) -> str:
     if value == 0.0:
         return "0"
     if 1e-4 <= abs(value) < 1e6:
-        decimals = max(0, digits - 1 - _exponent(value))
-        return f"{value:.{decimals}f}"
+        exponent = int(f"{value:e}".split("e")[1])
+        return f"{value:.{max(0, digits - 1 - exponent)}f}"
     return f"{value:.{digits - 1}e}"
 
 
-def _exponent(value: float) -> int:
-    return int(f"{abs(value):e}".split("e")[1])
+def format_range(ends: Sequence[float]) -> str:
+    """Write the two ends of an interval with three significant digits."""
+    return " .. ".join(format_number(end) for end in ends)
 
 
 @contextlib.contextmanager

@@ -191,62 +191,38 @@ def _blend_text(region: "Region") -> str:
 
 
 def _table(plan: "Plan") -> None:
-    from planner.cli.output import format_number, print_table
+    from planner.cli.output import format_number, format_range, print_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
     field = plan.gradient.field
-    span = field.get("span_mm")
-    begin, way = _mm_along(field)
-    blended = plan.gradient.blend is not None
-    rows = []
-    for region in plan.regions:
-        low, high = region.target_modulus_MPa
-        start, stop = region.field
-        where = (
-            f"{begin + start * way:.2f} .. {begin + stop * way:.2f}"
-            if isinstance(span, float)
-            else f"{start:.4f} .. {stop:.4f}"
-        )
-        rows.append(
-            [
-                str(region.index),
-                region.printed,
-                *([_blend_text(region)] if blended else []),
-                where,
-                f"{format_number(low)} .. {format_number(high)}",
-                format_number(region.modulus_MPa),
-                f"{format_number(region.modulus_interval_MPa[0])} .. "
-                f"{format_number(region.modulus_interval_MPa[1])}",
-                f"{100 * region.error[0]:+.0f} .. {100 * region.error[1]:+.0f} %",
-                format_number(region.volume_mm3, 4),
-                format_number(region.mass_g),
-            ]
-        )
-    total = sum(r.volume_mm3 for r in plan.regions), sum(r.mass_g for r in plan.regions)
-    rows.append(
-        [
-            "",
-            "all",
-            *([""] if blended else []),
-            *[""] * 5,
-            format_number(total[0], 4),
-            format_number(total[1]),
-        ]
-    )
+    long = isinstance(field.get("span_mm"), float)
+    begin, way = _mm_along(field) if long else (0.0, 1.0)
+    rows = [
+        {
+            "#": str(r.index),
+            "material": r.printed,
+            "blend": _blend_text(r),
+            "along mm" if long else "field": " .. ".join(
+                f"{begin + u * way:.{2 if long else 4}f}" for u in r.field
+            ),
+            "target MPa": format_range(r.target_modulus_MPa),
+            "achieved": format_number(r.modulus_MPa),
+            "95 % interval": format_range(r.modulus_interval_MPa),
+            "error": f"{100 * r.error[0]:+.0f} .. {100 * r.error[1]:+.0f} %",
+            "volume mm3": format_number(r.volume_mm3, 4),
+            "mass g": format_number(r.mass_g),
+        }
+        for r in plan.regions
+    ]
+    total = {
+        "material": "all",
+        "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
+        "mass g": format_number(sum(r.mass_g for r in plan.regions)),
+    }
+    columns = [name for name in rows[0] if name != "blend" or plan.gradient.blend is not None]
     print_table(
-        [
-            "#",
-            "material",
-            *(["blend"] if blended else []),
-            "along mm" if isinstance(span, float) else "field",
-            "target MPa",
-            "achieved",
-            "95 % interval",
-            "error",
-            "volume mm3",
-            "mass g",
-        ],
-        rows,
+        columns,
+        [[row.get(name, "") for name in columns] for row in (*rows, total)],
         title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
         f"{plan.stiffness.at_strain:g}, of rigid grades the initial modulus",
         right=["#", "achieved", "error", "volume mm3", "mass g"],
@@ -565,13 +541,12 @@ def _between(text: str) -> tuple[float, float]:
 
 
 def _simulate_report(result: "Simulation", written: list[Path]) -> None:
-    from planner.cli.output import finding, format_number, print_table, say, warn
+    from planner.cli.output import finding, format_number, format_range, print_table, say, warn
 
     for note in result.notes:
         warn(note)
     count = len(result.force_N)
     shown = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
-    low, high = result.force_interval_N.T
     bar = result.bar
     slices = len(bar.x_mm)
     print_table(
@@ -582,7 +557,7 @@ def _simulate_report(result: "Simulation", written: list[Path]) -> None:
                 format_number(float(result.displacement_mm[i]), 4),
                 f"{result.gauge_strain[i]:.4f}",
                 format_number(float(result.force_N[i]), 4),
-                f"{format_number(float(low[i]))} .. {format_number(float(high[i]))}",
+                format_range(result.force_interval_N[i].tolist()),
                 f"{result.strain[i].max():.4f} at "
                 f"{bar.x_mm[int(result.strain[i].argmax())]:.2f} mm",
             ]
