@@ -10,21 +10,7 @@ from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem
-from planner.gap.quality_records import (
-    Problems,
-    amplitude_problems,
-    clipping,
-    dead_cell,
-    duplicate_problems,
-    first_turn,
-    problems_of,
-    protocol,
-    rate,
-    shared_problems_of,
-    size_problems,
-    speed_mm_s,
-    timing,
-)
+from planner.gap.quality_records import first_turn, record_problems, speed_mm_s
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -405,8 +391,7 @@ def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> list[Qual
     ]
     rest = {i: v for i, v in rest.items() if i not in materials}
     whole = _whole(specimens, palette, rest)
-    fields = problems_of(_field_in_percent, specimens)
-    return [*problems, *fields, *([] if whole is None else [whole])]
+    return [*problems, *_fields_in_percent(specimens), *([] if whole is None else [whole])]
 
 
 def _among_replicates(
@@ -558,22 +543,30 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | Non
     return f"travel is off by 25.4 against its declared rate and its load, as if {words}"
 
 
-def _field_in_percent(s: Specimen) -> Problems:
-    if s.strain_field is None:
-        return
-    mean = np.mean(s.strain_field.strain, axis=1)
-    travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
-    at = int(np.argmax(travel))
-    if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
-        yield (
-            "units",
-            f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
-            f"{travel[at]:.3g}; per cent taken for fractions",
-        )
+def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
+    for s in specimens:
+        if s.strain_field is None:
+            continue
+        mean = np.mean(s.strain_field.strain, axis=1)
+        travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
+        at = int(np.argmax(travel))
+        if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
+            words = (
+                f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
+                f"{travel[at]:.3g}; per cent taken for fractions"
+            )
+            yield QualityProblem(s.id, "units", words)
 
 
 # ------------------------------------------------------------------------------------------------
 # Examine a campaign's data.
+
+
+_KINDS = (
+    "dead", "units", "size", "rate", "protocol", "amplitude", "outlier", "clipped", "duplicate",
+    "dropout", "spike",
+)  # fmt: skip
+"""In the order in which they are told."""
 
 
 def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
@@ -584,23 +577,11 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     any other factor is a gap to diagnose, not a fault of the data.
     """
     specimens = campaign.specimens
-    dead = problems_of(dead_cell, specimens)
-    silent = {p.specimen for p in dead}
-    live = [s for s in specimens if s.id not in silent]
-    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
-    units = _unit_problems(live, campaign.palette)
-    copies = tuple(duplicate_problems(specimens))
-    problems: tuple[QualityProblem, ...] = (
-        *dead,
-        *units,
-        *size_problems(specimens),
-        *shared_problems_of(rate, timed),
-        *problems_of(protocol, live),
-        *amplitude_problems(specimens),
-        *_outlier_problems(specimens, {p.specimen for p in (*dead, *units, *copies)}),
-        *problems_of(clipping, live),
-        *copies,
-        *problems_of(timing, specimens),
-    )
-    order = {s.id: place for place, s in enumerate(specimens)}
-    return tuple(sorted(problems, key=lambda p: -1 if p.specimen is None else order[p.specimen]))
+    records = record_problems(specimens)
+    silent = {p.specimen for p in records if p.kind == "dead"}
+    units = _unit_problems([s for s in specimens if s.id not in silent], campaign.palette)
+    suspect = [*units, *(p for p in records if p.kind in ("dead", "duplicate"))]
+    outliers = _outlier_problems(specimens, {p.specimen for p in suspect})
+    order = {None: -1} | {s.id: place for place, s in enumerate(specimens)}
+    problems = (*records, *units, *outliers)
+    return tuple(sorted(problems, key=lambda p: (order[p.specimen], _KINDS.index(p.kind))))

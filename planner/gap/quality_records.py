@@ -17,20 +17,10 @@ from planner.numerics import FloatArray, IntArray
 __all__ = [
     "HOLDS",
     "UNLOADS",
-    "Problems",
-    "amplitude_problems",
-    "clipping",
-    "dead_cell",
-    "duplicate_problems",
     "first_turn",
     "hold_share",
-    "problems_of",
-    "protocol",
-    "rate",
-    "shared_problems_of",
-    "size_problems",
+    "record_problems",
     "speed_mm_s",
-    "timing",
     "unloading_share",
 ]
 
@@ -39,23 +29,43 @@ __all__ = [
 # Problems of single records, one by one and of all at once.
 
 
-Problems = Iterator[tuple[str, str]]
+_Problems = Iterator[tuple[str, str]]
 """What is wrong with one specimen: the kind, and in words what was found against what was expected,
 without the specimen's name."""
 
 
-def problems_of(
-    check: Callable[[Specimen], Problems], specimens: Sequence[Specimen]
+def record_problems(specimens: Sequence[Specimen]) -> list[QualityProblem]:
+    """Return what is wrong with single records, held against their own declaration.
+
+    A record whose force stood still is named for that, and neither for its protocol nor as clipped.
+    """
+    dead = _each(_dead_cell, specimens)
+    silent = {p.specimen for p in dead}
+    live = [s for s in specimens if s.id not in silent]
+    timed = [s for s in specimens if s.rate_mm_s is not None and s.time_recorded]
+    return [
+        *dead,
+        *_sizes(specimens),
+        *_shared(_rate, timed),
+        *_each(_protocol, live),
+        *_amplitudes(specimens),
+        *_each(_clipping, live),
+        *_duplicates(specimens),
+        *_each(_timing, specimens),
+    ]
+
+
+def _each(
+    check: Callable[[Specimen], _Problems], specimens: Sequence[Specimen]
 ) -> list[QualityProblem]:
-    """Return what a check finds in each specimen."""
     return [QualityProblem(s.id, *found) for s in specimens for found in check(s)]
 
 
-def shared_problems_of(
-    check: Callable[[Specimen], Problems], specimens: Sequence[Specimen]
+def _shared(
+    check: Callable[[Specimen], _Problems], specimens: Sequence[Specimen]
 ) -> list[QualityProblem]:
-    """Return the same, but one problem of the campaign where all of over two have an equal one."""
-    found = problems_of(check, specimens)
+    """Find one problem of the whole campaign where all specimens, over two, have an equal one."""
+    found = _each(check, specimens)
     equal = len({(p.kind, p.problem) for p in found}) == 1
     if len(specimens) > 2 and len(found) == len(specimens) and equal:
         return [replace(found[0], specimen=None)]
@@ -74,7 +84,7 @@ _RISE, _RISE_SHARE = 4.0, 0.01
 along the plateau: a material that yields levels off before."""
 
 
-def clipping(s: Specimen) -> Problems:
+def _clipping(s: Specimen) -> _Problems:
     """Yield a load cell or amplifier that was at its limit."""
     run = _plateau(s)
     if run is not None:
@@ -195,7 +205,7 @@ _LEAST_STRAIN, _ARRIVED = 0.01, 0.98
 _BLOCKS, _FEWEST = 20, 5
 
 
-def dead_cell(s: Specimen) -> Problems:
+def _dead_cell(s: Specimen) -> _Problems:
     """Yield a force that stood still, but for noise, over the first loading."""
     stop = _loaded(s)
     if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
@@ -234,7 +244,7 @@ _WIDEST = 3
 _AROUND = 6
 
 
-def timing(s: Specimen) -> Problems:
+def _timing(s: Specimen) -> _Problems:
     """Yield lost data and spikes."""
     gaps = _dropouts(s.time_s) if s.time_recorded else np.zeros(0, dtype=np.int64)
     if len(gaps):
@@ -317,7 +327,7 @@ _SLIPS = (
 )
 
 
-def rate(s: Specimen) -> Problems:
+def _rate(s: Specimen) -> _Problems:
     """Yield a crosshead that moved at another speed than declared."""
     speed, declared = speed_mm_s(s.time_s, s.displacement_mm), s.rate_mm_s
     if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= _TOLERANCE:
@@ -338,7 +348,7 @@ def rate(s: Specimen) -> Problems:
 _SIGNIFICANT_DIGITS = 7
 
 
-def duplicate_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
+def _duplicates(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens whose force and travel are another's, number for number.
 
     Time does not count: a copy may start elsewhere.
@@ -367,17 +377,17 @@ _DEVIATION = 0.25
 _SLACK_MM = 0.4
 
 
-def size_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
+def _sizes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield implausible sizes; one that all specimens share is the campaign's."""
     for name, column in SPECIMEN_COLUMNS.items():
         if column.is_size:
             sized = [s for s in specimens if getattr(s, name) is not None]
-            yield from shared_problems_of(partial(_implausible, column=column), sized)
+            yield from _shared(partial(_implausible, column=column), sized)
     for name in ("width", "thickness"):
-        yield from problems_of(partial(_off_nominal, name=name), specimens)
+        yield from _each(partial(_off_nominal, name=name), specimens)
 
 
-def _implausible(s: Specimen, column: SpecimenColumn) -> Problems:
+def _implausible(s: Specimen, column: SpecimenColumn) -> _Problems:
     size: float = getattr(s, column.name)
     low, high = column.plausible
     if not low <= size <= high:
@@ -388,7 +398,7 @@ def _implausible(s: Specimen, column: SpecimenColumn) -> Problems:
         )
 
 
-def _off_nominal(s: Specimen, name: str) -> Problems:
+def _off_nominal(s: Specimen, name: str) -> _Problems:
     nominal: float | None = getattr(s, f"{name}_mm")
     measured: float | None = getattr(s, f"measured_{name}_mm")
     if nominal is None or measured is None:
@@ -414,7 +424,7 @@ _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", 
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
 
-def protocol(s: Specimen) -> Problems:
+def _protocol(s: Specimen) -> _Problems:
     """Yield a test that was another than its protocol says."""
     back, held = unloading_share(s.displacement_mm, s.force_N), hold_share(s)
     found = None
@@ -440,7 +450,7 @@ def hold_share(specimen: Specimen) -> float:
     return float(np.sum(duration[rests])) / float(np.sum(duration))
 
 
-def amplitude_problems(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
+def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """Yield specimens that were strained to another amplitude than declared, or than the others.
 
     Declared is what a further column such as `to_strain` or `amplitude_mm` says. Without one, a
