@@ -20,7 +20,7 @@ from typing import Any, Literal
 import msgspec
 
 from planner.errors import PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import check_absent, write_whole
+from planner.formats.files import SIGNIFICANT_DIGITS, check_absent, write_whole
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -388,10 +388,6 @@ def _check_names_and_order(materials: tuple[Material, ...], name: str) -> None:
 # Palette files: TOML in one canonical form, so that equal palettes are equal bytes.
 
 
-_SIGNIFICANT_DIGITS = 9
-"""Figures are rounded to this: finer than any measurement, coarser than the last bits in which
-mathematical libraries of different machines differ."""
-
 _LISTS = {"yeoh", "ogden", "ogden-thesis"}
 """Models whose parameters are lists whatever their length; the others' are single figures."""
 
@@ -400,7 +396,7 @@ def encode_palette(palette: Palette) -> bytes:
     """Write a palette as `planner.palette.parse_palette` reads it.
 
     Keys come in a fixed order, those at their default are left out, figures are rounded to
-    `_SIGNIFICANT_DIGITS`; UTF-8. `Palette.sha256` is not written: it is the file's own.
+    `SIGNIFICANT_DIGITS`; UTF-8. `Palette.sha256` is not written: it is the file's own.
     """
     return ("\n".join(_lines(palette)) + "\n").encode("utf-8")
 
@@ -509,7 +505,7 @@ def _number(value: float) -> str:
     """Write a TOML float; open ends of intervals are inf."""
     if math.isinf(value):
         return "inf" if value > 0 else "-inf"
-    rounded = float(f"{value:.{_SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
+    rounded = float(f"{value:.{SIGNIFICANT_DIGITS}g}") + 0.0  # + 0.0 turns -0.0 into 0.0
     return repr(rounded)
 
 

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import new_folder
+from planner.formats.files import SIGNIFICANT_DIGITS, new_folder
 from planner.formats.tables import number, read_columns
 from planner.formats.tensile import (
     SPECIMEN_COLUMNS,
@@ -40,10 +40,9 @@ __all__ = [
     "CURVES",
     "SPECIMENS",
     "campaign_palette",
-    "check_headings",
-    "covariates_of",
     "read_campaign",
     "read_campaign_file",
+    "read_list",
     "specimens_csv",
     "write_campaign",
 ]
@@ -58,38 +57,48 @@ _UNIT = re.compile(r"(.*?)\s*[\(\[].*[\)\]]")
 _PER_TIME = re.compile(r"(.*?) [^ ]+ (?:per )?(?:s|sec|min|minute|h|hr|hour)")
 
 
-def check_headings(rows: Sequence[Row], where: str) -> Iterator[str]:
-    """Refuse known quantities in other units, and note columns that look like a slip.
+Covariates = Mapping[str, str | float | None]
+
+
+def read_list(path: Path) -> tuple[tuple[Row, ...], dict[str, Covariates], list[str]]:
+    """Read a list of specimens.
+
+    Returns
+    -------
+    rows
+        One a specimen.
+    covariates
+        Further columns by specimen: numbers where all of a column are, None if empty.
+    notes
+        Columns that look like a slip, a sentence each.
 
     Raises
     ------
     FileError
-        A heading such as "width_in" or "Temperature (K)".
+        A row or heading that is refused, as "width_in" or "Temperature (K)".
     """
-    for heading in rows[0].covariates:
+    rows = read_specimens(path)
+    names, notes = tuple(rows[0].covariates), []
+    for heading in names:
         quantity = _quantity(heading)
         if quantity is not None:
             raise FileError(
-                f"{where}, column {heading!r}: its unit is not understood; give the values as "
+                f"{path.name}, column {heading!r}: its unit is not understood; give the values as "
                 f"{quantity} and head the column so"
             )
         known = [*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS]
         near = [n for n in nearest_names(heading, known) if _alike(n, heading)]
         if near:
-            yield (
-                f"{where}: column {heading!r} is unknown and kept as a covariate; rename it if "
+            notes.append(
+                f"{path.name}: column {heading!r} is unknown and kept as a covariate; rename it if "
                 f"it means {near[0]}"
             )
-
-
-def covariates_of(rows: Sequence[Row]) -> dict[str, Mapping[str, str | float | None]]:
-    """Return each specimen's further columns: numbers where all of a column are, None if empty."""
-    names = tuple(rows[0].covariates)
-    columns = {name: _column([row.covariates.get(name, "") for row in rows]) for name in names}
-    return {
-        row.specimen: MappingProxyType({name: columns[name][i] for name in names})
-        for i, row in enumerate(rows)
+    columns = [_column([row.covariates.get(name, "") for row in rows]) for name in names]
+    covariates: dict[str, Covariates] = {
+        row.specimen: MappingProxyType(dict(zip(names, cells, strict=True)))
+        for row, *cells in zip(rows, *columns, strict=True)
     }
+    return rows, covariates, notes
 
 
 def _column(cells: Sequence[str]) -> list[str | float | None]:
@@ -452,9 +461,9 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
     folder = Path(folder)
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
-    rows = read_specimens(folder / SPECIMENS)
+    rows, covariates, slips = read_list(folder / SPECIMENS)
     noted = _Notes()
-    for note in check_headings(rows, SPECIMENS):
+    for note in slips:
         noted.add(note)
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
@@ -463,7 +472,6 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
-    covariates = covariates_of(rows)
     place = _Place(folder, palette, noted)
     specimens: list[Specimen] = []
     for row in rows:
@@ -553,7 +561,7 @@ def _specimen(
     row: Row,
     table: TensileTable,
     measured_field: MeasuredField | None,
-    covariates: Mapping[str, str | float | None],
+    covariates: Covariates,
     place: _Place,
 ) -> Specimen:
     where = f"specimen {row.specimen} ({table.file})"
@@ -612,10 +620,6 @@ def _naming(where: str) -> Iterator[None]:
 # Write a campaign's folder, as `read_campaign` reads it.
 
 
-_SIGNIFICANT_DIGITS = 9
-"""Figures are rounded to this: finer than any measurement, coarser than the last bits in which
-mathematical libraries of different machines differ."""
-
 _WRITTEN = sorted(SPECIMEN_COLUMNS, key=lambda name: not SPECIMEN_COLUMNS[name].is_size)
 """Sizes go before conditions."""
 
@@ -630,7 +634,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
     """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
-    `_SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
+    `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
     reading finds them again.
 
     Parameters
@@ -765,4 +769,4 @@ def _cell(value: str | float | None) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value + 0.0:.{_SIGNIFICANT_DIGITS}g}"
+    return f"{value + 0.0:.{SIGNIFICANT_DIGITS}g}"

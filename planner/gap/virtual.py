@@ -16,10 +16,9 @@ from planner.gap.campaign_folder import (
     CURVES,
     SPECIMENS,
     campaign_palette,
-    check_headings,
-    covariates_of,
     read_campaign,
     read_campaign_file,
+    read_list,
 )
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
@@ -253,9 +252,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
 
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
-    rows = read_specimens(file)
-    notes = tuple(check_headings(rows, file.name))
-    covariates = covariates_of(rows)
+    rows, covariates, notes = read_list(file)
     designs = [
         read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
         if row.profile
@@ -291,7 +288,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         palette=palette,
         specimens=tuple(specimens),
         covariates=tuple(rows[0].covariates),
-        remarks=notes,
+        remarks=tuple(notes),
     )
 
 
