@@ -14,7 +14,7 @@ from planner.formats.tables import finite_number, read_columns, read_records
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.numerics import FloatArray
 from planner.palette import Palette
-from planner.plan import Plan, Region, plan_file, read_plan
+from planner.plan import Plan, plan_file, read_plan
 
 if TYPE_CHECKING:
     # Cutting a plan's shells takes meshes, voxels and dithers; coupons and profiles do not.
@@ -517,71 +517,50 @@ def _on_gauge(design: ProfileDesign, gauge_mm: float | None, where: str) -> Prof
 def _of_plan(
     path: Path, palette: Palette, gauge_mm: float | None
 ) -> tuple[ProfileDesign, tuple[str, ...]]:
+    """Take the material of a plan's regions along the gauge.
+
+    Not its sections, as `plan_sections`: a specimen's section is the one that was measured, and
+    its files of shells need not lie beside the plan.
+    """
     plan = read_plan(path)
-    where = plan_file(path).name
-    span = _axis_span_mm(plan, where)
+    where, notes = plan_file(path).name, []
+    instead = "give the bar's profile along the gauge as a CSV file x_mm,coordinate"
+    axis: Mapping[str, Any] = plan.gradient.field
+    span = axis.get("span_mm")
+    if axis.get("name") != "axis" or not isinstance(span, (int, float)) or span <= 0:
+        raise FileError(
+            f"{where}: its gradient follows {axis.get('name')!r}, not an axis; {instead}"
+        )
     if plan.palette.sha256 and palette.sha256 and plan.palette.sha256 != palette.sha256:
-        notes = [
+        notes.append(
             f"{path.name}: planned with another version of palette {plan.palette.name}; its "
             "coordinates are taken as they are"
-        ]
-    else:
-        notes = []
+        )
     by_stretch = {region.field: region for region in plan.regions}  # two of each, where dithered
-    regions = [by_stretch[field] for field in sorted(by_stretch)]
-    _check_whole(regions, where)
+    edges = np.array(sorted(by_stretch)).reshape(-1, 2)
+    if np.abs(np.append(edges[:, 0], 1.0) - np.insert(edges[:, 1], 0, 0.0)).max() > 1e-6:
+        raise FileError(
+            f"{where}: its regions do not follow each other from 0 to 1 along the axis; {instead}"
+        )
     if is_dithered(plan):
         field, coordinate = dithered_profile(plan, palette)
         x = field * span
     else:
-        x = np.repeat([0.0, *(r.field[1] for r in regions)], 2)[1:-1] * span
-        coordinate = np.repeat([r.coordinate for r in regions], 2)
+        x = np.repeat(np.insert(edges[:, 1], 0, 0.0), 2)[1:-1] * span
+        coordinate = np.repeat([by_stretch[field].coordinate for field in sorted(by_stretch)], 2)
     name = path.name if path.is_dir() else path.stem
-    if name == "plan":
-        name = plan.name
     if gauge_mm is not None and span > gauge_mm * (1.0 + _SLACK):
-        begin = 0.5 * (span - gauge_mm)
         notes.append(
             f"{path.name}: the part is {span:g} mm long, the gauge {gauge_mm:g} mm; the gauge is "
             "taken to be its middle"
         )
-        inside = (x > begin) & (x < begin + gauge_mm)
-        ends = _right_of(x, coordinate, begin), _left_of(x, coordinate, begin + gauge_mm)
-        x = np.array([0.0, *(x[inside] - begin), gauge_mm])
-        coordinate = np.array([ends[0], *coordinate[inside], ends[1]])
-    return ProfileDesign(name, x, coordinate), tuple(notes)
-
-
-def _axis_span_mm(plan: Plan, where: str) -> float:
-    field: Mapping[str, Any] = plan.gradient.field
-    span = field.get("span_mm")
-    if field.get("name") != "axis" or not isinstance(span, (int, float)) or span <= 0:
-        raise FileError(
-            f"{where}: its gradient follows {field.get('name')!r}, not an axis; give the bar's "
-            "profile along the gauge as a CSV file x_mm,coordinate"
-        )
-    return float(span)
-
-
-def _check_whole(regions: list[Region], where: str) -> None:
-    edges = [0.0]
-    for region in regions:
-        if abs(region.field[0] - edges[-1]) > 1e-6:
-            break
-        edges.append(region.field[1])
-    if len(edges) != len(regions) + 1 or abs(edges[-1] - 1.0) > 1e-6:
-        raise FileError(
-            f"{where}: its regions do not follow each other from 0 to 1 along the axis; give the "
-            "bar's profile along the gauge as a CSV file x_mm,coordinate"
-        )
-
-
-def _right_of(x: FloatArray, coordinate: FloatArray, place: float) -> float:
-    return float(coordinate[int(np.searchsorted(x, place, side="right"))])
-
-
-def _left_of(x: FloatArray, coordinate: FloatArray, place: float) -> float:
-    return float(coordinate[int(np.searchsorted(x, place, side="left")) - 1])
+        begin = 0.5 * (span - gauge_mm)
+        first = int(np.searchsorted(x, begin, side="right"))
+        stop = int(np.searchsorted(x, begin + gauge_mm, side="left"))
+        x = np.array([0.0, *(x[first:stop] - begin), gauge_mm])
+        own = coordinate[first:stop]
+        coordinate = np.array([coordinate[first], *own, coordinate[stop - 1]])
+    return ProfileDesign(plan.name if name == "plan" else name, x, coordinate), tuple(notes)
 
 
 # ------------------------------------------------------------------------------------------------

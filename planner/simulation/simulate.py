@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any, Literal, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,51 +26,22 @@ from planner.simulation.bar_solver import (
     unaltered,
 )
 
-__all__ = ["LoadingPath", "Simulation", "loading_path", "simulate", "simulate_bar"]
+__all__ = ["Simulation", "loading_path", "simulate"]
 
 
 # ------------------------------------------------------------------------------------------------
 # What the crosshead does: displacement over time.
 
 
-_Protocol = Literal["monotonic", "cyclic", "relaxation"]
-_PROTOCOLS: tuple[_Protocol, ...] = get_args(_Protocol)
-
+_PROTOCOLS = ("monotonic", "cyclic", "relaxation")
 _FIRST_HOLD = 1e-3  # of the hold: relaxation is read on a logarithmic scale of time
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadingPath:
-    """Displacement of the crosshead at times.
-
-    Attributes
-    ----------
-    time_s, displacement_mm : (steps,)
-        From rest at time 0; time rises, displacement is never below 0.
-    """
+class LoadingPath(NamedTuple):
+    """Displacement of the crosshead at times, (steps,) each, from rest at time 0."""
 
     time_s: FloatArray
     displacement_mm: FloatArray
-
-    def __post_init__(self) -> None:
-        for name in ("time_s", "displacement_mm"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-            if array.ndim != 1 or not np.isfinite(array).all():
-                raise ArgumentError(f"loading path: {name} must be finite numbers, one a step")
-        if self.time_s.shape != self.displacement_mm.shape or len(self.time_s) == 0:
-            raise ArgumentError(
-                f"loading path: {len(self.time_s)} times and {len(self.displacement_mm)} "
-                "displacements; it needs one of each a step, and at least one step"
-            )
-        if not (np.diff(self.time_s) > 0.0).all():
-            raise ArgumentError("loading path: time must rise from step to step")
-        if (self.displacement_mm < 0.0).any():
-            raise ArgumentError(
-                f"loading path: displacement of {self.displacement_mm.min():g} mm; bars are "
-                "pulled, not pressed: it must not fall below 0"
-            )
 
 
 def loading_path(
@@ -266,20 +237,24 @@ def _break_findings(
     found = []
     gauge_strain = path.displacement_mm / bar.gauge_mm
     beyond = reached.strain > reached.break_strain
-    for start, stop in _runs(np.asarray(beyond.any(axis=0))):
+    marked = np.concatenate([[False], beyond.any(axis=0), [False]])
+    for start, stop in np.flatnonzero(np.diff(marked)).reshape(-1, 2).tolist():
         step = int(np.argmax(beyond[:, start:stop].any(axis=1)))
         excess = reached.strain[step] / reached.break_strain
         first = start + int(np.argmax(excess[start:stop]))
         limit = float(reached.break_strain[first])
-        at = float(np.interp(limit, *_last_steps(reached.strain[:, first], gauge_strain, step)))
-        place = (float(bar.edges_mm[start]), float(bar.edges_mm[stop]))
+        # The first step is at rest, where nothing is beyond.
+        last = slice(step - 1, step + 1)
+        at = float(np.interp(limit, reached.strain[last, first], gauge_strain[last]))
+        begin, end = float(bar.edges_mm[start]), float(bar.edges_mm[stop])
+        spread = f" (in the end for all of {begin:.4g} .. {end:.4g} mm)" if stop > start + 1 else ""
         found.append(
             BreakFinding(
                 "break",
                 f"{_called(model, bar, first)} at {bar.x_mm[first]:.4g} mm passes its elongation "
                 f"at break, {limit:.3g}, at a strain of {at:.3g} of the bar; a print would break "
-                f"there, and what follows is extrapolated{_spread(stop - start, place)}",
-                place,
+                f"there, and what follows is extrapolated{spread}",
+                (begin, end),
                 at,
             )
         )
@@ -334,25 +309,6 @@ def _called(model: CoefficientModel, bar: Bar, at: int) -> str:
     lower, upper, t = model.bracket(m)
     softer, harder = (model.palette.materials[int(k)].id for k in (lower, upper))
     return softer if t == 0.0 else f"the blend of {softer} and {harder} at m = {m:.4g}"
-
-
-def _last_steps(
-    strain: FloatArray, gauge_strain: FloatArray, step: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return a slice's and the bar's strain at the step before (rest, if none) and at a step."""
-    before = (strain[step - 1], gauge_strain[step - 1]) if step else (0.0, 0.0)
-    return np.array([before[0], strain[step]]), np.array([before[1], gauge_strain[step]])
-
-
-def _spread(slices: int, place: tuple[float, float]) -> str:
-    return f" (in the end for all of {place[0]:.4g} .. {place[1]:.4g} mm)" if slices > 1 else ""
-
-
-def _runs(marked: BoolArray) -> list[tuple[int, int]]:
-    """Return begin and end of every run of marked slices."""
-    turns = np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8))
-    begins, ends = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -488,21 +444,7 @@ def _csv(columns: dict[str, FloatArray]) -> bytes:
 # What is to be pulled: a plan, a profile file, a material's coupon, or a bar as it is.
 
 
-@dataclass(frozen=True, slots=True)
-class SectionSize:
-    """Size of a bar where its source has none."""
-
-    width_mm: float
-    thickness_mm: float
-    gauge_mm: float
-
-
-_D638_TYPE_IV = SectionSize(width_mm=6.0, thickness_mm=4.0, gauge_mm=33.0)
-"""The narrow section of ASTM D638's specimen for soft materials."""
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
+class _Source(NamedTuple):
     """A bar, and where it came from."""
 
     name: str
@@ -511,62 +453,19 @@ class Source:
     notes: tuple[str, ...] = ()
 
 
-def _open_source(
-    source: object,
-    *,
-    palette: str | Path | Palette | None,
-    printer: str | Printer | None,
-    slices: int,
-    section: SectionSize,
-    between_mm: tuple[float, float] | None,
-) -> Source:
-    """Make the bar that a source describes.
-
-    Parameters
-    ----------
-    source
-        Path of a plan.json, its folder or a profile (``.csv``); a material's name; or a `Plan`,
-        `Material` or `Bar`.
-    palette, printer
-        By default those of the plan, else the Connex3 and its own palette.
-    slices
-        Slices over a plan's axis or a profile.
-    between_mm
-        Only what lies between these places along the axis.
-
-    Raises
-    ------
-    PlannerError
-        Nothing is called so, or it is no bar; the message says what to give.
-    """
-    if isinstance(source, Plan):
-        return _of_plan(source, Path(), palette, printer, slices, between_mm)
-    if isinstance(source, (str, Path)) and _is_plan(Path(source)):
-        file = plan_file(source)
-        return _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
-    chosen = palette_of(palette, printer)
-    name, bar = _bar(source, chosen, slices, section)
-    return Source(name, bar_between(bar.edges_mm, bar.coordinate, bar.area_mm2, between_mm), chosen)
-
-
-def _is_plan(path: Path) -> bool:
-    return path.suffix.casefold() == ".json" or path.is_dir()
-
-
-def _bar(source: object, palette: Palette, slices: int, section: SectionSize) -> tuple[str, Bar]:
+def _bar_of(
+    source: object, palette: Palette, slices: int, width_mm: float, thickness_mm: float,
+    gauge_mm: float,
+) -> tuple[str, Bar]:  # fmt: skip
+    """Return the name and the bar of all but a plan."""
     if isinstance(source, Bar):
         return "bar", source
     if not isinstance(source, Material):
         path = Path(str(source))
         if path.suffix.casefold() == ".csv":
-            bar = read_profile_bar(
-                path,
-                palette,
-                slices=slices,
-                width_mm=section.width_mm,
-                thickness_mm=section.thickness_mm,
+            return path.name, read_profile_bar(
+                path, palette, slices=slices, width_mm=width_mm, thickness_mm=thickness_mm
             )
-            return path.name, bar
         if path.is_file():
             raise FileError(
                 f"{path}: is no plan and no profile; give a plan.json or its folder (planner grade "
@@ -576,13 +475,9 @@ def _bar(source: object, palette: Palette, slices: int, section: SectionSize) ->
             source = palette.resolve(str(source))
         except UnknownNameError as error:
             raise UnknownNameError(f"{error}; nor is {path} a file or folder") from error
-    bar = coupon(
-        source.coordinate,
-        width_mm=section.width_mm,
-        thickness_mm=section.thickness_mm,
-        gauge_mm=section.gauge_mm,
+    return source.id, coupon(
+        source.coordinate, width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm
     )
-    return source.id, bar
 
 
 def _of_plan(
@@ -592,7 +487,7 @@ def _of_plan(
     printer: str | Printer | None,
     slices: int,
     between_mm: tuple[float, float] | None,
-) -> Source:
+) -> _Source:
     if palette is None:
         try:
             chosen = palette_of(plan.palette.name, plan.printer if printer is None else printer)
@@ -615,7 +510,7 @@ def _of_plan(
             "the part is wider than it is long along the gradient: sections do not stay plane, and "
             "forces are a rough guide"
         )
-    return Source(plan.part.file, bar, chosen, tuple(notes))
+    return _Source(plan.part.file, bar, chosen, tuple(notes))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -688,9 +583,9 @@ def simulate(
     hold_s: float = 100.0,
     slices: int = 400,
     between_mm: tuple[float, float] | None = None,
-    width_mm: float = _D638_TYPE_IV.width_mm,
-    thickness_mm: float = _D638_TYPE_IV.thickness_mm,
-    gauge_mm: float = _D638_TYPE_IV.gauge_mm,
+    width_mm: float = 6.0,
+    thickness_mm: float = 4.0,
+    gauge_mm: float = 33.0,
     level: float = 0.95,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
@@ -720,7 +615,8 @@ def simulate(
     between_mm
         Only what lies between these places along the axis.
     width_mm, thickness_mm, gauge_mm
-        Size of a material's coupon; width and thickness also of a profile that has none.
+        Size of a material's coupon, by default the narrow section of ASTM D638's type IV; width
+        and thickness also of a profile that has none.
     level
         Probability that the interval of the force holds a print's.
     printer, palette
@@ -749,75 +645,44 @@ def simulate(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
-    opened = _open_source(
-        source,
-        palette=palette,
-        printer=printer,
-        slices=slices,
-        section=SectionSize(width_mm, thickness_mm, gauge_mm),
-        between_mm=between_mm,
-    )
-    gauge = opened.bar.gauge_mm
-    speed, notes = _rate(rate_mm_s, opened.palette, gauge)
+    if isinstance(source, (str, Path)) and _is_plan(Path(source)):
+        file = plan_file(source)
+        opened = _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
+    elif isinstance(source, Plan):
+        opened = _of_plan(source, Path(), palette, printer, slices, between_mm)
+    else:
+        chosen = palette_of(palette, printer)
+        name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)
+        part = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
+        opened = _Source(name, part, chosen)
+    bar = opened.bar
+    speed, notes = _rate(rate_mm_s, opened.palette, bar.gauge_mm)
     if rate_mm_s is not None or protocol != "monotonic":
         notes = (*notes, "the palette's laws are elastic: rate and time change no force")
     path = loading_path(
         protocol,
-        to_displacement_mm=to_strain * gauge,
+        to_displacement_mm=to_strain * bar.gauge_mm,
         rate_mm_s=speed,
         steps=steps,
         cycles=cycles,
         hold_s=hold_s,
     )
-    return simulate_bar(
-        opened.bar,
-        opened.palette,
-        path,
-        name=opened.name,
-        protocol=protocol,
-        rate_mm_s=speed,
-        level=level,
-        notes=(*opened.notes, *notes),
-    )
-
-
-def simulate_bar(
-    bar: Bar,
-    palette: Palette,
-    path: LoadingPath,
-    *,
-    name: str = "bar",
-    protocol: str = "monotonic",
-    rate_mm_s: float,
-    level: float = 0.95,
-    notes: tuple[str, ...] = (),
-) -> Simulation:
-    """Take a bar along any path: composition, law, section, equilibrium, in this order.
-
-    Raises
-    ------
-    ArgumentError
-        A coordinate outside the palette, a level that is not between 0 and 1, or slices times
-        steps beyond 20 million.
-    PaletteError
-        The palette's stiffness does not rise with the coordinate.
-    """
     states = len(path.time_s) * len(bar.coordinate)
     if states > _MOST_STATES:
         raise ArgumentError(
             f"{len(bar.coordinate)} slices over {len(path.time_s)} steps make {states} states; up "
             "to 20 million are possible: take fewer `slices`, `steps` or `cycles`"
         )
-    model = CoefficientModel(palette)
+    model = CoefficientModel(opened.palette)
     reached = _pull(bar, model, path.displacement_mm)
     count = len(reached.force_N)
     return Simulation(
-        name=name,
-        palette=palette,
+        name=opened.name,
+        palette=opened.palette,
         bar=bar,
         protocol=protocol,
-        rate_mm_s=rate_mm_s,
-        to_strain=float(path.displacement_mm.max()) / bar.gauge_mm,
+        rate_mm_s=speed,
+        to_strain=to_strain,
         level=level,
         time_s=path.time_s[:count],
         displacement_mm=path.displacement_mm[:count],
@@ -827,8 +692,12 @@ def simulate_bar(
         stress_MPa=reached.stress_MPa,
         break_strain=reached.break_strain,
         findings=_break_findings(bar, model, path, reached),
-        notes=(*notes, *_yield_notes(bar, model, reached)),
+        notes=(*opened.notes, *notes, *_yield_notes(bar, model, reached)),
     )
+
+
+def _is_plan(path: Path) -> bool:
+    return path.suffix.casefold() == ".json" or path.is_dir()
 
 
 def _rate(

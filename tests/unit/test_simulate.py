@@ -19,7 +19,6 @@ from planner.palette import LawParameters, Palette
 from planner.printers import load_printer
 from planner.report.svg import simulation_figure
 from planner.simulation.bar import Bar
-from planner.simulation.simulate import LoadingPath, simulate_bar
 
 PALETTE = load_printer("connex3").palette()
 BOX_FACES = np.array(
@@ -226,16 +225,6 @@ def test_a_palette_without_a_rate_is_said() -> None:
     result = planner.simulate("Tango", palette=bare, steps=3)
     assert result.rate_mm_s == pytest.approx(0.33)
     assert "names no strain rate" in result.notes[0]
-
-
-def test_any_path_from_anywhere() -> None:
-    """A measured path may begin under load, and its first step may be past break already."""
-    bar = Bar(np.array([0.0, 10.0]), np.array([0.5]), np.array([20.0]))
-    path = LoadingPath(np.array([0.0, 1.0, 2.0]), np.array([8.0, 2.0, 0.0]))
-    result = simulate_bar(bar, PALETTE, path, rate_mm_s=1.0)
-    direct = planner.simulate(bar, to_strain=0.2, steps=1)
-    assert result.force_N[1] == pytest.approx(direct.force_N[-1], rel=1e-9)
-    assert result.findings[0].gauge_strain == pytest.approx(0.7)
 
 
 def test_equal_input_gives_equal_bytes(plan: planner.Plan) -> None:

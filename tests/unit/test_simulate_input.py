@@ -8,7 +8,6 @@ import pytest
 import planner
 from planner.errors import ArgumentError, FileError, PlannerError
 from planner.simulation.bar import Bar
-from planner.simulation.simulate import LoadingPath, loading_path
 
 
 @pytest.mark.parametrize(
@@ -21,6 +20,7 @@ from planner.simulation.simulate import LoadingPath, loading_path
         ({"steps": 0}, "steps"),
         ({"protocol": "cyclic", "steps": 10_000, "cycles": 2000}, "20 million"),
         ({"protocol": "cyclical"}, "did you mean cyclic"),
+        ({"protocol": "creep"}, "monotonic, cyclic, relaxation"),
         ({"protocol": "cyclic", "cycles": 0}, "cycles"),
         ({"rate_mm_s": -1.0}, "rate_mm_s"),
         ({"hold_s": 0.0}, "hold_s"),
@@ -60,21 +60,6 @@ def test_profiles_that_are_none(tmp_path: Path, text: str, reason: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "displacement", "reason"),
-    [
-        ([0.0, 1.0], [0.0], "one of each"),
-        ([], [], "at least one step"),
-        ([0.0, 0.0], [0.0, 1.0], "time must rise"),
-        ([0.0, 1.0], [0.0, -1.0], "pulled"),
-        ([0.0, np.nan], [0.0, 1.0], "finite"),
-    ],
-)
-def test_paths_that_are_none(time: list[float], displacement: list[float], reason: str) -> None:
-    with pytest.raises(ArgumentError, match=reason):
-        LoadingPath(np.array(time), np.array(displacement))
-
-
-@pytest.mark.parametrize(
     ("edges", "coordinate", "area", "reason"),
     [
         ([0.0, 1.0], [0.5, 0.5], [1.0, 1.0], "n \\+ 1 edges"),
@@ -88,8 +73,3 @@ def test_paths_that_are_none(time: list[float], displacement: list[float], reaso
 def test_bars_that_are_none(edges: list, coordinate: list, area: list, reason: str) -> None:
     with pytest.raises(PlannerError, match=reason):
         planner.simulate(Bar(np.array(edges), np.array(coordinate), np.array(area)))
-
-
-def test_loading_path_rejects_unknown_protocols() -> None:
-    with pytest.raises(ArgumentError, match="monotonic, cyclic, relaxation"):
-        loading_path("creep", to_displacement_mm=1.0, rate_mm_s=1.0)
