@@ -434,7 +434,7 @@ def _print_candidates(result: "PaletteStudy") -> None:
         candidates = () if fit.choice is None else fit.choice.candidates
         for candidate in candidates:
             one, convergence = candidate.fit, candidate.fit.convergence
-            unstable = candidate.stability.strain
+            unstable = candidate.unstable_strain
             rows.append(
                 [
                     name,

@@ -22,7 +22,7 @@ from planner.gap.effect import Effect, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.virtual import single_test, virtual_specimen
 from planner.materials.characterise import Curve
-from planner.materials.fit import fit_law, law_stress_MPa, sample_of, stability
+from planner.materials.fit import fit_law, law_stress_MPa, sample_of, unstable_strain
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
@@ -97,7 +97,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not _is_stress(name)]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
-    if not stability(fit, material.elongation_at_break, margin=0.0).stable:
+    if unstable_strain(fit, material.elongation_at_break, margin=0.0) is not None:
         raise PaletteError(
             f"material {material.id}: its {law.model} law cannot follow the correction: "
             "the stress would fall before the break; measure it at these conditions and fit a "
@@ -106,7 +106,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     found = law_stress_MPa(model, fit.a, fit.c, 1.0 + strain)
     misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
-    alone = not stability(fit, material.elongation_at_break).stable
+    alone = unstable_strain(fit, material.elongation_at_break) is not None
     return Refit(fit.parameters, misfit, alone)
 
 

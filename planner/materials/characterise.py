@@ -102,10 +102,15 @@ class Curve:
                 f"point {at + 2}; time must rise"
             )
 
-    @property
-    def stretch(self) -> FloatArray:
-        """Deformed length over gauge length, 1 + strain."""
-        return 1.0 + self.strain
+    def part(self, keep: slice | BoolArray, *notes: str, origin: float = 0.0) -> "Curve":
+        """Return the points that are kept, strains counted from `origin`, with more notes."""
+        return replace(
+            self,
+            strain=self.strain[keep] - origin,
+            stress_MPa=self.stress_MPa[keep],
+            time_s=None if self.time_s is None else self.time_s[keep],
+            notes=(*self.notes, *notes),
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -169,16 +174,10 @@ def without_tail(curve: Curve) -> Curve:
             f"specimen {curve.specimen}: only {last + 1} points before the break at strain "
             f"{strain[last]:g}; at least {MINIMUM_POINTS} are needed: sample faster"
         )
-    return replace(
-        curve,
-        strain=strain[: last + 1],
-        stress_MPa=stress[: last + 1],
-        time_s=None if curve.time_s is None else curve.time_s[: last + 1],
-        notes=(
-            *curve.notes,
-            f"specimen {curve.specimen}: breaks at strain {strain[last]:.4g}; {cut} points "
-            "behind it are cut",
-        ),
+    return curve.part(
+        slice(last + 1),
+        f"specimen {curve.specimen}: breaks at strain {strain[last]:.4g}; {cut} points behind it "
+        "are cut",
     )
 
 
@@ -558,10 +557,10 @@ class Spread:
     """
 
     mean: float
-    n: int
     sd: float | None
     cv: float | None
     interval: tuple[float, float] | None
+    n: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -588,13 +587,8 @@ def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
     part = linear_part(curve) if part is None else part
     if part.toe_strain == 0.0:
         return curve
-    keep = curve.strain >= part.toe_strain
-    return replace(
-        curve,
-        strain=curve.strain[keep] - part.toe_strain,
-        stress_MPa=curve.stress_MPa[keep],
-        time_s=None if curve.time_s is None else curve.time_s[keep],
-        notes=(*curve.notes, _toe_note(curve, part)),
+    return curve.part(
+        curve.strain >= part.toe_strain, _toe_note(curve, part), origin=part.toe_strain
     )
 
 
@@ -683,13 +677,13 @@ def spread(values: Sequence[float]) -> Spread:
     n = len(values)
     mean = float(np.mean(values))
     if n < 2:
-        return Spread(mean, n, None, None, None)
+        return Spread(mean, None, None, None, n)
     from scipy.special import stdtrit
 
     sd = float(np.std(values, ddof=1))
     half = float(stdtrit(n - 1, 0.5 + _CONFIDENCE / 2)) * sd / np.sqrt(n)
     cv = sd / abs(mean) if mean else None
-    return Spread(mean, n, sd, cv, (mean - float(half), mean + float(half)))
+    return Spread(mean, sd, cv, (mean - float(half), mean + float(half)), n)
 
 
 def _secant(curve: Curve, toe: float, strain: float) -> float | None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,20 +16,19 @@ from planner.palette import LawParameters
 __all__ = [
     "RELATIVE_FLOOR",
     "STARTS",
+    "WEIGHTINGS",
     "Choice",
     "Held",
     "LawCandidate",
     "LawFit",
     "Sample",
-    "Weighting",
     "choose_law",
     "fit_law",
     "law_stress_MPa",
     "minimise",
     "sample_of",
     "spread_starts",
-    "stability",
-    "weighting_of",
+    "unstable_strain",
 ]
 
 
@@ -37,7 +36,7 @@ __all__ = [
 # The points that a law is fitted to: every specimen counts once, whatever its sampling rate.
 
 
-Weighting: TypeAlias = Literal["relative", "absolute"]
+WEIGHTINGS = ("relative", "absolute")
 
 RELATIVE_FLOOR = 0.05
 """Share of the largest stress under which a relative residual stops growing: near zero stress
@@ -93,26 +92,10 @@ class Sample:
         )
 
 
-def weighting_of(name: str) -> Weighting:
-    """Return the weighting of that name.
-
-    Raises
-    ------
-    ArgumentError
-        There is none.
-    """
-    match name:
-        case "relative":
-            return "relative"
-        case "absolute":
-            return "absolute"
-    raise ArgumentError(f"weighting {name!r}: choose relative or absolute")
-
-
 def sample_of(
     curves: Sequence[Curve],
     *,
-    weighting: Weighting = "relative",
+    weighting: str = "relative",
     points: int | None = 60,
 ) -> Sample:
     """Resample the specimens' loading curves to points even in strain, and weigh them.
@@ -213,7 +196,6 @@ class Solutions:
     c: FloatArray
     cost: FloatArray
     gradient: FloatArray
-    iterations: IntArray
     converged: BoolArray
 
 
@@ -277,14 +259,12 @@ def minimise(
     held_c = np.full((s, law.columns), np.nan) if held is None else held.c
     state = problem.project(a, held_c)
     damping = np.full(s, 1e-2)
-    iterations = np.zeros(s, dtype=np.int64)
     gradient = np.zeros(s)
     converged = np.full(s, q == 0)
     active = np.flatnonzero(~converged)
     for _ in range(_ITERATIONS):
         if not len(active):
             break
-        iterations[active] += 1
         now = state.rows(active)
         at = a[active]
         slope = np.einsum("snk,sn->sk", now.jacobian, now.residual)
@@ -311,11 +291,10 @@ def minimise(
         done = (gradient[active] < _CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
         converged[active] |= done
         active = active[~done]
-    return Solutions(a, state.coefficients, state.cost, gradient, iterations, converged)
+    return Solutions(a, state.coefficients, state.cost, gradient, converged)
 
 
-@dataclass(slots=True, eq=False)
-class _State:
+class _State(NamedTuple):
     """What projecting at each candidate's a gives; one row a candidate."""
 
     coefficients: FloatArray
@@ -324,15 +303,11 @@ class _State:
     cost: FloatArray
 
     def rows(self, index: IntArray) -> "_State":
-        return _State(
-            self.coefficients[index], self.residual[index], self.jacobian[index], self.cost[index]
-        )
+        return _State(*(values[index] for values in self))
 
     def take(self, index: IntArray, other: "_State") -> None:
-        self.coefficients[index] = other.coefficients
-        self.residual[index] = other.residual
-        self.jacobian[index] = other.jacobian
-        self.cost[index] = other.cost
+        for values, new in zip(self, other, strict=True):
+            values[index] = new
 
 
 class _Problem:
@@ -414,7 +389,6 @@ class Convergence:
     converged: int
     agreeing: int
     gradient: float
-    iterations: int
     at_bound: bool
 
     @property
@@ -519,7 +493,6 @@ def fit_law(
             converged=int(rough.converged.sum()),
             agreeing=int((rough.cost <= found.cost[best] * (1.0 + _AGREEMENT)).sum()),
             gradient=float(found.gradient[best]),
-            iterations=int(rough.iterations.max() + found.iterations[best]),
             at_bound=bool(np.any((a <= low * (1 + 1e-9)) | (a >= high * (1 - 1e-9))))
             if law.model != "ogden"
             else bool(np.any(np.abs(a) >= high - 1e-6)),
@@ -559,27 +532,8 @@ _MARGIN = 0.1
 _POINTS = 801
 
 
-@dataclass(frozen=True, slots=True)
-class Stability:
-    """Where a law's nominal stress rises.
-
-    Attributes
-    ----------
-    stable
-        Over the whole range, margins included.
-    strain
-        The first strain at which it does not, seen from rest; None where stable.
-    checked
-        The strains from and to which it was checked.
-    """
-
-    stable: bool
-    strain: float | None
-    checked: tuple[float, float]
-
-
-def stability(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> Stability:
-    """Check that nominal stress rises with stretch, and is zero at rest and positive in tension.
+def unstable_strain(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> float | None:
+    """Return the first strain, seen from rest, at which nominal stress does not rise, if any.
 
     For an incompressible law in uniaxial tension dP/dl > 0 with P >= 0 is more than Drucker's
     d(tau)/d(ln l) > 0, for tau = l P.
@@ -590,13 +544,12 @@ def stability(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> St
         The working range is from rest to this strain; it is checked from ``-margin`` times it
         (not below ``-margin``) to ``1 + margin`` times it.
     """
-    low, high = -margin * min(working_strain, 1.0), (1.0 + margin) * working_strain
-    strain = np.linspace(low, high, _POINTS)
+    strain = np.linspace(
+        -margin * min(working_strain, 1.0), (1.0 + margin) * working_strain, _POINTS
+    )
     rises = np.diff(law_stress_MPa(fit.law, fit.a, fit.c, 1.0 + strain)) > 0.0
-    middle = 0.5 * (strain[1:] + strain[:-1])
-    falling = middle[~rises]
-    first = float(falling[np.argmin(np.abs(falling))]) if len(falling) else None
-    return Stability(first is None, first, (low, high))
+    falling = (0.5 * (strain[1:] + strain[:-1]))[~rises]
+    return float(falling[np.argmin(np.abs(falling))]) if len(falling) else None
 
 
 # ------------------------------------------------------------------------------------------------
@@ -620,12 +573,14 @@ class LawCandidate:
 
     Attributes
     ----------
+    unstable_strain
+        See `unstable_strain`, over the working range.
     held_out
         Relative root mean square error on each specimen (or block) left out, shape (folds,).
     """
 
     fit: LawFit
-    stability: Stability
+    unstable_strain: float | None
     held_out: FloatArray
 
     @property
@@ -687,10 +642,12 @@ def choose_law(
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
     candidates = tuple(
-        LawCandidate(fit, stability(fit, working_strain), _held_out(fit, sample, folds, shift))
+        LawCandidate(
+            fit, unstable_strain(fit, working_strain), _held_out(fit, sample, folds, shift)
+        )
         for fit in usable
     )
-    stable = [c for c in candidates if c.stability.stable]
+    stable = [c for c in candidates if c.unstable_strain is None]
     if not stable:
         return Choice(candidates, None, scheme, "no law's stress rises over the working range")
     best = min(stable, key=lambda c: c.held_out_error)

@@ -1,7 +1,7 @@
 """How sure a fitted law is: scatter between specimens, intervals of what users read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import NormalDist
 from types import MappingProxyType
 
@@ -22,7 +22,6 @@ from planner.materials.fit import (
     LawCandidate,
     LawFit,
     Sample,
-    Weighting,
     choose_law,
     law_stress_MPa,
     minimise,
@@ -342,7 +341,7 @@ def fit_material(
     curves: Sequence[Curve],
     laws: Sequence[SeparableLaw],
     *,
-    weighting: Weighting = "relative",
+    weighting: str = "relative",
     starts: int = STARTS,
     level: float = 0.95,
 ) -> MaterialFit:
@@ -373,9 +372,9 @@ def fit_material(
     chosen = choice.chosen
     if chosen is None:
         falls = "; ".join(
-            f"the stress of {c.fit.name} falls at strain {c.stability.strain:.3g}"
+            f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
             for c in choice.candidates
-            if c.stability.strain is not None
+            if c.unstable_strain is not None
         )
         raise ArgumentError(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
@@ -397,13 +396,7 @@ def fit_material(
 def _loading(curve: Curve) -> Curve:
     """Return the curve from the end of its toe to its largest stress."""
     curve = toe_compensated(curve)
-    stop = int(np.argmax(curve.stress_MPa)) + 1
-    return replace(
-        curve,
-        strain=curve.strain[:stop],
-        stress_MPa=curve.stress_MPa[:stop],
-        time_s=None if curve.time_s is None else curve.time_s[:stop],
-    )
+    return curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1))
 
 
 def _doubts(material: str, chosen: LawCandidate) -> list[str]:

@@ -5,7 +5,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from planner.materials.characterise import (
     characterise_material,
     doubts,
 )
-from planner.materials.fit import STARTS, LawCandidate, weighting_of
+from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
@@ -166,37 +166,20 @@ def characterise(
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
+    specimens = []
+    for c in material.specimens:
+        figures = {field.name: getattr(c, field.name) for field in fields(c)}
+        figures["secant_MPa"] = {f"{k:g}": v for k, v in c.secant_MPa.items()}
+        figures["deformation"] = c.deformation.kind
+        del figures["notes"]
+        specimens.append(figures)
     return {
         "material": material.material,
         "deformation": material.deformation.kind,
         "deformation_reason": material.deformation.reason,
         "specimens_agree": material.agree,
-        "figures": {
-            name: {
-                "mean": s.mean,
-                "sd": s.sd,
-                "cv": s.cv,
-                "interval": None if s.interval is None else [*s.interval],
-                "n": s.n,
-            }
-            for name, s in material.spreads.items()
-        },
-        "specimens": [
-            {
-                "specimen": c.specimen,
-                "modulus_MPa": c.modulus_MPa,
-                "modulus_uncompensated_MPa": c.modulus_uncompensated_MPa,
-                "linear_strain": [*c.linear_strain],
-                "toe_strain": c.toe_strain,
-                "toughness_MJ_m3": c.toughness_MJ_m3,
-                "elongation_at_break": c.elongation_at_break,
-                "strength_MPa": c.strength_MPa,
-                "secant_MPa": {f"{k:g}": v for k, v in c.secant_MPa.items()},
-                "yield_strain": c.yield_strain,
-                "deformation": c.deformation.kind,
-            }
-            for c in material.specimens
-        ],
+        "figures": {name: asdict(spread) for name, spread in material.spreads.items()},
+        "specimens": specimens,
     }
 
 
@@ -352,13 +335,14 @@ def fit(
         gauge_mm=gauge_mm,
         columns=columns,
     )
-    residuals = weighting_of(weighting)
+    if weighting not in WEIGHTINGS:
+        raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
     laws = candidate_laws(law)
     notes = list(study.notes)
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
-        fitted = fit_material(called, curves, laws, weighting=residuals, starts=starts, level=level)
+        fitted = fit_material(called, curves, laws, weighting=weighting, starts=starts, level=level)
         notes.extend(note for note in fitted.notes if note not in notes)
         fits[called] = fitted
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
@@ -382,7 +366,7 @@ def fit(
             law=fits[called].law,
             colour=_colour(rank / max(len(ordered) - 1, 1)),
             source=f"fitted to {fits[called].characteristics.n} tensile specimen(s), "
-            f"{residuals} residuals",
+            f"{weighting} residuals",
             deformation=fits[called].characteristics.deformation.kind,
             modulus_log_sd=fits[called].scatter.log_sd,
             uncertainty=fits[called].uncertainty,
@@ -592,8 +576,8 @@ def _candidate_document(candidate: LawCandidate, chosen: bool) -> dict[str, Any]
         "r2": fit.r2,
         "adjusted_r2": fit.adjusted_r2,
         "nrmse": fit.nrmse,
-        "stable": candidate.stability.stable,
-        "unstable_at_strain": candidate.stability.strain,
+        "stable": candidate.unstable_strain is None,
+        "unstable_at_strain": candidate.unstable_strain,
         "starts": fit.convergence.starts,
         "starts_converged": fit.convergence.converged,
         "starts_agreeing": fit.convergence.agreeing,
