@@ -30,7 +30,7 @@ from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forc
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, weigh
 from planner.gap.localise import localise
-from planner.gap.localise_axes import Noise
+from planner.gap.localise_tests import Whitening
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
 from planner.numerics import FloatArray
@@ -52,16 +52,13 @@ def _places_of(
     problem: Problem, chosen: Candidate, rng: np.random.Generator
 ) -> tuple[tuple[Location, ...], tuple[Location, ...]]:
     """Return where the gap lies, and where a significant one is left after the chosen effects."""
-    noise = Noise(
-        problem.noise.blocks,
-        np.concatenate([problem.calibration, problem.noise.batch], axis=1),
-        problem.scatter.log_sd,
-    )
-    before = localise(problem.campaign, problem.table, problem.residual, noise, rng)
+    shared = np.concatenate([problem.calibration, problem.noise.batch], axis=1)
+    whitening = Whitening.of(problem.noise, shared, problem.scatter.log_sd)
+    before = localise(problem.campaign, problem.table, problem.residual, whitening, rng)
     if not chosen.effects:
         return before, tuple(p for p in before if p.p < _SIGNIFICANT)
     left = problem.residual - _explained(problem, chosen)
-    after = localise(problem.campaign, problem.table, left, noise, rng)
+    after = localise(problem.campaign, problem.table, left, whitening, rng)
     return before, tuple(p for p in after if p.p < _SIGNIFICANT)
 
 

@@ -2,42 +2,23 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.errors import ArgumentError
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.diagnosis import Location
-from planner.gap.localise_axes import (
-    CLAIM,
-    Axis,
-    Cluster,
-    Column,
-    Excess,
-    Noise,
-    Whitening,
-    bar_scale,
-    bars_alike,
-    campaign_columns,
-    cluster,
-    cluster_draws,
-    explained_by,
-    factor_of_bars,
-    field_level,
-    orthonormal,
-    position_basis,
-    steps_of,
-    strain_place,
-    strain_shapes,
-)
 from planner.gap.localise_tests import (
     FEWEST_TO_FLIP,
+    Column,
     SpecimenScores,
+    Whitening,
     family_wise,
     least_permutation_p,
+    orthonormal,
     outlying_replicates,
     permuted,
     rank_p,
@@ -48,256 +29,437 @@ from planner.gap.localise_tests import (
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
+from planner.simulation.bar import ProfileDesign
 
 __all__ = ["localise"]
 
 
 # ------------------------------------------------------------------------------------------------
-# What is seen along an axis, in one sentence with figures.
+# The shapes over strain that a gap is looked for in: a level, a slope and a bend.
 
 
-_MOST_LEVELS = 6
-_ALIKE = 0.01
-_NAMED = 4
-
-
-class Gaps:
-    """Gaps as shares of force or strain, averaged as weights of what is really told by each.
-
-    Attributes
-    ----------
-    log : (N,)
-        Measured over predicted, as a logarithm.
-    weight : (N,)
-        How much a figure says: little near zero crossings.
-    """
-
-    __slots__ = ("log", "weight")
-
-    def __init__(self, table: FeatureTable, residual: FloatArray) -> None:
-        h = table.sensitivity(table.measured_raw)
-        self.log = residual / np.where(np.abs(h) > 0.05, h, 1.0)
-        self.weight = np.where(np.abs(h) > 0.05, h**2, 0.0)
-
-    def mean(self, rows: BoolArray) -> float | None:
-        """Return the mean gap over rows, a logarithm; None where nothing is told."""
-        weight = self.weight[rows]
-        if not weight.sum() > 0.0:
-            return None
-        return float(weight @ self.log[rows] / weight.sum())
-
-
-def _column_sentence(column: Column, table: FeatureTable, of_row: IntArray, gaps: Gaps) -> str:
-    """Return where along a column the gap is highest and lowest.
-
-    Parameters
-    ----------
-    of_row : (N,)
-        Number of each row's specimen.
-    """
-    known = SPECIMEN_COLUMNS.get(column.name)
-    phrase = known.at if known else f"where {column.name} is {{}}"
-    phrase = "in {}" if column.name == "material" else phrase
-    force = ~table.is_field
-    found = []
-    for label, members in _groups(column):
-        mean = gaps.mean(force & members[of_row])
-        if mean is not None:
-            found.append((mean, phrase.format(label), int(members.sum())))
-    return _extremes(found)
-
-
-def _strain_sentence(table: FeatureTable, gaps: Gaps) -> str:
-    """Return in which band of strain the common gap is largest and smallest."""
-    force = ~table.is_field
-    if not force.any():
-        return "no force to tell it by"
-    strain = table.strain
-    edges = np.quantile(strain[force], (0.0, 0.25, 0.5, 0.75, 1.0))
-    found = []
-    for k, (low, high) in enumerate(itertools.pairwise(edges.tolist())):
-        rows = force & (strain >= low) & ((strain < high) if k < 3 else (strain <= high))
-        mean = gaps.mean(rows) if rows.any() else None
-        if mean is not None:
-            name = {0: f"at strains up to {high:.2g}", 3: f"at strains of {low:.2g} and more"}
-            found.append((mean, name.get(k, f"at strains from {low:.2g} to {high:.2g}"), 0))
-    if found and max(f[0] for f in found) - min(f[0] for f in found) < _ALIKE:
-        return f"force {_off(float(np.mean([f[0] for f in found])))} alike at all strains"
-    return _extremes(found)
-
-
-def _branch_sentence(table: FeatureTable, gaps: Gaps) -> str:
-    """Return on which branches the gap is highest and lowest."""
-    names = {"loading": "in the first loading", "unloading": "in unloading",
-             "reloading": "in reloading", "hold": "in the hold"}  # fmt: skip
-    cyclic = np.isin(table.specimen, table.specimen[table.branch != 0])
-    found = []
-    for k, branch in enumerate(BRANCHES):
-        rows = (table.branch == k) & cyclic
-        mean = gaps.mean(rows) if branch in names and rows.any() else None
-        if mean is not None:
-            found.append((mean, names[branch], 0))
-    return _extremes(found)
-
-
-def _hold_sentence(table: FeatureTable, gaps: Gaps) -> str:
-    """Return the gap early and late in the hold."""
-    hold = table.branch == BRANCHES.index("hold")
-    early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
-    found = []
-    for rows, name in (
-        (hold & (table.time_s <= early), f"within {early:.2g} s of the hold"),
-        (hold & (table.time_s >= late), f"after {late:.2g} s of it"),
-    ):
-        mean = gaps.mean(rows) if rows.any() else None
-        if mean is not None:
-            found.append((mean, name, 0))
-    return _extremes(found, ordered=True)
-
-
-def _position_sentence(
-    cluster: Cluster | None, campaign: Campaign, table: FeatureTable, gaps: Gaps
-) -> str:
-    """Return where along which bar the local strain is farthest off."""
-    if cluster is None:
-        return "no place along the bars stands out"
-    rows = np.zeros(len(table), dtype=bool)
-    rows[list(cluster.rows)] = True
-    near = rows & (np.abs(table.x_mm - cluster.peak_mm) < 1e-3)
-    mean = gaps.mean(near if near.any() else rows)
-    off = "off" if mean is None else _off(mean)
-    sentence = f"strain {off} near {cluster.peak_mm:.3g} mm along bar {cluster.design}"
-    design = bars_alike(campaign, table)[cluster.design][1]
-    reach = max(0.06 * design.length_mm, 1.0)
-    for step in sorted(steps_of(design), key=lambda s: abs(s.x_mm - cluster.peak_mm))[:1]:
-        if cluster.from_mm - reach <= step.x_mm <= cluster.to_mm + reach:
-            ends = (_grade(campaign.palette, m) for m in (step.before, step.after))
-            sentence += ", at the step from {} to {}".format(*ends)
-    return sentence
-
-
-def _specimens_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
-    """Return which specimens stand apart from their replicates, and by how much."""
-    listed = [
-        f"{id} {_off(value, 'its replicates')}"
-        for id, value in zip(ids[:_NAMED], shift, strict=False)
-    ]
-    more = len(ids) - len(listed)
-    return "force of " + "; ".join(listed) + (f"; and {more} more" if more else "")
-
-
-def _groups(column: Column) -> list[tuple[str, BoolArray]]:
-    levels = np.unique(column.level[column.known])
-    if not column.is_number:
-        return [
-            (str(next(v for v, k in zip(column.values, column.level, strict=True) if k == level)),
-             np.asarray(column.level == level))
-            for level in levels
-        ]  # fmt: skip
-    value = np.array([np.nan if v is None else float(v) for v in column.values])
-    if len(levels) <= _MOST_LEVELS:
-        return [
-            (f"{float(np.mean(value[column.level == k])):.4g}", np.asarray(column.level == k))
-            for k in levels
-        ]
-    low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
-    thirds = (value <= low, (value > low) & (value <= high), value > high)
-    return [(_range(value[t]), np.asarray(t)) for t in thirds if t.any()]
-
-
-def _range(values: FloatArray) -> str:
-    low, high = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
-    return low if low == high else f"{low} to {high}"
-
-
-def _extremes(found: Sequence[tuple[float, str, int]], *, ordered: bool = False) -> str:
-    if not found:
-        return "no force to tell it by"
-    if ordered:
-        chosen = list(found)
-    else:
-        # The one farthest from prediction first, then the one farthest from it.
-        first = max(found, key=lambda f: abs(f[0]))
-        chosen = [first]
-        if len(found) > 1:
-            chosen.append(max(found, key=lambda f: abs(f[0] - first[0])))
-    parts = [f"{_off(mean)} {name}{_count(n)}" for mean, name, n in chosen]
-    if len(parts) > 1:
-        parts[1:] = [part.replace(" prediction", "", 1) for part in parts[1:]]
-    return "force " + ", ".join(parts)
-
-
-def _count(n: int) -> str:
-    return f" ({n} specimen{'s' if n > 1 else ''})" if n else ""
-
-
-def _off(log: float, what: str = "prediction") -> str:
-    percent = 100.0 * float(np.expm1(np.clip(log, -7.0, 7.0)))
-    if abs(percent) < 0.5:
-        return "as predicted" if what == "prediction" else f"as {what}"
-    if percent > 200.0:
-        return f"{1.0 + percent / 100.0:.3g} times {what}"
-    figure = f"{abs(percent):.2g}" if abs(percent) < 10.0 else f"{abs(percent):.0f}"
-    return f"{figure} % {'above' if percent > 0.0 else 'below'} {what}"
-
-
-def _grade(palette: Palette, coordinate: float) -> str:
-    return min(palette.materials, key=lambda m: abs(m.coordinate - coordinate)).id
-
-
-# ------------------------------------------------------------------------------------------------
-# What a gap that goes with the branch of the path, or with the time of a hold, looks like.
-
-
+_SMALLEST_STRAIN = 0.01
 _HOLD = BRANCHES.index("hold")
 
 
-def _later_branches(table: FeatureTable) -> tuple[int, ...]:
-    """Return the branches of forces, other than the first loading, that were measured."""
-    return tuple(
-        k for k, name in enumerate(BRANCHES)
-        if name not in ("loading", "field") and np.any(table.branch == k)
-    )  # fmt: skip
-
-
-def _branch_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
-    """Return a level of every later branch, and a slope over strain where strain varies, (N, k)."""
-    level = strain_shapes(table)[:, 0]
-    u = strain_place(table)
-    columns = []
-    for branch in _later_branches(table):
-        of_branch = np.where(table.branch == branch, level, 0.0)
-        columns.append(of_branch)
-        if branch != _HOLD:
-            columns.append(of_branch * u)
-    return _made(columns, table, whitening, common)
-
-
-def _hold_time_basis(table: FeatureTable, whitening: Whitening, common: FloatArray) -> FloatArray:
-    """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, k)."""
-    hold = table.branch == _HOLD
-    if not hold.any():
-        return np.zeros((len(table), 0))
-    level = np.where(hold, strain_shapes(table)[:, 0], 0.0)
-    w = _hold_place(table)
-    return _made([level, level * w, level * w**2], table, whitening, common)
-
-
-def _hold_place(table: FeatureTable) -> FloatArray:
-    """Return the logarithm of the time of a hold, 0 at the shortest and 1 at the longest, (N,)."""
-    hold = table.branch == _HOLD
-    log = np.log(np.maximum(table.time_s, 1e-3))
-    low, high = float(log[hold].min()), float(log[hold].max())
-    place: FloatArray = np.where(hold, (log - low) / max(high - low, 1e-9), 0.0)
+def _strain_place(table: FeatureTable) -> FloatArray:
+    """Return the logarithm of strain, -1 at the table's smallest and 1 at its largest, (N,)."""
+    log = np.log(np.maximum(table.strain, 0.0) + _SMALLEST_STRAIN)
+    low, high = float(log.min()), float(log.max())
+    middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-9)
+    place: FloatArray = (log - middle) / half
     return place
 
 
-def _made(
-    columns: list[FloatArray], table: FeatureTable, whitening: Whitening, common: FloatArray
-) -> FloatArray:
-    if not columns:
+def _strain_shapes(table: FeatureTable) -> FloatArray:
+    """Return level, slope and bend of the forces' logarithm over log strain, (N, 3).
+
+    Legendre's polynomials times the sensitivity, so that a gap in per cent is one.
+    """
+    u = _strain_place(table)
+    h = np.where(table.is_field, 0.0, table.sensitivity(table.measured_raw))
+    return np.stack([h, h * u, h * (1.5 * u**2 - 0.5)], axis=1)
+
+
+def _field_level(table: FeatureTable) -> FloatArray:
+    """Return what all local strains being off by one factor looks like, (N,)."""
+    return np.where(table.is_field, table.sensitivity(table.measured_raw), 0.0)
+
+
+def _branch_columns(table: FeatureTable) -> FloatArray:
+    """Return a level of every later branch, and a slope over strain where strain varies, (N, k)."""
+    level, u = _strain_shapes(table)[:, 0], _strain_place(table)
+    columns = [np.zeros(len(table))]
+    for branch, name in enumerate(BRANCHES):
+        here = table.branch == branch
+        if name not in ("loading", "field") and here.any():
+            columns.append(np.where(here, level, 0.0))
+            if branch != _HOLD:
+                columns.append(np.where(here, level * u, 0.0))
+    return np.stack(columns, axis=1)
+
+
+def _hold_columns(table: FeatureTable) -> FloatArray:
+    """Return a level, a slope and a bend over the logarithm of the time of a hold, (N, 3)."""
+    hold = table.branch == _HOLD
+    if not hold.any():
         return np.zeros((len(table), 0))
-    return orthonormal(whitening(np.stack(columns, axis=1)), besides=common)
+    log = np.log(np.maximum(table.time_s, 1e-3))
+    low, high = float(log[hold].min()), float(log[hold].max())
+    level = np.where(hold, _strain_shapes(table)[:, 0], 0.0)
+    w = np.where(hold, (log - low) / max(high - low, 1e-9), 0.0)
+    return np.stack([level, level * w, level * w**2], axis=1)
+
+
+# ------------------------------------------------------------------------------------------------
+# Columns of specimens.csv as axes: their levels, and a few coordinates along each.
+
+
+_DEGREE = 2
+_MOST_COORDINATES = 8
+
+
+def _campaign_columns(campaign: Campaign) -> tuple[Column, ...]:
+    """Return the columns that vary over the specimens; material first.
+
+    A column whose text is another for nearly every specimen tells them apart, but not why, and is
+    left out.
+    """
+    specimens = campaign.specimens
+    found = [_column("material", [_material(s) for s in specimens])]
+    found += [_column(name, [_size(s, name) for s in specimens]) for name in TOLERANCES]
+    texts = [name for name, c in SPECIMEN_COLUMNS.items() if c.choices is not None]
+    found += [_column(name, [getattr(s, name) for s in specimens]) for name in texts]
+    names = dict.fromkeys((*campaign.covariates, *(k for s in specimens for k in s.covariates)))
+    found += [_column(name, [s.covariates.get(name) for s in specimens]) for name in names]
+    return tuple(column for column in found if column is not None)
+
+
+def _material(specimen: Specimen) -> str:
+    profile = specimen.profile
+    return (specimen.material or "") if profile is None else f"bar {profile.name}"
+
+
+def _size(specimen: Specimen, name: str) -> float | None:
+    value: float | None = getattr(specimen, name)
+    if value is None:
+        value = getattr(specimen, f"measured_{name}", None)
+    return value
+
+
+def _column(name: str, values: Sequence[str | float | None]) -> Column | None:
+    """Return a column by its levels; None where it does not vary."""
+    if any(isinstance(v, str) for v in values):
+        cells: list[str | float | None] = [
+            None if v is None or not str(v).strip() else str(v).strip() for v in values
+        ]
+        texts = sorted({str(c) for c in cells if c is not None})
+        level = np.array([-1 if c is None else texts.index(str(c)) for c in cells])
+        known = level >= 0
+        if len(texts) < 2 or (len(texts) > 3 and 2 * len(texts) > known.sum()):
+            return None
+        common = np.argsort(-np.bincount(level[known]), kind="stable")[:_MOST_COORDINATES]
+        raw = (level[:, None] == common).astype(np.float64)
+    else:
+        numbers = [None if v is None or not np.isfinite(float(v)) else float(v) for v in values]
+        of = levels(numbers, *TOLERANCES.get(name, (0.0, 1e-6)))
+        level = np.array([-1 if k is None else k for k in of])
+        known, cells = level >= 0, [*numbers]
+        if level.max(initial=-1) < 1:
+            return None
+        raw = _powers(name, np.array([v for v in numbers if v is not None]), level, known)
+    centred = np.where(known[:, None], raw - raw[known].mean(axis=0), 0.0)
+    basis, singular, _ = np.linalg.svd(centred, full_matrices=False)
+    kept = singular > 1e-6 * max(float(singular[0]), 1e-12)
+    if not kept.any():
+        return None
+    return Column(name, tuple(cells), level, np.where(known[:, None], basis[:, kept], 0.0))
+
+
+def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) -> FloatArray:
+    """Return polynomials of levels' mean values on the column's usual scale, -1 to 1."""
+    count = int(level.max()) + 1
+    centre = np.array([values[level[known] == k].mean() for k in range(count)])
+    if name in SPECIMEN_COLUMNS:
+        centre = SPECIMEN_COLUMNS[name].scale(centre)
+    elif centre.min() > 0.0 and centre.max() > 20.0 * centre.min():
+        centre = np.log(centre)
+    x = np.zeros(len(level))
+    x[known] = centre[level[known]]
+    x[known] -= 0.5 * (x[known].min() + x[known].max())
+    x /= max(float(np.abs(x).max()), 1e-12)
+    powers = np.stack([x**k for k in range(1, min(_DEGREE, count - 1) + 1)], axis=1)
+    return powers * known[:, None]
+
+
+# ------------------------------------------------------------------------------------------------
+# The place along graded bars: smooth patterns, steps between materials, clusters of places.
+
+
+_KNOTS = 6
+"""Of the smooth pattern along a bar."""
+
+_HIGH = 2.0
+"""Standard deviations above which neighbouring places join a cluster."""
+
+_STEEP_PER_MM = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Where a design goes from one coordinate to another, within a millimetre or at once."""
+
+    x_mm: float
+    before: float
+    after: float
+
+
+def _steps_of(design: ProfileDesign) -> tuple[Step, ...]:
+    """Return a design's steps."""
+    x, m = design.x_mm, design.coordinate
+    rise, run = np.diff(m), np.diff(x)
+    steep = (np.abs(rise) > _STEEP_PER_MM * run) & (np.abs(rise) > 1e-3) & (run < 1.0)
+    return tuple(
+        Step(float(0.5 * (x[i] + x[i + 1])), float(m[i]), float(m[i + 1]))
+        for i in np.flatnonzero(steep)
+    )
+
+
+def _rows_by_design(
+    campaign: Campaign, table: FeatureTable
+) -> dict[str, tuple[IntArray, ProfileDesign]]:
+    """Return by design the rows of local strains, bars of one design together."""
+    rows: dict[str, tuple[list[int], ProfileDesign]] = {}
+    for row in np.flatnonzero(table.is_field).tolist():
+        design = campaign.specimens[int(table.specimen[row])].profile
+        if design is not None:
+            rows.setdefault(design.name, ([], design))[0].append(row)
+    return {name: (np.array(found), design) for name, (found, design) in rows.items()}
+
+
+def _position_columns(campaign: Campaign, table: FeatureTable) -> FloatArray:
+    """Return what a gap that varies along the bars may look like, (N, k).
+
+    Hats along each design, and at steps an odd and an even kernel that all steps share, as wide
+    as the camera's spacing.
+    """
+    columns: list[FloatArray] = []
+    odd, even = np.zeros(len(table)), np.zeros(len(table))
+    for rows, design in _rows_by_design(campaign, table).values():
+        x = table.x_mm[rows]
+        hats = np.zeros((_KNOTS, len(table)))
+        knots = np.linspace(x.min(), x.max(), _KNOTS)
+        hats[:, rows] = [np.interp(x, knots, hat) for hat in np.eye(_KNOTS)]
+        columns += [*hats]
+        at = np.unique(np.round(x, 3))
+        width = max(float(np.median(np.diff(at))) if len(at) > 1 else 1.0, 0.5)
+        for step in _steps_of(design):
+            away = (x - step.x_mm) / width
+            bell = np.exp(-0.5 * away**2)
+            size = step.after - step.before
+            odd[rows] += size * away * bell
+            even[rows] += abs(size) * bell
+    return np.stack([*columns, odd, even], axis=1) * _field_level(table)[:, None]
+
+
+def _factors_of_bars(table: FeatureTable, of_row: IntArray) -> FloatArray:
+    """Return a factor on all local strains of each bar, (N, bars): no matter of position."""
+    bars = np.unique(of_row[table.is_field])
+    return np.where(of_row[:, None] == bars, _field_level(table)[:, None], 0.0)
+
+
+def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
+    """Return how much larger the noise of local strains is than declared, at least 1.
+
+    Bars are too few for how they lie together to tell; place by place, replicates tell. Without
+    replicates it is what no pattern along the bars explains.
+    """
+    bars: dict[tuple[int, bytes], list[FloatArray]] = {}
+    for number in np.unique(table.specimen[table.is_field]).tolist():
+        rows = np.flatnonzero(table.is_field & (table.specimen == number))
+        key = int(table.test[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
+        bars.setdefault(key, []).append(y[rows])
+    squares, freedom = 0.0, 0
+    for alike in bars.values():
+        values = np.stack(alike)
+        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
+        freedom += (len(values) - 1) * values.shape[1]
+    if not freedom:
+        left = (y - basis @ (basis.T @ y))[table.is_field]
+        squares, freedom = float(left @ left), max(len(left) - basis.shape[1], 1)
+    return max(1.0, float(np.sqrt(squares / freedom)))
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """Neighbouring places of one design that are off to one side."""
+
+    design: ProfileDesign
+    from_mm: float
+    to_mm: float
+    peak_mm: float
+    mass: float
+    rows: IntArray
+
+
+def _cluster(campaign: Campaign, table: FeatureTable, y: FloatArray) -> Cluster | None:
+    """Return the heaviest cluster of places, by how far its places are off together.
+
+    Parameters
+    ----------
+    y : (N,)
+        Whitened.
+    """
+    best: Cluster | None = None
+    for rows, design in _rows_by_design(campaign, table).values():
+        at, place, scores = _scores_by_place(table.x_mm[rows], y[None, rows])
+        mass, start, stop = (found[0] for found in _heaviest(scores))
+        if mass > (0.0 if best is None else best.mass):
+            peak = start + int(np.argmax(np.abs(scores[0, start:stop])))
+            inside = rows[(place >= start) & (place < stop)]
+            ends = float(at[start]), float(at[stop - 1])
+            best = Cluster(design, *ends, float(at[peak]), float(mass), inside)
+    return best
+
+
+def _cluster_draws(campaign: Campaign, table: FeatureTable, drawn: FloatArray) -> FloatArray:
+    """Return the mass of the heaviest cluster of draws, (P,), of whitened features (P, N)."""
+    heaviest = np.zeros(len(drawn))
+    for rows, _ in _rows_by_design(campaign, table).values():
+        scores = _scores_by_place(table.x_mm[rows], drawn[:, rows])[2]
+        heaviest = np.maximum(heaviest, _heaviest(scores)[0])
+    return heaviest
+
+
+def _scores_by_place(
+    x_mm: FloatArray, values: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return the places, that of each value, and the standardised sum at each, (P, places)."""
+    at, place = np.unique(np.round(x_mm, 3), return_inverse=True)
+    place = place.reshape(-1)
+    return at, place, values @ np.eye(len(at))[place] / np.sqrt(np.bincount(place))
+
+
+def _heaviest(scores: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return of each row the heaviest run of one sign above `_HIGH`: mass, begin and end, (P,)."""
+    mass = np.zeros(len(scores))
+    begin, end = np.zeros(len(scores), dtype=np.intp), np.zeros(len(scores), dtype=np.intp)
+    for sign in (1.0, -1.0):
+        run, since = np.zeros(len(scores)), np.zeros(len(scores), dtype=np.intp)
+        for i, column in enumerate((sign * scores).T):
+            high = column > _HIGH
+            run = np.where(high, run + column - _HIGH, 0.0)
+            since = np.where(high, since, i + 1)
+            heavier = run > mass
+            mass, begin = np.where(heavier, run, mass), np.where(heavier, since, begin)
+            end = np.where(heavier, i + 1, end)
+    return mass, begin, end
+
+
+# ------------------------------------------------------------------------------------------------
+# One axis along which a gap may vary, and how likely what is seen along it is without one.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """One axis.
+
+    Attributes
+    ----------
+    basis : (N, k)
+        Orthonormal, in whitened features: what a gap along the axis may look like.
+    p : float
+        Of what is seen, for this axis alone; small where the gap varies along it.
+    drawn_p : (P,)
+        The same of each draw without a gap.
+    detail
+        One sentence.
+    least
+        The chance that is left to a draw to show the very same, which `drawn_p` is without.
+    is_common
+        Whether it is the gap that all specimens have in common, over strain.
+    """
+
+    name: str
+    basis: FloatArray
+    p: float
+    drawn_p: FloatArray
+    detail: str
+    is_common: bool = False
+    least: float = 0.0
+
+
+# ------------------------------------------------------------------------------------------------
+# How much of the excess an axis explains, and how sure that is.
+
+
+_CLAIM = 3.0
+"""The square of the mean of a ramp from zero, over its variance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Excess:
+    """What there is to explain.
+
+    An axis may claim some of the gap that all specimens have in common: with half of them at
+    33 degC, soft, and half as predicted, half of the gap is common and yet lies along temperature.
+    It may claim three times what the gap varies by along it, which is what a gap has in common
+    that rises evenly from none. A gap that is the same everywhere is so claimed by no axis.
+
+    Attributes
+    ----------
+    y, varying : (N,)
+        Whitened residuals, all and without their common part.
+    common : (N, c)
+        Orthonormal.
+    """
+
+    whitening: Whitening
+    y: FloatArray
+    varying: FloatArray
+    common: FloatArray
+
+    @property
+    def least(self) -> float:
+        """The least excess that shares are taken of: two deviations of pure noise."""
+        return float(2.0 * np.sqrt(2.0 * len(self.y)))
+
+    @property
+    def in_common(self) -> float:
+        """What all specimens have in common, beyond noise."""
+        return _beyond_noise(self.common, self.y)
+
+    def explained(self, axis: Axis) -> float:
+        """Return what an axis explains beyond noise, its claim on the common gap included."""
+        if axis.is_common:
+            return self.in_common
+        own = _beyond_noise(axis.basis, self.varying)
+        return own + min(_CLAIM * own, self.in_common)
+
+    def share(self, axis: Axis) -> float:
+        """Return the share of the excess, 0 to 1."""
+        explained = self.explained(axis)
+        total = max(float(self.y @ self.y) - len(self.y), self.least)
+        return explained / max(total, explained, 1e-12)
+
+    def interval(self, axis: Axis, weights: FloatArray) -> tuple[float, float]:
+        """Return the 90 % interval of the share over draws of specimens.
+
+        Parameters
+        ----------
+        weights : (B, n)
+            How often each specimen was drawn.
+        """
+        squares = self.whitening.summed(self.y**2) - np.diff(self.whitening.starts)
+        total = np.maximum(weights @ squares, self.least)
+        common = self._drawn(self.common, self.y, weights)
+        own = common
+        if not axis.is_common:
+            own = self._drawn(axis.basis, self.varying, weights)
+            own = own + np.minimum(_CLAIM * own, common)
+        shares = own / np.maximum(total, np.maximum(own, 1e-12))
+        share = self.share(axis)
+        moved = shares + share - float(np.median(shares))
+        low, high = np.quantile(np.clip(moved, 0.0, 1.0), (0.05, 0.95)).tolist()
+        return min(low, share), max(high, share)
+
+    def _drawn(self, basis: FloatArray, y: FloatArray, weights: FloatArray) -> FloatArray:
+        """Explained beyond noise, of draws, (B,)."""
+        k = basis.shape[1]
+        if not k:
+            return np.zeros(len(weights))
+        score = weights @ self.whitening.summed(basis * y[:, None])
+        pairs = self.whitening.summed((basis[:, :, None] * basis[:, None, :]).reshape(-1, k * k))
+        inner = (weights @ pairs).reshape(-1, k, k) + 1e-3 * np.eye(k)
+        solved = np.linalg.solve(inner, score[:, :, None])[:, :, 0]
+        # A draw has the noise of what was measured and its own.
+        found: FloatArray = np.maximum(np.einsum("bk,bk->b", score, solved) - 2.0 * k, 0.0)
+        return found
+
+
+def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
+    """Return the sum of squares along an orthonormal basis, less a cost a degree of freedom."""
+    return float(max(np.sum((basis.T @ y) ** 2) - cost * basis.shape[1], 0.0))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -314,38 +476,193 @@ _SIGNIFICANT = 0.05
 _ALONE = 0.3
 
 
-def _ranked(
-    axes: Sequence[Axis], p: FloatArray, excess: Excess
-) -> tuple[tuple[int, ...], tuple[float, ...]]:
+def _ranked(axes: Sequence[Axis], p: FloatArray, excess: Excess) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
-    cost = math.log(max(len(excess.whitening.specimen), 2))
-    alone = np.array([excess.explained(a) - (cost - 1.0) * a.basis.shape[1] for a in axes])
-    alone = np.maximum(alone, 0.0)
+    cost = math.log(max(len(excess.whitening.starts) - 1, 2))
+    alone = [max(excess.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
     found = [i for i in range(len(axes)) if p[i] <= _SIGNIFICANT]
     if not found:
-        order = sorted(range(len(axes)), key=lambda i: (p[i], -alone[i]))
-        return tuple(order), (1.0,) * len(axes)
+        return sorted(range(len(axes)), key=lambda i: (p[i], -alone[i])), [1.0] * len(axes)
     first = max(found, key=lambda i: (alone[i], -p[i]))
-    adds = np.array([_added(axis, axes[first], excess, cost) for axis in axes])
+    adds = [_added(axis, axes[first], excess, cost) for axis in axes]
     adds[first] = alone[first]
-    merit = adds + _ALONE * alone
-    rest = sorted((i for i in found if i != first), key=lambda i: -merit[i])
+    rest = sorted((i for i in found if i != first), key=lambda i: -(adds[i] + _ALONE * alone[i]))
     others = sorted((i for i in range(len(axes)) if i not in found), key=lambda i: p[i])
-    parts = tuple(
-        float(added / max(own, 1e-12)) if own > 0.0 else 1.0
-        for added, own in zip(adds, alone, strict=True)
-    )
-    return (first, *rest, *others), parts
+    parts = [a / max(own, 1e-12) if own > 0.0 else 1.0 for a, own in zip(adds, alone, strict=True)]
+    return [first, *rest, *others], parts
 
 
 def _added(axis: Axis, first: Axis, excess: Excess, cost: float) -> float:
-    if axis is first:
-        return 0.0
     if axis.is_common:
-        own = max(explained_by(first.basis, excess.apart) - float(first.basis.shape[1]), 0.0)
-        return max(excess.in_common - CLAIM * own, 0.0)
+        return max(excess.in_common - _CLAIM * _beyond_noise(first.basis, excess.varying), 0.0)
     beside = axis.basis if first.is_common else orthonormal(axis.basis, besides=first.basis)
-    return max(explained_by(beside, excess.apart) - cost * float(beside.shape[1]), 0.0)
+    return _beyond_noise(beside, excess.varying, cost)
+
+
+# ------------------------------------------------------------------------------------------------
+# What is seen along an axis, in one sentence with numbers.
+
+
+_MOST_LEVELS = 6
+_ALIKE = 0.01
+_NAMED = 4
+
+_Part = tuple[BoolArray, str, int]
+"""Rows, what to call them, and of how many specimens they are; 0 not to tell."""
+
+
+class Gaps:
+    """Gaps as shares of force or strain, averaged as weights of what is really told by each.
+
+    Attributes
+    ----------
+    log : (N,)
+        Measured over predicted, as a logarithm.
+    weight : (N,)
+        How much a feature says: little near zero crossings.
+    """
+
+    __slots__ = ("log", "weight")
+
+    def __init__(self, table: FeatureTable, residual: FloatArray) -> None:
+        h = table.sensitivity(table.measured_raw)
+        self.log = residual / np.where(np.abs(h) > 0.05, h, 1.0)
+        self.weight = np.where(np.abs(h) > 0.05, h**2, 0.0)
+
+    def mean(self, rows: BoolArray) -> float | None:
+        """Return the mean gap over rows, a logarithm; None where nothing is told."""
+        weight = self.weight[rows]
+        return float(weight @ self.log[rows] / weight.sum()) if weight.sum() > 0.0 else None
+
+    def sentence(
+        self, parts: Iterable[_Part], *, ordered: bool = False, alike: str | None = None
+    ) -> str:
+        """Return where the gap is highest and lowest.
+
+        Parameters
+        ----------
+        ordered
+            Tell all parts as they come.
+        alike
+            What to say where they hardly differ.
+        """
+        means = [(self.mean(rows), name, n) for rows, name, n in parts]
+        found = [(mean, name, n) for mean, name, n in means if mean is not None]
+        if not found:
+            return "no force to tell it by"
+        logs = [mean for mean, _, _ in found]
+        if alike is not None and max(logs) - min(logs) < _ALIKE:
+            return f"force {_off(float(np.mean(logs)))} {alike}"
+        if not ordered:
+            # The one farthest from prediction first, then the one farthest from it.
+            first = max(found, key=lambda f: abs(f[0]))
+            second = max(found, key=lambda f: abs(f[0] - first[0]))
+            found = [first, second][: len(found)]
+        told = [f"{_off(mean)} {name}{_count(n)}" for mean, name, n in found]
+        return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
+
+
+def _column_parts(column: Column, force: BoolArray, of_row: IntArray) -> Iterator[_Part]:
+    """Levels of a column, or thirds of one of many numbers."""
+    known = SPECIMEN_COLUMNS.get(column.name)
+    phrase = known.at if known else f"where {column.name} is {{}}"
+    phrase = "in {}" if column.name == "material" else phrase
+    for label, members in _groups(column):
+        yield force & members[of_row], phrase.format(label), int(members.sum())
+
+
+def _groups(column: Column) -> Iterator[tuple[str, BoolArray]]:
+    numbers = np.unique(column.level[column.known]).tolist()
+    if not column.is_number:
+        for k in numbers:
+            members = np.asarray(column.level == k)
+            yield str(column.values[int(np.argmax(members))]), members
+        return
+    value = np.array([np.nan if v is None else float(v) for v in column.values])
+    if len(numbers) <= _MOST_LEVELS:
+        for k in numbers:
+            members = np.asarray(column.level == k)
+            yield f"{float(np.mean(value[members])):.4g}", members
+        return
+    low, high = np.nanquantile(value, (1.0 / 3.0, 2.0 / 3.0)).tolist()
+    for third in (value <= low, (value > low) & (value <= high), value > high):
+        if third.any():
+            ends = dict.fromkeys(f"{f(value[third]):.3g}" for f in (np.min, np.max))
+            yield " to ".join(ends), third
+
+
+def _strain_parts(table: FeatureTable) -> Iterator[_Part]:
+    """Quarters of the forces by strain."""
+    force, strain = ~table.is_field, table.strain
+    edges = np.quantile(strain[force], (0.0, 0.25, 0.5, 0.75, 1.0)) if force.any() else ()
+    for k, (low, high) in enumerate(itertools.pairwise(edges)):
+        rows = force & (strain >= low) & ((strain < high) if k < 3 else (strain <= high))
+        name = {0: f"at strains up to {high:.2g}", 3: f"at strains of {low:.2g} and more"}
+        yield rows, name.get(k, f"at strains from {low:.2g} to {high:.2g}"), 0
+
+
+def _branch_parts(table: FeatureTable) -> Iterator[_Part]:
+    """Branches of the tests that have more than a first loading."""
+    names = {"loading": "in the first loading", "unloading": "in unloading",
+             "reloading": "in reloading", "hold": "in the hold"}  # fmt: skip
+    cyclic = np.isin(table.specimen, table.specimen[table.branch != 0])
+    for branch, name in names.items():
+        yield (table.branch == BRANCHES.index(branch)) & cyclic, name, 0
+
+
+def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
+    """Early and late in the hold."""
+    hold = table.branch == _HOLD
+    early, late = np.quantile(table.time_s[hold], (0.25, 0.75)).tolist()
+    yield hold & (table.time_s <= early), f"within {early:.2g} s of the hold", 0
+    yield hold & (table.time_s >= late), f"after {late:.2g} s of it", 0
+
+
+def _position_sentence(
+    cluster: Cluster | None, palette: Palette, table: FeatureTable, gaps: Gaps
+) -> str:
+    """Return where along which bar the local strain is farthest off."""
+    if cluster is None:
+        return "no place along the bars stands out"
+    rows = np.isin(np.arange(len(table)), cluster.rows)
+    near = rows & (np.abs(table.x_mm - cluster.peak_mm) < 1e-3)
+    mean = gaps.mean(near if near.any() else rows)
+    off = "off" if mean is None else _off(mean)
+    sentence = f"strain {off} near {cluster.peak_mm:.3g} mm along bar {cluster.design.name}"
+    reach = max(0.06 * cluster.design.length_mm, 1.0)
+    steps = _steps_of(cluster.design)
+    step = min(steps, key=lambda s: abs(s.x_mm - cluster.peak_mm), default=None)
+    if step is not None and cluster.from_mm - reach <= step.x_mm <= cluster.to_mm + reach:
+        grades = [
+            min(palette.materials, key=lambda m: abs(m.coordinate - at)).id
+            for at in (step.before, step.after)
+        ]
+        sentence += f", at the step from {grades[0]} to {grades[1]}"
+    return sentence
+
+
+def _outliers_sentence(ids: Sequence[str], shift: Sequence[float]) -> str:
+    """Return which specimens differ from their replicates, and by how much."""
+    listed = [
+        f"{id} {_off(value, 'its replicates')}"
+        for id, value in zip(ids[:_NAMED], shift, strict=False)
+    ]
+    more = len(ids) - len(listed)
+    return "force of " + "; ".join(listed) + (f"; and {more} more" if more else "")
+
+
+def _count(n: int) -> str:
+    return f" ({n} specimen{'s' if n > 1 else ''})" if n else ""
+
+
+def _off(log: float, what: str = "prediction") -> str:
+    percent = 100.0 * float(np.expm1(np.clip(log, -7.0, 7.0)))
+    if abs(percent) < 0.5:
+        return "as predicted" if what == "prediction" else f"as {what}"
+    if percent > 200.0:
+        return f"{1.0 + percent / 100.0:.3g} times {what}"
+    number = f"{abs(percent):.2g}" if abs(percent) < 10.0 else f"{abs(percent):.0f}"
+    return f"{number} % {'above' if percent > 0.0 else 'below'} {what}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -364,20 +681,29 @@ class _Case:
     campaign: Campaign
     table: FeatureTable
     residual: FloatArray
-    noise: Noise
-    whitening: Whitening
     gaps: Gaps
-    of_row: IntArray
     signs: FloatArray
     excess: Excess
     rng: np.random.Generator
+
+    @property
+    def whitening(self) -> Whitening:
+        return self.excess.whitening
+
+    def basis(self, columns: FloatArray) -> FloatArray:
+        """Return what a gap along columns may look like, whitened, beside the common gap."""
+        return orthonormal(self.whitening(columns), besides=self.excess.common)
+
+    def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
+        """Return the p-value of an axis within specimens, and that of each draw."""
+        return within_p(self.whitening, basis, y, self.signs, self.rng)
 
 
 def localise(
     campaign: Campaign,
     table: FeatureTable,
     residual: FloatArray,
-    noise: Noise,
+    whitening: Whitening,
     rng: np.random.Generator,
     *,
     permutations: int = 999,
@@ -393,6 +719,8 @@ def localise(
     ----------
     residual : (N,)
         Measured minus predicted, on the table's transformed scale.
+    whitening
+        Of what the residual would be like if nothing were hidden.
     permutations
         Draws without a gap.
 
@@ -404,152 +732,117 @@ def localise(
     Raises
     ------
     ArgumentError
-        Residual or noise do not fit the table.
+        The residual does not fit the table.
     """
     if residual.shape != (len(table),) or not np.all(np.isfinite(residual)):
         raise ArgumentError(
             f"residual: shape {residual.shape} with {int(np.sum(~np.isfinite(residual)))} values "
             f"that are no finite number; it must be one finite number for each of {len(table)} "
-            "figures"
+            "features"
         )
-    if len(table) == 0 or len(np.unique(table.specimen)) < 2:
+    count = len(campaign.specimens)
+    if count < 2:
         return ()
-    case = _case(campaign, table, residual, noise, rng, permutations)
+    y = whitening(residual)
+    shapes = np.column_stack([_strain_shapes(table), _field_level(table)])
+    common = orthonormal(whitening(shapes))
+    varying = y - common @ (common.T @ y)
+    signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
+    excess = Excess(whitening, y, varying, common)
+    case = _Case(campaign, table, residual, Gaps(table, residual), signs, excess, rng)
     axes = [*_column_axes(case), *_within_axes(case), *_position_axes(case), *_outlying_axes(case)]
-    if not axes:
-        return ()
     p = family_wise(
         np.array([a.p for a in axes]),
         np.stack([a.drawn_p for a in axes]),
         np.array([a.least for a in axes]),
     )
-    order, adds = _ranked(axes, p, case.excess)
-    weights = rng.multinomial(
-        len(case.whitening.specimen),
-        np.full(len(case.whitening.specimen), 1.0 / len(case.whitening.specimen)),
-        _BOOTSTRAPS,
-    ).astype(np.float64)
-    first = axes[order[0]].name
+    order, adds = _ranked(axes, p, excess)
+    weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
     places = []
     for i in order:
         sentence = axes[i].detail
         if i != order[0] and p[i] <= _SIGNIFICANT and adds[i] < _ADDS_LITTLE:
-            sentence += f"; little of it beyond what goes with {first}"
-        share, interval = case.excess.share(axes[i]), case.excess.interval(axes[i], weights)
+            sentence += f"; little of it beyond what goes with {axes[order[0]].name}"
+        share, interval = excess.share(axes[i]), excess.interval(axes[i], weights)
         places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))
     return tuple(places)
 
 
-def _case(
-    campaign: Campaign,
-    table: FeatureTable,
-    residual: FloatArray,
-    noise: Noise,
-    rng: np.random.Generator,
-    permutations: int,
-) -> _Case:
-    whitening = Whitening.of(table, noise)
-    y = whitening(residual)
-    shapes = strain_shapes(table)
-    common = orthonormal(whitening(np.concatenate([shapes, field_level(table)[:, None]], axis=1)))
-    apart = y - common @ (common.T @ y)
-    count = len(whitening.specimen)
-    signs: FloatArray = np.where(rng.random((permutations, count)) < 0.5, -1.0, 1.0)
-    return _Case(
-        campaign, table, residual, noise, whitening, Gaps(table, residual),
-        np.repeat(np.arange(count), np.diff(whitening.starts)), signs,
-        Excess(whitening, y, apart, common), rng,
-    )  # fmt: skip
-
-
-def _column_axes(case: _Case) -> list[Axis]:
-    """Material and the columns of specimens.csv: whole specimens' cells are dealt anew."""
-    whitening, common = case.whitening, case.excess.common
-    shapes = strain_shapes(case.table)
-    scores = SpecimenScores.of(whitening, shapes, common, case.excess.apart)
-    chosen = [case.campaign.specimens[i].batch for i in whitening.specimen.tolist()]
-    names = list(dict.fromkeys(chosen))
-    batch = np.array([names.index(b) for b in chosen])
+def _column_axes(case: _Case) -> Iterator[Axis]:
+    """Material and the columns of specimens.csv: whole specimens' cells are permuted."""
+    whitening = case.whitening
+    shapes = _strain_shapes(case.table)
+    scores = SpecimenScores.of(whitening, shapes, case.excess.common, case.excess.varying)
+    batches = [s.batch for s in case.campaign.specimens]
+    names = list(dict.fromkeys(batches))
+    batch = np.array([names.index(b) for b in batches])
     keys = case.rng.random(case.signs.shape)
-    totals: dict[bytes, tuple[float, int]] = {}
-    axes = []
-    for column in campaign_columns(case.campaign, whitening.specimen):
-        if column.known.sum() < _FEWEST_KNOWN:
+    for column in _campaign_columns(case.campaign):
+        cells = column.coordinates[whitening.of_row]
+        basis = case.basis((cells[:, :, None] * shapes[:, None, :]).reshape(len(cells), -1))
+        if column.known.sum() < _FEWEST_KNOWN or not basis.shape[1]:
             continue
         within = batch if len(names) > 1 and varies_within(column, batch) else None
-        basis = scores.basis(whitening, shapes, common, column)
-        if not basis.shape[1]:
-            continue
-        known = column.known.tobytes()
-        if known not in totals:
-            totals[known] = scores.total(np.flatnonzero(column.known))
-        p, drawn = scores.p(column, permuted(keys, column, within), *totals[known])
-        sentence = _column_sentence(column, case.table, case.of_row, case.gaps)
+        p, drawn = scores.p(column, permuted(keys, column, within))
+        parts = _column_parts(column, ~case.table.is_field, whitening.of_row)
         least = least_permutation_p(column, within)
-        axes.append(Axis(column.name, basis, p, drawn, sentence, least=least))
-    return axes
+        yield Axis(column.name, basis, p, drawn, case.gaps.sentence(parts), least=least)
 
 
-def _within_axes(case: _Case) -> list[Axis]:
+def _within_axes(case: _Case) -> Iterator[Axis]:
     """Strain, branch and time of a hold: signs of whole specimens are drawn."""
-    table, whitening, excess = case.table, case.whitening, case.excess
-    p, drawn = _flipped(case, excess.common, excess.y)
-    sentence = _strain_sentence(table, case.gaps)
-    axes = [Axis("strain", excess.common, p, drawn, sentence, is_common=True)]
-    basis = _branch_basis(table, whitening, excess.common)
+    table, gaps, excess = case.table, case.gaps, case.excess
+    sentence = gaps.sentence(_strain_parts(table), alike="alike at all strains")
+    p, drawn = case.flipped(excess.common, excess.y)
+    yield Axis("strain", excess.common, p, drawn, sentence, is_common=True)
+    basis = case.basis(_branch_columns(table))
     if basis.shape[1]:
-        p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("branch", basis, p, drawn, _branch_sentence(table, case.gaps)))
-    basis = _hold_time_basis(table, whitening, excess.common)
+        sentence = gaps.sentence(_branch_parts(table))
+        yield Axis("branch", basis, *case.flipped(basis, excess.varying), sentence)
+    basis = case.basis(_hold_columns(table))
     if basis.shape[1]:
-        p, drawn = _flipped(case, basis, excess.apart)
-        axes.append(Axis("time", basis, p, drawn, _hold_sentence(table, case.gaps)))
-    return axes
+        sentence = gaps.sentence(_hold_parts(table), ordered=True)
+        yield Axis("time", basis, *case.flipped(basis, excess.varying), sentence)
 
 
-def _position_axes(case: _Case) -> list[Axis]:
-    """Places along bars: the clearer of a smooth course with steps, and a cluster of places."""
+def _position_axes(case: _Case) -> Iterator[Axis]:
+    """Places along bars: the clearer of a smooth pattern with steps, and a cluster of places."""
     table, whitening, excess = case.table, case.whitening, case.excess
     if not table.is_field.any():
-        return []
-    besides = factor_of_bars(table, whitening, excess.common)
-    basis = position_basis(case.campaign, table, whitening, besides)
+        return
+    bars = whitening(_factors_of_bars(table, whitening.of_row))
+    besides = orthonormal(np.concatenate([excess.common, bars], axis=1))
+    columns = whitening(_position_columns(case.campaign, table))
+    basis = orthonormal(columns, besides=besides)
     if not basis.shape[1]:
-        return []
+        return
     y = excess.y - besides @ (besides.T @ excess.y)
-    y = y / bar_scale(table, y, basis)
-    found = cluster(case.campaign, table, y)
-    p, drawn = _flipped(case, basis, y)
-    bars = np.unique(case.of_row[table.is_field])
-    if len(bars) >= FEWEST_TO_FLIP:
-        noise = case.signs[:, case.of_row] * y
+    y = y / _bar_scale(table, y, basis)
+    found = _cluster(case.campaign, table, y)
+    p, drawn = case.flipped(basis, y)
+    if bars.shape[1] >= FEWEST_TO_FLIP:
+        noise = case.signs[:, whitening.of_row] * y
     else:
         noise = case.rng.standard_normal((len(case.signs), len(table)))
-        freedom = case.noise.degrees_of_freedom
+        freedom = whitening.degrees_of_freedom
         noise *= np.sqrt(freedom / case.rng.chisquare(freedom, len(noise)))[:, None]
-    masses = cluster_draws(case.campaign, table, noise)
+    masses = _cluster_draws(case.campaign, table, noise)
     of_cluster = tail_p(0.0 if found is None else found.mass, masses, 0.3)
     either = 2.0 * np.minimum(drawn, rank_p(masses))
-    sentence = _position_sentence(found, case.campaign, table, case.gaps)
-    return [Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)]
+    sentence = _position_sentence(found, case.campaign.palette, table, case.gaps)
+    yield Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)
 
 
-def _outlying_axes(case: _Case) -> list[Axis]:
+def _outlying_axes(case: _Case) -> Iterator[Axis]:
     """Specimens against their replicates: noise with stray specimens is drawn."""
-    table, whitening = case.table, case.whitening
-    level = strain_shapes(table)[:, 0]
-    test = table.test[whitening.starts[:-1]]
+    whitening = case.whitening
+    level = _strain_shapes(case.table)[:, 0]
+    test = case.table.test[whitening.starts[:-1]]
     found = outlying_replicates(whitening, level, case.residual, test, len(case.signs), case.rng)
     if found is None:
-        return []
-    columns = np.stack([np.where(case.of_row == i, level, 0.0) for i in found.named], axis=1)
-    basis = orthonormal(whitening(columns), besides=case.excess.common)
-    ids = [case.campaign.specimens[int(whitening.specimen[i])].id for i in found.named]
-    p = tail_p(float(np.log(max(found.figure, 1e-9))), np.log(found.drawn), 0.1)
-    sentence = _specimens_sentence(ids, found.shift)
-    return [Axis("specimen", basis, p, rank_p(found.drawn), sentence)]
-
-
-def _flipped(case: _Case, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-    freedom = case.noise.degrees_of_freedom
-    return within_p(case.whitening, basis, y, case.signs, freedom, case.rng)
+        return
+    basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))
+    ids = [case.campaign.specimens[i].id for i in found.named]
+    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), 0.1)
+    sentence = _outliers_sentence(ids, found.shift)
+    yield Axis("specimen", basis, p, rank_p(found.drawn), sentence)

@@ -1,26 +1,21 @@
 """Where a gap lies: made along one axis of a synthetic campaign, found there, and nowhere else."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.stats
 
 from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Location
 from planner.gap.localise import localise
-from planner.gap.localise_axes import (
-    Noise,
-    Whitening,
-    campaign_columns,
-    orthonormal,
-    share_p,
-    strain_shapes,
-)
-from planner.gap.localise_tests import SpecimenScores, tail_p
+from planner.gap.localise_tests import SpecimenScores, Whitening, orthonormal, tail_p
+from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray
 from planner.printers import load_printer
@@ -39,14 +34,20 @@ STEP_BAR = ProfileDesign(
 
 @dataclass(frozen=True)
 class Case:
-    """A campaign, its figures, and the noise that they have."""
+    """A campaign, its features, and the noise that they have."""
 
     campaign: Campaign
     table: FeatureTable
-    noise: Noise
+    noise: SpecimenNoise
+    shared: FloatArray
+    log_sd: float
+
+    @property
+    def whitening(self) -> Whitening:
+        return Whitening.of(self.noise, self.shared, self.log_sd)
 
     def value(self, column: str) -> FloatArray:
-        """A column's numbers, one a figure; NaN where unknown."""
+        """A column's numbers, one a feature; NaN where unknown."""
         of = [getattr(s, column, s.covariates.get(column)) for s in self.campaign.specimens]
         return np.array([np.nan if v is None else v for v in of], dtype=float)[self.table.specimen]
 
@@ -62,19 +63,18 @@ class Case:
     def scatter(self, rng: np.random.Generator, *, scale: float = 1.0, df: float = 0) -> FloatArray:
         """Noise as declared; with `df`, each specimen's own of Student's t and unit variance."""
         pieces = []
-        for block in self.noise.block_covariance:
+        for block in self.noise.blocks:
             own = np.linalg.cholesky(block) @ rng.standard_normal(len(block))
             if df:
                 own *= np.sqrt((df - 2.0) / rng.chisquare(df))
             pieces.append(scale * own)
-        shared = self.noise.shared @ rng.standard_normal(self.noise.shared.shape[1])
-        return np.concatenate(pieces) + shared
+        return np.concatenate(pieces) + self.shared @ rng.standard_normal(self.shared.shape[1])
 
     def where(
         self, residual: FloatArray, *, seed: int = 1, draws: int = 999
     ) -> tuple[Location, ...]:
         return localise(
-            self.campaign, self.table, residual, self.noise, np.random.default_rng(seed),
+            self.campaign, self.table, residual, self.whitening, np.random.default_rng(seed),
             permutations=draws,
         )  # fmt: skip
 
@@ -137,14 +137,15 @@ def case_of(specimens: Sequence[Specimen], *, log_sd: float = 0.15) -> Case:
     )  # fmt: skip
     return Case(
         Campaign("synthetic", "connex3", PALETTE, tuple(specimens)), table,
-        Noise(blocks_of(table), shared_of(specimens, table), log_sd),
+        noise_of(table), shared_of(specimens, table), log_sd,
     )  # fmt: skip
 
 
-def blocks_of(table: FeatureTable) -> list[FloatArray]:
+def noise_of(table: FeatureTable) -> SpecimenNoise:
+    ends = [0, *(np.flatnonzero(np.diff(table.specimen)) + 1).tolist(), len(table)]
+    slices = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
     blocks = []
-    for i in np.unique(table.specimen):
-        rows = table.specimen == i
+    for rows in slices:
         h = (~table.is_field[rows]).astype(float)
         place = np.linspace(0.0, 1.0, len(h))
         tilt = h * (table.strain[rows] / 0.5 - 0.5)
@@ -152,7 +153,8 @@ def blocks_of(table: FeatureTable) -> list[FloatArray]:
         block = LEVEL**2 * np.outer(h, h) + SLOPE**2 * np.outer(tilt, tilt)
         block += WANDER**2 * np.outer(h, h) * np.exp(-away)
         blocks.append(block + np.diag(np.where(h > 0.0, OWN, FIELD) ** 2))
-    return blocks
+    roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
+    return SpecimenNoise(slices, tuple(blocks), roots, np.zeros((len(table), 0)))
 
 
 def shared_of(specimens: Sequence[Specimen], table: FeatureTable) -> FloatArray:
@@ -313,13 +315,6 @@ def test_unknown_cells_are_left_out_of_their_axis() -> None:
     gap = np.where(unknown, 0.0, -0.02 * (case.value("temperature_C") - 23.0)) * case.force
     first = case.where(gap + case.scatter(np.random.default_rng(5)))[0]
     assert first.axis == "temperature_C"
-    columns = {c.name: c for c in campaign_columns(case.campaign, np.arange(len(specimens)))}
-    np.testing.assert_array_equal(columns["temperature_C"].known, np.arange(30) % 4 > 0)
-    assert not columns["operator"].known[[1, 2]].any()
-    for column in columns.values():
-        assert np.all(column.coordinates[~column.known] == 0.0)
-        # Orthonormal and of mean zero: rounding alone.
-        np.testing.assert_allclose(column.coordinates.sum(axis=0), 0.0, atol=1e-12)
 
 
 def test_no_comparison_no_places() -> None:
@@ -345,55 +340,40 @@ def test_what_does_not_fit_is_refused() -> None:
     for wrong in (residual[1:], np.where(np.arange(len(residual)) == 3, np.nan, residual)):
         with pytest.raises(ArgumentError, match="residual"):
             STAR.where(wrong)
-    blocks, shared = STAR.noise.block_covariance, STAR.noise.shared
-    for noise in (
-        Noise(blocks[1:], shared), Noise(blocks, shared[1:]),
-        Noise([np.zeros_like(b) for b in blocks], shared),
-    ):  # fmt: skip
-        with pytest.raises(ArgumentError, match="noise"):
-            replace(STAR, noise=noise).where(residual)
 
 
 def test_whitened_noise_is_white() -> None:
     """White by the covariance itself: W C W' = I."""
-    whitening = Whitening.of(STAR.table, STAR.noise)
-    n = len(STAR.table)
-    covariance = STAR.noise.shared @ STAR.noise.shared.T
-    for a, b, block in zip(
-        whitening.starts[:-1], whitening.starts[1:], STAR.noise.block_covariance, strict=True
-    ):
-        covariance[a:b, a:b] += block
-    matrix = whitening(np.eye(n))
+    covariance = STAR.shared @ STAR.shared.T + scipy.linalg.block_diag(*STAR.noise.blocks)
+    matrix = STAR.whitening(np.eye(len(STAR.table)))
     # Rounding times the covariance's condition, some 1e5.
-    np.testing.assert_allclose(matrix @ covariance @ matrix.T, np.eye(n), atol=1e-9)
+    np.testing.assert_allclose(matrix @ covariance @ matrix.T, np.eye(len(matrix)), atol=1e-9)
 
 
-def test_scores_of_specimens_explain_what_figures_do() -> None:
-    """A quadratic form of n times three scores against a projection of all N figures."""
-    whitening = Whitening.of(STAR.table, STAR.noise)
-    shapes = strain_shapes(STAR.table)
+def test_scores_of_specimens_explain_what_features_do() -> None:
+    """A quadratic form of n times three scores against a projection of all N features."""
+    whitening, rng = STAR.whitening, np.random.default_rng(6)
+    u = np.log(STAR.table.strain)
+    shapes = np.stack([STAR.force, STAR.force * u, STAR.force * u**2], axis=1)
     common = orthonormal(whitening(shapes))
     y = whitening(STAR.scatter(np.random.default_rng(4)))
     y = y - common @ (common.T @ y)
     scores = SpecimenScores.of(whitening, shapes, common, y)
-    rng = np.random.default_rng(6)
-    for column in campaign_columns(STAR.campaign, whitening.specimen):
-        order = rng.permutation(len(column.level))
-        dealt = replace(column, coordinates=column.coordinates[order])
-        explained, _ = scores.explained(np.stack([column.coordinates, dealt.coordinates]))
-        for value, axis in zip(explained, (column, dealt), strict=True):
-            basis = scores.basis(whitening, shapes, common, axis)
-            # The scores' ridge is 1e-7 of what is known without the ties, which leave 1e-2 of it
-            # at the least.
-            assert value == pytest.approx(np.sum((basis.T @ y) ** 2), rel=1e-3, abs=1e-4)
-            total, _ = scores.total(np.arange(len(order)))
-            assert value <= total
+    count = len(STAR.campaign.specimens)
+    axes = rng.standard_normal((8, count, 2))
+    axes -= axes.mean(axis=1, keepdims=True)
+    total, _ = scores.total(np.arange(count))
+    for value, axis in zip(scores.explained(axes)[0], axes, strict=True):
+        cells = axis[STAR.table.specimen]
+        columns = (cells[:, :, None] * shapes[:, None, :]).reshape(len(u), -1)
+        basis = orthonormal(whitening(columns), besides=common)
+        # The scores' ridge is 1e-7 of what is known without the ties, which leave 1e-2 of it at
+        # the least.
+        assert value == pytest.approx(np.sum((basis.T @ y) ** 2), rel=1e-3, abs=1e-4)
+        assert value <= total
 
 
-def test_p_values() -> None:
-    explained, left = np.array([3.0, 40.0]), np.array([20.0, 2.0])
-    expected = scipy.stats.f.sf(explained / 2.0 / (left / 11.0), 2, 11)
-    np.testing.assert_allclose(share_p(explained, left, 2, 11), expected, rtol=1e-9)
+def test_p_values_by_the_tail_of_draws() -> None:
     drawn = -np.log(np.random.default_rng(8).random(999))
     # Counted: a binomial deviation of 0.7 %. Beyond: the tail's mean is known to a tenth, which
     # is a factor of exp(0.1 * 9.2) = 2.5 four decades beyond the threshold; two deviations.
