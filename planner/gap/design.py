@@ -1,6 +1,6 @@
 """Optimal design: which specimens tell effects apart, and which test to do next."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, pairwise, product
 from pathlib import Path
@@ -307,10 +307,17 @@ class Expected:
     others: tuple[str, ...]
 
 
-def _usual_place(branch: SignedForm) -> list[float]:
-    """Return the place of a branch at the middle of its form's prior."""
-    size = branch.form.size
-    return [float(np.sqrt(size.usual / size.high)), *[0.0] * branch.shapes]
+def _usual_place(form: SignedForm) -> list[float]:
+    """Return the place of a form at the middle of its prior."""
+    size = form.form.size
+    return [float(np.sqrt(size.usual / size.high)), *[0.0] * form.shapes]
+
+
+def _on_nodes(problem: Problem, form: SignedForm, place: Sequence[float]) -> FloatArray:
+    """Return the weights of all nodes that stand for a form at a place, (k,)."""
+    weights = np.zeros(problem.nodes.stop - problem.nodes.start)
+    weights[form.first : form.first + form.nodes] = node_weights(form, place)
+    return weights
 
 
 def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
@@ -321,10 +328,10 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
     nodes = problem.whitened.columns[:, problem.nodes]
     patterns = []
     for id in ids:
-        branches = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
-        for b in branches:
+        forms = [b for b in problem.branches if b.effect.id == id and b.sign > 0.0]
+        for b in forms:
             own = nodes[:, b.first : b.first + b.nodes]
-            patterns.append(own @ node_weights(b, _usual_place(b)) / np.sqrt(len(branches)))
+            patterns.append(own @ node_weights(b, _usual_place(b)) / np.sqrt(len(forms)))
     return np.stack(patterns, axis=1)
 
 
@@ -367,8 +374,7 @@ def _expected_of(
     found = []
     for id in asked:
         first = next(b for b in problem.branches if b.effect.id == id)
-        pattern = np.zeros(len(m))
-        pattern[first.first : first.first + first.nodes] = node_weights(first, _usual_place(first))
+        pattern = _on_nodes(problem, first, _usual_place(first))
         length2 = float(pattern @ m @ pattern)
         named = float(ndtr(np.sqrt(length2) - np.sqrt(2.0 * needed)))
         cosines = _cosines(m, pattern, length2, {k: v for k, v in rivals.items() if k != id})
@@ -394,17 +400,15 @@ def _expected_of(
 
 def _combinations(problem: Problem, id: str) -> FloatArray:
     """Return combinations of nodes that stand for an effect: sizes, shapes, forms, signs."""
-    total = problem.nodes.stop - problem.nodes.start
-    rows = []
-    for b in problem.branches:
-        if b.effect.id != id:
-            continue
-        for size in (max(b.least, 0.3), _usual_place(b)[0], 1.0):
-            for shape in product(_SHAPES, repeat=b.shapes):
-                row = np.zeros(total)
-                row[b.first : b.first + b.nodes] = node_weights(b, [size, *shape])
-                rows.append(row)
-    return np.array(rows)
+    return np.array(
+        [
+            _on_nodes(problem, b, [size, *shape])
+            for b in problem.branches
+            if b.effect.id == id
+            for size in (max(b.least, 0.3), _usual_place(b)[0], 1.0)
+            for shape in product(_SHAPES, repeat=b.shapes)
+        ]
+    )
 
 
 def _cosines(
@@ -478,7 +482,7 @@ class Information:
 
     def filled(self, counts: IntArray, conditions: int) -> IntArray:
         """Return the choice with as many more as make up a number of conditions."""
-        while counts.sum() < conditions and (more := list(_one_more(counts, _ROUNDS))):
+        while counts.sum() < conditions and (more := _one_more(counts, _ROUNDS)):
             counts = self.best(more)
         return counts
 
@@ -513,19 +517,16 @@ def _testable(problem: Problem, told: Information, effects: Sequence[Effect]) ->
         return sum(untestable(e, trial) is not None for e in effects)
 
     while missing := lacking(counts):
-        choices = list(_one_more(counts, 1))
+        choices = _one_more(counts, 1)
         if not choices:
             break
         counts = told.best([c for c in choices if lacking(c) < missing] or choices)
     return counts
 
 
-def _one_more(counts: IntArray, most: int) -> Iterator[IntArray]:
-    """Yield every choice with one condition more."""
-    for place in np.flatnonzero(counts < most).tolist():
-        more = counts.copy()
-        more[place] += 1
-        yield more
+def _one_more(counts: IntArray, most: int) -> list[IntArray]:
+    """Return every choice with one condition more."""
+    return list(counts + np.eye(len(counts), dtype=counts.dtype)[counts < most])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -748,15 +749,15 @@ def _campaign(
 
 def _instructions(specimens: Sequence[Specimen], strain: float) -> str:
     """Return what the list of specimens does not say."""
-    lines = ["DESIGNED by planner gap design; nothing is measured yet"]
-    pull = f"pull coupons to a strain of {strain:.3g}"
-    if any(s.profile is not None for s in specimens):
-        pull += f", bars to {BAR_SHARE * strain:.3g}"
-    lines.append(pull)
-    if any(s.protocol == "relaxation" for s in specimens):
-        lines.append(f"relaxation holds for {HOLD_S:g} s")
-    lines.append("print each batch as one tray, and test in an order drawn by lot")
-    return "; ".join(lines) + "."
+    bars = any(s.profile is not None for s in specimens)
+    held = any(s.protocol == "relaxation" for s in specimens)
+    return (
+        "DESIGNED by planner gap design; nothing is measured yet; "
+        f"pull coupons to a strain of {strain:.3g}"
+        f"{f', bars to {BAR_SHARE * strain:.3g}' if bars else ''}; "
+        f"{f'relaxation holds for {HOLD_S:g} s; ' if held else ''}"
+        "print each batch as one tray, and test in an order drawn by lot."
+    )
 
 
 # ------------------------------------------------------------------------------------------------
