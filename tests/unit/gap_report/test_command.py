@@ -1,7 +1,5 @@
 """planner gap diagnose as its users meet it, the search for a diagnosis replaced."""
 
-import sys
-import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,14 +37,13 @@ def stub(monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis) -> list[dict[str
     """Put a diagnosis in place of the search for one; return what it is called with."""
     calls: list[dict[str, object]] = []
 
-    def diagnose(campaign, *, seed=0, without=(), progress=None) -> Diagnosis:
+    def diagnose(folder, *, palette=None, seed=0, without=(), progress=None) -> Diagnosis:
         progress(1, 2, "half")
-        calls.append({"campaign": campaign, "seed": seed, "without": without})
+        campaign = read_campaign(folder, palette)
+        calls.append({"campaign": campaign, "seed": seed, "without": tuple(without)})
         return diagnosis
 
-    module = types.ModuleType("planner.gap.diagnose")
-    module.diagnose = diagnose  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "planner.gap.diagnose", module)
+    monkeypatch.setattr("planner.diagnose", diagnose, raising=False)
     return calls
 
 
