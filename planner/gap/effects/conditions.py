@@ -30,7 +30,6 @@ __all__ = [
     "MOISTURE",
     "PERMANENT_SET",
     "RATE",
-    "REFERENCE_STRAIN",
     "SOFTENING",
     "TEMPERATURE",
 ]
@@ -290,7 +289,7 @@ TEMPERATURE = Effect(
 # Rate: elastomers are stiffer when strained faster, and relax when held.
 
 
-REFERENCE_STRAIN = 0.15
+_REFERENCE_STRAIN = 0.15
 """Strain at which a relaxing law has the palette's stress, pulled at the reference's rate."""
 
 _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
@@ -313,8 +312,8 @@ def _rate_power(setup: Setup, values: Values) -> Setup:
 
 
 def _ramp_average(setup: Setup) -> FloatArray:
-    """Mean of each exponential over the palette's own pull up to `REFERENCE_STRAIN`, (K,)."""
-    rests = REFERENCE_STRAIN / _reference(setup, "rate_per_s") / RELAXATION_TIMES_s
+    """Mean of each exponential over the palette's own pull up to `_REFERENCE_STRAIN`, (K,)."""
+    rests = _REFERENCE_STRAIN / _reference(setup, "rate_per_s") / RELAXATION_TIMES_s
     return -np.expm1(-rests) / rests
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.gap.effect import Form, Parameter
+from planner.gap.effect import Form
 from planner.gap.effects import EFFECTS
 from planner.palette import Reference
 from planner.simulation.bar import ProfileDesign
@@ -79,13 +79,8 @@ def make_away(**changes: Any) -> Setup:
     return make_setup(*(None,) * 6, STEP_BAR, RAMP_BAR, **(others | changes))
 
 
-def middle(parameter: Parameter) -> float:
-    low, high = parameter.low, parameter.high
-    return float(np.sqrt(low * high)) if parameter.log else 0.5 * (low + high)
-
-
 def make_middles(form: Form, **changes: float) -> dict[str, float]:
-    return {p.name: middle(p) for p in form.parameters} | changes
+    return {p.name: p.usual for p in form.parameters} | changes
 
 
 def apply_form(effect: str, form: str, to: Setup, **values: float) -> Setup:
