@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.cli import run
-from planner.errors import FileError, PaletteError
+from planner.errors import FileError, PaletteError, UnknownNameError
 from planner.gap.correct import Correction, correct
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
 from planner.gap.effects import EFFECTS, effects_for
@@ -183,6 +183,18 @@ def test_a_form_of_another_palette_is_refused(palette) -> None:
     effect = FoundEffect("material-law", "Agilus factor", {"log_factor": 0.1}, {}, {})
     with pytest.raises(FileError, match="Agilus factor"):
         corrected(palette, diagnosed(palette, effect))
+
+
+def test_an_effect_that_there_is_not_is_refused(palette) -> None:
+    effect = FoundEffect("temperatur", "exponential", {"slope": 0.03}, {}, {})
+    with pytest.raises(UnknownNameError, match="temperatur: no such effect; did you mean"):
+        corrected(palette, diagnosed(palette, effect))
+
+
+def test_a_verdict_that_looks_like_none_says_so(palette) -> None:
+    alike = replace(diagnosed(palette, found("temperature")), same_class=(("temperature",), ()))
+    notes = corrected(palette, alike, WARM).notes
+    assert any("cannot tell temperature from none" in note for note in notes)
 
 
 @pytest.fixture
