@@ -226,7 +226,7 @@ def diagnose(
     >>> planner.diagnose("samples/warm-lab").verdict  # doctest: +SKIP
     'temperature'
     """
-    without = (without,) if isinstance(without, str) else without
+    without = (without,) if isinstance(without, str) else tuple(without)
     if not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign, palette)
     elif palette is not None:
