@@ -543,7 +543,9 @@ def _bracketed_force(
             force += stride if high == math.inf else -stride
             stride *= 4.0
     for i in range(len(slices)):
-        slices[i].stress, _ = _slice_stress(slices[i].strain, slices[i], cubics, step, table)
+        stress, tangent = _slice_stress(slices[i].strain, slices[i], cubics, step, table)
+        slices[i].stress = stress
+        slices[i].stiffness = slices[i].area_mm2 * slices[i].share * tangent
     return force
 
 
@@ -561,7 +563,7 @@ def _set_strain(table: FloatArray, largest: float) -> float:
 def _follow_path(
     tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
     cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
-    tolerance: float, all_strain: FloatArray,
+    tolerance: float, all_strain: FloatArray, all_stiffness: FloatArray,
 ) -> None:  # fmt: skip
     """Fill in force and strain of every step of every test.
 
@@ -571,8 +573,8 @@ def _follow_path(
         (P,) and (P, T), whose forces are filled in.
     all_slices, terms, all_relaxing
         (S,), (K,) and (S, K).
-    all_strain
-        Filled in, (T, S).
+    all_strain, all_stiffness
+        Filled in, (T, S); the latter unless it has no rows.
     """
     high = cubics.shape[1] * step + _ABOVE
     for p in range(len(tests)):
@@ -580,6 +582,7 @@ def _follow_path(
         slices = all_slices[test.first : test.stop]
         relaxing = all_relaxing[test.first : test.stop]
         strain = all_strain[:, test.first : test.stop]
+        stiffness = all_stiffness[:, test.first : test.stop]
         relaxes = False
         total_length, scale = 0.0, math.inf
         for i in range(len(slices)):
@@ -669,6 +672,8 @@ def _follow_path(
                     if this.set_share != 0.0:
                         this.left = min(this.set_share * _set_strain(set_table, e), 0.95 * e)
                 strain[t, i] = e
+                if len(stiffness) > 0:
+                    stiffness[t, i] = this.stiffness
             path[t].force_N = force
             largest_N = max(largest_N, force)
             before, settled = settled, target
@@ -692,13 +697,18 @@ class Prediction:
         As the load cell shows it.
     strain : (T, S)
         Engineering strain of every slice, of its `PulledBars.length_mm`.
+    stiffness_N : (T, S)
+        Derivative of every slice's force by its strain; without rows where it was not asked for.
     """
 
     force_N: FloatArray
     strain: FloatArray
+    stiffness_N: FloatArray
 
 
-def predict(bars: PulledBars, laws: LawTables, *, tolerance: float = _TOLERANCE) -> Prediction:
+def predict(
+    bars: PulledBars, laws: LawTables, *, tolerance: float = _TOLERANCE, stiffness: bool = False
+) -> Prediction:
     """Follow every test along its path.
 
     All values are finite for finite setups: where no equilibrium exists (more travel than the
@@ -722,14 +732,15 @@ def predict(bars: PulledBars, laws: LawTables, *, tolerance: float = _TOLERANCE)
     relaxing = np.zeros((len(slices), len(used)), dtype=_RELAXING)
     relaxing["share"] = bars.relaxing[:, used]
     strain = np.empty((bars.time_s.shape[1], len(slices)))
+    stiffness_N = np.empty((len(strain) if stiffness else 0, len(slices)))
     # Copies, for kernels are compiled for arrays of one kind.
     softening = np.array(bars.softening_table, dtype=np.float64)
     left = np.array(bars.set_table, dtype=np.float64)
     _follow_path(
         tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
-        tolerance, strain,
+        tolerance, strain, stiffness_N,
     )  # fmt: skip
-    return Prediction(bars.gain * paths["force_N"] + bars.offset_N, strain)
+    return Prediction(bars.gain * paths["force_N"] + bars.offset_N, strain, stiffness_N)
 
 
 def predict_all(setups: Iterable[Setup], laws: LawTables, *, workers: int = 2) -> list[Prediction]:

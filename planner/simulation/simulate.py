@@ -157,27 +157,33 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
     rising[used] = laws.sound_strain
     limit = np.minimum(FARTHEST * break_strain, np.minimum(rising[lower], rising[upper]))
 
-    most, reach = float(displacement_mm.max()), math.inf
-    if _excess(most, bar, laws, limit) > 0.0:
+    def beyond(travel_mm: float) -> float:
+        """Return how far the first slice is past its limit, as a share of that."""
+        strain, _, _ = _states(bar, laws, np.array([travel_mm]))
+        return float(np.max(strain / limit)) - 1.0
+
+    most, reach, stopped_at = float(displacement_mm.max()), math.inf, None
+    if beyond(most) > 0.0:
         from scipy.optimize import brentq
 
-        reach = float(brentq(_excess, 0.0, most, (bar, laws, limit), xtol=1e-12 * most))
-    beyond, stopped_at = displacement_mm > reach * (1.0 + _SLACK), None
-    if beyond.any():
-        displacement_mm = displacement_mm[: int(np.argmax(beyond))]
-        stopped_at = int(np.argmax(_strains(bar, laws, np.array([reach])) / limit))
-    strain = _strains(bar, laws, displacement_mm)
-    stress, tangent = np.empty_like(strain), np.empty_like(strain)
-    for step, own in enumerate(strain):  # one by one, to need no more room
-        stress[step], tangent[step] = laws.stress_and_tangent_MPa(bar.coordinate, own)
-    force = stress @ bar.area_mm2 / len(bar.area_mm2)
+        reach = float(brentq(beyond, 0.0, most, xtol=1e-12 * most))
+    out = displacement_mm > reach * (1.0 + _SLACK)
+    if out.any():
+        displacement_mm = displacement_mm[: int(np.argmax(out))]
+        strain, _, _ = _states(bar, laws, np.array([reach]))
+        stopped_at = int(np.argmax(strain / limit))
+    strain, stress, tangent = _states(bar, laws, displacement_mm)
+    force = bar.area_mm2[0] * stress[:, 0]
     return _Pulled(force, strain, stress, tangent, break_strain, limit, reach, stopped_at)
 
 
-def _strains(bar: Bar, laws: LawTables, displacement_mm: FloatArray) -> FloatArray:
-    """Return the strain of each slice at each step, (steps, n)."""
+def _states(
+    bar: Bar, laws: LawTables, displacement_mm: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return strain, nominal stress and tangent of each slice at each step, (steps, n) each."""
     if len(bar.coordinate) == 1:  # nothing to solve, and no solver to wait for
-        return displacement_mm[:, None] / bar.gauge_mm
+        strain = displacement_mm[:, None] / bar.gauge_mm
+        return strain, *laws.stress_and_tangent_MPa(bar.coordinate, strain)
     all_slices = np.array([0, len(bar.coordinate)])
     steps = len(displacement_mm)
     bars = PulledBars(
@@ -189,14 +195,11 @@ def _strains(bar: Bar, laws: LawTables, displacement_mm: FloatArray) -> FloatArr
         coordinate=bar.coordinate,
         **unaltered(all_slices, steps),
     )
-    strain = predict(bars, laws, tolerance=_TOLERANCE).strain
-    strain[displacement_mm == 0.0] = 0.0
-    return strain
-
-
-def _excess(travel_mm: float, bar: Bar, laws: LawTables, limit: FloatArray) -> float:
-    """Return how far the first slice is past its limit, as a share of that."""
-    return float(np.max(_strains(bar, laws, np.array([travel_mm])) / limit)) - 1.0
+    found = predict(bars, laws, tolerance=_TOLERANCE, stiffness=True)
+    still = displacement_mm == 0.0
+    found.strain[still], found.force_N[0, still] = 0.0, 0.0
+    stress = found.force_N[0][:, None] / bar.area_mm2
+    return found.strain, stress, found.stiffness_N / bar.area_mm2
 
 
 # ------------------------------------------------------------------------------------------------
