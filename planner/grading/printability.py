@@ -442,9 +442,7 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     width, depth, height = np.ptp(band.middle_mm[thin], axis=0).tolist()
     size_mm = float(room[middle])
     share = float(band.area_mm2[thin].sum()) * size_mm / 2.0
-    return ThinPlace(
-        (x, y, z), size_mm, float(room[order[0]]), (width, depth, height), share, False
-    )
+    return ThinPlace((x, y, z), size_mm, (width, depth, height), share, False)
 
 
 def _field_at(part: CutPart, place: ThinPlace) -> float:

@@ -52,6 +52,7 @@ FINEST_RADIUS = 5  # of the ball in voxels: the pitch is the ball's diameter / 1
 _COARSEST_RADIUS = 2
 _NARROWEST = 3  # voxels: nothing thinner takes the ball of the coarsest radius
 _SAMPLES = 8  # voxels that a place brings to be measured at
+_DEEP = 0.75  # of its runs lie less deep than they
 _SET_BYTES = 6 << 20  # of one set of a slab without its halo; about ten live at once
 _LEAST_ROWS = 16  # of such a slab, or the halo would cost most of the time
 _MOST_WORK = {5: 500_000, 4: 1_000_000, 3: 4_000_000}
@@ -107,7 +108,8 @@ class _Place:
     alone
         Whether it touches no other voxel of the solid.
     core : (n, 3)
-        Up to `_SAMPLES` voxels spread over it, each as far from the surface as its column goes.
+        Up to `_SAMPLES` voxels spread over it, where it is deep, each as far from the surface as
+        its column goes.
     """
 
     deepest: IntArray
@@ -252,6 +254,8 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
             continue
         deepest = core[core[:, 5] == core[:, 5].max()]
         row, column, _, _, _, _, voxel = deepest[len(deepest) // 2, :7]
+        # runs along a plate lie at all depths of it: it is as thick as the deeper ones have it
+        core = core[core[:, 5] >= np.quantile(core[:, 5], _DEEP)]
         spread = np.linspace(0, len(core) - 1, _SAMPLES).astype(np.int64)
         places.append(
             _Place(
@@ -445,8 +449,8 @@ class ThinPlace:
     ----------
     place_mm
         Where it has `size_mm`.
-    size_mm, least_mm
-        Upper quartile and least of the diameters of balls that fit at points spread over it.
+    size_mm
+        Upper quartile of the diameters of balls that fit at points spread over its middle.
     extent_mm, volume_mm3
         Bounding box and volume, in whole voxels.
     alone
@@ -455,7 +459,6 @@ class ThinPlace:
 
     place_mm: tuple[float, float, float]
     size_mm: float
-    least_mm: float
     extent_mm: tuple[float, float, float]
     volume_mm3: float
     alone: bool
@@ -567,7 +570,6 @@ def _measured(mesh: Mesh, raster: Raster, place: _Place, limit_mm: float) -> Thi
     return ThinPlace(
         place_mm=(x, y, z),
         size_mm=float(diameters[middle]),
-        least_mm=float(diameters[order[0]]),
         extent_mm=(float(extent[0]), float(extent[1]), float(extent[2])),
         volume_mm3=place.voxels * raster.grid.voxel_mm3,
         alone=place.alone,
