@@ -21,7 +21,6 @@ __all__ = [
     "characterise_material",
     "deformation",
     "doubts",
-    "linear_part",
     "noise_sd",
     "spread",
     "toe_compensated",
@@ -294,7 +293,7 @@ class _Lines:
         return slope, zero, float(zero_error)
 
 
-def linear_part(curve: Curve) -> LinearPart:
+def _linear_part(curve: Curve) -> LinearPart:
     """Find a curve's linear part by the rule in the module's description.
 
     Raises
@@ -584,7 +583,7 @@ def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
 
     Points before that origin are dropped; a curve without a toe comes back as it is.
     """
-    part = linear_part(curve) if part is None else part
+    part = _linear_part(curve) if part is None else part
     if part.toe_strain == 0.0:
         return curve
     return curve.part(
@@ -607,7 +606,7 @@ def characterise_curve(
     for value in secant_strains:
         if not 0.0 < value < np.inf:
             raise ArgumentError(f"secant strain is {value:g}; it must be a number above 0")
-    part = linear_part(curve)
+    part = _linear_part(curve)
     strain = curve.strain - part.toe_strain
     end = part.stop - 1
     elongation = float(strain[-1])

@@ -129,14 +129,18 @@ class CoefficientModel:
         """
         if not 0.0 < level < 1.0:
             raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
-        lower, upper, t = self.bracket(coordinate)
-        log_sd = np.array([m.modulus_log_sd for m in self.palette.materials])
-        gap = self.coordinates[upper] - self.coordinates[lower]
-        bridge = self.wiener_variance(at_strain) * gap * t * (1.0 - t)
-        variance = ((1.0 - t) * log_sd[lower] + t * log_sd[upper]) ** 2 + bridge
-        factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * np.sqrt(variance))
+        log_sd = self.log_sd(coordinate, self.wiener_variance(at_strain))
+        factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * log_sd)
         modulus = self.modulus_MPa(coordinate, at_strain)
         return modulus / factor, modulus * factor
+
+    def log_sd(self, coordinate: ArrayLike, wiener_variance: ArrayLike) -> FloatArray:
+        """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`."""
+        lower, upper, t = self.bracket(coordinate)
+        own = np.array([m.modulus_log_sd for m in self.palette.materials])
+        gap = self.coordinates[upper] - self.coordinates[lower]
+        bridge = np.asarray(wiener_variance) * gap * t * (1.0 - t)
+        return np.asarray(np.sqrt(((1.0 - t) * own[lower] + t * own[upper]) ** 2 + bridge))
 
     def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:
         """Return σ², the variance of ln(modulus) a unit of coordinate, at a strain.

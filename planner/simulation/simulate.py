@@ -548,22 +548,11 @@ def _force_interval_N(
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)
-    sd = np.sum(weight * _log_sd(bar, model, reached.strain), axis=1)
+    known = np.linspace(0.0, model.strain_limit, _STRAINS)
+    variance = np.interp(reached.strain, known, model.wiener_variance(known))
+    sd = np.sum(weight * model.log_sd(bar.coordinate, variance), axis=1)
     factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * sd)
     return np.stack([reached.force_N / factor, reached.force_N * factor], axis=1)
-
-
-def _log_sd(bar: Bar, model: CoefficientModel, strain: FloatArray) -> FloatArray:
-    """Return the standard deviation of ln(stress) of each slice at each step, (steps, n)."""
-    lower, upper, t = model.bracket(bar.coordinate)
-    own = np.array([m.modulus_log_sd for m in model.palette.materials])
-    grade = (1.0 - t) * own[lower] + t * own[upper]
-    bridge = (model.coordinates[upper] - model.coordinates[lower]) * t * (1.0 - t)
-    if not bridge.any():
-        return np.broadcast_to(grade, strain.shape)
-    known = np.linspace(0.0, model.strain_limit, _STRAINS)
-    variance = np.interp(strain, known, model.wiener_variance(known))
-    return np.asarray(np.sqrt(grade**2 + variance * bridge))
 
 
 # ------------------------------------------------------------------------------------------------

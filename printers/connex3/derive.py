@@ -21,11 +21,9 @@ from printers.connex3.toe import CorrectedCurve, correct
 
 __all__ = [
     "PALETTE",
-    "derived_palette",
     "fit_strains",
     "palette_bytes",
     "reading_log_sd",
-    "rigid_reading_log_sd",
 ]
 
 PALETTE = Path(__file__).parent / "palettes" / "connex3-tango-vero.toml"
@@ -88,7 +86,7 @@ def reading_log_sd(curve: CorrectedCurve) -> float:
     return float(np.sqrt(np.mean(np.square(shifts))))
 
 
-def rigid_reading_log_sd(published: Published, thesis: Thesis) -> float:
+def _rigid_reading_log_sd(published: Published, thesis: Thesis) -> float:
     """Return how far ln(modulus) of a rigid grade moves under other readings of Table 3.1.
 
     Root mean square of two: Table 3.1 against the curve at the hardest elastomer, where both
@@ -104,7 +102,7 @@ def rigid_reading_log_sd(published: Published, thesis: Thesis) -> float:
     return math.sqrt(sum(r**2 for r in readings) / len(readings))
 
 
-def derived_palette() -> Palette:
+def _derived_palette() -> Palette:
     """Return the palette."""
     thesis = load_thesis()
     catalogue = msgspec.toml.decode(
@@ -136,7 +134,7 @@ def derived_palette() -> Palette:
 
 def palette_bytes() -> bytes:
     """Return the palette file."""
-    return _COMMENT + encode_palette(derived_palette())
+    return _COMMENT + encode_palette(_derived_palette())
 
 
 def _elastic(published: Published) -> dict[str, Any]:
@@ -157,7 +155,7 @@ def _plastic(published: Published, thesis: Thesis) -> dict[str, Any]:
     return {
         "law": LawParameters("linear", {"modulus_MPa": (published.youngs_modulus_MPa,)}),
         "modulus_log_sd": round(
-            math.hypot(SPECIMEN_LOG_SD, rigid_reading_log_sd(published, thesis)), 3
+            math.hypot(SPECIMEN_LOG_SD, _rigid_reading_log_sd(published, thesis)), 3
         ),
         "source": f"Young's modulus of Table 3.1; {_DENSITY}",
         "deformation": "plastic",
