@@ -11,13 +11,13 @@ cores.
 
 import argparse
 import json
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.periodic_cell import effective_stiffness_MPa, solve_cell, youngs_modulus_MPa
-from planner.grading.dither import bevelled_fractions, blue_noise_ranks
+from planner.grading.dither import blue_noise_ranks
 from planner.materials.homogenisation import dithered_modulus_MPa, hashin_shtrikman_MPa
 
 PLANNER = Path(__file__).parents[1] / "planner"
@@ -31,6 +31,30 @@ ALONG_X = 0.005  # error of voxels and of interpolation, from --check
 DIRECTIONS = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (1, 1, 1), (1, -1, 1))
 SAMPLES = 2  # of the pattern along an edge of a voxel
 EXTENSION = (1.0, -0.5, -0.5, 0.0, 0.0, 0.0)
+
+# Of a tetrahedron with 0 to 4 hard corners: hard volume, and triangles between.
+_VOLUME = np.array([0.0, 0.125, 0.5, 0.875, 1.0])
+_TRIANGLES = np.array([0, 1, 2, 1, 0])
+
+
+def bevelled_fractions(hard: np.ndarray) -> tuple[float, float]:
+    """Return the volume fraction of a periodic block of cells, and the triangles a cell.
+
+    Parameters
+    ----------
+    hard : (nx, ny, nz) bool
+        Which cells are hard.
+    """
+    volume, triangles = 0.0, 0.0
+    for order in permutations(range(3)):
+        corner, count = hard, hard.astype(np.int8)
+        for axis in order:
+            corner = np.roll(corner, -1, axis)
+            count = count + corner
+        of = np.bincount(count.ravel(), minlength=5)
+        volume += float(_VOLUME @ of) / 6.0
+        triangles += float(_TRIANGLES @ of)
+    return volume / hard.size, triangles / hard.size
 
 
 def hard_share(hard, per_cell):

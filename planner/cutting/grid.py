@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from planner.cutting.intersect import Lattice
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, key_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 from planner.voxels.columns import Grid, dense, iterate_columns, voxelize
 
 __all__ = [
     "MOST_VERTICES",
+    "TETRAHEDRA",
     "active_cells",
     "affordable_pitch_mm",
     "default_pitch_mm",
@@ -326,7 +327,7 @@ _OFF_LEVEL = 1e-3  # of the field's change to the next vertex
 
 # A cube's tetrahedra: along its edges from corner 0 to corner 7, one for each order of the axes.
 # Corner c is at (c & 1, c >> 1 & 1, c >> 2), and the first three are right-handed.
-_CORNERS = np.array(
+TETRAHEDRA = np.array(
     [[0, 1, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 4, 6, 7]]
 )
 # Even orders of a tetrahedron's vertices: one apart from three, and two from two, by which of
@@ -382,7 +383,7 @@ def draw_level_sets(grid: FieldGrid, levels: FloatArray, lattice: Lattice) -> Le
     """
     none, nowhere = np.empty((0, 3), dtype=np.int32), np.empty((0, 3))
     empty, keys = np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64)
-    shared = (grid.values, grid.active, grid.origin_mm, grid.pitch_mm, levels, _CORNERS, _EVEN)
+    shared = (grid.values, grid.active, grid.origin_mm, grid.pitch_mm, levels, TETRAHEDRA, _EVEN)
     count, _ = _march(*shared, keys, empty, nowhere, none, empty, empty)
     bits = max(4, int(2 * count + 1).bit_length())
     keys, number = np.zeros(1 << bits, dtype=np.int64), np.empty(1 << bits, dtype=np.int32)
@@ -520,12 +521,9 @@ def _crossing(
     way = b - a  # corners along an edge share the bits of the lower one
     edge = ((i * (ny + 1) + j) * (nz + 1) + k) * 8 + way
     key = edge * count + n + 1
-    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
-    slot = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(keys.size - 1))
-    while keys[slot] != 0:
-        if keys[slot] == key:
-            return number[slot], made
-        slot = (slot + 1) & (keys.size - 1)
+    slot = key_slot(keys, key)
+    if keys[slot] == key:
+        return number[slot], made
     keys[slot] = key
     number[slot] = made
     t = (level - v[a]) / (v[b] - v[a])

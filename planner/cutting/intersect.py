@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.planes import LATTICE_MM
-from planner.mesh.mesh import connected, order_edges
+from planner.mesh.mesh import connected, key_slot, order_edges
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = [
@@ -384,12 +384,9 @@ def _meet(
 @inner_kernel
 def _point(key: Any, keys: Any, number: Any, made: Any) -> Any:
     """Find the point of an edge and a face, or give it the next number."""
-    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
-    slot = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(keys.size - 1))
-    while keys[slot] != 0:
-        if keys[slot] == key:
-            return number[slot], made
-        slot = (slot + 1) & (keys.size - 1)
+    slot = key_slot(keys, key)
+    if keys[slot] == key:
+        return number[slot], made
     keys[slot] = key
     number[slot] = made
     return np.int32(made), made + 1

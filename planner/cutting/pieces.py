@@ -11,7 +11,7 @@ from planner.cutting.level_sets import split_curved
 from planner.cutting.planes import LATTICE_MM, caps, divide, snap_distance_mm
 from planner.errors import ArgumentError
 from planner.fields.basic import Field, PlanarField
-from planner.mesh.mesh import Mesh, measure
+from planner.mesh.mesh import Measures, Mesh, measure
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["Pieces", "piece_bounds_mm", "piece_volumes_mm3", "shell_faces", "split"]
@@ -155,35 +155,16 @@ def shell_faces(pieces: Pieces, members: Collection[int]) -> NDArray[np.int32]:
 
 def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
     """Volume of every piece in mm³, (count,); their sum is the part's volume."""
-    if not len(pieces.faces):
-        return np.zeros(pieces.count)
-    origin = pieces.vertices[pieces.faces[0, 0]].astype(np.float64)
-    points = pieces.vertices - origin
-    caps_mm3 = _six_volumes(points, pieces.cap_faces) / 6.0
-    # `bincount` adds one by one in this order.
-    return np.bincount(
-        np.concatenate([pieces.piece, np.add.outer(pieces.cap_level, [0, 1]).ravel()]),
-        weights=np.concatenate(
-            [_six_volumes(points, pieces.faces) / 6.0, np.outer(caps_mm3, [1.0, -1.0]).ravel()]
-        ),
-        minlength=pieces.count,
-    ).astype(np.float64, copy=False)
+    return _measured(pieces).volume_mm3
 
 
 def piece_bounds_mm(pieces: Pieces) -> FloatArray:
     """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
-    # An interface counts for both its pieces: one that lies inside the part has no other face.
-    faces = np.concatenate([pieces.faces, pieces.cap_faces, pieces.cap_faces])
+    found = _measured(pieces).bounds_mm
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _measured(pieces: Pieces) -> Measures:
+    faces = np.concatenate([pieces.faces, pieces.cap_faces, pieces.cap_faces[:, ::-1]])
     piece = np.concatenate([pieces.piece, pieces.cap_level, pieces.cap_level + np.int32(1)])
-    found = measure(pieces.vertices, faces, piece, pieces.count)
-    return np.where(np.isfinite(found.bounds_mm), found.bounds_mm, np.nan)
-
-
-def _six_volumes(points: FloatArray, faces: NDArray[np.int32]) -> FloatArray:
-    """Six times the volume of the tetrahedron between each face and the origin."""
-    x, y, z = points.T
-    a, b, c = faces.T
-    six: FloatArray = x[a] * (y[b] * z[c] - z[b] * y[c])
-    six += y[a] * (z[b] * x[c] - x[b] * z[c])
-    six += z[a] * (x[b] * y[c] - y[b] * x[c])
-    return six
+    return measure(pieces.vertices, faces, piece, pieces.count)

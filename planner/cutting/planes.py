@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import MeshError
-from planner.mesh.mesh import Mesh, cancel_opposite, order_rows, row_slot
+from planner.mesh.mesh import Mesh, cancel_opposite, key_slot, order_rows, row_slot
 from planner.numerics import BoolArray, Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = ["LATTICE_MM", "caps", "divide", "flip_thin", "snap_distance_mm", "squared_height"]
@@ -107,7 +107,7 @@ def divide(mesh: Mesh, normal: FloatArray, offsets_mm: FloatArray) -> DividedSur
     piece, source = np.empty((2, len(faces)), dtype=np.int32)
     made, written = _divide(
         mesh.vertices, mesh.faces, cut, normal, axis, offsets_mm, along, code, vertices,
-        vertices.view(np.uint32), tag, origin, merged, np.full(1 << bits, -1, dtype=np.int32),
+        vertices.view(np.uint32), tag, origin, merged, np.zeros(1 << bits, dtype=np.int32),
         np.uint64(64 - bits), np.empty(5, dtype=np.int64), faces, piece, source,
     )  # fmt: skip
     vertices, tag, merged = vertices[: n + made], tag[: n + made], merged[: n + made]
@@ -170,10 +170,9 @@ def _divide(
     n = vertices.shape[0]
     for i in range(n):
         if tag[i] >= 0:
-            slot = row_slot(raw, i, shift)
-            while table[slot] >= 0:
-                slot = (slot + 1) & (table.size - 1)
-            table[slot] = i
+            slot = row_slot(table, raw, raw, i, shift)
+            if table[slot] == 0:
+                table[slot] = i + 1
     # One integer type for indices: kernels called below are then compiled once.
     made = written = np.int64(0)
     for f in cut:
@@ -252,15 +251,13 @@ def _meet(
         else:
             value = vertices[low, j] + t * (vertices[high, j] - vertices[low, j])
         pool[i, j] = np.rint(value / LATTICE_MM) * LATTICE_MM + 0.0
-    slot = row_slot(raw, i, shift)
-    while table[slot] >= 0:
-        j = table[slot]
-        if raw[j, 0] == raw[i, 0] and raw[j, 1] == raw[i, 1] and raw[j, 2] == raw[i, 2]:
-            if j < n or origin[j - n, 0] != low or origin[j - n, 1] != high:
-                merged[j] = True
-            return np.int64(j), made
-        slot = (slot + 1) & (table.size - 1)
-    table[slot] = i
+    slot = row_slot(table, raw, raw, i, shift)
+    if table[slot] > 0:
+        held = np.int64(table[slot]) - np.int64(1)
+        if held < n or origin[held - n, 0] != low or origin[held - n, 1] != high:
+            merged[held] = True
+        return held, made
+    table[slot] = i + 1
     origin[made, 0], origin[made, 1] = low, high
     return np.int64(i), made + 1
 
@@ -401,13 +398,8 @@ def _half_edges(faces: Any) -> Any:
 
 @inner_kernel
 def _find(table: Any, a: Any, b: Any) -> Any:
-    """Find the slot of side a-b, or the free one where it would go; free slots hold 0."""
-    key = (np.int64(a) << 32) + b + 1
-    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
-    slot = np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(table.size - 1))
-    while table[slot] != 0 and table[slot] != key:
-        slot = (slot + 1) & (table.size - 1)
-    return slot
+    """Find the slot of side a-b, or the free one where it would go."""
+    return key_slot(table, (np.int64(a) << 32) + b + 1)
 
 
 def _first_unfilled(faces: NDArray[np.int32], segment: NDArray[np.int32], below: BoolArray) -> int:

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from itertools import permutations
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.cutting.grid import TETRAHEDRA
 from planner.cutting.level_sets import FIRST_SHIFT
 from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3
 from planner.errors import ArgumentError
@@ -35,15 +35,12 @@ from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_c
 __all__ = [
     "CellCounts",
     "DitherField",
-    "bayer_ranks",
-    "bevelled_fractions",
     "blue_noise_bevelled",
     "blue_noise_ranks",
     "check_size",
     "count_cells",
     "dither_cells",
     "dither_regions",
-    "dither_voxels",
     "fraction_checks",
     "own_volumes",
     "thresholds",
@@ -58,11 +55,6 @@ __all__ = [
 # edge or at a corner are joined or parted by one rule everywhere, and no edge ever has four faces.
 # But a cell alone among others keeps half of its volume. Which fraction of the volume a dealt
 # fraction comes to is counted here, exactly, on the very tile.
-
-
-# Of a tetrahedron with 0 to 4 hard corners: hard volume, and triangles between.
-_VOLUME = np.array([0.0, 0.125, 0.5, 0.875, 1.0])
-_TRIANGLES = np.array([0, 1, 2, 1, 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,32 +80,12 @@ class BevelledTile:
         return np.asarray(np.interp(volume, self.volume, self.dealt))
 
 
-def bevelled_fractions(hard: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the volume fraction of a periodic block of cells, and the triangles a cell.
-
-    Parameters
-    ----------
-    hard : (nx, ny, nz) bool
-        Which cells are hard.
-    """
-    volume, triangles = 0.0, 0.0
-    for order in permutations(range(3)):
-        corner, count = hard, hard.astype(np.int8)
-        for axis in order:
-            corner = np.roll(corner, -1, axis)
-            count = count + corner
-        of = np.bincount(count.ravel(), minlength=5)
-        volume += float(_VOLUME @ of) / 6.0
-        triangles += float(_TRIANGLES @ of)
-    return volume / hard.size, triangles / hard.size
-
-
 @cache
 def blue_noise_bevelled() -> BevelledTile:
     """Return the table of the tile that cells are dealt by.
 
-    Of 129 fractions; between them the volume is off by 2e-4 at most. `bevelled_fractions` of the
-    tile gives the same; `benchmarks/calibrate_dither.py` keeps it.
+    Of 129 fractions; between them the volume is off by 2e-4 at most.
+    `benchmarks/calibrate_dither.py` makes it.
     """
     data = (files("planner.grading") / "bevelled.json").read_bytes()
     columns = msgspec.json.decode(data, type=dict[str, list[float]])
@@ -121,35 +93,7 @@ def blue_noise_bevelled() -> BevelledTile:
 
 
 # ------------------------------------------------------------------------------------------------
-# Dealing at the scale of single voxels.
-
-
-def dither_voxels(fraction: Float32Array, thresholds: FloatArray) -> NDArray[np.uint8]:
-    """Tell which voxels of a block are hard.
-
-    Parameters
-    ----------
-    fraction : (nx, ny, nz) float32
-        Of the harder material, wanted at each voxel.
-    thresholds : (n, n, n)
-        See `planner.grading.dither.thresholds`; repeated over the block from its corner.
-
-    Returns
-    -------
-    (nx, ny, nz) uint8
-        1 where the fraction exceeds the threshold.
-
-    Raises
-    ------
-    ArgumentError
-        The tile's sides are not one power of two.
-    """
-    n = thresholds.shape[0]
-    if thresholds.shape != (n, n, n) or n & (n - 1):
-        raise ArgumentError(f"a tile of {thresholds.shape}: its sides must be one power of two")
-    found = np.empty(fraction.shape, dtype=np.uint8)
-    _dither(np.asarray(fraction, np.float32), np.asarray(thresholds, np.float32), found)
-    return found
+# Dealing cells, and how much of the volume each of a lattice keeps, its corners bevelled.
 
 
 def dither_cells(
@@ -168,28 +112,6 @@ def dither_cells(
     return np.asarray(fraction > thresholds[i, j, k])
 
 
-@kernel
-def _dither(fraction: Any, thresholds: Any, found: Any) -> None:
-    nx, ny, nz = fraction.shape
-    n = thresholds.shape[0]
-    for i in range(nx):
-        for j in range(ny):
-            row = thresholds[i & (n - 1), j & (n - 1)]
-            wanted, dealt = fraction[i, j], found[i, j]
-            for first in range(0, nz, n):
-                for k in range(min(n, nz - first)):
-                    dealt[first + k] = wanted[first + k] > row[k]
-
-
-# ------------------------------------------------------------------------------------------------
-# How much of the volume each cell of a lattice keeps, its corners bevelled.
-
-
-# A cube's tetrahedra, along its edges from corner 0 to corner 7; corner c is at
-# (c & 1, c >> 1 & 1, c >> 2).
-_CELL_CORNERS = np.array(
-    [[0, 1, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 4, 6, 7]]
-)
 # Volume for each of 1 to 4 corners of one label in a tetrahedron of volume 1/6.
 _SHARE = np.array([0.0, 0.125, 0.25, 0.875 / 3.0, 0.25]) / 6.0
 
@@ -204,7 +126,7 @@ def own_volumes(label: NDArray[np.int16]) -> Float32Array:
     """
     found = np.zeros(tuple(n + 2 for n in label.shape), dtype=np.float32)
     padded = np.pad(label, 1, constant_values=-1)
-    _spread(padded, _CELL_CORNERS, _SHARE, found)
+    _spread(padded, TETRAHEDRA, _SHARE, found)
     return found[1:-1, 1:-1, 1:-1]
 
 
@@ -234,9 +156,6 @@ def _spread(label: Any, corners: Any, share: Any, found: Any) -> None:
 # Tiles of thresholds: a cell turns hard where the fraction exceeds its own.
 
 
-_TILE_CORNERS = np.array([[[0, 6], [5, 3]], [[4, 2], [1, 7]]])
-
-
 @cache
 def blue_noise_ranks() -> IntArray:
     """Return the ranks of a periodic cube of 32^3 cells, each of 0 to 32767 once.
@@ -248,21 +167,6 @@ def blue_noise_ranks() -> IntArray:
     with (files("planner.grading") / "blue-noise-32.npy").open("rb") as file:
         ranks: IntArray = np.load(file).astype(np.int32)
     ranks.setflags(write=False)
-    return ranks
-
-
-def bayer_ranks(size: int = 8) -> IntArray:
-    """Return the ordered ranks of a cube of size^3 cells, a power of two.
-
-    At fractions of a multiple of 1/8 the pattern repeats within a few cells, the same way along
-    all axes; between, it has strong periods of 8 cells.
-    """
-    ranks = np.zeros((1, 1, 1), dtype=np.int32)
-    while ranks.shape[0] < size:
-        blocks = [
-            [[8 * ranks + c for c in row] for row in plane] for plane in _TILE_CORNERS.tolist()
-        ]
-        ranks = np.block(blocks).astype(np.int32)
     return ranks
 
 

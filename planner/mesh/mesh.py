@@ -18,12 +18,15 @@ __all__ = [
     "compact",
     "connected",
     "consistent_winding",
+    "key_slot",
     "measure",
+    "number_groups",
     "order_edges",
     "order_rows",
     "repeats_index",
     "row_slot",
     "sorted_corners",
+    "unite",
     "weld",
     "weld_points",
 ]
@@ -211,14 +214,7 @@ def _weld(rows: Any, distinct: Any, index: Any) -> Any:
     table = np.zeros(1024, dtype=np.int32)  # number + 1 of a distinct row; 0 where free
     n = 0
     for i in range(count):
-        slot = row_slot(rows, i, shift)
-        while table[slot] > 0:
-            j, same = table[slot] - 1, True
-            for k in range(width):
-                same &= distinct[j, k] == rows[i, k]
-            if same:
-                break
-            slot = (slot + 1) & (table.size - 1)
+        slot = row_slot(table, distinct, rows, i, shift)
         if table[slot] == 0:
             for k in range(width):
                 distinct[n, k] = rows[i, k]
@@ -229,22 +225,41 @@ def _weld(rows: Any, distinct: Any, index: Any) -> Any:
             shift -= np.uint64(2)
             table = np.zeros(4 * table.size, dtype=np.int32)
             for j in range(n):
-                slot = row_slot(distinct, j, shift)
-                while table[slot] > 0:
-                    slot = (slot + 1) & (table.size - 1)
-                table[slot] = j + 1
+                table[row_slot(table, distinct, distinct, j, shift)] = j + 1
     return n
 
 
 @inner_kernel
-def row_slot(rows: Any, i: Any, shift: Any) -> Any:
-    """Top bits of a product hash of a row of uint32: low bits of round coordinates are all zero."""
+def row_slot(table: Any, held: Any, rows: Any, i: Any, shift: Any) -> Any:
+    """Find where an open-addressed table has a row of uint32, or the free slot for it.
+
+    The table has the number + 1 of a row of `held`, and 0 where it is free. Slots are the top bits
+    of a product hash, all but `shift`: low bits of round coordinates are all zero.
+    """
     mixed = np.uint64(0)
     for k in range(rows.shape[1]):
         mixed = (mixed ^ np.uint64(rows[i, k])) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= mixed >> np.uint64(32)
     mixed *= np.uint64(0xD6E8FEB86659FD93)
-    return np.int64(mixed >> shift)
+    slot = np.int64(mixed >> shift)
+    while table[slot] > 0:
+        same = True
+        for k in range(rows.shape[1]):
+            same &= held[table[slot] - 1, k] == rows[i, k]
+        if same:
+            break
+        slot = (slot + 1) & (table.size - 1)
+    return slot
+
+
+@inner_kernel
+def key_slot(keys: Any, key: Any) -> Any:
+    """Find where an open-addressed table has a positive key, or the free slot (0) for it."""
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    slot = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(keys.size - 1))
+    while keys[slot] != 0 and keys[slot] != key:
+        slot = (slot + 1) & (keys.size - 1)
+    return slot
 
 
 def compact(faces: NDArray[np.int32], vertices: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
@@ -451,28 +466,42 @@ def connected(
     """Find which of 0..count-1 links one[i]-other[i] join; number groups by first appearance."""
     parent = np.arange(count, dtype=np.int32)
     _join(parent, one.astype(np.int32), other.astype(np.int32))
-    number = np.cumsum(parent == np.arange(count), dtype=np.int32) - np.int32(1)
+    return number_groups(parent)
+
+
+def number_groups(parent: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the group of each member of a union-find, (n,), numbered by first appearance."""
+    _flatten(parent)
+    number = np.cumsum(parent == np.arange(len(parent)), dtype=np.int32) - np.int32(1)
     labels: NDArray[np.int32] = number[parent]
     return labels
 
 
 @kernel
 def _join(parent: Any, one: Any, other: Any) -> None:
-    """Point each member of a group at its smallest, by links between two (union-find)."""
     for i in range(one.size):
-        a, b = one[i], other[i]
-        while parent[a] != a:
-            parent[a] = parent[parent[a]]
-            a = parent[a]
-        while parent[b] != b:
-            parent[b] = parent[parent[b]]
-            b = parent[b]
-        if a < b:
-            parent[b] = a
-        else:
-            parent[a] = b
+        unite(parent, one[i], other[i])
+
+
+@kernel
+def _flatten(parent: Any) -> None:
     for i in range(parent.size):
         parent[i] = parent[parent[i]]
+
+
+@inner_kernel
+def unite(parent: Any, a: Any, b: Any) -> None:
+    """Join the groups of two members in a union-find: the root of a group is its smallest."""
+    while parent[a] != a:
+        parent[a] = parent[parent[a]]
+        a = parent[a]
+    while parent[b] != b:
+        parent[b] = parent[parent[b]]
+        b = parent[b]
+    if a < b:
+        parent[b] = a
+    else:
+        parent[a] = b
 
 
 def consistent_winding(topology: Topology) -> BoolArray | None:

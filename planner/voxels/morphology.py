@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.mesh.mesh import number_groups, unite
 from planner.numerics import BoolArray, IntArray, inner_kernel, kernel
 
 __all__ = [
@@ -310,20 +311,24 @@ def members(runs: IntArray, bits: Bits) -> IntArray:
     return found
 
 
-@kernel
 def components(runs: IntArray) -> IntArray:
     """Return for each run the number of its component, 26-connected, by first appearance.
 
     Runs rise by row, column and start, as from `runs_of`.
     """
+    parent = np.arange(len(runs), dtype=np.int32)
+    _touching(np.ascontiguousarray(runs), parent)
+    return number_groups(parent)
+
+
+@kernel
+def _touching(runs: Any, parent: Any) -> None:
     n = len(runs)
-    parent = np.empty(n, np.int64)
     key = np.empty(n, np.int64)
     width = 0
     for r in range(n):
         width = max(width, runs[r, 1] + 3)
     for r in range(n):
-        parent[r] = r
         key[r] = runs[r, 0] * width + runs[r, 1] + 1
     pointer = np.zeros(4, np.int64)
     for r in range(n):
@@ -335,24 +340,5 @@ def components(runs: IntArray) -> IntArray:
             pointer[s] = p
             while p < n and key[p] == line and runs[p, 2] <= runs[r, 3]:
                 if runs[p, 3] >= runs[r, 2]:
-                    a, b = p, r
-                    while parent[a] != a:
-                        parent[a] = parent[parent[a]]
-                        a = parent[a]
-                    while parent[b] != b:
-                        parent[b] = parent[parent[b]]
-                        b = parent[b]
-                    parent[max(a, b)] = min(a, b)
+                    unite(parent, np.int32(p), np.int32(r))
                 p += 1
-    number = np.empty(n, np.int64)
-    count = 0
-    for r in range(n):
-        root = r
-        while parent[root] != root:
-            root = parent[root]
-        if root == r:
-            number[r] = count
-            count += 1
-        else:
-            number[r] = number[root]
-    return number
