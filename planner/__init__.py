@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from planner.gap.diagnose import diagnose
     from planner.gap.diagnosis import Diagnosis, read_diagnosis
     from planner.gap.virtual import synthesise_campaign
-    from planner.grading.blends import Mixture, invert
     from planner.grading.check import Certificate, Difference, check, diff
     from planner.grading.grade import grade
-    from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.grading.profile import Mixture, Profile, StiffnessScale, invert, list_materials
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
@@ -98,10 +97,9 @@ _MODULES = {
     "planner.gap.diagnose": "diagnose",
     "planner.gap.diagnosis": "Diagnosis read_diagnosis",
     "planner.gap.virtual": "synthesise_campaign",
-    "planner.grading.blends": "Mixture invert",
     "planner.grading.check": "Certificate Difference check diff",
     "planner.grading.grade": "grade",
-    "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.grading.profile": "Mixture Profile StiffnessScale invert list_materials",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
     "planner.palette": "Material Palette load_palette write_palette",
     "planner.plan": "Plan Region read_plan",
