@@ -11,6 +11,7 @@ __all__ = [
     "Float32Array",
     "FloatArray",
     "IntArray",
+    "Point",
     "free_kernel",
     "inner_kernel",
     "kernel",
@@ -25,6 +26,7 @@ FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
+Point: TypeAlias = tuple[float, float, float]
 
 
 # ------------------------------------------------------------------------------------------------

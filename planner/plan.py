@@ -11,7 +11,7 @@ import msgspec
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document
 from planner.formats.threemf import Constituent
-from planner.numerics import Float32Array, IntArray
+from planner.numerics import Float32Array, IntArray, Point
 
 __all__ = [
     "Box",
@@ -21,7 +21,6 @@ __all__ = [
     "PaletteUsed",
     "PartGraded",
     "Plan",
-    "Point",
     "Region",
     "Shell",
     "Stiffness",
@@ -39,7 +38,6 @@ _MIXTURES = (
 )
 
 _Pair = tuple[float, float]
-Point = tuple[float, float, float]
 Box = tuple[Point, Point]
 
 

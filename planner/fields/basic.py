@@ -1,9 +1,8 @@
 """Fields: what a gradient follows through a part, a number from 0 to 1 at every point."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,31 +10,30 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.mesh.distance import TriangleTree, nearest, triangle_tree
 from planner.mesh.mesh import Mesh, Topology, connected
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import BoolArray, FloatArray, Point
 
 __all__ = [
     "AxisField",
-    "BallRegion",
-    "BlendField",
-    "BoxRegion",
-    "ClampField",
-    "DistanceField",
     "Field",
     "FieldRegion",
     "FunctionField",
-    "HalfSpace",
-    "LineField",
-    "MaximumField",
-    "MinimumField",
     "PlanarField",
-    "PointField",
+    "Quantity",
     "Ramp",
     "axis_field",
+    "ball_region",
+    "box_region",
     "faces_within",
+    "half_space",
     "inside_mesh",
+    "line_distance",
+    "point_distance",
     "project",
     "smooth_patch",
+    "surface_distance",
 ]
+
+Quantity = Callable[[FloatArray], FloatArray]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -186,6 +184,28 @@ class PlanarField(Field, Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class FunctionField:
+    """A field by a function of points (n, 3), and what else a plan says of it.
+
+    At pitch h a level is drawn within 3 h² / 8 times the largest second derivative over the
+    gradient, of a distance 3 h² / 8 r with r its radius of curvature, and within 0.87 h of a kink;
+    planner measures where it lies (check ``interface_error_mm``).
+    """
+
+    name: str
+    function: Callable[[FloatArray], FloatArray] = field(repr=False, compare=False)
+    says: Mapping[str, object] = field(default_factory=dict)
+
+    def values(self, points_mm: FloatArray) -> FloatArray:
+        """Field at points (n, 3) in mm: (n,)."""
+        return self.function(np.asarray(points_mm, dtype=np.float64))
+
+    def description(self) -> dict[str, object]:
+        """Everything needed to build the field again, as JSON values."""
+        return {"name": self.name, **self.says}
+
+
 # ------------------------------------------------------------------------------------------------
 # From a raw quantity, such as a distance, to a field from 0 to 1.
 
@@ -210,234 +230,51 @@ class Ramp:
                 "finite and differ; give from= and to="
             )
 
-    def share(self, quantity: FloatArray) -> FloatArray:
-        """Return the field, (n,)."""
-        shares: FloatArray = (quantity - self.start) / (self.stop - self.start)
-        return shares
+    def along(
+        self, quantity: Quantity, name: str, says: Mapping[str, object], *, length: bool = True
+    ) -> FunctionField:
+        """Return the field of a quantity of points (n, 3); a plan says of lengths that they are."""
 
-    def lengths(self) -> dict[str, object]:
-        """Return the ramp as a plan describes that of a distance."""
-        return {
-            "from_mm": self.start,
-            "to_mm": self.stop,
-            "span_mm": abs(self.stop - self.start),
-        }
+        def share(points_mm: FloatArray) -> FloatArray:
+            return (quantity(points_mm) - self.start) / (self.stop - self.start)
 
-    def numbers(self) -> dict[str, object]:
-        """Return the ramp as a plan describes that of any other quantity."""
-        return {"from": self.start, "to": self.stop}
+        ends: dict[str, object] = {"from": self.start, "to": self.stop}
+        if length:
+            span_mm = abs(self.stop - self.start)
+            ends = {"from_mm": self.start, "to_mm": self.stop, "span_mm": span_mm}
+        return FunctionField(name, share, {**says, **ends})
 
 
-# ------------------------------------------------------------------------------------------------
-# The distance from a point or from a line.
+def point_distance(centre_mm: Point) -> Quantity:
+    """Return the distance from a point as a function of points (n, 3)."""
+
+    def distance(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(centre_mm)).T
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+    return distance
 
 
-_Point = tuple[float, float, float]
+def line_distance(point_mm: Point, direction: Point) -> Quantity:
+    """Return the distance from a line by a point and its unit direction."""
 
-
-@dataclass(frozen=True)
-class PointField:
-    """Spheres about a point; a level of radius r is drawn within 3 h² / 8 r at pitch h.
-
-    Attributes
-    ----------
-    centre_mm
-        The point.
-    ramp
-        Radii at which the gradient starts and ends.
-    """
-
-    centre_mm: _Point
-    ramp: Ramp
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "radial"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        x, y, z = (np.asarray(points_mm, dtype=np.float64) - np.array(self.centre_mm)).T
-        return self.ramp.share(np.sqrt(x * x + y * y + z * z))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {"name": self.name, "centre_mm": list(self.centre_mm), **self.ramp.lengths()}
-
-
-@dataclass(frozen=True)
-class LineField:
-    """Cylinders about a line; a level of radius r is drawn within 3 h² / 8 r at pitch h.
-
-    Attributes
-    ----------
-    point_mm, direction
-        A point of the line, and its unit direction.
-    ramp
-        Radii at which the gradient starts and ends.
-    """
-
-    point_mm: _Point
-    direction: _Point
-    ramp: Ramp
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "radial"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        x, y, z = (np.asarray(points_mm, dtype=np.float64) - np.array(self.point_mm)).T
-        a, b, c = self.direction
+    def distance(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(point_mm)).T
+        a, b, c = direction
         p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
-        return self.ramp.share(np.sqrt(p * p + q * q + r * r))
+        return np.asarray(np.sqrt(p * p + q * q + r * r))
 
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "point_mm": list(self.point_mm),
-            "direction": list(self.direction),
-            **self.ramp.lengths(),
-        }
+    return distance
 
 
-# ------------------------------------------------------------------------------------------------
-# Fields made of fields: the lower or higher of several, a mixture, a clamp.
+def surface_distance(tree: TriangleTree, *, depth: bool = False) -> Quantity:
+    """Return the exact distance from a surface; with `depth` positive inside, negative outside."""
 
+    def distance(points_mm: FloatArray) -> FloatArray:
+        found, outside = nearest(tree, points_mm)
+        return np.where(outside, -found, found) if depth else found
 
-@dataclass(frozen=True)
-class MinimumField:
-    """The lowest of several fields; kinks between them are drawn within 0.87 of a pitch."""
-
-    fields: tuple[Field, ...]
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "min"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return reduce(np.minimum, (field.values(points_mm) for field in self.fields))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {"name": self.name, "fields": [field.description() for field in self.fields]}
-
-
-@dataclass(frozen=True)
-class MaximumField:
-    """The highest of several fields; kinks between them are drawn within 0.87 of a pitch."""
-
-    fields: tuple[Field, ...]
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "max"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return reduce(np.maximum, (field.values(points_mm) for field in self.fields))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {"name": self.name, "fields": [field.description() for field in self.fields]}
-
-
-@dataclass(frozen=True)
-class BlendField:
-    """A weighted mean of two fields: (1 - weight) first + weight second."""
-
-    first: Field
-    second: Field
-    weight: float
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "blend"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        first, second = self.first.values(points_mm), self.second.values(points_mm)
-        mixed: FloatArray = (1.0 - self.weight) * first + self.weight * second
-        return mixed
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "fields": [self.first.description(), self.second.description()],
-            "weight": self.weight,
-        }
-
-
-@dataclass(frozen=True)
-class ClampField:
-    """A field held between two values."""
-
-    field: Field
-    low: float
-    high: float
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "clamp"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return np.clip(self.field.values(points_mm), self.low, self.high)
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "fields": [self.field.description()],
-            "low": self.low,
-            "high": self.high,
-        }
-
-
-# ------------------------------------------------------------------------------------------------
-# A field given by a Python function of positions.
-
-
-@dataclass(frozen=True)
-class FunctionField:
-    """What a function of points (n, 3) in the part's own coordinates returns, (n,).
-
-    At pitch h a level is drawn within 3 h² / 8 times the largest second derivative over the
-    gradient; planner measures where it lies (check ``interface_error_mm``).
-
-    Attributes
-    ----------
-    function
-        Takes points in mm, returns values from 0 to 1 over the part.
-    origin_mm
-        Where the part's own origin lies, as placed for printing.
-    """
-
-    function: Callable[[FloatArray], FloatArray] = field(repr=False)
-    origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "function"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        own = np.asarray(points_mm, dtype=np.float64) - np.array(self.origin_mm)
-        return np.asarray(self.function(own), dtype=np.float64)
-
-    def description(self) -> dict[str, object]:
-        """Say which function it was; the function itself is not kept."""
-        called = getattr(self.function, "__qualname__", type(self.function).__name__)
-        return {"name": self.name, "function": called, "origin_mm": list(self.origin_mm)}
+    return distance
 
 
 # ------------------------------------------------------------------------------------------------
@@ -480,136 +317,44 @@ def faces_within(mesh: Mesh, low_mm: FloatArray, high_mm: FloatArray) -> Mesh:
 # Regions of space that fields start from or end at.
 
 
-class FieldRegion(Protocol):
-    """A set of points."""
-
-    def holds(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie in it."""
-        ...
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the region again, as JSON values."""
-        ...
-
-
 @dataclass(frozen=True)
-class BoxRegion:
-    """What lies between two corners."""
+class FieldRegion:
+    """A set of points: which of points (n, 3) it holds, and what a plan says of it."""
 
-    low_mm: _Point
-    high_mm: _Point
-
-    def holds(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie in it."""
-        inside = (points_mm >= np.array(self.low_mm)) & (points_mm <= np.array(self.high_mm))
-        return np.asarray(inside.all(axis=1))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the region again, as JSON values."""
-        return {"box_mm": [list(self.low_mm), list(self.high_mm)]}
+    holds: Callable[[FloatArray], BoolArray] = field(repr=False, compare=False)
+    says: Mapping[str, object]
 
 
-@dataclass(frozen=True)
-class BallRegion:
-    """What lies within a radius of a point."""
-
-    centre_mm: _Point
-    radius_mm: float
-
-    def holds(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie in it."""
-        off = points_mm - np.array(self.centre_mm)
-        return np.asarray((off * off).sum(axis=1) <= self.radius_mm**2)
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the region again, as JSON values."""
-        return {"centre_mm": list(self.centre_mm), "radius_mm": self.radius_mm}
+def box_region(low_mm: Point, high_mm: Point) -> FieldRegion:
+    """Return what lies between two corners."""
+    low, high = np.array(low_mm), np.array(high_mm)
+    return FieldRegion(
+        lambda points_mm: np.asarray(((points_mm >= low) & (points_mm <= high)).all(axis=1)),
+        {"box_mm": [list(low_mm), list(high_mm)]},
+    )
 
 
-@dataclass(frozen=True)
-class HalfSpace:
-    """What lies beyond a plane, where its normal points."""
-
-    point_mm: _Point
-    normal: _Point
-
-    def holds(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie in it."""
-        x, y, z = (points_mm - np.array(self.point_mm)).T
-        a, b, c = self.normal
-        return np.asarray(x * a + y * b + z * c >= 0.0)
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the region again, as JSON values."""
-        return {"point_mm": list(self.point_mm), "normal": list(self.normal)}
+def ball_region(centre_mm: Point, radius_mm: float) -> FieldRegion:
+    """Return what lies within a radius of a point."""
+    return FieldRegion(
+        lambda points_mm: np.asarray(
+            np.square(points_mm - np.array(centre_mm)).sum(axis=1) <= radius_mm**2
+        ),
+        {"centre_mm": list(centre_mm), "radius_mm": radius_mm},
+    )
 
 
-@dataclass(frozen=True)
-class Inside:
-    """What lies inside a closed mesh."""
-
-    file: str
-    sha256: str
-    tree: TriangleTree = field(repr=False, compare=False)
-
-    def holds(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (n, 3) lie in it."""
-        return ~nearest(self.tree, points_mm)[1]
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the region again, as JSON values."""
-        return {"file": self.file, "sha256": self.sha256}
+def half_space(point_mm: Point, normal: Point) -> FieldRegion:
+    """Return what lies beyond a plane, where its normal points."""
+    return FieldRegion(
+        lambda points_mm: np.asarray(project(points_mm - np.array(point_mm), normal) >= 0.0),
+        {"point_mm": list(point_mm), "normal": list(normal)},
+    )
 
 
-def inside_mesh(mesh: Mesh, file: str, sha256: str) -> Inside:
-    """Return the inside of a mesh as a region."""
-    return Inside(file, sha256, triangle_tree(mesh))
-
-
-# ------------------------------------------------------------------------------------------------
-# The distance from a surface: the part's own, another mesh's, or some faces'.
-
-
-@dataclass(frozen=True)
-class DistanceField:
-    """Parallels of a surface, by exact distances.
-
-    At pitch h a level is drawn within 3 h² / 8 r, r its radius of curvature, and where its
-    parallels fold, as along the middle of a wall, within 0.87 h.
-
-    Attributes
-    ----------
-    origin
-        What the distance is from, as a plan says it.
-    ramp
-        Distances at which the gradient starts and ends.
-    tree
-        The surface.
-    signed
-        1 where distances count positive inside, -1 outside, 0 on both sides.
-    """
-
-    origin: dict[str, object]
-    ramp: Ramp
-    tree: TriangleTree = field(repr=False, compare=False)
-    signed: int = 0
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "distance"
-
-    def distance_mm(self, points_mm: FloatArray) -> FloatArray:
-        """Return the distance at points (n, 3), with its sign."""
-        distance, outside = nearest(self.tree, points_mm)
-        if self.signed:
-            distance = np.where(outside == (self.signed > 0), -distance, distance)
-        return distance
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return self.ramp.share(self.distance_mm(points_mm))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {"name": self.name, **self.origin, **self.ramp.lengths()}
+def inside_mesh(mesh: Mesh, file: str, sha256: str) -> FieldRegion:
+    """Return what lies inside a closed mesh."""
+    tree = triangle_tree(mesh)
+    return FieldRegion(
+        lambda points_mm: ~nearest(tree, points_mm)[1], {"file": file, "sha256": sha256}
+    )

@@ -3,8 +3,8 @@
 import ast
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -14,28 +14,24 @@ import numpy as np
 from planner.errors import ArgumentError, MeshError, did_you_mean
 from planner.fields.basic import (
     AxisField,
-    BallRegion,
-    BlendField,
-    BoxRegion,
-    ClampField,
-    DistanceField,
     Field,
     FieldRegion,
     FunctionField,
-    HalfSpace,
-    LineField,
-    MaximumField,
-    MinimumField,
-    PointField,
+    Quantity,
     Ramp,
     axis_field,
+    ball_region,
+    box_region,
     faces_within,
+    half_space,
     inside_mesh,
+    line_distance,
+    point_distance,
     smooth_patch,
+    surface_distance,
 )
 from planner.fields.solved import (
-    CellValues,
-    TableField,
+    between_cells,
     cells_of,
     geodesic_field,
     harmonic_field,
@@ -47,10 +43,10 @@ from planner.formats.mesh_file import EXTENSIONS, read_mesh
 from planner.mesh.distance import TriangleTree, triangle_tree
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import make_part
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point
 from planner.voxels.columns import Grid
 
-__all__ = ["ExpressionField", "Setting", "build_field", "parse_expression"]
+__all__ = ["Setting", "build_field"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -87,51 +83,38 @@ _BINARY: Mapping[type[ast.operator], Callable[[_Value, _Value], _Value]] = Mappi
 )  # fmt: skip
 _LONGEST, _FORMULA_DEEPEST, _LARGEST = 1000, 60, 1e300
 
-_Supply = Mapping[str, Callable[[FloatArray], FloatArray]]
 
+def expression_field(
+    text: str, origin_mm: Point, supply: Mapping[str, Quantity] = MappingProxyType({})
+) -> FunctionField:
+    """Return a formula as a field.
 
-@dataclass(frozen=True)
-class ExpressionField:
-    """A formula; at pitch h drawn within 3 h² / 8 of its second derivative over its gradient.
-
-    Attributes
+    Parameters
     ----------
-    text
-        The formula.
     origin_mm
         Where the part's own origin lies, as placed for printing.
     supply
         How to find ``d`` and ``u`` at points as placed.
+
+    Raises
+    ------
+    ArgumentError
+        See `parse_expression`.
     """
+    tree = parse_expression(text)
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
 
-    text: str
-    origin_mm: tuple[float, float, float]
-    supply: _Supply = field(repr=False, compare=False, default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "expression"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        points = np.asarray(points_mm, dtype=np.float64)
-        tree = parse_expression(self.text)
-        x, y, z = (points - np.array(self.origin_mm)).T
+    def values(points_mm: FloatArray) -> FloatArray:
+        x, y, z = (points_mm - np.array(origin_mm)).T
         known: dict[str, _Value] = {"x": x, "y": y, "z": z, **_CONSTANTS}
-        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         if "r" in used:
             known["r"] = np.sqrt(x * x + y * y)
-        for name, find in self.supply.items():
-            if name in used:
-                known[name] = find(points)
+        known |= {name: find(points_mm) for name, find in supply.items() if name in used}
         with np.errstate(all="ignore"):  # what is not finite is told with its place
             found = np.asarray(_value(tree.body, known), dtype=np.float64)
-        return np.array(np.broadcast_to(found, len(points)))
+        return np.array(np.broadcast_to(found, len(points_mm)))
 
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {"name": self.name, "expression": self.text, "origin_mm": list(self.origin_mm)}
+    return FunctionField("expression", values, {"expression": text, "origin_mm": list(origin_mm)})
 
 
 def parse_expression(text: str) -> ast.Expression:
@@ -230,8 +213,6 @@ _REGIONS = (
     "where N points), or a closed mesh file"
 )
 
-_PointMm = tuple[float, float, float]
-
 
 @dataclass(frozen=True)
 class FieldArguments:
@@ -252,19 +233,21 @@ class FieldArguments:
     kind: str
     words: tuple[str, ...]
     named: dict[str, str]
-    origin_mm: _PointMm
+    origin_mm: Point
 
     @classmethod
     def parse(
-        cls, kind: str, text: str, keys: Collection[str], origin_mm: _PointMm, words: int = 0
+        cls, kind: str, text: str, keys: Collection[str] | None, words: int, origin_mm: Point
     ) -> "FieldArguments":
-        """Split at commas, and refuse keys that the field does not have.
+        """Split at commas, and refuse keys that the field does not have; one word without keys.
 
         Raises
         ------
         ArgumentError
             An unknown or repeated key, or more words than `words`.
         """
+        if keys is None:
+            return cls(kind, (text,), {}, origin_mm)
         bare, named = [], dict[str, str]()
         for item in filter(None, (part.strip() for part in text.split(","))):
             key, equals, value = item.partition("=")
@@ -314,19 +297,24 @@ class FieldArguments:
         """
         return self._numbers(self.named[key], f"{key}=", count)
 
-    def point(self, key: str) -> _PointMm:
-        """Return a position as placed for printing."""
+    def triple(self, key: str) -> Point | None:
+        """Return three numbers as they are, None where they are not given."""
+        if key not in self.named:
+            return None
         x, y, z = self.numbers(key, 3)
-        return self._placed(x, y, z)
+        return x, y, z
 
-    def line(self, key: str) -> tuple[_PointMm, _PointMm]:
+    def point(self, key: str) -> Point:
+        """Return a position as placed for printing."""
+        return self._placed(self.numbers(key, 3))
+
+    def line(self, key: str) -> tuple[Point, Point]:
         """Return a position as placed, and a unit direction."""
-        x, y, z, a, b, c = self.numbers(key, 6)
-        return self._placed(x, y, z), self._unit((a, b, c), f"{key}=")
+        return self._line(self.named[key], f"{key}=")
 
-    def box(self, key: str) -> BoxRegion:
-        """Return a box as placed."""
-        return self._box(self.numbers(key, 6))
+    def box(self, key: str) -> tuple[Point, Point]:
+        """Return the corners of a box as placed."""
+        return self._box(self.named[key], f"{key}=")
 
     def region(self, key: str) -> FieldRegion:
         """Return a region as placed.
@@ -345,18 +333,17 @@ class FieldArguments:
             sign = 1.0 if half[2] == ">" else -1.0
             at, normal = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             at[axis], normal[axis] = value + self.origin_mm[axis], sign
-            return HalfSpace((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
+            return half_space((at[0], at[1], at[2]), (normal[0], normal[1], normal[2]))
         word, _, rest = text.strip().partition(" ")
         if word == "box":
-            return self._box(self._numbers(rest, what, 6))
+            return box_region(*self._box(rest, what))
         if word == "ball":
-            x, y, z, radius = self._numbers(rest, what, 4)
+            *centre, radius = self._numbers(rest, what, 4)
             if radius <= 0.0:
                 raise ArgumentError(f"field {self.kind}: {what} has a radius of {radius:g} mm")
-            return BallRegion(self._placed(x, y, z), radius)
+            return ball_region(self._placed(centre), radius)
         if word == "plane":
-            x, y, z, a, b, c = self._numbers(rest, what, 6)
-            return HalfSpace(self._placed(x, y, z), self._unit((a, b, c), what))
+            return half_space(*self._line(rest, what))
         if Path(text).suffix.casefold().lstrip(".") in EXTENSIONS:
             mesh, sha256 = _mesh_in_place(Path(text), self.origin_mm)
             return inside_mesh(mesh, Path(text).name, sha256)
@@ -374,23 +361,24 @@ class FieldArguments:
             )
         return found
 
-    def _placed(self, x: float, y: float, z: float) -> _PointMm:
-        a, b, c = self.origin_mm
-        return x + a, y + b, z + c
+    def _placed(self, own: Sequence[float]) -> Point:
+        x, y, z = (one + shift for one, shift in zip(own, self.origin_mm, strict=True))
+        return x, y, z
 
-    def _unit(self, direction: _PointMm, what: str) -> _PointMm:
-        length = math.hypot(*direction)
+    def _line(self, text: str, what: str) -> tuple[Point, Point]:
+        *point, a, b, c = self._numbers(text, what, 6)
+        length = math.hypot(a, b, c)
         if length == 0.0:
             raise ArgumentError(f"field {self.kind}: {what} has a direction of length zero")
-        a, b, c = direction
-        return a / length, b / length, c / length
+        return self._placed(point), (a / length, b / length, c / length)
 
-    def _box(self, corners: list[float]) -> BoxRegion:
-        low, high = np.minimum(corners[:3], corners[3:]), np.maximum(corners[:3], corners[3:])
-        return BoxRegion(self._placed(*low.tolist()), self._placed(*high.tolist()))
+    def _box(self, text: str, what: str) -> tuple[Point, Point]:
+        *one, a, b, c = self._numbers(text, what, 6)
+        low, high = np.minimum(one, (a, b, c)), np.maximum(one, (a, b, c))
+        return self._placed(low.tolist()), self._placed(high.tolist())
 
 
-def _mesh_in_place(path: Path, origin_mm: _PointMm, *, closed: bool = True) -> tuple[Mesh, str]:
+def _mesh_in_place(path: Path, origin_mm: Point, *, closed: bool = True) -> tuple[Mesh, str]:
     """Read a mesh that lies in the part's own coordinates, moved to where the part is placed.
 
     Raises
@@ -431,7 +419,7 @@ class Setting:
     """
 
     mesh: Mesh
-    origin_mm: _PointMm
+    origin_mm: Point
     pitch_mm: float
 
     @cached_property
@@ -448,11 +436,9 @@ class Setting:
         return triangle_tree(self.mesh)
 
 
-def _ramp(
-    arguments: FieldArguments, setting: Setting, quantity: Callable[[FloatArray], FloatArray]
-) -> Ramp:
+def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:
     """Return where the gradient starts and ends: over all of the part if not said."""
-    start, stop = arguments.number("from"), arguments.number("to")
+    start, stop = given.number("from"), given.number("to")
     if start is None or stop is None:
         found = quantity(setting.samples_mm)
         start = float(found.min()) if start is None else start
@@ -460,29 +446,25 @@ def _ramp(
     return Ramp(start, stop)
 
 
-def _axis(text: str, setting: Setting) -> Field:
-    words = text.replace(",", " ").split()
+def _axis(given: FieldArguments, setting: Setting) -> Field:
+    words = given.words[0].replace(",", " ").split()
     return axis_field(",".join(words) if words else None, setting.mesh)
 
 
-def _radial(text: str, setting: Setting) -> Field:
-    given = FieldArguments.parse("radial", text, ("point", "line", "from", "to"), setting.origin_mm)
-    unit = Ramp(0.0, 1.0)
+def _radial(given: FieldArguments, setting: Setting) -> Field:
+    says: dict[str, object]
     if given.only("point", "line") == "line":
         point, direction = given.line("line")
-        ramp = _ramp(given, setting, LineField(point, direction, unit).values)
-        return LineField(point, direction, ramp)
-    if "point" in given.named:
-        centre = given.point("point")
+        quantity = line_distance(point, direction)
+        says = {"point_mm": list(point), "direction": list(direction)}
     else:
         x, y, z = setting.mesh.bounds_mm.mean(axis=0).tolist()
-        centre = (x, y, z)
-    return PointField(centre, _ramp(given, setting, PointField(centre, unit).values))
+        centre = given.point("point") if "point" in given.named else (x, y, z)
+        quantity, says = point_distance(centre), {"centre_mm": list(centre)}
+    return _ramp(given, setting, quantity).along(quantity, "radial", says)
 
 
-def _distance(text: str, setting: Setting) -> Field:
-    keys = ("plane", "hole", "box", "from", "to")
-    given = FieldArguments.parse("distance", text, keys, setting.origin_mm, words=1)
+def _distance(given: FieldArguments, setting: Setting) -> Field:
     which = given.only("plane", "hole", "box")
     if which and given.words:
         raise ArgumentError(f"field distance: give {given.words[0]} or {which}=, not both")
@@ -494,34 +476,33 @@ def _distance(text: str, setting: Setting) -> Field:
             return AxisField(normal, offset + ramp.start, ramp.stop - ramp.start)
         back = (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
         return AxisField(back, -(offset + ramp.start), ramp.start - ramp.stop)
-    signed = 0
-    origin: dict[str, object]
+    depth = False
+    says: dict[str, object]
     if which == "hole":
         picked = given.point("hole")
         tree = triangle_tree(smooth_patch(setting.mesh, np.array(picked)))
-        origin = {"of": "hole", "point_mm": list(picked)}
+        says = {"of": "hole", "point_mm": list(picked)}
     elif which == "box":
-        box = given.box("box")
-        patch = faces_within(setting.mesh, np.array(box.low_mm), np.array(box.high_mm))
+        low_mm, high_mm = given.box("box")
+        patch = faces_within(setting.mesh, np.array(low_mm), np.array(high_mm))
         if not len(patch.faces):
             raise ArgumentError(
                 "field distance: no face of the part lies wholly in box=; make it larger"
             )
-        tree, origin = triangle_tree(patch), {"of": "faces", **box.description()}
+        tree = triangle_tree(patch)
+        says = {"of": "faces", "box_mm": [list(low_mm), list(high_mm)]}
     elif not given.words or given.words[0] == "surface":
-        tree, origin, signed = setting.surface, {"of": "surface"}, 1
+        tree, says, depth = setting.surface, {"of": "surface"}, True
+        given.named.setdefault("from", "0")
     else:
         file = Path(given.words[0])
         mesh, sha256 = _mesh_in_place(file, setting.origin_mm, closed=False)
-        tree, origin = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
-    plain = DistanceField(origin, Ramp(0.0, 1.0), tree, signed)
-    if signed and "from" not in given.named:
-        given.named["from"] = "0"
-    return DistanceField(origin, _ramp(given, setting, plain.distance_mm), tree, signed)
+        tree, says = triangle_tree(mesh), {"of": file.name, "sha256": sha256}
+    quantity = surface_distance(tree, depth=depth)
+    return _ramp(given, setting, quantity).along(quantity, "distance", says)
 
 
-def _harmonic(text: str, setting: Setting) -> Field:
-    given = FieldArguments.parse("harmonic", text, ("from", "to"), setting.origin_mm)
+def _harmonic(given: FieldArguments, setting: Setting) -> Field:
     if len(given.named) < 2:
         raise ArgumentError(
             "field harmonic: give both end regions, as in from=x<3, to=ball 40 0 5 6"
@@ -531,75 +512,64 @@ def _harmonic(text: str, setting: Setting) -> Field:
     return harmonic_field(setting.mesh, start, end, pitch_mm, setting.origin_mm)
 
 
-def _geodesic(text: str, setting: Setting) -> Field:
-    given = FieldArguments.parse("geodesic", text, ("start", "from", "to"), setting.origin_mm)
+def _geodesic(given: FieldArguments, setting: Setting) -> Field:
     if "start" not in given.named:
         raise ArgumentError("field geodesic: give where ways begin, as in start=x<3")
     pitch_mm = solve_pitch_mm(setting.mesh, setting.pitch_mm)
-    return geodesic_field(
-        setting.mesh,
-        given.region("start"),
-        pitch_mm,
-        given.number("from"),
-        given.number("to"),
-        setting.origin_mm,
-    )
+    region, ends = given.region("start"), (given.number("from"), given.number("to"))
+    return geodesic_field(setting.mesh, region, pitch_mm, *ends, setting.origin_mm)
 
 
-def _expression(text: str, setting: Setting) -> Field:
-    text = text.strip().strip('"')
-    parse_expression(text)
+def _expression(given: FieldArguments, setting: Setting) -> Field:
+    text = given.words[0].strip().strip('"')
     along = axis_field(None, setting.mesh)
 
     def depth(points_mm: FloatArray) -> FloatArray:
-        return DistanceField({}, Ramp(0.0, 1.0), setting.surface, 1).distance_mm(points_mm)
+        return surface_distance(setting.surface, depth=True)(points_mm)
 
-    return ExpressionField(text, setting.origin_mm, {"d": depth, "u": along.values})
+    supply = {"d": depth, "u": along.values}
+    return expression_field(text, setting.origin_mm, supply)
 
 
-def _table(text: str, setting: Setting) -> Field:
-    keys = ("array", "origin", "step", "from", "to")
-    given = FieldArguments.parse("table", text, keys, setting.origin_mm, words=1)
-    if not given.words:
-        raise ArgumentError("field table: give a file (.csv, .npy or .vti)")
-    path = Path(given.words[0])
-    first = given.numbers("origin", 3) if "origin" in given.named else None
-    step = given.numbers("step", 3) if "step" in given.named else None
-    table = read_grid_table(
-        path,
-        array=given.named.get("array"),
-        first_mm=None if first is None else (first[0], first[1], first[2]),
-        spacing_mm=None if step is None else (step[0], step[1], step[2]),
-    )
+def _table(given: FieldArguments, setting: Setting) -> Field:
+    path = _file(given, ".csv, .npy or .vti")
+    first, step = given.triple("origin"), given.triple("step")
+    array = given.named.get("array")
+    table = read_grid_table(path, array=array, first_mm=first, spacing_mm=step)
     corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
     x, y, z = corner.tolist()
     nx, ny, nz = table.values.shape
-    cells = CellValues(Grid((x, y, z), table.spacing_mm, (nx, ny, nz)), table.values)
-    return TableField(path.name, table.sha256, _ramp(given, setting, cells.at), cells)
+    quantity = between_cells(Grid((x, y, z), table.spacing_mm, (nx, ny, nz)), table.values)
+    says = {"file": path.name, "sha256": table.sha256}
+    return _ramp(given, setting, quantity).along(quantity, "table", says, length=False)
 
 
-def _points(text: str, setting: Setting) -> Field:
-    given = FieldArguments.parse("points", text, ("array", "from", "to"), setting.origin_mm, 1)
-    if not given.words:
-        raise ArgumentError("field points: give a file (.csv or .vtu)")
-    path = Path(given.words[0])
+def _points(given: FieldArguments, setting: Setting) -> Field:
+    path = _file(given, ".csv or .vtu")
     table = read_point_table(path, array=given.named.get("array"))
-    at = table.points_mm + np.array(setting.origin_mm)
-    return points_field(
-        path.name, table.sha256, at, table.values, given.number("from"), given.number("to")
-    )
+    at, ends = table.points_mm + np.array(setting.origin_mm), ("from", "to")
+    return points_field(path.name, table.sha256, at, table.values, *map(given.number, ends))
 
 
-_KINDS: Mapping[str, Callable[[str, Setting], Field]] = MappingProxyType(
+def _file(given: FieldArguments, endings: str) -> Path:
+    if not given.words:
+        raise ArgumentError(f"field {given.kind}: give a file ({endings})")
+    return Path(given.words[0])
+
+
+_Build = Callable[[FieldArguments, Setting], Field]
+
+# How each field is built; the keys that it takes (None: its text as it stands), and how many words.
+_KINDS: Mapping[str, tuple[_Build, tuple[str, ...] | None, int]] = MappingProxyType(
     {
-        "axis": _axis,
-        "radial": _radial,
-        "distance": _distance,
-        "harmonic": _harmonic,
-        "geodesic": _geodesic,
-        "expression": _expression,
-        "table": _table,
-        "points": _points,
+        "axis": (_axis, None, 1),
+        "radial": (_radial, ("point", "line", "from", "to"), 0),
+        "distance": (_distance, ("plane", "hole", "box", "from", "to"), 1),
+        "harmonic": (_harmonic, ("from", "to"), 0),
+        "geodesic": (_geodesic, ("start", "from", "to"), 0),
+        "expression": (_expression, None, 1),
+        "table": (_table, ("array", "origin", "step", "from", "to"), 1),
+        "points": (_points, ("array", "from", "to"), 1),
     }
 )
 
@@ -611,6 +581,12 @@ _KINDS: Mapping[str, Callable[[str, Setting], Field]] = MappingProxyType(
 _COMPOSED = re.compile(r"^\s*(\w+)\s*\((.*)\)\s*$", re.DOTALL)
 _NAMED = re.compile(r"^\s*([\w-]+)\s*(?::(.*))?$", re.DOTALL)
 _FIELD_DEEPEST = 20
+_RULES = {
+    "min": "two or more fields",
+    "max": "two or more fields",
+    "blend": "(field; field; weight 0 to 1)",
+    "clamp": "(field; lowest; highest)",
+}
 
 
 def build_field(wish: object, setting: Setting) -> Field:
@@ -635,10 +611,20 @@ def build_field(wish: object, setting: Setting) -> Field:
     if isinstance(wish, Field):
         return wish
     if callable(wish):
-        return FunctionField(wish, setting.origin_mm)
+        return _user_function(wish, setting.origin_mm)
     raise ArgumentError(
         f"field is a {type(wish).__name__}; give text, a planner Field, or a function of points"
     )
+
+
+def _user_function(function: Callable[[FloatArray], FloatArray], origin_mm: Point) -> Field:
+    """Return what a function of points in the part's own coordinates returns, as a field."""
+    called = getattr(function, "__qualname__", type(function).__name__)
+
+    def values(points_mm: FloatArray) -> FloatArray:
+        return np.asarray(function(points_mm - np.array(origin_mm)), dtype=np.float64)
+
+    return FunctionField("function", values, {"function": called, "origin_mm": list(origin_mm)})
 
 
 def _parse(text: str, setting: Setting, depth: int) -> Field:
@@ -646,7 +632,7 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
         raise ArgumentError(f"`field`: fields are nested deeper than {_FIELD_DEEPEST}")
     composed = _COMPOSED.match(text)
     if composed and composed[1] in _RULES:
-        return _RULES[composed[1]](_parts(composed[2]), text, setting, depth + 1)
+        return _composed(composed[1], _parts(composed[2]), text, setting, depth + 1)
     named = _NAMED.match(text)
     name = named[1] if named else text.split("(")[0].split(":")[0].strip()
     if named is None or name not in _KINDS:
@@ -656,7 +642,9 @@ def _parse(text: str, setting: Setting, depth: int) -> Field:
             f"`field` {text.strip()!r}: there is no field {name!r}; {hint}there are "
             f"{', '.join(_KINDS)}, and {', '.join(_RULES)} of such, as in min(axis: x; axis: y)"
         )
-    return _KINDS[name](named[2] or "", setting)
+    build, keys, words = _KINDS[name]
+    given = FieldArguments.parse(name, named[2] or "", keys, words, setting.origin_mm)
+    return build(given, setting)
 
 
 def _parts(text: str) -> list[str]:
@@ -670,37 +658,39 @@ def _parts(text: str) -> list[str]:
     return [*parts, text[last:]]
 
 
-def _several(parts: list[str], text: str, setting: Setting, depth: int) -> tuple[Field, ...]:
-    if len(parts) < 2:
-        raise ArgumentError(f"`field` {text.strip()!r}: give two or more fields, parted by ;")
-    return tuple(_parse(part, setting, depth) for part in parts)
-
-
-def _minimum(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
-    return MinimumField(_several(parts, text, setting, depth))
-
-
-def _maximum(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
-    return MaximumField(_several(parts, text, setting, depth))
-
-
-def _blend(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+def _composed(rule: str, parts: list[str], text: str, setting: Setting, depth: int) -> Field:
+    wish = f"`field` {text.strip()!r}"
+    if rule in ("min", "max"):
+        if len(parts) < 2:
+            raise ArgumentError(f"{wish}: give two or more fields, parted by ;")
+        fields = [_parse(part, setting, depth) for part in parts]
+        return _made_of(rule, np.minimum.reduce if rule == "min" else np.maximum.reduce, fields)
     if len(parts) != 3:
-        raise ArgumentError(f"`field` {text.strip()!r}: blend takes (field; field; weight 0 to 1)")
-    weight = _number(parts[2], text)
-    if not 0.0 <= weight <= 1.0:
-        raise ArgumentError(f"`field` {text.strip()!r}: the weight {weight:g} is not 0 to 1")
-    first, second = (_parse(part, setting, depth) for part in parts[:2])
-    return BlendField(first, second, weight)
-
-
-def _clamp(parts: list[str], text: str, setting: Setting, depth: int) -> Field:
-    if len(parts) != 3:
-        raise ArgumentError(f"`field` {text.strip()!r}: clamp takes (field; lowest; highest)")
+        raise ArgumentError(f"{wish}: {rule} takes {_RULES[rule]}")
+    if rule == "blend":
+        weight = _number(parts[2], text)
+        if not 0.0 <= weight <= 1.0:
+            raise ArgumentError(f"{wish}: the weight {weight:g} is not 0 to 1")
+        fields = [_parse(part, setting, depth) for part in parts[:2]]
+        return _made_of(
+            rule, lambda v: (1.0 - weight) * v[0] + weight * v[1], fields, weight=weight
+        )
     low, high = _number(parts[1], text), _number(parts[2], text)
     if not low < high:
-        raise ArgumentError(f"`field` {text.strip()!r}: {low:g} is not below {high:g}")
-    return ClampField(_parse(parts[0], setting, depth), low, high)
+        raise ArgumentError(f"{wish}: {low:g} is not below {high:g}")
+    fields = [_parse(parts[0], setting, depth)]
+    return _made_of(rule, lambda v: np.clip(v[0], low, high), fields, low=low, high=high)
+
+
+def _made_of(
+    name: str, join: Callable[[list[FloatArray]], FloatArray], fields: list[Field], **says: object
+) -> FunctionField:
+    """Return a field of the values of other fields."""
+    return FunctionField(
+        name,
+        lambda points_mm: np.asarray(join([one.values(points_mm) for one in fields])),
+        {"fields": [one.description() for one in fields], **says},
+    )
 
 
 def _number(part: str, text: str) -> float:
@@ -710,8 +700,3 @@ def _number(part: str, text: str) -> float:
         raise ArgumentError(
             f"`field` {text.strip()!r}: {part.strip()!r} must be a number"
         ) from None
-
-
-_RULES: Mapping[str, Callable[[list[str], str, Setting, int], Field]] = MappingProxyType(
-    {"min": _minimum, "max": _maximum, "blend": _blend, "clamp": _clamp}
-)

@@ -1,19 +1,17 @@
 """Fields computed over the part's cells: steady flow, shortest ways, tables of values."""
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from planner.errors import ArgumentError
-from planner.fields.basic import FieldRegion, Ramp
+from planner.fields.basic import FieldRegion, FunctionField, Quantity, Ramp
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, Point, kernel
 from planner.voxels.columns import Grid, dense, grid_for, voxelize
 
 __all__ = [
-    "CellValues",
-    "TableField",
+    "between_cells",
     "cells_of",
     "geodesic_field",
     "harmonic_field",
@@ -32,29 +30,20 @@ _MOST_CELLS = 3_000_000
 _CRUMB = 1e-3  # of all cells
 
 
-@dataclass(frozen=True, eq=False)
-class CellValues:
-    """Values at cell centres, linear between them along each axis.
+def between_cells(grid: Grid, values: FloatArray) -> Quantity:
+    """Return values (nx, ny, nz) at cell centres as a function of points (n, 3).
 
-    Attributes
-    ----------
-    grid
-        Where cells lie.
-    values : (nx, ny, nz) float64
-        One for each cell.
+    It is linear between centres along each axis; beyond the outermost as at them.
     """
+    origin, pitch = np.array(grid.origin_mm), np.array(grid.pitch_mm)
 
-    grid: Grid
-    values: FloatArray
-
-    def at(self, points_mm: FloatArray) -> FloatArray:
-        """Interpolate at points (n, 3); beyond the outermost centres as at them."""
+    def at(points_mm: FloatArray) -> FloatArray:
         found = np.empty(len(points_mm))
-        _interpolate(
-            np.require(points_mm, np.float64, ["C", "W"]), np.array(self.grid.origin_mm),
-            np.array(self.grid.pitch_mm), self.values, found,
-        )  # fmt: skip
+        points = np.require(points_mm, np.float64, ["C", "W"])
+        _interpolate(points, origin, pitch, values, found)
         return found
+
+    return at
 
 
 def solve_pitch_mm(mesh: Mesh, pitch_mm: float) -> float:
@@ -165,51 +154,8 @@ def _interpolate(points: Any, origin: Any, pitch: Any, values: Any, found: Any) 
 # The field of a steady flow between two regions: gradients that follow a bent part.
 
 
-_Point = tuple[float, float, float]
-
 _COARSEST = 20_000  # cells; below, nothing is gained by a coarser grid
 _PRECISION = 1e-7  # of the field's range, root mean square of the residual
-
-
-@dataclass(frozen=True)
-class HarmonicField:
-    """Solution of Laplace's equation in the part: 0 in one region, 1 in another.
-
-    No flow leaves through the rest of the surface. The surface is one of cells, so a level lies
-    within about a cell of the true one, and falls with the cells at first order.
-
-    Attributes
-    ----------
-    start, end
-        Where it is 0, and where 1.
-    pitch_mm
-        Of the cells.
-    cells
-        The solution.
-    """
-
-    start: FieldRegion
-    end: FieldRegion
-    pitch_mm: float
-    cells: CellValues = field(repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "harmonic"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return self.cells.at(points_mm)
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "from": self.start.description(),
-            "to": self.end.description(),
-            "cells_mm": self.pitch_mm,
-        }
 
 
 def harmonic_field(
@@ -217,9 +163,12 @@ def harmonic_field(
     start: FieldRegion,
     end: FieldRegion,
     pitch_mm: float,
-    origin_mm: _Point = (0.0, 0.0, 0.0),
-) -> HarmonicField:
-    """Solve for the field between two regions of a part.
+    origin_mm: Point = (0.0, 0.0, 0.0),
+) -> FunctionField:
+    """Solve Laplace's equation in a part: 0 in one region, 1 in another.
+
+    No flow leaves through the rest of the surface. The surface is one of cells, so a level lies
+    within about a cell of the true one, and falls with the cells at first order.
 
     Messages give places as seen from `origin_mm`: where the part's own origin lies.
 
@@ -257,10 +206,11 @@ def harmonic_field(
         )
     values = _solve_laplace(reached, fixed)
     _spread_values(values, reached)
-    return HarmonicField(start, end, pitch_mm, CellValues(grid, values))
+    says = {"from": dict(start.says), "to": dict(end.says), "cells_mm": pitch_mm}
+    return FunctionField("harmonic", between_cells(grid, values), says)
 
 
-def _box(mesh: Mesh, origin_mm: _Point) -> str:
+def _box(mesh: Mesh, origin_mm: Point) -> str:
     low, high = mesh.bounds_mm - origin_mm
     return " to ".join(f"({p[0]:.4g}, {p[1]:.4g}, {p[2]:.4g})" for p in (low, high)) + " mm"
 
@@ -386,58 +336,18 @@ def _conjugate_gradients(neighbours: Any, free: Any, x: Any, work: Any, precisio
 # The shortest way through the part from a region.
 
 
-@dataclass(frozen=True)
-class GeodesicField:
-    """Lengths of shortest ways within the part, on cells (fast sweeping, Zhao 2005).
-
-    Lengths are too long by about a cell, and a few per cent beyond corners; the error falls with
-    the cells a little slower than at first order.
-
-    Attributes
-    ----------
-    start
-        Where ways begin.
-    ramp
-        Lengths at which the gradient starts and ends.
-    pitch_mm
-        Of the cells.
-    cells
-        Lengths in mm.
-    """
-
-    start: FieldRegion
-    ramp: Ramp
-    pitch_mm: float
-    cells: CellValues = field(repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "geodesic"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return self.ramp.share(self.cells.at(points_mm))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name,
-            "start": self.start.description(),
-            "cells_mm": self.pitch_mm,
-            **self.ramp.lengths(),
-        }
-
-
 def geodesic_field(
     mesh: Mesh,
     start: FieldRegion,
     pitch_mm: float,
     from_mm: float | None = None,
     to_mm: float | None = None,
-    origin_mm: _Point = (0.0, 0.0, 0.0),
-) -> GeodesicField:
-    """Measure the ways from a region of a part to all of it.
+    origin_mm: Point = (0.0, 0.0, 0.0),
+) -> FunctionField:
+    """Measure shortest ways within a part from a region, on cells (fast sweeping, Zhao 2005).
+
+    Lengths are too long by about a cell, and a few per cent beyond corners; the error falls with
+    the cells a little slower than at first order.
 
     Messages give places as seen from `origin_mm`: where the part's own origin lies.
 
@@ -475,7 +385,8 @@ def geodesic_field(
         float(cells[reached].max()) if to_mm is None else to_mm,
     )
     _spread_values(cells, reached)
-    return GeodesicField(start, ramp, pitch_mm, CellValues(grid, cells))
+    says = {"start": dict(start.says), "cells_mm": pitch_mm}
+    return ramp.along(between_cells(grid, cells), "geodesic", says)
 
 
 @kernel
@@ -517,93 +428,7 @@ def _sweep(length: Any, blocked: Any, pitch: Any) -> None:
 
 
 # ------------------------------------------------------------------------------------------------
-# Values on a regular grid or at scattered points, from a file.
-
-
-@dataclass(frozen=True)
-class TableField:
-    """Values at the centres of a grid's cells, linear between them, even beyond the outermost.
-
-    The table is taken for the truth between its values; at pitch h a level is drawn within half
-    a pitch where the table is no finer than that.
-
-    Attributes
-    ----------
-    file, sha256
-        Where the table comes from.
-    ramp
-        Values of the table at which the gradient starts and ends.
-    cells
-        The table.
-    """
-
-    file: str
-    sha256: str
-    ramp: Ramp
-    cells: CellValues = field(repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "table"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        return self.ramp.share(self.cells.at(points_mm))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name, "file": self.file, "sha256": self.sha256, **self.ramp.numbers(),
-        }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class PointsField:
-    """Values at scattered points: a mean of the nearest, those nearer weighing more.
-
-    Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
-    that the field is continuous; it keeps each point's value at the point, and never leaves the
-    range of its neighbours.
-
-    Attributes
-    ----------
-    file, sha256
-        Where the points come from.
-    ramp
-        Values at which the gradient starts and ends.
-    points_mm, quantity
-        (n, 3) and (n,).
-    """
-
-    file: str
-    sha256: str
-    ramp: Ramp
-    points_mm: FloatArray = field(repr=False, compare=False)
-    quantity: FloatArray = field(repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
-        """Kind of field, as a plan names it."""
-        return "points"
-
-    def values(self, points_mm: FloatArray) -> FloatArray:
-        """Field at points (n, 3) in mm: (n,)."""
-        from scipy.spatial import KDTree
-
-        count = min(_NEAREST + 1, len(self.points_mm))
-        found = KDTree(self.points_mm).query(points_mm, k=count)
-        distance, which = np.asarray(found[0]), np.asarray(found[1])
-        reach = distance[:, -1:] * (1.0 + 1e-12) + 1e-300
-        weight = np.square(np.maximum(reach - distance, 0.0) / (reach * (distance + 1e-12)))
-        weight /= weight.sum(axis=1, keepdims=True)
-        return self.ramp.share((weight * self.quantity[which]).sum(axis=1))
-
-    def description(self) -> dict[str, object]:
-        """Everything needed to build the field again, as JSON values."""
-        return {
-            "name": self.name, "file": self.file, "sha256": self.sha256, **self.ramp.numbers(),
-        }  # fmt: skip
+# Values at scattered points, from a file.
 
 
 _NEAREST = 8
@@ -612,19 +437,34 @@ _NEAREST = 8
 def points_field(
     file: str, sha256: str, points_mm: FloatArray, quantity: FloatArray,
     start: float | None, stop: float | None,
-) -> PointsField:  # fmt: skip
-    """Build the field of scattered values; points that repeat a place take their mean.
+) -> FunctionField:  # fmt: skip
+    """Build the field of scattered values: a mean of the nearest, those nearer weighing more.
+
+    Weights fall to nothing at the ninth nearest (modified Shepard, Franke and Nielson 1980), so
+    that the field is continuous; it keeps each point's value at the point, and never leaves the
+    range of its neighbours. Points that repeat a place take their mean.
 
     Raises
     ------
     ArgumentError
         Fewer than four places.
     """
+    from scipy.spatial import KDTree
+
     places, which, count = np.unique(points_mm, axis=0, return_inverse=True, return_counts=True)
     if len(places) < 4:
         raise ArgumentError(f"field points: {file} has {len(places)} places; it needs 4 or more")
     mean = np.bincount(which.ravel(), weights=quantity) / count
-    ramp = Ramp(
-        float(mean.min()) if start is None else start, float(mean.max()) if stop is None else stop
-    )
-    return PointsField(file, sha256, ramp, places, mean)
+    tree = KDTree(places)
+
+    def at(points_mm: FloatArray) -> FloatArray:
+        found = tree.query(points_mm, k=min(_NEAREST + 1, len(places)))
+        distance, which = np.asarray(found[0]), np.asarray(found[1])
+        reach = distance[:, -1:] * (1.0 + 1e-12) + 1e-300
+        weight = np.square(np.maximum(reach - distance, 0.0) / (reach * (distance + 1e-12)))
+        weight /= weight.sum(axis=1, keepdims=True)
+        return np.asarray((weight * mean[which]).sum(axis=1))
+
+    start = float(mean.min()) if start is None else start
+    stop = float(mean.max()) if stop is None else stop
+    return Ramp(start, stop).along(at, "points", {"file": file, "sha256": sha256}, length=False)

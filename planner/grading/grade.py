@@ -52,7 +52,7 @@ from planner.grading.profile import (
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import Part, make_part, part_from_arrays, place
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import FloatArray, IntArray, Point
 from planner.palette import Material, Palette
 from planner.plan import (
     Check,
@@ -61,7 +61,6 @@ from planner.plan import (
     PaletteUsed,
     PartGraded,
     Plan,
-    Point,
     Region,
     Shell,
     Stiffness,

@@ -13,8 +13,8 @@ from planner.formats.threemf import Constituent, composite_name, mixed_colour
 from planner.grading.profile import Band, StiffnessScale
 from planner.materials.mixtures import blend_for
 from planner.mesh.mesh import compact
-from planner.numerics import FloatArray
-from planner.plan import Point, Region, Shell
+from planner.numerics import FloatArray, Point
+from planner.plan import Region, Shell
 from planner.printers import Printer
 
 __all__ = [

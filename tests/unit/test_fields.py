@@ -6,32 +6,24 @@ from manifold3d import CrossSection, Manifold
 
 from planner.errors import ArgumentError
 from planner.fields.basic import (
-    BallRegion,
-    BlendField,
-    BoxRegion,
-    ClampField,
-    DistanceField,
     Field,
     FunctionField,
-    HalfSpace,
-    LineField,
-    MaximumField,
-    MinimumField,
     PlanarField,
-    PointField,
     Ramp,
+    ball_region,
+    box_region,
     faces_within,
+    half_space,
     inside_mesh,
     smooth_patch,
 )
-from planner.fields.parse import ExpressionField, parse_expression
+from planner.fields.parse import Setting, build_field
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.mesh import Mesh
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-8, 8, (400, 3))
-UNIT = Ramp(0.0, 1.0)
 
 
 def mesh_of(solid):
@@ -39,11 +31,17 @@ def mesh_of(solid):
     return Mesh(np.asarray(raw.vert_properties)[:, :3], np.asarray(raw.tri_verts))
 
 
+def built(wish, mesh=None, origin_mm=(0.0, 0.0, 0.0)):
+    """A field over a part; over a cube of 2 mm about the origin if none is given."""
+    mesh = mesh_of(Manifold.cube([2, 2, 2], True)) if mesh is None else mesh
+    return build_field(wish, Setting(mesh, origin_mm, 0.5))
+
+
 def test_distances_from_a_point_and_a_line():
-    point = PointField((1.0, 2.0, 3.0), Ramp(2.0, 6.0))
+    point = built("radial: point=1 2 3, from=2, to=6")
     expected = (np.linalg.norm(POINTS - [1, 2, 3], axis=1) - 2) / 4
     np.testing.assert_allclose(point.values(POINTS), expected, rtol=1e-13, atol=1e-13)
-    line = LineField((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), Ramp(6.0, 0.0))
+    line = built("radial: line=1 2 3 0 3 4, from=6, to=0")
     off = np.linalg.norm(np.cross(POINTS - [1, 2, 3], [0, 0.6, 0.8]), axis=1)
     np.testing.assert_allclose(line.values(POINTS), 1 - off / 6, rtol=1e-13, atol=1e-13)
     assert isinstance(point, Field)
@@ -84,7 +82,7 @@ def test_nearest_triangle_is_the_nearest_of_all():
 
 def test_depth_below_a_surface():
     mesh = mesh_of(Manifold.sphere(5, 200))
-    depth = DistanceField({"of": "surface"}, Ramp(0.0, 5.0), triangle_tree(mesh), 1)
+    depth = built("distance: surface, to=5", mesh)
     expected = 1 - np.linalg.norm(POINTS, axis=1) / 5
     # Facets of 200 segments lie up to 5 (1 - cos(pi / 200)^2) = 1.2e-3 mm inside the ball.
     np.testing.assert_allclose(depth.values(POINTS), expected, atol=4e-4)
@@ -105,7 +103,7 @@ def test_harmonic_field_of_a_bar_is_linear_at_first_order():
     worst = []
     for pitch_mm in (0.5, 0.25):
         field = harmonic_field(
-            mesh, HalfSpace((2, 0, 0), (-1, 0, 0)), BoxRegion((10, -1, -1), (13, 4, 4)), pitch_mm
+            mesh, half_space((2, 0, 0), (-1, 0, 0)), box_region((10, -1, -1), (13, 4, 4)), pitch_mm
         )
         points = RNG.uniform([2, 0.5, 0.5], [10, 2.5, 2.5], (300, 3))
         worst.append(8 * np.abs(field.values(points) - (points[:, 0] - 2) / 8).max())
@@ -117,8 +115,8 @@ def test_harmonic_field_of_a_ring_segment_follows_the_bend():
     ring = CrossSection.circle(6, 90) - CrossSection.circle(4, 90)
     half = ring ^ CrossSection.square((20, 10)).translate((-10, 0))
     mesh = mesh_of(half.extrude(2))
-    start, end = HalfSpace((0, 0.3, 0), (0, -1, 0)), BallRegion((-5, 0, 1), 1.6)
-    start_only = BoxRegion((3, -1, -1), (7, 0.3, 3))
+    start, end = half_space((0, 0.3, 0), (0, -1, 0)), ball_region((-5, 0, 1), 1.6)
+    start_only = box_region((3, -1, -1), (7, 0.3, 3))
     assert start.holds(np.array([[5.0, 0.0, 1.0]])).all()
     field = harmonic_field(mesh, start_only, end, 0.2)
     angle = np.linspace(0.3, 2.5, 12)
@@ -132,10 +130,10 @@ def test_geodesic_distance_goes_round_the_corner():
     mesh = mesh_of(Manifold.cube([10, 10, 2]) - Manifold.cube([8, 8, 4]).translate([2, 2, -1]))
     errors = []
     for pitch_mm in (0.25, 0.125):
-        field = geodesic_field(mesh, BallRegion((1, 9, 1), 0.5), pitch_mm)
+        field = geodesic_field(mesh, ball_region((1, 9, 1), 0.5), pitch_mm, 0.0, 1.0)
         # Straight to the inner corner at (2, 2), then straight on.
         length = np.hypot(1, 7) + np.hypot(7, 1) - 0.5
-        found = field.cells.at(np.array([[9.0, 1.0, 1.0]]))[0]
+        found = field.values(np.array([[9.0, 1.0, 1.0]]))[0]
         errors.append(found - length)
     assert abs(errors[0]) < 0.25 * 2
     assert abs(errors[1]) < 0.8 * abs(errors[0])
@@ -145,15 +143,15 @@ def test_regions():
     inside = inside_mesh(mesh_of(Manifold.cube([2, 2, 2], True)), "cube.stl", "0")
     found = inside.holds(POINTS / 4)
     np.testing.assert_array_equal(found, (np.abs(POINTS / 4) < 1).all(axis=1))
-    assert inside.description() == {"file": "cube.stl", "sha256": "0"}
+    assert inside.says == {"file": "cube.stl", "sha256": "0"}
 
 
 @pytest.mark.parametrize(
     ("start", "end", "reason"),
     [
-        (HalfSpace((-9, 0, 0), (-1, 0, 0)), BallRegion((0, 0, 0), 9), "from= holds nothing"),
-        (BallRegion((0, 0, 0), 1), BallRegion((0, 0, 0), 1), "must lie apart"),
-        (BoxRegion((0, 0, 0), (1, 1, 1)), BoxRegion((2, 2, 2), (3, 3, 3)), "touches neither"),
+        (half_space((-9, 0, 0), (-1, 0, 0)), ball_region((0, 0, 0), 9), "from= holds nothing"),
+        (ball_region((0, 0, 0), 1), ball_region((0, 0, 0), 1), "must lie apart"),
+        (box_region((0, 0, 0), (1, 1, 1)), box_region((2, 2, 2), (3, 3, 3)), "touches neither"),
     ],
 )
 def test_regions_between_which_nothing_flows(start, end, reason):
@@ -175,12 +173,15 @@ def test_expressions_are_what_numpy_computes():
         "1": np.ones(len(x)),
     }
     for text, expected in cases.items():
-        found = ExpressionField(text, (0.0, 0.0, 0.0)).values(POINTS)
+        found = built(f"expression: {text}").values(POINTS)
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13, err_msg=text)
-    moved = ExpressionField("x", (5.0, 0.0, 0.0), {})
+    moved = built("expression: x", origin_mm=(5.0, 0.0, 0.0))
     np.testing.assert_allclose(moved.values(POINTS), x - 5)
-    supplied = ExpressionField("u + d", (0, 0, 0), {"u": lambda p: p[:, 0], "d": lambda p: p[:, 1]})
-    np.testing.assert_array_equal(supplied.values(POINTS), x + y)
+    cube = mesh_of(Manifold.cube([8, 6, 4], True))
+    within = POINTS / 4 * [1, 0, 0]
+    np.testing.assert_allclose(
+        built("expression: u + d", cube).values(within), (within[:, 0] + 4) / 8 + 2, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -195,14 +196,14 @@ def test_expressions_are_what_numpy_computes():
 )  # fmt: skip
 def test_what_is_no_formula_is_refused(text):
     with pytest.raises(ArgumentError, match="expression"):
-        ExpressionField(text, (0.0, 0.0, 0.0)).values(POINTS)
+        built(f"expression: {text}")
     with pytest.raises(ArgumentError):
-        parse_expression(text + "+ evil")
+        built(f"expression: {text}+ evil")
 
 
 def test_a_name_that_is_a_slip():
     with pytest.raises(ArgumentError, match="did you mean sqrt"):
-        parse_expression("sqr(x)")
+        built("expression: sqr(x)")
 
 
 def test_scattered_values_are_kept_and_stay_in_range():
@@ -221,17 +222,25 @@ def test_scattered_values_are_kept_and_stay_in_range():
 
 
 def test_fields_made_of_fields():
-    first, second = (FunctionField(lambda p, i=i: p[:, i]) for i in range(2))
     x, y, _ = POINTS.T
-    cases = [
-        (MinimumField((first, second)), np.minimum(x, y)),
-        (MaximumField((first, second)), np.maximum(x, y)),
-        (BlendField(first, second, 0.25), 0.75 * x + 0.25 * y),
-        (ClampField(first, -1.0, 2.0), np.clip(x, -1, 2)),
-    ]
-    for field, expected in cases:
+    first, second = "expression: x", "expression: y"
+    cases = {
+        f"min({first}; {second})": np.minimum(x, y),
+        f"max({first}; {second})": np.maximum(x, y),
+        f"blend({first}; {second}; 0.25)": 0.75 * x + 0.25 * y,
+        f"clamp({first}; -1; 2)": np.clip(x, -1, 2),
+    }
+    for wish, expected in cases.items():
+        field = built(wish)
         np.testing.assert_allclose(field.values(POINTS), expected)
         assert len(field.description()["fields"]) in (1, 2)
+
+
+def test_a_function_of_the_parts_own_coordinates():
+    field = built(lambda points: points[:, 0], origin_mm=(5.0, 0.0, 0.0))
+    np.testing.assert_allclose(field.values(POINTS), POINTS[:, 0] - 5)
+    assert field.description()["function"].endswith("<lambda>")
+    assert built(FunctionField("own", np.sin)).name == "own"
 
 
 @pytest.mark.parametrize(("start", "stop"), [(1.0, 1.0), (np.nan, 1.0), (0.0, np.inf)])

@@ -16,7 +16,7 @@ CUBE = Mesh(
 
 def about(centre, length_mm):
     return FunctionField(
-        lambda p: np.linalg.norm(p - np.asarray(centre), axis=1) / length_mm, np.zeros(3)
+        "radial", lambda p: np.linalg.norm(p - np.asarray(centre), axis=1) / length_mm
     )
 
 
