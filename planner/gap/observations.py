@@ -1,7 +1,7 @@
 """The observation model: which features of each test are compared, measured and predicted."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,16 +11,13 @@ from planner.gap.segments import (
     STEPS,
     Path,
     ReplicateTest,
-    Segment,
     assemble,
     cut_path,
-    feature_places,
     forces_N,
     mean_section_mm2,
-    mean_times_s,
     path_of,
-    same_course,
-    time_grid,
+    replicate_test,
+    same_path,
 )
 from planner.materials.characterise import noise_sd
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -31,7 +28,7 @@ __all__ = ["BRANCHES", "FeatureTable", "ObservationModel", "observation_model"]
 
 
 # ------------------------------------------------------------------------------------------------
-# The figures that specimens are compared by, one row a figure.
+# The features that specimens are compared by, one row a feature.
 
 
 BRANCHES = ("loading", "unloading", "reloading", "hold", "field")
@@ -41,14 +38,14 @@ end of a loading; "field" is strain along a bar, from image correlation, during 
 
 
 _CLEAR = 5.0
-"""Of the floor: above it a figure is not noise."""
+"""Of the floor: above it a feature is not noise."""
 
 _SAME = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureTable:
-    """N figures of all specimens, ordered by specimen.
+    """N features of all specimens, ordered by specimen.
 
     A force F is held as ``asinh(F / (2 s))``: its logarithm where it is far above the floor s, and
     its value over 2 s below, so that relative errors, offsets and zero crossings are all seen. The
@@ -158,19 +155,18 @@ class FieldWeights:
     weight: FloatArray
 
 
-def _frame_travels_mm(field: StrainField, path: Path, end_mm: float) -> FloatArray:
-    """Return the travels, rising, of the frames taken in the first loading up to `end_mm`."""
+def _frames(field: StrainField, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Return travels, (f,), and strains, (f, p), of the frames taken in the first loading."""
     segment = path.segments[0]
     time = field.time_s - path.shift_s
     inside = (time > segment.begin_s) & (time <= segment.end_s * (1.0 + 1e-9))
-    travel = np.interp(time[inside], path.time_s, path.travel_mm)
-    return np.asarray(travel[(travel > 0.02 * end_mm) & (travel <= end_mm * (1.0 + 1e-9))])
+    return np.interp(time[inside], path.time_s, path.travel_mm), field.strain[inside]
 
 
 def _bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArray]:
     """Return begin and end of each bin, (b, 2), and the bin of each place of the camera.
 
-    Each place stands for the stretch halfway to its neighbours.
+    Each place stands for what lies halfway to its neighbours.
     """
     middle = 0.5 * (x_mm[1:] + x_mm[:-1])
     begin = np.concatenate([[x_mm[0] - 0.5 * (x_mm[1] - x_mm[0])], middle])
@@ -190,16 +186,13 @@ def _bin_means(
 
     The nearest frame's strains are scaled by the ratio of the travels, which is close to 1.
     """
-    segment = path.segments[0]
-    time = field.time_s - path.shift_s
-    inside: BoolArray = (time > segment.begin_s) & (time <= segment.end_s * (1.0 + 1e-9))
-    if not inside.any():
+    travels, strains = _frames(field, path)
+    if not len(travels):
         return None
-    travels = np.interp(time[inside], path.time_s, path.travel_mm)
     nearest = int(np.argmin(np.abs(travels - travel_mm)))
     if abs(travels[nearest] - travel_mm) > _NEAR * travel_mm:
         return None
-    strain = field.strain[inside][nearest] * (travel_mm / travels[nearest])
+    strain = strains[nearest] * (travel_mm / travels[nearest])
     return np.asarray(np.bincount(bin_of, strain) / np.bincount(bin_of))
 
 
@@ -209,29 +202,6 @@ def _bin_means(
 
 _FORCE_SHARE = 0.02
 _STRAIN_FLOOR = 0.01
-
-
-@dataclass(slots=True)
-class _Rows:
-    """Columns of the table, and of the weights, in the making."""
-
-    columns: dict[str, list[float]] = field(
-        default_factory=lambda: {
-            name: []
-            for name in ("specimen", "test", "step", "branch", "strain", "time_s", "x_mm",
-                         "floor", "raw")
-        }
-    )  # fmt: skip
-    feature: list[int] = field(default_factory=list)
-    slice_: list[int] = field(default_factory=list)
-    weight: list[float] = field(default_factory=list)
-
-    def add(self, **values: float) -> None:
-        for name, column in self.columns.items():
-            column.append(values[name])
-
-    def places(self, name: str) -> IntArray:
-        return np.array(self.columns[name], dtype=np.int64)
 
 
 def _feature_table(
@@ -250,105 +220,64 @@ def _feature_table(
     peak_N
         Of each test, as the palette's laws predict it.
     """
-    rows = _Rows()
-    test_of = {place: number for number, test in enumerate(tests) for place in test.places}
-    for place in sorted(test_of):
-        number = test_of[place]
-        test = tests[number]
-        travel = setup.travel_mm[number]
+    rows: list[tuple[float, ...]] = []
+    weights: list[tuple[int, int, float]] = []
+    for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
+        test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
         floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
-        common = {"specimen": place, "test": number}
-        for step in _feature_steps(test):
+        for step in test.grid.feature_steps():
             segment = test.grid.segments[test.grid.segment[step]]
-            begin_s = test.time_s[_segment_start(test, step)] if segment.kind == "hold" else 0.0
-            rows.add(
-                **common,
-                step=step,
-                branch=BRANCHES.index(segment.kind),
-                strain=travel[step] / setup.gauge_mm[number],
-                time_s=test.time_s[step] - begin_s,
-                x_mm=np.nan,
-                floor=floor,
-                raw=measured_N[place, step],
-            )
+            # A hold's time counts from the last step of the segment before.
+            first = int(np.argmax(test.grid.segment == test.grid.segment[step]))
+            begin_s = test.time_s[first - 1] if segment.kind == "hold" else 0.0
+            rows.append((
+                place, number, step, BRANCHES.index(segment.kind), travel[step] / gauge,
+                test.time_s[step] - begin_s, np.nan, floor, measured_N[place, step],
+            ))  # fmt: skip
         seen = specimens[place].strain_field
-        if seen is not None and setup.designs[number] is not None:
-            edges, bin_of = _bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
-            for step in _field_steps(test):
-                means = _bin_means(seen, paths[place], float(travel[step]), bin_of)
-                if means is None:
-                    continue
-                for (begin, end), mean in zip(edges.tolist(), means.tolist(), strict=True):
-                    _weigh(rows, setup, number, begin, end)
-                    rows.add(
-                        **common,
-                        step=step,
-                        branch=BRANCHES.index("field"),
-                        strain=travel[step] / setup.gauge_mm[number],
-                        time_s=test.time_s[step],
-                        x_mm=0.5 * (begin + end),
-                        floor=_STRAIN_FLOOR,
-                        raw=mean,
-                    )
-    raw = np.array(rows.columns["raw"])
-    floors = np.array(rows.columns["floor"])
+        if seen is None or setup.designs[number] is None:
+            continue
+        edges, bin_of = _bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
+        for step in (test.grid.step_at(0, fraction) for fraction in test.frames):
+            means = _bin_means(seen, paths[place], float(travel[step]), bin_of)
+            for (begin, end), mean in zip(edges, () if means is None else means, strict=False):
+                slices, shares = _covered(setup, number, begin, end)
+                weights += [(len(rows), *w) for w in zip(slices, shares, strict=True)]
+                rows.append((
+                    place, number, step, BRANCHES.index("field"), travel[step] / gauge,
+                    test.time_s[step], 0.5 * (begin + end), _STRAIN_FLOOR, mean,
+                ))  # fmt: skip
+    *places, strain, time, x, floors, raw = np.array(rows).T
+    specimen, of_test, step, branch = (column.astype(np.int64) for column in places)
     table = FeatureTable(
-        specimen=rows.places("specimen"),
-        test=rows.places("test"),
-        step=rows.places("step"),
-        branch=rows.places("branch"),
-        strain=np.array(rows.columns["strain"]),
-        time_s=np.array(rows.columns["time_s"]),
-        x_mm=np.array(rows.columns["x_mm"]),
+        specimen=specimen,
+        test=of_test,
+        step=step,
+        branch=branch,
+        strain=strain,
+        time_s=time,
+        x_mm=x,
         floor=floors,
         measured=np.arcsinh(raw / (2.0 * floors)),
         measured_raw=raw,
     )
-    weights = FieldWeights(
-        np.array(rows.feature, dtype=np.int64),
-        np.array(rows.slice_, dtype=np.int64),
-        np.array(rows.weight, dtype=np.float64),
-    )
-    return table, weights
+    feature, slice_, weight = np.array(weights).reshape(-1, 3).T
+    return table, FieldWeights(feature.astype(np.int64), slice_.astype(np.int64), weight)
 
 
-def _field_steps(test: ReplicateTest) -> list[int]:
-    """Return the steps of the test that are frames of its strain field."""
-    return [_step_at(test, 0, fraction) for fraction in test.frames]
-
-
-def _feature_steps(test: ReplicateTest) -> list[int]:
-    return [
-        _step_at(test, segment, fraction)
-        for segment, places in enumerate(feature_places(test.grid.segments))
-        for fraction in places
-    ]
-
-
-def _step_at(test: ReplicateTest, segment: int, fraction: float) -> int:
-    here = np.flatnonzero((test.grid.segment == segment) & (np.arange(len(test.grid.segment)) > 0))
-    return int(here[np.argmin(np.abs(test.grid.fraction[here] - fraction))])
-
-
-def _segment_start(test: ReplicateTest, step: int) -> int:
-    """Return the step at which the segment of a step begins, the last one of the segment before."""
-    return int(np.flatnonzero(test.grid.segment == test.grid.segment[step])[0]) - 1
-
-
-def _weigh(rows: _Rows, setup: Setup, number: int, begin: float, end: float) -> None:
-    """Note the slices that a bin covers, each by the share it has of it."""
+def _covered(
+    setup: Setup, number: int, begin_mm: float, end_mm: float
+) -> tuple[IntArray, FloatArray]:
+    """Return the slices that a bin covers, and the share that each has of it."""
     first, stop = int(setup.first_slice[number]), int(setup.first_slice[number + 1])
     middle, half = setup.x_mm[first:stop], 0.5 * setup.length_mm[first:stop]
-    overlap = np.minimum(middle + half, end) - np.maximum(middle - half, begin)
+    overlap = np.minimum(middle + half, end_mm) - np.maximum(middle - half, begin_mm)
     covered = np.flatnonzero(overlap > 0.0)
-    feature = len(rows.columns["raw"])
-    rows.feature += [feature] * len(covered)
-    rows.slice_ += (first + covered).tolist()
-    rows.weight += (overlap[covered] / overlap[covered].sum()).tolist()
+    return first + covered, overlap[covered] / overlap[covered].sum()
 
 
 # ------------------------------------------------------------------------------------------------
-# Mount a campaign: its specimens as tests of the forward model, its curves as features.
+# The observation model of a campaign: specimens as tests of the forward model, curves as features.
 
 
 _STRAIN_MOST = 2.5
@@ -372,10 +301,6 @@ class ObservationModel:
         Places in the campaign of each test's specimens.
     test_of : (n,)
         The other way about; -1 for a specimen that is left out.
-    segments
-        Of each test, the mean of its specimens'.
-    segment_of_step : (P, T)
-        Index into `segments`.
     table
         The features of all specimens.
     field_weights
@@ -392,9 +317,7 @@ class ObservationModel:
     setup: Setup
     laws: LawTables
     tests: tuple[tuple[int, ...], ...]
-    test_of: np.ndarray[tuple[int], np.dtype[np.int64]]
-    segments: tuple[tuple[Segment, ...], ...]
-    segment_of_step: np.ndarray[tuple[int, int], np.dtype[np.int64]]
+    test_of: IntArray
     table: FeatureTable
     field_weights: FieldWeights
     measured_N: FloatArray
@@ -413,7 +336,7 @@ class ObservationModel:
 
 
 def observation_model(campaign: Campaign) -> ObservationModel:
-    """Mount a campaign.
+    """Return the observation model of a campaign.
 
     Replicates that went the same way, whatever their batch, share one test.
 
@@ -432,7 +355,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     past: set[int] = set()
     for _ in range(_ROUNDS):
         short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
-        past |= {place for place in paths if _shorter(short[place], paths[place])}
+        past |= {place for place in paths if short[place].segments != paths[place].segments}
         paths = {place: path for place, path in short.items() if path.segments}
         if not paths:
             raise FileError(
@@ -448,7 +371,8 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         limits.update(
             (place, end) for number, end in ends.items() for place in tests[number].places
         )
-    measured, sensor = _measured(specimens, tests, paths)
+    measured = _measured(specimens, tests, paths)
+    sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     table, weights = _feature_table(
         specimens, tests, paths, setup, measured, sensor, prediction.force_N.max(axis=1)
     )
@@ -460,8 +384,6 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         laws=laws,
         tests=tuple(test.places for test in tests),
         test_of=test_of,
-        segments=tuple(test.grid.segments for test in tests),
-        segment_of_step=np.stack([test.grid.segment for test in tests]),
         table=table,
         field_weights=weights,
         measured_N=measured,
@@ -483,40 +405,39 @@ def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[Rep
                 same_gauge = np.isclose(
                     specimens[place].gauge_mm, specimens[first].gauge_mm, rtol=2e-3
                 )
-                if same_gauge and same_course(paths[first], paths[place]):
+                if same_gauge and same_path(paths[first], paths[place]):
                     others.append(place)
                     break
             else:
                 alike.append([place])
-        tests += [_test(specimens, paths, places) for places in alike]
+        tests += [
+            replicate_test(paths, places, _frame_fractions(specimens, paths, places))
+            for places in alike
+        ]
     return sorted(tests, key=lambda test: test.places[0])
 
 
-def _test(
+def _frame_fractions(
     specimens: Sequence[Specimen], paths: Mapping[int, Path], places: Sequence[int]
-) -> ReplicateTest:
-    members = [paths[place] for place in places]
-    end = min(path.segments[0].end_mm for path in members)
-    frames: tuple[float, ...] = ()
+) -> tuple[float, ...]:
+    """Return at which fractions of the first loading strain fields are compared: two or none."""
+    end = min(paths[place].segments[0].end_mm for place in places)
     for place in places:
         seen = specimens[place].strain_field
         if seen is not None and specimens[place].profile is not None:
-            travels = _frame_travels_mm(seen, paths[place], end)
+            travels = _frames(seen, paths[place])[0]
+            travels = travels[(travels > 0.02 * end) & (travels <= end * (1.0 + 1e-9))]
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))
-                frames = tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))
-                break
-    grid = time_grid(members, frames)
-    return ReplicateTest(tuple(places), grid, mean_times_s(members, grid), frames)
+                return tuple(sorted({float(travels[i]) / end for i in (middle, -1)}))
+    return ()
 
 
 def _measured(
-    specimens: Sequence[Specimen], tests: Iterable[ReplicateTest], paths: Mapping[int, Path]
-) -> tuple[FloatArray, FloatArray]:
-    """Return each specimen's force on its test's steps, and the noise of its record."""
-    tests = list(tests)
-    forces = np.full((len(specimens), len(tests[0].time_s)), np.nan)
-    sensor = np.zeros(len(specimens))
+    specimens: Sequence[Specimen], tests: Sequence[ReplicateTest], paths: Mapping[int, Path]
+) -> FloatArray:
+    """Return each specimen's force on its test's steps, (n, T)."""
+    forces = np.full((len(specimens), STEPS), np.nan)
     for test in tests:
         group = [specimens[place] for place in test.places]
         at = np.linspace(0.0, group[0].gauge_mm, 65)
@@ -526,9 +447,7 @@ def _measured(
             # In series the compliances add up, so the ratio that counts is of 1 / area.
             ratio = 1.0 if own is None else float(np.mean(1.0 / own) / np.mean(1.0 / mean))
             forces[place] = ratio * forces_N(paths[place], test.grid)
-    for place, specimen in enumerate(specimens):
-        sensor[place] = _sensor_sd_N(specimen.force_N)
-    return forces, sensor
+    return forces
 
 
 def _sensor_sd_N(force_N: FloatArray) -> float:
@@ -543,14 +462,6 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
     return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
 
 
-def _break_strain(palette: Palette, coordinate: FloatArray) -> FloatArray:
-    return np.interp(
-        coordinate,
-        [m.coordinate for m in palette.materials],
-        [m.elongation_at_break for m in palette.materials],
-    )
-
-
 def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
     strain = _STRAIN_MOST
     if specimen.material is not None:
@@ -560,7 +471,8 @@ def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
     """Return, of bars in which a slice is strained too far, the travel up to which none is."""
-    most = np.minimum(_STRAIN_MOST, _BREAK_SHARE * _break_strain(palette, setup.coordinate))
+    at, breaks = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
+    most = np.minimum(_STRAIN_MOST, _BREAK_SHARE * np.interp(setup.coordinate, at, breaks))
     over = prediction.strain > most * (1.0 + 1e-6)
     limits = {}
     for number in np.flatnonzero(setup.is_bar).tolist():
@@ -569,10 +481,6 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
         if len(late):
             limits[number] = float(setup.travel_mm[number, : late[0]].max())
     return limits
-
-
-def _shorter(one: Path, other: Path) -> bool:
-    return len(one.segments) < len(other.segments) or one.segments != other.segments
 
 
 def _limitations(

@@ -20,16 +20,13 @@ __all__ = [
     "STEPS",
     "Path",
     "ReplicateTest",
-    "Segment",
     "assemble",
     "cut_path",
-    "feature_places",
     "forces_N",
     "mean_section_mm2",
-    "mean_times_s",
     "path_of",
-    "same_course",
-    "time_grid",
+    "replicate_test",
+    "same_path",
 ]
 
 
@@ -308,7 +305,7 @@ STEPS = 64
 """Of every test, the first at rest included."""
 
 _LEAST = 6
-_MOST_LEGS = 24
+_MOST_SEGMENTS = 24
 _HOLD_DECADES = 1000.0
 _TRAVEL_TOLERANCE = 0.03
 _TIME_TOLERANCE = 0.1
@@ -341,7 +338,7 @@ class TimeGrid:
         The mean of the specimens' own, rows of the first one's record.
     segment, fraction : (T,)
         Where each step is: its segment, and how much of it is behind it. Of a rest the fraction is
-        that of the logarithm of time, see `_instants_s`.
+        that of the logarithm of time, see `_hold_scale_s`.
     """
 
     segments: tuple[Segment, ...]
@@ -353,13 +350,24 @@ class TimeGrid:
         """Of the crosshead at every step."""
         begin = np.array([segment.begin_mm for segment in self.segments])[self.segment]
         end = np.array([segment.end_mm for segment in self.segments])[self.segment]
-        fraction = np.where([not segment.moves for segment in self.segments], 1.0, 0.0)[
-            self.segment
+        return np.asarray(begin + self.fraction * (end - begin))
+
+    def step_at(self, segment: int, fraction: float) -> int:
+        """Return the step of a segment that is nearest to a fraction of it."""
+        here = np.flatnonzero(self.segment == segment)
+        here = here[here > 0]
+        return int(here[np.argmin(np.abs(self.fraction[here] - fraction))])
+
+    def feature_steps(self) -> list[int]:
+        """Return the steps at which features are taken."""
+        return [
+            self.step_at(segment, fraction)
+            for segment, places in enumerate(_feature_places(self.segments))
+            for fraction in places
         ]
-        return np.asarray(begin + np.maximum(self.fraction, fraction) * (end - begin))
 
 
-def same_course(one: Path, other: Path) -> bool:
+def same_path(one: Path, other: Path) -> bool:
     """Say whether two specimens went the same way, at the same pace.
 
     Pulls that only load may end elsewhere, as long as the shorter is not much shorter.
@@ -390,7 +398,7 @@ def cut_path(path: Path, most_mm: float) -> Path:
             return replace(
                 path, segments=(*path.segments[:at], replace(segment, end_mm=most_mm, end_s=when))
             )
-    return replace(path, segments=path.segments[:_MOST_LEGS])
+    return replace(path, segments=path.segments[:_MOST_SEGMENTS])
 
 
 def _moments_s(path: Path, segment: Segment, travel_mm: FloatArray) -> FloatArray:
@@ -405,18 +413,12 @@ def _moments_s(path: Path, segment: Segment, travel_mm: FloatArray) -> FloatArra
     return np.asarray(np.interp(sign * travel_mm, places, times))
 
 
-def _instants_s(segment: Segment, fraction: FloatArray, first_s: float) -> FloatArray:
-    """Return times since a rest began, even in the logarithm of `first_s` and them."""
-    length = segment.end_s - segment.begin_s
-    return np.asarray(first_s * np.expm1(fraction * np.log1p(length / first_s)))
-
-
 def _hold_scale_s(segment: Segment) -> float:
     """Return the time from which on a rest is looked at evenly in the logarithm of time."""
     return (segment.end_s - segment.begin_s) / _HOLD_DECADES
 
 
-def feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
+def _feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
     """Return where along each segment features are taken: () on most.
 
     The first loading, the first and the last unloading, the last reloading and the longest hold
@@ -440,7 +442,7 @@ def feature_places(segments: Sequence[Segment]) -> list[tuple[float, ...]]:
     ]
 
 
-def time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
+def _time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
     """Return the steps of a test whose specimens went these ways.
 
     Parameters
@@ -461,7 +463,7 @@ def time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
         )
         for together in zip(*(path.segments for path in paths), strict=True)
     )
-    wanted = [sorted({*places, 1.0}) for places in feature_places(segments)]
+    wanted = [sorted({*places, 1.0}) for places in _feature_places(segments)]
     wanted[0] = sorted({*wanted[0], *extra})
     counts = _counts(segments, [len(places) for places in wanted])
     segment = np.concatenate([[0], np.repeat(np.arange(len(segments)), counts)])
@@ -472,19 +474,14 @@ def time_grid(paths: Sequence[Path], extra: Sequence[float] = ()) -> TimeGrid:
 
 
 def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
-    """Share `STEPS` but one out among segments by their way, a rest's as half of the longest."""
-    all_ = STEPS - 1
-    ways = np.array(
-        [abs(segment.end_mm - segment.begin_mm) if segment.moves else 0.0 for segment in segments]
-    )
-    ways[[not segment.moves for segment in segments]] = 0.5 * float(ways.max())
-    floor = min(_LEAST, all_ // len(segments))
-    counts = np.maximum(least, floor)
-    while counts.sum() > all_:
+    """Share `STEPS` but one out among segments by their travel, a rest's half of the longest."""
+    travel = np.array([abs(s.end_mm - s.begin_mm) if s.moves else 0.0 for s in segments])
+    travel[[not s.moves for s in segments]] = 0.5 * float(travel.max())
+    floor = min(_LEAST, (STEPS - 1) // len(segments))
+    while (counts := np.maximum(least, floor)).sum() > STEPS - 1:
         floor -= 1
-        counts = np.maximum(least, floor)
-    while counts.sum() < all_:
-        counts[int(np.argmax(ways / counts))] += 1
+    while counts.sum() < STEPS - 1:
+        counts[int(np.argmax(travel / counts))] += 1
     return [int(n) for n in counts]
 
 
@@ -518,7 +515,8 @@ def _step_times_s(path: Path, grid: TimeGrid) -> FloatArray:
             places = own.begin_mm + fraction * (end - own.begin_mm)
             times[here] = _moments_s(path, own, places)
         else:
-            times[here] = own.begin_s + _instants_s(own, fraction, _hold_scale_s(mean))
+            scale, length = _hold_scale_s(mean), own.end_s - own.begin_s
+            times[here] = own.begin_s + scale * np.expm1(fraction * np.log1p(length / scale))
     return times
 
 
@@ -544,15 +542,12 @@ def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
             length = own.end_s - own.begin_s
             places = grid.fraction[here] * np.log1p(length / scale)
         if not inside.any():
-            forces[here] = np.interp(_middle_s(own), path.time_s, path.force_N)
+            middle_s = 0.5 * (own.begin_s + own.end_s)
+            forces[here] = np.interp(middle_s, path.time_s, path.force_N)
             continue
         stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
         forces[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
     return forces
-
-
-def _middle_s(segment: Segment) -> float:
-    return 0.5 * (segment.begin_s + segment.end_s)
 
 
 def _fewer(values: FloatArray) -> FloatArray:
@@ -611,7 +606,16 @@ class ReplicateTest:
     frames: tuple[float, ...]
 
 
-def mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
+def replicate_test(
+    paths: Mapping[int, Path], places: Sequence[int], frames: tuple[float, ...] = ()
+) -> ReplicateTest:
+    """Return the test of the specimens at these places."""
+    members = [paths[place] for place in places]
+    grid = _time_grid(members, frames)
+    return ReplicateTest(tuple(places), grid, _mean_times_s(members, grid), frames)
+
+
+def _mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
     """Return the mean of the times at which specimens came by each step, rising."""
     times = np.mean([_step_times_s(path, grid) for path in paths], axis=0)
     least = 1e-9 * float(times[-1])

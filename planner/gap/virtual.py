@@ -22,7 +22,7 @@ from planner.gap.campaign_folder import (
 )
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
-from planner.gap.segments import ReplicateTest, assemble, mean_times_s, path_of, time_grid
+from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.printers import Printer, load_printer, palette_of
@@ -155,8 +155,7 @@ def single_test(
     path = path_of(campaign.specimens[place])
     if path is None or not path.segments:
         return None
-    grid = time_grid([path])
-    test = ReplicateTest((place,), grid, mean_times_s([path], grid), ())
+    test = replicate_test({place: path}, [place])
     none = np.zeros((1, len(time_s)))
     return assemble(campaign, [test], {place: path}).with_(
         time_s=np.asarray(time_s, dtype=np.float64)[None],

@@ -1,4 +1,4 @@
-"""Mounting a campaign: segments, shared tests, steps, slices and features."""
+"""The observation model of a campaign: segments, shared tests, steps, slices and features."""
 
 from collections import Counter
 from dataclasses import replace
@@ -10,6 +10,7 @@ from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import BRANCHES, observation_model
+from planner.gap.segments import path_of
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign, slice_edges_mm
 from planner.simulation.bar_solver import law_tables, predict
@@ -59,9 +60,9 @@ def bar(id, design, *, rng, field=False):
     """A bar that follows the forward model, seen by a camera of 1 mm spacing."""
     blank = specimen(id)
     blank = replace(blank, material=None, profile=design)
-    observed = observation_model(Campaign("c", "p", PALETTE, (blank,)))
-    found = predict(observed.setup, LAWS)
-    steps_s = observed.setup.time_s[0]
+    model = observation_model(Campaign("c", "p", PALETTE, (blank,)))
+    found = predict(model.setup, LAWS)
+    steps_s = model.setup.time_s[0]
     force = np.interp(blank.time_s, steps_s, found.force_N[0])
     seen = None
     if field:
@@ -99,47 +100,47 @@ def mixed():
 
 
 @pytest.fixture(scope="module")
-def observed(mixed):
+def model(mixed):
     return observation_model(mixed)
 
 
-def test_replicates_share_a_test_whatever_their_batch(observed):
-    assert observed.tests == ((0, 3), (1, 6), (2,), (4,), (5,))
-    assert observed.test_of.tolist() == [0, 1, 2, 0, 3, 4, 1]
-    assert observed.limitations == ()
+def test_replicates_share_a_test_whatever_their_batch(model):
+    assert model.tests == ((0, 3), (1, 6), (2,), (4,), (5,))
+    assert model.test_of.tolist() == [0, 1, 2, 0, 3, 4, 1]
+    assert model.limitations == ()
 
 
-def test_legs_are_found(observed):
-    kinds = [[segment.kind for segment in segments] for segments in observed.segments]
+def test_segments_are_found(mixed):
+    paths = [path_of(mixed.specimens[place]) for place in (0, 1, 4)]
+    kinds = [[segment.kind for segment in path.segments] for path in paths]
     back_and_forth = ["loading", "unloading", "reloading", "unloading"]
-    assert kinds == [["loading"], back_and_forth, ["loading"], ["loading", "hold"], ["loading"]]
-    ends = [segment.end_mm for segment in observed.segments[1]]
+    assert kinds == [["loading"], back_and_forth, ["loading", "hold"]]
+    ends = [segment.end_mm for segment in paths[1].segments]
     # Turns lie between rows; the lines on both sides meet at the turn.
     np.testing.assert_allclose(ends, [5.0, 1.0, 10.0, 1.0], atol=1e-6)
-    np.testing.assert_allclose(
-        [segment.end_s for segment in observed.segments[3]], [8.0, 308.0], atol=1e-6
-    )
+    ends = [segment.end_s for segment in paths[2].segments]
+    np.testing.assert_allclose(ends, [8.0, 308.0], atol=1e-6)
 
 
-def test_steps_go_from_rest_through_all_legs(observed):
-    setup = observed.setup
+def test_steps_go_from_rest_through_all_segments(model):
+    setup = model.setup
     assert setup.time_s.shape == setup.travel_mm.shape == (5, 64)
     assert (setup.time_s[:, 0] == 0.0).all()
     assert (setup.travel_mm[:, 0] == 0.0).all()
     assert (np.diff(setup.time_s, axis=1) > 0.0).all()
-    for segments, segment_of_step in zip(observed.segments, observed.segment_of_step, strict=True):
-        assert min(Counter(segment_of_step.tolist()).values()) >= 6
-        assert len(set(segment_of_step.tolist())) == len(segments)
-    held = observed.segment_of_step[3] == 1
-    since = setup.time_s[3, held] - 8.0
+    turns = np.array([5.0, 9.0, 18.0, 27.0])
+    counts = np.diff(np.searchsorted(setup.time_s[1], turns + 1e-6))
+    assert counts.min() >= 6
+    since = setup.time_s[3] - 8.0
+    since = since[since > 1e-6]
     # Even in the logarithm of time, but for halves of strides that features' steps leave.
     strides = np.diff(np.log1p(since / 0.3))
     assert strides.max() < 2.5 * strides.min()
     assert since[0] < 0.01 * since[-1]
 
 
-def test_covariates_are_the_records_or_unknown(observed):
-    setup = observed.setup
+def test_covariates_are_the_records_or_unknown(model):
+    setup = model.setup
     np.testing.assert_allclose(setup.rate_per_s, 1.0 / GAUGE_MM, rtol=1e-6)
     assert setup.known["temperature_C"].tolist() == [True, True, True, True, False]
     assert setup.temperature_C.tolist() == [23.0] * 5
@@ -149,9 +150,9 @@ def test_covariates_are_the_records_or_unknown(observed):
     assert setup.is_bar.tolist() == [False, False, True, False, False]
 
 
-def test_features_lie_on_the_curves_within_noise(observed):
-    raw = observed.predicted(predict(observed.setup, observed.laws))
-    table = observed.table
+def test_features_lie_on_the_curves_within_noise(model):
+    raw = model.predicted(predict(model.setup, model.laws))
+    table = model.table
     assert np.bincount(table.specimen).tolist()[:2] == [8, 18]
     assert (np.diff(table.specimen) >= 0).all()
     force = ~table.is_field
@@ -160,11 +161,11 @@ def test_features_lie_on_the_curves_within_noise(observed):
     assert np.std((raw - table.measured_raw)[force]) < 0.8 * NOISE_N
     # The camera's noise is 1e-4 a place, three places a bin; what is left is interpolation.
     assert np.abs(raw - table.measured_raw)[~force].max() < 5e-4
-    np.testing.assert_allclose(observed.sensor_sd_N, NOISE_N, rtol=0.4)
+    np.testing.assert_allclose(model.sensor_sd_N, NOISE_N, rtol=0.4)
 
 
-def test_features_by_branch(observed):
-    table = observed.table
+def test_features_by_branch(model):
+    table = model.table
     branches = [
         Counter(BRANCHES[b] for b in table.branch[table.specimen == place]) for place in range(7)
     ]
@@ -175,24 +176,24 @@ def test_features_by_branch(observed):
     assert fields == 2 * 13  # of 39 places three a bin, at two instants
     held = table.time_s[(table.specimen == 4) & (table.branch == BRANCHES.index("hold"))]
     assert held[-1] == pytest.approx(300.0, rel=1e-3)  # since the hold began
-    steps = observed.setup.travel_mm[table.test, table.step] / GAUGE_MM
+    steps = model.setup.travel_mm[table.test, table.step] / GAUGE_MM
     np.testing.assert_allclose(table.strain, steps)
 
 
-def test_field_features_are_means_of_slices(observed):
-    weights, table = observed.field_weights, observed.table
+def test_field_features_are_means_of_slices(model):
+    weights, table = model.field_weights, model.table
     sums = np.bincount(weights.feature, weights.weight, minlength=len(table))
     np.testing.assert_allclose(sums, table.is_field.astype(float), atol=1e-12)
-    prediction = predict(observed.setup, observed.laws)
+    prediction = predict(model.setup, model.laws)
     even = replace(prediction, strain=np.full_like(prediction.strain, 0.123))
-    np.testing.assert_allclose(observed.predicted(even)[table.is_field], 0.123)
+    np.testing.assert_allclose(model.predicted(even)[table.is_field], 0.123)
 
 
-def test_written_and_read_campaign_mounts_alike(mixed, observed, tmp_path):
+def test_written_and_read_campaign_is_the_same(mixed, model, tmp_path):
     again = observation_model(read_campaign(write_campaign(mixed, tmp_path / "c")))
-    assert again.tests == observed.tests
+    assert again.tests == model.tests
     # Nine digits are written, of forces whose features a difference of noisy rows can magnify.
-    np.testing.assert_allclose(again.table.measured, observed.table.measured, atol=1e-5)
+    np.testing.assert_allclose(again.table.measured, model.table.measured, atol=1e-5)
 
 
 def test_pulls_to_different_ends_share_the_way_up_to_the_shortest():
@@ -247,10 +248,7 @@ def test_noise_of_the_travel_makes_no_turns():
     for corners in (PULL, CYCLE, HOLD):
         clean = specimen("a", corners, rows=600)
         shaken = replace(clean, displacement_mm=clean.displacement_mm + 0.02 * rng.normal(size=600))
-        kinds = [
-            [segment.kind for segment in observation_model(campaign(s)).segments[0]]
-            for s in (clean, shaken)
-        ]
+        kinds = [[segment.kind for segment in path_of(s).segments] for s in (clean, shaken)]
         assert kinds[0] == kinds[1]
 
 
@@ -270,7 +268,6 @@ def test_hold_after_a_ramp_of_two_rows_still_counts():
     force = 30.0 * stress_MPa(0.0, travel / GAUGE_MM)
     fast = replace(specimen("a"), time_s=time, displacement_mm=travel, force_N=force)
     found = observation_model(campaign(fast))
-    assert [segment.kind for segment in found.segments[0]] == ["loading", "hold"]
     assert [BRANCHES[b] for b in found.table.branch] == ["loading"] + 5 * ["hold"]
 
 
