@@ -23,7 +23,6 @@ from planner.gap.evidence.posterior import (
     found_effects,
     heterogeneity_caution,
     ranking_of,
-    verdict_of,
     without_refuted,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
@@ -37,7 +36,7 @@ from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
 
-__all__ = ["LEAST_PROBABILITY", "RANKED", "confounders_of", "diagnose", "prepared"]
+__all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -143,7 +142,7 @@ _NEVER_THERE = frozenset({"unloading", "bar"})
 printed of one material no boundary."""
 
 
-def confounders_of(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
+def _confounders(effects: Sequence[str], not_testable: Sequence[Untestable]) -> tuple[str, ...]:
     """Return a sentence for each effect that may be the cause in place of the verdict's.
 
     Such an effect could not be tested, so that no evidence speaks for or against it, and shows
@@ -248,12 +247,12 @@ def _diagnose(
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     ranking = ranking_of(problem, weighed)
-    verdict = verdict_of(ranking)
+    verdict = ranking[0].effects
     gap = closure(problem, priors, verdict, rng, progress)
     refuted = verdict if refutes(gap) else None
     if refuted is not None:
         ranking, gap = without_refuted(ranking), without_effect(gap)
-        verdict = verdict_of(ranking)
+        verdict = ranking[0].effects
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
     where, remainder = _places_of(problem, chosen, rng)
@@ -282,7 +281,7 @@ def _diagnose(
             *campaign.limitations,
             *model.limitations,
             *_cautions(problem, refuted),
-            *confounders_of(verdict, reasons),
+            *_confounders(verdict, reasons),
         ),
         recalibration=_recalibration_of(problem, chosen),
         seed=seed,

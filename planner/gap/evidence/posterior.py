@@ -30,7 +30,6 @@ __all__ = [
     "needed_nats",
     "posterior",
     "ranking_of",
-    "verdict_of",
     "without_refuted",
 ]
 
@@ -64,11 +63,6 @@ def posterior(runs: Sequence[_LogOdds]) -> tuple[Hypothesis, ...]:
     return tuple(
         Hypothesis(e, together[e], beside.get(e, 0.0) / max(together[e], 1e-300)) for e in ranked
     )
-
-
-def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
-    """Return the effects of the verdict: () for none."""
-    return ranking[0].effects
 
 
 def _signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:

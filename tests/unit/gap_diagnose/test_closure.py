@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import (
-    Fold,
-    closure,
-    conditions_out,
-    held_out_words,
-    levels_out,
-    refutes,
-    without_effect,
-)
+from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior import without_refuted
@@ -38,59 +30,34 @@ def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
     return replace(campaign, specimens=specimens)
 
 
-def test_folds_leave_whole_levels_out(rates: Campaign) -> None:
-    """Nothing that is predicted shares the left-out level with what was fitted."""
-    folds = levels_out(rates, ["rate_mm_s"])
-    assert "rate_mm_s" in {fold.name for fold in folds}
-    for fold in folds:
-        assert 0 < fold.out.sum() <= len(fold.out) / 2
-        cells = [getattr(s, fold.name) for s in rates.specimens]
-        left_out = {c for c, o in zip(cells, fold.out, strict=True) if o}
-        kept = {c for c, o in zip(cells, fold.out, strict=True) if not o}
-        assert not left_out & kept
-        assert not np.any(fold.judged & ~fold.out)
-    rows = [fold.out.tobytes() for fold in folds]
-    assert len(set(rows)) == len(rows)
-    assert levels_out(rates, ["temperature_C"]) == ()
+@pytest.mark.parametrize(
+    ("columns", "held_out"),
+    [
+        ({"rate_mm_s": [0.085, 0.85, 8.5]}, "leave one condition out"),
+        ({"rate_mm_s": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "soak_h": [0.0, 24.0]},
+         "12 conditions left out, up to 2 at a time"),
+        ({}, "2 specimens left out one at a time"),
+        # Without the other nothing is known of a direction: specimens have to do.
+        ({"orientation": ["x", "z"]}, "4 specimens left out one at a time"),
+    ],
+)  # fmt: skip
+def test_what_is_left_out_goes_by_what_there_is(planned, imitated, columns, held_out) -> None:
+    plan = planned(2, material=["FLX9760"], **columns)
+    assert closed(ready(imitated(plan))).held_out == held_out
 
 
-def test_each_condition_is_left_out_once_with_its_replicates(rates: Campaign) -> None:
-    tests = observation_model(rates).tests
-    folds = conditions_out(rates, tests)
-    assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
-    for members in tests:
-        assert len({tuple(fold.out[list(members)]) for fold in folds}) == 2
-        for fold in folds:
-            assert fold.out[list(members)].all() or not fold.out[list(members)].any()
-
-
-def test_levels_that_are_nearly_alike_are_one(planned) -> None:
-    """23 and 23.6 degC are not two temperatures."""
-    plan = planned(2, material=["FLX9760"], temperature_C=[23.0, 23.6, 30.0, 38.0])
-    out = {
-        f.out.tobytes() for f in levels_out(plan, ["temperature_C"]) if f.name == "temperature_C"
-    }
-    assert np.array([True] * 4 + [False] * 4).tobytes() in out
-    assert np.array([True] * 2 + [False] * 6).tobytes() not in out
-
-
-def test_a_material_that_was_tested_nowhere_else_is_not_judged(planned) -> None:
-    """Without the fast ones nothing is known of FLX9785."""
-    rest = [
-        {"material": m, "rate_mm_s": r} for m in ("TangoPlus", "FLX9760") for r in (0.085, 0.85)
-    ]
-    plan = planned(more=[*rest, *rest, *[{"material": "FLX9785", "rate_mm_s": 8.5}] * 2,
-                         {"material": "FLX9760", "rate_mm_s": 8.5}])  # fmt: skip
-    (fast,) = (f for f in levels_out(plan, ["rate_mm_s"]) if f.name == "rate_mm_s" and f.out[-1])
-    assert fast.out.tolist() == [False] * 8 + [True] * 3
-    assert fast.judged.tolist() == [False] * 10 + [True]
-
-
-def test_with_one_condition_replicates_are_left_out_and_with_one_specimen_nothing(planned) -> None:
-    folds = conditions_out(planned(4, batches=1, material=["FLX9760"]), [range(4)])
-    assert [fold.out.sum() for fold in folds] == [1] * 4
-    assert np.all(np.sum([fold.out for fold in folds], axis=0) == 1)
-    assert conditions_out(planned(1, material=["FLX9760"]), [[0]]) == ()
+@pytest.mark.parametrize(
+    ("temperatures", "levels"), [([23.0, 30.0, 38.0], 3), ([23.0, 23.6, 38.0], 2)]
+)
+def test_levels_are_left_out_where_there_are_three(
+    planned, imitated, temperatures: list[float], levels: int
+) -> None:
+    """Of the effect's own column; 23 and 23.6 degC are not two temperatures."""
+    plan = planned(2, material=["FLX9760"], temperature_C=temperatures)
+    gap = closed(ready(imitated(plan, "temperature:slope=0.04"), "temperature"), "temperature")
+    assert (gap.extrapolated is None) == (levels < 3)
+    if levels == 3:
+        assert gap.extrapolated < 0.6 * gap.extrapolated_before
 
 
 def test_the_true_effect_closes_the_gap(of_rate: Diagnosis) -> None:
@@ -155,18 +122,6 @@ def test_an_effect_that_makes_left_out_conditions_worse_is_flagged(planned, imit
     assert gap.after > gap.before
     assert gap.closed < 0.0
     assert gap.extrapolated > gap.extrapolated_before
-
-
-def test_what_was_held_out_in_words() -> None:
-    def fold(name: str, *places: int) -> Fold:
-        out = np.isin(np.arange(6), places)
-        return Fold(name, out, out)
-
-    single = [fold("specimen", place) for place in range(4)]
-    assert held_out_words(single, 1) == "4 specimens left out one at a time"
-    three = [fold("condition", k, k + 3) for k in range(3)]
-    assert held_out_words(three, 3) == "leave one condition out"
-    assert held_out_words(three, 24) == "24 conditions left out, up to 3 at a time"
 
 
 def test_what_predicts_left_out_conditions_clearly_worse_is_refuted() -> None:

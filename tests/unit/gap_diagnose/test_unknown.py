@@ -59,7 +59,7 @@ def test_a_column_that_says_nothing_is_not_named(plan, imitated) -> None:
     assert all(p.p > 0.01 for p in found.where)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_form_that_departs_in_one_material_needs_no_second_effect(
     plan, imitated, seed: int
 ) -> None:
