@@ -1,4 +1,4 @@
-"""Text tables: rows of cells whatever the separator, units, and columns of numbers."""
+"""Text tables: rows of cells whatever the separator, columns of numbers, factors of units."""
 
 import csv
 import io

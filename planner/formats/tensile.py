@@ -1,4 +1,4 @@
-"""Tensile test files: what a testing machine exports, and the list of specimens beside it."""
+"""Tensile test files, and the list of specimens: what its columns are, and their usual values."""
 
 import math
 import re

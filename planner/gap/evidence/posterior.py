@@ -1,4 +1,4 @@
-"""From evidence to probabilities, a verdict, its class, and how sure its parameters are."""
+"""From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
