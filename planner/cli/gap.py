@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign
 
-__all__ = ["app"]
-
 app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
 
 

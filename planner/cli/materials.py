@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
 
-__all__ = ["characterise", "fit", "invert", "materials", "printers"]
-
-
 # ------------------------------------------------------------------------------------------------
 # planner printers.
 

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from planner.simulation.simulate import Simulation
     from planner.slices.write import SliceStack
 
-__all__ = ["check", "diff", "grade", "simulate", "slices"]
-
-
 # ------------------------------------------------------------------------------------------------
 # planner grade.
 

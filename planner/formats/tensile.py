@@ -28,8 +28,6 @@ __all__ = [
     "SPECIMEN_COLUMNS",
     "SPECIMEN_TEXTS",
     "ListedSpecimen",
-    "Orientation",
-    "Protocol",
     "SpecimenConditions",
     "TensileTable",
     "is_specimens_file",
@@ -491,8 +489,8 @@ def _data_rows(layout: _Layout, wanted: set[int], where: str) -> tuple[list[Text
 # The list of specimens: what each one is, its size and how it was tested.
 
 
-Orientation = Literal["x", "y", "z"]
-Protocol = Literal["monotonic", "cyclic", "relaxation"]
+_Orientation = Literal["x", "y", "z"]
+_Protocol = Literal["monotonic", "cyclic", "relaxation"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -572,10 +570,10 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
             ),
             SpecimenColumn(
                 "orientation", "orientation on the tray", "along {}", "{}",
-                choices=get_args(Orientation),
+                choices=get_args(_Orientation),
             ),
             SpecimenColumn(
-                "protocol", "protocol", "in {} tests", "{}", choices=get_args(Protocol)
+                "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
             ),
             SpecimenColumn("batch", "batch", "in batch {}", choices=()),
             SpecimenColumn(
@@ -620,8 +618,8 @@ class SpecimenConditions:
     temperature_C: float | None = None
     soak_h: float | None = None
     age_days: float | None = None
-    orientation: Orientation | None = None
-    protocol: Protocol | None = None
+    orientation: _Orientation | None = None
+    protocol: _Protocol | None = None
     batch: str | None = None
 
     @property

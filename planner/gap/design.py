@@ -49,7 +49,6 @@ from planner.simulation.bar_solver import Setup, predict
 
 __all__ = [
     "CampaignDesign",
-    "Expected",
     "Information",
     "SpecimenSize",
     "Trial",

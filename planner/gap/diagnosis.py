@@ -18,7 +18,6 @@ from planner.numerics import FloatArray
 __all__ = [
     "Detectable",
     "Diagnosis",
-    "Effects",
     "Experiment",
     "FoundEffect",
     "Gap",

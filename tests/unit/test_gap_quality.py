@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.formats.tensile import Protocol
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.diagnosis import QualityProblem
 from planner.gap.quality import examine, predicted_stress_MPa
@@ -22,7 +21,7 @@ def specimen(
     k: int,
     material: str = "FLX9760",
     *,
-    protocol: Protocol = "monotonic",
+    protocol: str = "monotonic",
     gain: float = 1.0,
     points: int = 200,
     **changes: Any,
@@ -68,7 +67,7 @@ def kinds_of(*specimens: Specimen) -> set[str]:
 
 
 @pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
-def test_nothing_is_wrong_with_what_is_right(protocol: Protocol) -> None:
+def test_nothing_is_wrong_with_what_is_right(protocol: str) -> None:
     assert examine(campaign(*base(protocol=protocol))) == ()
 
 
@@ -87,7 +86,7 @@ def test_a_declared_rate_is_held_against_time() -> None:
 @pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
 @pytest.mark.parametrize(("level_N", "noise_N"), [(0.37, 0.0), (0.37, 0.01), (0.0, 0.01)])
 def test_a_dead_load_cell_is_named_and_its_replicate_is_not(
-    protocol: Protocol, level_N: float, noise_N: float
+    protocol: str, level_N: float, noise_N: float
 ) -> None:
     live, dead = specimen(0, protocol=protocol), specimen(1, protocol=protocol)
     noise = noise_N * np.random.default_rng(5).normal(size=len(dead.force_N))
@@ -105,7 +104,7 @@ def test_a_noisy_cell_is_not_dead() -> None:
 
 
 def test_a_protocol_is_held_against_the_crosshead() -> None:
-    cases: list[tuple[Protocol, Protocol, str]] = [
+    cases: list[tuple[str, str, str]] = [
         ("cyclic", "monotonic", "unloaded by 100 %"),
         ("relaxation", "monotonic", "held for 7"),
         ("monotonic", "cyclic", "never unloaded"),
