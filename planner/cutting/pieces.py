@@ -1,4 +1,4 @@
-"""Divide a part at levels of a field into pieces whose shells fit triangle for triangle."""
+"""Divide a part at levels of a field: planes or level sets, and the pieces that come of it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Fields: what a gradient follows through a part, a number from 0 to 1 at every point."""
+"""Fields by formula and by distance: axis, radial, distance, function, and fields of fields."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

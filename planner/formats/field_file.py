@@ -1,4 +1,4 @@
-"""Values in space from a file: CSV, NPY, and VTK's image (VTI) and unstructured (VTU) data."""
+"""Values in space: CSV, NPY, VTK's image (VTI) and unstructured (VTU) data, read."""
 
 import base64
 import binascii

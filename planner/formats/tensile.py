@@ -1,4 +1,4 @@
-"""Tensile test files, and the list of specimens: what its columns are, and their usual values."""
+"""Tensile test files, and the list of specimens: its columns, and what an empty cell stands for."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""What of a plan will not print as drawn, with its place, size and cure."""
+"""What of a plan will not print as drawn, with its place, its size and what to change."""
 
 import itertools
 import math
