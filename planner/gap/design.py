@@ -32,7 +32,7 @@ from planner.gap.noise import (
     calibrations,
     specimen_noise,
 )
-from planner.gap.observations import BRANCHES, observation_model
+from planner.gap.observations import observation_model
 from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (
     BAR_SHARE,
@@ -273,7 +273,6 @@ _ALIKE = 0.95
 """Cosine of patterns above which two effects are one to the diagnosis."""
 
 _SHAPES = (-1.0, 0.0, 1.0)
-_FIELD = BRANCHES.index("field")
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,7 +335,7 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 
 def _batch_level(problem: Problem) -> FloatArray:
     """Return the whitened pattern of a batch one deviation off, (N,)."""
-    force = np.where(problem.table.branch == _FIELD, 0.0, problem.sensitivity)
+    force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
     return problem.noise.whiten(problem.scatter.batch * force)
 
 

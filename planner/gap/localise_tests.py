@@ -353,17 +353,17 @@ class SpecimenScores:
         b = (turned @ self.score).reshape(draws, m * s)
         pairs = (turned[:, :, None, :] * turned[:, None, :, :]).reshape(draws, m * m, n)
         own = (pairs @ self.own.reshape(n, s * s)).reshape(draws, m, m, s, s)
-        gram = own.transpose(0, 1, 3, 2, 4).reshape(draws, m * s, m * s)
+        inner = own.transpose(0, 1, 3, 2, 4).reshape(draws, m * s, m * s)
         tied = (turned @ self.tied.reshape(n, -1)).reshape(draws, m * s, -1)
-        gram = gram - tied @ np.swapaxes(tied, 1, 2)
+        inner = inner - tied @ np.swapaxes(tied, 1, 2)
         # One unit a column, from what a column has without the ties.
         unit = np.sqrt(np.einsum("pmmss->pms", own).reshape(draws, m * s))
         unit = np.maximum(unit, 1e-12 * max(float(unit.max()), 1e-150))
-        gram = gram / (unit[:, :, None] * unit[:, None, :])
+        inner = inner / (unit[:, :, None] * unit[:, None, :])
         b = b / unit
-        rank = int(np.sum(np.linalg.eigvalsh(gram[0]) > 1e-4))
-        gram += _RIDGE * np.eye(m * s)
-        solved = np.linalg.solve(gram, b[:, :, None])[:, :, 0]
+        rank = int(np.sum(np.linalg.eigvalsh(inner[0]) > 1e-4))
+        inner += _RIDGE * np.eye(m * s)
+        solved = np.linalg.solve(inner, b[:, :, None])[:, :, 0]
         return np.maximum(np.einsum("pk,pk->p", b, solved), 0.0), rank
 
     def total(self, known: IntArray) -> tuple[float, int]:

@@ -1,4 +1,4 @@
-"""What a campaign's figures scatter by when nothing is hidden."""
+"""What a campaign's features scatter by when nothing is hidden."""
 
 import itertools
 import math
@@ -9,7 +9,7 @@ import scipy.linalg
 import scipy.optimize
 
 from planner.gap.campaign import Campaign
-from planner.gap.observations import BRANCHES, FeatureTable
+from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import Setup
@@ -67,18 +67,16 @@ class Scatter:
 
 
 # ------------------------------------------------------------------------------------------------
-# Covariance of each specimen's own figures, and what specimens of a batch share.
+# Covariance of each specimen's own features, and what specimens of a batch share.
 
 
 _MODEL_SD = 0.003
 """No prediction is truer than this: of discretisation and of reading a curve at a place."""
 
-_FIELD = BRANCHES.index("field")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpecimenNoise:
-    """Noise of N figures.
+    """Noise of N features.
 
     Attributes
     ----------
@@ -116,12 +114,12 @@ def specimen_noise(
     sensor_sd_N: FloatArray,
     batch_of: IntArray,
 ) -> SpecimenNoise:
-    """Return the noise of a campaign's figures.
+    """Return the noise of a campaign's features.
 
     Parameters
     ----------
     sensitivity : (N,)
-        Of the transformed figures by the logarithm of force or strain.
+        Of the transformed features by the logarithm of force or strain.
     sensor_sd_N : (n,)
         Of each specimen's force.
     batch_of : (n,)
@@ -133,7 +131,7 @@ def specimen_noise(
     batches = sorted(set(batch_of.tolist()) - {-1})
     columns = np.zeros((len(table), len(batches) if len(batches) > 1 else 0))
     for column, number in enumerate(batches[: columns.shape[1]]):
-        of_batch = (batch_of[table.specimen] == number) & (table.branch != _FIELD)
+        of_batch = (batch_of[table.specimen] == number) & ~table.is_field
         columns[of_batch, column] = scatter.batch * sensitivity[of_batch]
     roots = tuple(np.linalg.inv(np.linalg.cholesky(block)) for block in blocks)
     return SpecimenNoise(rows, blocks, roots, columns)
@@ -147,7 +145,7 @@ def _specimen_block(
     rows: slice,
 ) -> FloatArray:
     """Return the covariance of one specimen's rows, (d, d)."""
-    force = table.branch[rows] != _FIELD
+    force = ~table.is_field[rows]
     h = np.where(force, sensitivity[rows], 0.0)
     place = table.path[rows]
     strain = table.strain[rows]
@@ -169,9 +167,9 @@ def _specimen_block(
 
 
 # ------------------------------------------------------------------------------------------------
-# What the palette's own laws may be off by: columns of the figures, each of prior deviation 1.
+# What the palette's own laws may be off by: columns of the features, each of prior deviation 1.
 #
-# Every grade's level and course are uncertain, and so is what lies between grades. The columns are
+# Every grade's level and slope are uncertain, and so is what lies between grades. The columns are
 # the forward model's own derivatives, so that a graded bar feels its grades as it should.
 
 
@@ -291,7 +289,7 @@ def estimate_scatter(
         for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
             own = _specimen_block(table, sensitivity, scatter, sensor_sd_N, first)
-            forces = np.flatnonzero(table.branch[rows[0]] != _FIELD)
+            forces = np.flatnonzero(~table.is_field[rows[0]])
             own = own[np.ix_(forces, forces)]
             h = scatter.batch * sensitivity[rows[0]][forces]
             shared = np.outer(h, h)
@@ -361,13 +359,13 @@ def _contrasts(
 
 
 def _field_scatter(table: FeatureTable) -> tuple[float, float]:
-    """Return the deviation of local strains from a smooth course over replicates or neighbours."""
-    field = table.branch == _FIELD
+    """Return the deviation of local strains from the mean of replicates."""
+    field = table.is_field
     if not field.any():
         return USUAL.field, USUAL.field_relative
     differences, levels = [], []
     for rows in _groups(table):
-        at = np.stack([r[table.branch[r] == _FIELD] for r in rows])
+        at = np.stack([r[table.is_field[r]] for r in rows])
         raw = table.measured_raw[at]
         if raw.size:
             middle = raw.mean(axis=0)
@@ -387,12 +385,12 @@ def _field_scatter(table: FeatureTable) -> tuple[float, float]:
 # ------------------------------------------------------------------------------------------------
 # What a palette's laws cannot follow, and what a camera does to strains: further nuisances.
 #
-# A law of a few parameters follows its tests to about 1 %, with an error that has a course in
+# A law of a few parameters follows its tests to about 1 %, with an error that changes with
 # strain. A camera's facets average over a length that nobody states, and lie a little to the side.
 
 
-DISCREPANCY_SD = 0.02
-"""Of the logarithm of stress: the misfit of a law along its curve."""
+_DISCREPANCY_SD = 0.02
+"""Of the logarithm of stress: how a law departs from its test along the curve."""
 
 _FIELD_SD = 0.012
 """Of the logarithm of a local strain: the same, seen along a bar."""
@@ -405,46 +403,36 @@ _DECAYS = (0.01, 0.03, 0.09, 0.27)
 def discrepancy_columns(
     campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
 ) -> FloatArray:
-    """Return, of each material and each bar's design, courses in strain, (N, q)."""
+    """Return what laws may depart by over strain, all together, then each material's and bar's."""
     names = [
         s.material if s.profile is None else f"bar {s.profile.name}" for s in campaign.specimens
     ]
-    force = np.where(table.branch == _FIELD, 0.0, sensitivity)
+    decays = np.exp(-table.strain[:, None] / np.array(_DECAYS))
+    force = np.where(table.is_field, 0.0, _DISCREPANCY_SD * sensitivity)[:, None] * decays
     # Laws of one family miss the same bends, whatever the material.
-    columns = [DISCREPANCY_SD * force * np.exp(-table.strain / decay) for decay in _DECAYS]
-    for name in dict.fromkeys(names):
-        of_it = force * np.array([n == name for n in names])[table.specimen]
-        columns += [DISCREPANCY_SD * of_it * np.exp(-table.strain / decay) for decay in _DECAYS]
-    return np.stack(columns, axis=1)
+    each = [np.array([n == name for n in names])[table.specimen] for name in dict.fromkeys(names)]
+    return np.concatenate([force, *(force * of_it[:, None] for of_it in each)], axis=1)
 
 
 def field_columns(
     table: FeatureTable, unpredicted: FloatArray, sensitivity: FloatArray
 ) -> FloatArray:
     """Return what facets and laws do to local strains, (N, q)."""
-    field = np.flatnonzero(table.branch == _FIELD)
-    if not len(field):
+    field = table.is_field
+    if not field.any():
         return np.zeros((len(table), 0))
-    blur = np.zeros((len(table), 1))
-    shifts, places = [], []
-    key = table.specimen[field] * 1000 + table.step[field]
-    for value in np.unique(key).tolist():
-        rows = field[key == value]
+    blur = np.zeros(len(table))
+    shifts: dict[int, FloatArray] = {}
+    for specimen, step in np.unique([table.specimen[field], table.step[field]], axis=1).T.tolist():
+        rows = np.flatnonzero(field & (table.specimen == specimen) & (table.step == step))
         strain = unpredicted[rows]
         scale = _FACET_SHARE * sensitivity[rows] / np.maximum(np.abs(strain), 1e-9)
         padded = np.concatenate([strain[:1], strain, strain[-1:]])
-        blur[rows, 0] = _FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
-        shift = np.zeros(len(table))
+        blur[rows] = _FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
+        shift = shifts.setdefault(specimen, np.zeros(len(table)))
         shift[rows] = 0.5 * scale * (padded[2:] - padded[:-2])
-        shifts.append((int(table.specimen[rows[0]]), shift))
-    by_specimen: dict[int, FloatArray] = {}
-    for specimen, shift in shifts:
-        by_specimen[specimen] = by_specimen.get(specimen, 0.0) + shift
-    for test in np.unique(table.test[field]).tolist():
-        rows = field[table.test[field] == test]
-        for x in np.unique(np.round(table.x_mm[rows], 6)).tolist():
-            column = np.zeros(len(table))
-            here = rows[np.abs(table.x_mm[rows] - x) < 1e-3]
-            column[here] = _FIELD_SD * sensitivity[here]
-            places.append(column)
-    return np.stack([blur[:, 0], *by_specimen.values(), *places], axis=1)
+    places = [
+        np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
+        for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
+    ]
+    return np.stack([blur, *shifts.values(), *(sensitivity * of_it for of_it in places)], axis=1)

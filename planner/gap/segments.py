@@ -298,7 +298,7 @@ def _last_before_break(force: FloatArray) -> int:
 
 
 # ------------------------------------------------------------------------------------------------
-# The steps of a test: how a path of segments is walked in a set number of strides.
+# The steps of a test: a set number of them over a path of segments.
 
 
 STEPS = 64

@@ -178,7 +178,7 @@ _FORMLESS = 0.3
 
 _EXPLAINED = 0.85
 """Share of the excess mean square that stands for an effect even if its form is not exact: where an
-effect is a hundred times the noise, a form that is right to a few per cent leaves misfits."""
+effect is a hundred times the noise, a form that is right to a few per cent leaves much."""
 
 _HALF = 0.5
 """Share below which departures do more than the effect that they are of."""

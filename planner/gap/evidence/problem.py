@@ -37,7 +37,7 @@ __all__ = [
 # No form is exact: by how much a real effect may depart from one that is named rightly.
 #
 # Whatever a form changes, it may change some more on one branch of the path, at one level of a
-# covariate, in one material. Without this, the least misfit of a strong effect's form would be
+# covariate, in one material. Without this, what a strong effect's form leaves would be
 # taken for a second effect.
 #
 # What belongs to the test (geometry, boundary, sensor) departs along the path alone: grips do not
@@ -141,9 +141,6 @@ _CURVED = 0.4
 _CHANGING = 0.4
 """Size of what changes along a path, relative to what multiplies the whole of it."""
 
-_FIELD = BRANCHES.index("field")
-_LOADING = BRANCHES.index("loading")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownAxis:
@@ -186,8 +183,8 @@ def _unknown_axes(
     level_and_slope = np.stack([h, h * travel], axis=1)
     branches = [
         level_and_slope * (table.branch == k)[:, None]
-        for k in range(len(BRANCHES))
-        if k not in (_LOADING, _FIELD) and (table.branch == k).any()
+        for k, name in enumerate(BRANCHES)
+        if name not in ("loading", "field") and (table.branch == k).any()
     ]
     found.append(("branch", branches))
     names = [s.material for s in campaign.specimens]

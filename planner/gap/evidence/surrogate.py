@@ -238,7 +238,7 @@ def _gain(
 ) -> float:  # fmt: skip
     """Return the log likelihood over that of no effect, at a place of one or two branches.
 
-    Sums run along rows, side by side: each figure's own order is fixed, and processors add many
+    Sums run along rows, side by side: each sum's own order is fixed, and processors add many
     at a time.
     """
     n = 0

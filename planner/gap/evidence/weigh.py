@@ -35,7 +35,7 @@ class Priors:
         Of an unknown, the share along axes that some effect of the library claims.
     coarseness_nats
         Gain at which evidence counts half: no form is exact, and the more strongly an effect
-        shows, the smaller are the misfits of its form that would pass for further effects.
+        shows, the smaller an error of its form would pass for a further effect.
         A coarsened posterior, Miller & Dunson, J. Am. Stat. Assoc. 114, 2019, 1113.
     """
 
@@ -219,7 +219,7 @@ _MOST_UNEVEN = 15.0
 """Log evidence that such scatter gains at most: above it, it would be an effect of a kind."""
 
 _FREE = 0.15
-"""Prior share, of an effect with a covariate of its own, of courses along it that no form has."""
+"""Prior share, of an effect with a covariate of its own, of patterns along it that no form has."""
 
 
 @dataclass(slots=True, eq=False)
@@ -373,7 +373,7 @@ class _LogPriors:
         return (self.none, self.single, self.pair)[len(effects)]
 
     def owned(self, effects: Effects, axis: str, result: Weighed) -> Effects | None:
-        """Return the effects that a free course along an axis beside others amounts to.
+        """Return the effects that a free pattern along an axis beside others amounts to.
 
         None where the axis is no effect's own, or they would be more than two.
         """
