@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import trimesh
 
 import planner
 from planner.cli import run
@@ -96,8 +97,9 @@ def test_what_lies_outside_the_folder_is_not_read(folder: Path, capsys) -> None:
     assert "outside the folder" in capsys.readouterr().err
 
 
-def test_findings_of_the_plan_are_not_forgotten(samples: Path, tmp_path: Path, capsys) -> None:
-    plan = planner.grade(samples / "finger.stl", from_="Vero", to="Tango", axis="x")
+def test_findings_of_the_plan_are_not_forgotten(tmp_path: Path, capsys) -> None:
+    plate = trimesh.creation.box((20.0, 5.0, 0.4))
+    plan = planner.grade(plate, from_="Vero", to="Tango", axis="x")
     assert plan.findings
     assert run(["check", str(plan.write(tmp_path / "thin"))]) == 1
     printed = capsys.readouterr()
