@@ -21,7 +21,6 @@ __all__ = [
     "default_pitch_mm",
     "draw_level_sets",
     "field_grid",
-    "interface_area_mm2",
     "keep_off_levels",
     "touched_cells",
 ]

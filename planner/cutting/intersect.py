@@ -21,7 +21,6 @@ __all__ = [
     "meet",
     "order_points",
     "piece_of_vertices",
-    "volume_sign",
 ]
 
 

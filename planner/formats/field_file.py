@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point
 
 __all__ = ["read_grid_table", "read_point_table"]
 
@@ -25,8 +25,6 @@ __all__ = ["read_grid_table", "read_point_table"]
 #
 # Read are ASCII, inline base64 and appended data, plain or compressed by zlib, of any byte order.
 
-
-_Triple = tuple[float, float, float]
 
 _TYPES = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
@@ -49,7 +47,7 @@ class _Document:
         raise FileError(f"{self.name}: {what}; write it again from ParaView or meshio")
 
 
-def _read_vti(data: bytes, name: str, array: str | None) -> tuple[_Triple, _Triple, FloatArray]:
+def _read_vti(data: bytes, name: str, array: str | None) -> tuple[Point, Point, FloatArray]:
     """Read an image: place of the first value, spacing, values (nx, ny, nz).
 
     Raises
@@ -229,8 +227,8 @@ class GridTable:
         Of the file's bytes.
     """
 
-    first_mm: tuple[float, float, float]
-    spacing_mm: tuple[float, float, float]
+    first_mm: Point
+    spacing_mm: Point
     values: FloatArray
     sha256: str
 
@@ -248,8 +246,8 @@ def read_grid_table(
     path: Path,
     *,
     array: str | None = None,
-    first_mm: tuple[float, float, float] | None = None,
-    spacing_mm: tuple[float, float, float] | None = None,
+    first_mm: Point | None = None,
+    spacing_mm: Point | None = None,
 ) -> GridTable:
     """Read values on a regular grid.
 
@@ -367,9 +365,7 @@ def _csv(data: bytes, path: Path, array: str | None) -> tuple[FloatArray, FloatA
     return found[:, :3].copy(), found[:, 3].copy()
 
 
-def _regular(
-    points: FloatArray, values: FloatArray, path: Path
-) -> tuple[tuple[float, float, float], tuple[float, float, float], FloatArray]:
+def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point, Point, FloatArray]:
     if not np.isfinite(points).all():
         raise FileError(f"{path}: a place is not finite")
     axes = [np.unique(points[:, axis]) for axis in range(3)]

@@ -20,13 +20,10 @@ from planner.errors import FileError, MeshError, OutputError
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
-    "NAMESPACE",
     "Constituent",
     "ThreemfObject",
-    "canonical_archive",
     "composite_name",
     "decode_threemf",
-    "encode_threemf",
     "mixed_colour",
     "read_threemf",
     "threemf_xml_hashes",
@@ -173,10 +170,10 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     return bytes(body + directory + end)
 
 
-def _member_hashes(path: str | Path) -> dict[str, str]:
-    """Return the SHA-256 of each member's content by name, in the archive's order.
+def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
+    """Return the SHA-256 of each part of a 3MF file by name, in the archive's order.
 
-    Content, not deflated bytes: these differ between versions of zlib.
+    Of content, not deflated bytes: these differ between versions of zlib.
 
     Raises
     ------
@@ -211,7 +208,7 @@ _UNITS = {
 }
 
 
-def read_threemf(path: str | Path, *, strict: bool = False) -> ThreemfModel:
+def read_threemf(path: str | Path) -> ThreemfModel:
     """Read a 3MF file; see `decode_threemf`.
 
     Raises
@@ -223,7 +220,7 @@ def read_threemf(path: str | Path, *, strict: bool = False) -> ThreemfModel:
         data = Path(path).read_bytes()
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
-    return decode_threemf(data, str(path), strict=strict)
+    return decode_threemf(data, str(path))
 
 
 def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfModel:
@@ -472,17 +469,6 @@ def encode_threemf(
         return canonical_archive(_written(model), _FIRST)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
-
-
-def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
-    """Return the SHA-256 of each part of a 3MF file by name, before compression.
-
-    Raises
-    ------
-    FileError
-        The file is missing or no zip archive.
-    """
-    return _member_hashes(path)
 
 
 def _identifier(kind: str, number: int, digest: str) -> str:

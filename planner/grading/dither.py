@@ -35,14 +35,11 @@ from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_c
 __all__ = [
     "CellCounts",
     "DitherField",
-    "blue_noise_bevelled",
-    "blue_noise_ranks",
     "check_size",
     "count_cells",
-    "dither_cells",
+    "dither_pieces",
     "dither_regions",
     "fraction_checks",
-    "own_volumes",
     "thresholds",
 ]
 
@@ -197,7 +194,7 @@ class DitherPiece:
     grade: int
 
 
-def _dither_pieces(along: Sequence[BlendSegment]) -> tuple[DitherPiece, ...]:
+def dither_pieces(along: Sequence[BlendSegment]) -> tuple[DitherPiece, ...]:
     """Return the pieces of all stretches in the order of their numbers.
 
     The materials of a run stand from soft to hard or from hard to soft, such that it begins near

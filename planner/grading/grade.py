@@ -1,9 +1,8 @@
 """The main job: part + gradient + palette -> Plan."""
 
 import hashlib
-import math
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
@@ -31,9 +30,9 @@ from planner.grading.check import shell_checks
 from planner.grading.dither import (
     CellCounts,
     DitherField,
-    _dither_pieces,
     check_size,
     count_cells,
+    dither_pieces,
     dither_regions,
     fraction_checks,
 )
@@ -202,93 +201,115 @@ def _blend_choice(text: object) -> BlendChoice:
 _MOST_BANDS = 10_000
 
 
+_Held = tuple[dict[str, Check], tuple[Finding, ...]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Design:
-    """Pieces along a gradient.
+class BandDesign:
+    """Bands along a gradient, each of one material or mixture.
 
     Attributes
     ----------
-    bands
-        Field and target of each piece; empty where cells are dealt.
-    printed
-        What each piece is printed in.
+    bands, printed
+        Field and target of each, and what it is printed in.
+    says
+        What a plan says of how targets between two materials are met, if not by the nearer one.
     periods
         Of each band, where two materials take turns; else empty.
-    dealt, counted
-        Where cells of two materials lie among each other, their lattice and what they come to; else
-        None.
-    mean_wall_mm
-        Twice the part's volume over its area: its thickness were it a plate.
     """
 
-    choice: BlendChoice
     bands: tuple[Band, ...]
     printed: tuple[Printed, ...]
+    says: Mapping[str, object] | None = None
     periods: tuple[Laminate | None, ...] = ()
-    dealt: DitherField | None = None
-    counted: CellCounts | None = None
-    mean_wall_mm: float = math.inf
 
     @property
     def levels(self) -> FloatArray:
-        """Values of the field that is cut along, between pieces."""
-        if self.dealt is not None:
-            return self.dealt.levels
+        """Values of the field between bands."""
         return np.array([band.start for band in self.bands[1:]])
+
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float) -> Pieces:
+        """Divide the part."""
+        return split(mesh, along, self.levels, pitch_mm=pitch_mm)
 
     def regions(
         self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
     ) -> tuple[Region, ...]:
         """Report what was cut, with what it comes to together."""
-        if self.dealt is not None and self.counted is not None:
-            return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
         regions = regions_of(pieces, self.bands, self.printed, shells)
         if self.periods:
             return with_laminates(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
         return regions
 
-    def checks(
-        self, pieces: Pieces, scale: StiffnessScale, machine: Printer
-    ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
-        """Hold dealt cells against what was wanted and what the printer can do."""
-        if self.dealt is None or self.counted is None:
-            return {}, ()
+    def held(
+        self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
+        scale: StiffnessScale, machine: Printer,
+    ) -> _Held:  # fmt: skip
+        """Hold the pieces against the printer."""
+        cure = f"take fewer {'periods' if self.periods else 'bands'}, a gentler profile there"
+        names = [what.name for what in self.printed]
+        part = CutPart(mesh, along, self.levels, pieces, names, shells, pitch_mm, cure)
+        return print_checks(part, machine)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellDesign:
+    """Cells of two materials among each other: their lattice, and what they come to."""
+
+    dealt: DitherField
+    counted: CellCounts
+    printed: tuple[Printed, ...]
+
+    @property
+    def says(self) -> Mapping[str, object]:
+        """What a plan says of how targets between two materials are met."""
+        return {"kind": "dither", "cell_mm": self.dealt.cell_mm, "tile": "blue-noise-32"}
+
+    def cut(self, mesh: Mesh, along: Field, pitch_mm: float) -> Pieces:
+        """Divide the part along the cells, whatever the pitch of the field's own grid."""
+        return split(mesh, self.dealt, self.dealt.levels, pitch_mm=self.dealt.cell_mm)
+
+    def regions(
+        self, pieces: Pieces, shells: Sequence[Shell], scale: StiffnessScale
+    ) -> tuple[Region, ...]:
+        """Report what was cut, with what it comes to together."""
+        return dither_regions(pieces, self.printed, shells, self.dealt, self.counted, scale)
+
+    def held(
+        self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
+        scale: StiffnessScale, machine: Printer,
+    ) -> _Held:  # fmt: skip
+        """Hold cells against what was wanted, and the part as a whole against the printer.
+
+        Cells of two materials hold each other: only walls of the part can be too thin.
+        """
         checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale)
-        cell_mm = self.dealt.cell_mm
-        if cell_mm < machine.minimum_feature_mm * (1.0 - 1e-9):
+        cell_mm, least_mm = self.dealt.cell_mm, machine.minimum_feature_mm
+        fine = cell_mm >= least_mm * (1.0 - 1e-9)
+        if not fine:
             message = (
                 f"cells of {cell_mm:g} mm are smaller than what {machine.title} prints "
-                f"undistorted, {machine.minimum_feature_mm:g} mm: their volumes will be off; take "
-                "--cell "
-                f"{machine.minimum_feature_mm:g}"
+                f"undistorted, {least_mm:g} mm: their volumes will be off; take --cell {least_mm:g}"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        if cell_mm > self.mean_wall_mm:
+        mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2  # were it a plate
+        if cell_mm > mean_wall_mm:
             message = (
                 f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
-                f"{self.mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
+                f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
                 "be there, and stretches of the gradient may have none; take a smaller --cell"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        return checks, findings
-
-    def document(self) -> dict[str, object] | None:
-        """Return what plan.json says of the choice; None of the nearest material."""
-        if self.choice.kind == "nearest":
-            return None
-        found: dict[str, object] = {"kind": self.choice.kind}
-        if self.choice.kind == "bands":
-            found["periods"] = self.choice.periods
-        if self.dealt is not None:
-            found["cell_mm"] = self.dealt.cell_mm
-            found["tile"] = "blue-noise-32"
-        return found
+        whole = CutPart(mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, cure="")
+        walls, thin = print_checks(whole, machine)
+        checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
+        return checks, (*findings, *thin)
 
 
 def _design_pieces(
     choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
     machine: Printer, *, bands: int | None, cell_mm: float | None,
-) -> Design:  # fmt: skip
+) -> BandDesign | CellDesign:  # fmt: skip
     """Decide what each place of a part is printed in.
 
     Parameters
@@ -314,46 +335,33 @@ def _design_pieces(
         raise ArgumentError(f"`cell_mm` {cell_mm:g}: it goes with `blend` dither")
     moduli = scale.moduli_MPa
     if choice.kind == "mix":
-        return Design(choice, *mixed_bands(target, scale, bands, machine))
+        return BandDesign(*mixed_bands(target, scale, bands, machine), {"kind": "mix"})
+    if choice.kind == "dither":
+        return _dithered(mesh, field, target, scale, machine, cell_mm)
+    says, periods = None, ()
     if choice.kind == "bands":
         laminate = laminated(target, blend_segments(target, moduli), moduli, choice.periods)
-        steps = tuple(band for band, _ in laminate)
-        return Design(
-            choice, steps, _materials(steps, scale, machine), tuple(p for _, p in laminate)
-        )
-    if choice.kind == "dither":
-        return _dithered(choice, mesh, field, target, scale, machine, cell_mm)
-    steps = natural_bands(target, moduli) if bands is None else equal_bands(target, moduli, bands)
-    return Design(choice, steps, _materials(steps, scale, machine))
-
-
-def _materials(
-    steps: Sequence[Band], scale: StiffnessScale, machine: Printer
-) -> tuple[Printed, ...]:
-    return tuple(catalogue_material(scale, band.grade, machine) for band in steps)
+        steps, periods = zip(*laminate, strict=True)
+        says = {"kind": "bands", "periods": choice.periods}
+    elif bands is None:
+        steps = natural_bands(target, moduli)
+    else:
+        steps = equal_bands(target, moduli, bands)
+    printed = tuple(catalogue_material(scale, band.grade, machine) for band in steps)
+    return BandDesign(steps, printed, says, periods)
 
 
 def _dithered(
-    choice: BlendChoice, mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale,
-    machine: Printer, cell_mm: float | None,
-) -> Design:  # fmt: skip
+    mesh: Mesh, field: Field, target: Profile, scale: StiffnessScale, machine: Printer,
+    cell_mm: float | None,
+) -> CellDesign:  # fmt: skip
     along = blend_segments(target, scale.moduli_MPa)
-    pieces = _dither_pieces(along)
-    dealt = DitherField(
-        field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0],
-        machine.minimum_feature_mm if cell_mm is None else cell_mm,
-    )  # fmt: skip
-    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
+    pieces = dither_pieces(along)
+    cell_mm = machine.minimum_feature_mm if cell_mm is None else cell_mm
+    dealt = DitherField(field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0], cell_mm)
     check_size(mesh, dealt)
-    mean_wall_mm = 2.0 * mesh.volume_mm3 / mesh.area_mm2
-    return Design(
-        choice,
-        (),
-        printed,
-        dealt=dealt,
-        counted=count_cells(mesh, dealt),
-        mean_wall_mm=mean_wall_mm,
-    )
+    printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
+    return CellDesign(dealt, count_cells(mesh, dealt), printed)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -465,21 +473,21 @@ def grade(
     design = _design_pieces(
         choice, mesh, along, target, scale, machine, bands=bands, cell_mm=cell_mm
     )
-    if design.dealt is None:
+    if isinstance(design, BandDesign):
         _check_thickness(along, design.bands, machine, source.warnings)
         if given is None and not isinstance(along, PlanarField):
             pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
-        pieces = split(mesh, along, design.levels, pitch_mm=pitch_mm)
-    else:
-        pieces = split(mesh, design.dealt, design.levels, pitch_mm=design.dealt.cell_mm)
+    pieces = design.cut(mesh, along, pitch_mm)
     shells = shells_of(pieces, design.printed, at_strain, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
-    dealing, dealt = design.checks(pieces, scale, machine)
-    printing, findings, unsure = _printing(mesh, along, design, pieces, shells, pitch_mm, machine)
+    printing, findings = design.held(mesh, along, pieces, shells, pitch_mm, scale, machine)
+    unsure: tuple[str, ...] = ()
+    if any(what.material is None for what in design.printed):
+        unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
@@ -489,11 +497,11 @@ def grade(
         printer=machine.name,
         palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
         part=_part_graded(source, point(translation)),
-        gradient=Gradient(described, target.description(), start, end, bands, design.document()),
+        gradient=Gradient(described, target.description(), start, end, bands, design.says),
         stiffness=Stiffness("secant-nominal", at_strain),
         regions=regions,
-        checks={**checks, **dealing, **printing},
-        findings=(*dealt, *findings),
+        checks={**checks, **printing},
+        findings=findings,
         warnings=(*source.warnings, *unsure),
         unreachable=_unreachable(target, scale),
         shells=shells,
@@ -544,28 +552,6 @@ def _material_id(material: str | Material | None, palette: Palette) -> str | Non
             f"an end of the gradient is a {type(material).__name__}; give the name of a material"
         )
     return palette.resolve(material if isinstance(material, str) else material.id).id
-
-
-def _printing(
-    mesh: Mesh, along: Field, design: Design, pieces: Pieces, shells: tuple[Shell, ...],
-    pitch_mm: float, machine: Printer,
-) -> tuple[dict[str, Check], tuple[Finding, ...], tuple[str, ...]]:  # fmt: skip
-    """Hold the pieces against the printer; also say what is not sure."""
-    levels, names = design.levels, [what.name for what in design.printed]
-    fewer = "periods" if design.choice.kind == "bands" else "bands"
-    cure = f"take fewer {fewer}, a gentler profile there"
-    if design.dealt is not None:
-        # Cells of two materials hold each other: the part is held to its walls as a whole.
-        levels, names, shells = levels[:0], ["the part"], ()
-    cut = CutPart(mesh, along, levels, pieces, names, shells, pitch_mm, cure)
-    checks, findings = print_checks(cut, machine)
-    if design.dealt is not None:
-        cell_mm, least_mm = design.dealt.cell_mm, machine.minimum_feature_mm
-        checks["cell_mm"] = Check(cell_mm, least_mm, cell_mm >= least_mm * (1.0 - 1e-9))
-    unsure: tuple[str, ...] = ()
-    if any(what.material is None for what in design.printed):
-        unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
-    return checks, findings, unsure
 
 
 def _check_thickness(

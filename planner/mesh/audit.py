@@ -161,10 +161,6 @@ class Interfaces:
 
     Attributes
     ----------
-    cancelled : int
-        Pairs of opposite triangles: the interfaces.
-    remaining : int
-        Triangles left: the outer surface, if all interfaces match.
     closed : bool
         The remaining triangles have no boundary.
     volume_error_mm3, area_error_mm2 : float
@@ -173,8 +169,6 @@ class Interfaces:
         What rounding the cuts' points to float32 can cause.
     """
 
-    cancelled: int
-    remaining: int
     closed: bool
     volume_error_mm3: float
     area_error_mm2: float
@@ -246,8 +240,6 @@ def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> 
     extent_mm = float(np.ptp(vertices, axis=0).max())
     digits = 1e-12 * part.area_mm2
     return Interfaces(
-        cancelled=(len(faces) - len(rest)) // 2,
-        remaining=len(rest),
         closed=bool(len(rest) and _balanced(rest)),
         volume_error_mm3=float(left.volume_mm3[0]) - part.volume_mm3,
         area_error_mm2=float(left.area_mm2[0]) - part.area_mm2,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import IntArray, inner_kernel, kernel
 
-__all__ = ["LEAST_DISTANCE", "NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
+__all__ = ["NOTHING", "ImageKind", "Rgba", "distinct_colours", "encode_layer"]
 
 
 # ------------------------------------------------------------------------------------------------

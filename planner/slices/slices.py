@@ -26,10 +26,8 @@ __all__ = [
     "SlabTask",
     "deal_slabs",
     "iterate_layers",
-    "iterate_slabs",
     "make_slab",
     "open_shells",
-    "runs_along_x",
 ]
 
 

@@ -32,7 +32,6 @@ __all__ = [
     "SOUND",
     "ThinPlace",
     "longest_checked_mm",
-    "raster_for",
     "room_mm",
     "space_around_mm",
     "thin_solid_places",

@@ -117,7 +117,4 @@ def halves(shift=0.0, turn=False):
 def test_interfaces(shells, ok):
     box = soup(Manifold.cube([1, 1, 2]))
     part = Mesh(box.reshape(-1, 3), np.arange(36).reshape(-1, 3))
-    found = interfaces_cancel(shells, part)
-    assert found.ok is ok
-    if ok:
-        assert (found.cancelled, found.remaining) == (2, 20)
+    assert interfaces_cancel(shells, part).ok is ok

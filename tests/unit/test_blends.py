@@ -20,10 +20,10 @@ from planner.formats.threemf import read_threemf
 from planner.grading.blends import blend_segments
 from planner.grading.dither import (
     DitherField,
-    _dither_pieces,
     blue_noise_ranks,
     count_cells,
     dither_cells,
+    dither_pieces,
     own_volumes,
     thresholds,
 )
@@ -54,7 +54,7 @@ def dealt(mesh, profile, cell_mm, axis=(1.0, 0.0, 0.0)):
     n = np.array(axis) / np.linalg.norm(axis)
     reach = mesh.vertices @ n
     field = AxisField(tuple(n.tolist()), float(reach.min()), float(np.ptp(reach)))
-    pieces = _dither_pieces(along)
+    pieces = dither_pieces(along)
     return DitherField(field, profile, LADDER, along, pieces, mesh.bounds_mm[0], cell_mm)
 
 
