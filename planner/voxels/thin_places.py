@@ -159,7 +159,7 @@ def _surely_sound(mesh: Mesh, limit_mm: float) -> bool:
     """Tell, at little cost, that nothing of a solid is thinner than a limit.
 
     The coarsest ball, on voxels of which no thinner solid takes it: where it leaves nothing that
-    extends by two thirds of the limit, a finer one leaves nothing that extends by the limit.
+    extends by two thirds of the limit, a finer one hardly leaves what extends by one and a half.
     """
     wide_mm = limit_mm * (2 * _COARSEST_RADIUS + 1) / _NARROWEST
     raster = raster_for(mesh.bounds_mm[0], mesh.bounds_mm[1], wide_mm, _COARSEST_RADIUS)
