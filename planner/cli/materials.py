@@ -146,13 +146,7 @@ def invert(
     Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
     """
     import planner
-    from planner.cli.output import (
-        finding,
-        format_number,
-        format_range,
-        print_document,
-        print_table,
-    )
+    from planner.cli.output import finding, format_number, format_range, print_document, print_table
     from planner.printers import palette_of
 
     chosen = palette_of(palette, printer)

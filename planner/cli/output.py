@@ -227,8 +227,7 @@ PrinterName = Annotated[
     str, Option("--printer", help="Installed printer; see [bold]planner printers[/bold].")
 ]
 PaletteName = Annotated[
-    str | None,
-    Option("--palette", help="Palette file (TOML), or one of the printer's palettes."),
+    str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
 ]
 AtStrain = Annotated[
     float,

@@ -46,11 +46,7 @@ class Pieces:
 
 
 def split(
-    mesh: Mesh,
-    field: Field,
-    levels: Sequence[float] | FloatArray,
-    *,
-    pitch_mm: float | None = None,
+    mesh: Mesh, field: Field, levels: Sequence[float] | FloatArray, *, pitch_mm: float | None = None
 ) -> Pieces:
     """Divide a part at levels of a field: in planes where its level sets are, else on a grid.
 

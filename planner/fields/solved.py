@@ -381,8 +381,7 @@ def geodesic_field(
     _sweep(length, blocked, pitch_mm)
     cells = length[1:-1, 1:-1, 1:-1].copy()
     ramp = Ramp(
-        0.0 if from_mm is None else from_mm,
-        float(cells[reached].max()) if to_mm is None else to_mm,
+        0.0 if from_mm is None else from_mm, float(cells[reached].max()) if to_mm is None else to_mm
     )
     _spread_values(cells, reached)
     says = {"start": dict(start.says), "cells_mm": pitch_mm}

@@ -413,9 +413,7 @@ def write_threemf(
 
 
 def encode_threemf(
-    objects: Sequence[ThreemfObject],
-    assembly_name: str,
-    metadata: Mapping[str, str] | None = None,
+    objects: Sequence[ThreemfObject], assembly_name: str, metadata: Mapping[str, str] | None = None
 ) -> bytes:
     """Make a 3MF file in mm: the objects as components of one assembly, built once.
 

@@ -720,9 +720,7 @@ def _field_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
                 yield (s.id, at, x, _number(strain))
 
 
-def _profile_files(
-    specimens: Sequence[Specimen],
-) -> tuple[list[str], dict[str, ProfileDesign]]:
+def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, ProfileDesign]]:
     """Name a file for each specimen's design ("" without), equal designs sharing one."""
     names: list[str] = []
     designs: dict[str, ProfileDesign] = {}

@@ -13,11 +13,7 @@ from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, weigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = [
-    "closure",
-    "refutes",
-    "without_effect",
-]
+__all__ = ["closure", "refutes", "without_effect"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -9,13 +9,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from planner.errors import (
-    ArgumentError,
-    FileError,
-    PaletteError,
-    PlannerError,
-    UnknownNameError,
-)
+from planner.errors import ArgumentError, FileError, PaletteError, PlannerError, UnknownNameError
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
 from planner.gap.effect import Effect, StatedEffect, stated, with_effects
@@ -453,11 +447,7 @@ class _Factors:
         return math.sqrt(total)
 
     def _force_N(
-        self,
-        material: Material,
-        at: Reference,
-        effects: Sequence[StatedEffect],
-        strain: FloatArray,
+        self, material: Material, at: Reference, effects: Sequence[StatedEffect], strain: FloatArray
     ) -> FloatArray:
         conditions = asdict(at)
         rate_per_s = conditions.pop("strain_rate_per_s")
@@ -498,10 +488,7 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
 
 
 def _about(
-    palette: Palette,
-    diagnosis: Diagnosis,
-    misfit: Mapping[str, float],
-    corrected: Sequence[str],
+    palette: Palette, diagnosis: Diagnosis, misfit: Mapping[str, float], corrected: Sequence[str]
 ) -> list[str]:
     notes = []
     bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}

@@ -19,19 +19,9 @@ from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
-from planner.gap.evidence.surrogate import (
-    Candidate,
-    Elimination,
-    SignedForm,
-    node_weights,
-)
+from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
-from planner.gap.noise import (
-    Calibration,
-    calibration_columns,
-    calibrations,
-    specimen_noise,
-)
+from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
 from planner.gap.observations import observation_model
 from planner.gap.quality import predicted_stress_MPa
 from planner.gap.virtual import (

@@ -267,10 +267,7 @@ _NAMES = tuple(_PRIOR_SD)
 
 
 def estimate_scatter(
-    table: FeatureTable,
-    sensitivity: FloatArray,
-    sensor_sd_N: FloatArray,
-    batch_of: IntArray,
+    table: FeatureTable, sensitivity: FloatArray, sensor_sd_N: FloatArray, batch_of: IntArray
 ) -> Scatter:
     """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
 

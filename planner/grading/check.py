@@ -100,8 +100,7 @@ def _accepted(mesh: Mesh) -> bool:
 
     solid = manifold3d.Manifold(
         manifold3d.Mesh(
-            vert_properties=mesh.vertices.astype(np.float32),
-            tri_verts=mesh.faces.astype(np.uint32),
+            vert_properties=mesh.vertices.astype(np.float32), tri_verts=mesh.faces.astype(np.uint32)
         )
     )
     return bool(solid.status() == manifold3d.Error.NoError)

@@ -93,10 +93,7 @@ class Sample:
 
 
 def sample_of(
-    curves: Sequence[Curve],
-    *,
-    weighting: str = "relative",
-    points: int | None = 60,
+    curves: Sequence[Curve], *, weighting: str = "relative", points: int | None = 60
 ) -> Sample:
     """Resample the specimens' loading curves to points even in strain, and weigh them.
 

@@ -28,12 +28,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.materials.study import Study, read_study
 from planner.palette import Material, Palette, Reference
 
-__all__ = [
-    "Characterisation",
-    "PaletteStudy",
-    "characterise",
-    "fit",
-]
+__all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
 
 
 # ------------------------------------------------------------------------------------------------

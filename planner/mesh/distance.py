@@ -214,11 +214,7 @@ def _to_triangle(corners: Any, t: Any, at: Any, closest: Any) -> Any:
 
 @kernel
 def inscribed_ball(
-    vertices: FloatArray,
-    faces: IntArray,
-    point: FloatArray,
-    step: float,
-    reach: float,
+    vertices: FloatArray, faces: IntArray, point: FloatArray, step: float, reach: float
 ) -> tuple[FloatArray, float]:
     """Climb from a point to the centre of the largest ball that fits there.
 
@@ -278,11 +274,7 @@ def inscribed_ball(
 
 @kernel
 def _depth(
-    vertices: FloatArray,
-    faces: IntArray,
-    near: IntArray,
-    point: FloatArray,
-    reach: float,
+    vertices: FloatArray, faces: IntArray, near: IntArray, point: FloatArray, reach: float
 ) -> float:
     # Distance to the surface, negative outside. Among triangles that share the nearest point
     # (an edge, a corner) the one seen least edge-on tells the side.

@@ -272,8 +272,7 @@ def _table(heading: str, rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 DIAGNOSIS = FolderKind(
-    "diagnosis.json",
-    ("diagnosis.json", "report.html", "where.csv", "ranking.csv", "figures/*.svg"),
+    "diagnosis.json", ("diagnosis.json", "report.html", "where.csv", "ranking.csv", "figures/*.svg")
 )
 """The folder that `write_diagnosis` writes."""
 

@@ -231,10 +231,7 @@ class BreakFinding:
 
 
 def _break_findings(
-    bar: Bar,
-    model: CoefficientModel,
-    path: LoadingPath,
-    reached: _Pulled,
+    bar: Bar, model: CoefficientModel, path: LoadingPath, reached: _Pulled
 ) -> tuple[BreakFinding, ...]:
     """Report every stretch of slices that breaks, the first to break first, and an early end."""
     found = []
@@ -284,11 +281,7 @@ def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[s
 
 
 def _unreachable(
-    bar: Bar,
-    model: CoefficientModel,
-    path: LoadingPath,
-    reached: _Pulled,
-    at: int,
+    bar: Bar, model: CoefficientModel, path: LoadingPath, reached: _Pulled, at: int
 ) -> BreakFinding:
     wanted = float(path.displacement_mm.max()) / bar.gauge_mm
     got = reached.reach_mm / bar.gauge_mm

@@ -481,8 +481,7 @@ def make_slab(task: SlabTask) -> SlabImages:
     runs, open_rows = _slab_runs_of(task.shells)
     images = tuple(
         encode_layer(
-            *(runs.offsets, runs.start, runs.stop, runs.label),
-            *((row, row + ny), nx, task.kind),
+            *(runs.offsets, runs.start, runs.stop, runs.label), *((row, row + ny), nx, task.kind)
         )
         for row in range(0, len(runs.offsets) - 1, ny)
     )

@@ -25,14 +25,7 @@ from planner.simulation.bar_solver import (
     Setup,
 )
 
-__all__ = [
-    "AGEING",
-    "MOISTURE",
-    "PERMANENT_SET",
-    "RATE",
-    "SOFTENING",
-    "TEMPERATURE",
-]
+__all__ = ["AGEING", "MOISTURE", "PERMANENT_SET", "RATE", "SOFTENING", "TEMPERATURE"]
 
 
 # ------------------------------------------------------------------------------------------------

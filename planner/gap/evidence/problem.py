@@ -23,14 +23,7 @@ from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import Setup, predict, predict_all
 
-__all__ = [
-    "AMPLITUDES",
-    "Problem",
-    "applied",
-    "own_axes",
-    "set_up",
-    "specimen_forces_N",
-]
+__all__ = ["AMPLITUDES", "Problem", "applied", "own_axes", "set_up", "specimen_forces_N"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -8,13 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from planner.formats.tables import QUANTITY_UNITS
-from planner.gap.evidence.surrogate import (
-    Candidate,
-    Elimination,
-    SignedForm,
-    climbed,
-    node_weights,
-)
+from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, climbed, node_weights
 from planner.gap.noise import Scatter
 from planner.numerics import FloatArray, IntArray, kernel
 

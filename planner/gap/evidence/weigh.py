@@ -494,12 +494,7 @@ def _add_axis(
 
 
 def _add_subset(
-    refiner: Refiner,
-    scale: float,
-    none: float,
-    offset: float,
-    logs: _LogPriors,
-    result: Weighed,
+    refiner: Refiner, scale: float, none: float, offset: float, logs: _LogPriors, result: Weighed
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
     if refiner.candidate.effects == ("force-scale",):
