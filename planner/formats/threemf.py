@@ -73,7 +73,7 @@ class ThreemfObject:
         Of a mixture: its materials and their shares, which add up to 1.
     metadata
         Of the object. Names that the core specification knows are written as they are, others
-        in `planner.formats.threemf.NAMESPACE`; they are plain words (letters, digits, ``_``,
+        in `urn:planner:mixture:1`; they are plain words (letters, digits, ``_``,
         ``-``, ``.``).
     """
 
@@ -118,7 +118,7 @@ _UNIX_FILE = 0o100644 << 16
 _LARGEST = 0xFFFFFFFE
 
 
-def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
+def _canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     """Rewrite an archive with fixed dates, permissions and order, and without zip64.
 
     The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
@@ -375,7 +375,7 @@ def _metadata(group: Any) -> dict[str, str]:
 # 3MF by lib3mf: one object a material under one assembly, the same bytes for the same content.
 
 
-NAMESPACE = "urn:planner:mixture:1"
+_NAMESPACE = "urn:planner:mixture:1"
 """XML namespace of the metadata that the 3MF core specification has no name for."""
 
 _WELL_KNOWN: tuple[str, ...] = (
@@ -387,7 +387,7 @@ _WELL_KNOWN: tuple[str, ...] = (
     "Rating",
 )
 _WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
-_UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, NAMESPACE)
+_UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
 _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
 
@@ -464,7 +464,7 @@ def encode_threemf(
         assembly.SetUUID(_identifier("assembly", 0, whole))
         model.AddBuildItem(assembly, identity).SetUUID(_identifier("item", 0, whole))
         model.SetBuildUUID(_identifier("build", 0, whole))
-        return canonical_archive(_written(model), _FIRST)
+        return _canonical_archive(_written(model), _FIRST)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
 
@@ -539,7 +539,7 @@ def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:
                 f"3MF of {owner}: metadata {name!r}: a name begins with a letter and goes on "
                 "with letters, digits, '_', '.' and '-'"
             )
-        namespace = "" if name in _WELL_KNOWN else NAMESPACE
+        namespace = "" if name in _WELL_KNOWN else _NAMESPACE
         group.AddMetaData(namespace, name, _text(value), "xs:string", True)
 
 

@@ -37,17 +37,7 @@ from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
 
-__all__ = [
-    "CampaignDesign",
-    "Information",
-    "SpecimenSize",
-    "Trial",
-    "candidates_of",
-    "design",
-    "may_take_bars",
-    "next_experiments",
-    "trials_of",
-]
+__all__ = ["CampaignDesign", "Trial", "design", "may_take_bars", "next_experiments", "trials_of"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -198,7 +188,7 @@ def _strain_of(palette: Palette) -> float:
 
 
 def candidates_of(
-    palette: Palette, effects: Sequence[str], size: SpecimenSize
+    palette: Palette, effects: Sequence[str], size: SpecimenSize = _USUAL_SIZE
 ) -> tuple[Specimen, ...]:
     """Return one planned specimen a condition, those at the palette's own conditions first.
 

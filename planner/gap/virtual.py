@@ -33,7 +33,6 @@ from planner.simulation.simulate import loading_path
 __all__ = [
     "BAR_SHARE",
     "HOLD_S",
-    "read_design",
     "single_test",
     "stated_effect",
     "synthesise_campaign",

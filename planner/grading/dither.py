@@ -40,7 +40,6 @@ __all__ = [
     "dither_pieces",
     "dither_regions",
     "fraction_checks",
-    "thresholds",
 ]
 
 

@@ -17,12 +17,9 @@ __all__ = [
     "Curve",
     "MaterialCharacteristics",
     "Spread",
-    "characterise_curve",
     "characterise_material",
-    "deformation",
     "doubts",
     "noise_sd",
-    "spread",
     "toe_compensated",
     "without_tail",
 ]

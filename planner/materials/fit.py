@@ -27,7 +27,6 @@ __all__ = [
     "law_stress_MPa",
     "minimise",
     "sample_of",
-    "spread_starts",
     "unstable_strain",
 ]
 

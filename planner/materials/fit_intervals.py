@@ -31,14 +31,7 @@ from planner.materials.laws import SeparableLaw
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
-__all__ = [
-    "ASSUMED_LOG_SD",
-    "MaterialFit",
-    "fit_material",
-    "intervals",
-    "scatter_of_fit",
-    "scatter_of_moduli",
-]
+__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "fit_material"]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -14,11 +14,8 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 __all__ = [
     "FITTED_MODELS",
     "Law",
-    "Martins",
-    "NeoHookean",
     "Ogden",
     "SeparableLaw",
-    "Yeoh",
     "candidate_laws",
     "make_law",
     "positive_stretch",

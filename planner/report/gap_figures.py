@@ -27,7 +27,7 @@ from planner.report.svg import (
     upright,
 )
 
-__all__ = ["figures_of", "points_along"]
+__all__ = ["figures_of"]
 
 
 def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:

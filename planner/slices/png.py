@@ -291,7 +291,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 # One colour a material, told apart by eye and by program.
 
 
-LEAST_DISTANCE = 8.0
+_LEAST_DISTANCE = 8.0
 """Between two colours of a stack, in 8-bit steps of red, green and blue together."""
 
 _SPARE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -313,7 +313,7 @@ def distinct_colours(wished: Sequence[str]) -> tuple[Rgba, ...]:
     given: list[IntArray] = []
     for wish in wishes:
         colour = wish
-        if any(_squares(wish, other) < LEAST_DISTANCE**2 for other in given):
+        if any(_squares(wish, other) < _LEAST_DISTANCE**2 for other in given):
             colour = _SPARE[np.argmax(spare)]
         given.append(colour)
         spare = np.minimum(spare, _squares(_SPARE, colour))

@@ -13,7 +13,6 @@ from planner.gap.campaign import replicate_groups
 from planner.gap.design import (
     CampaignDesign,
     Information,
-    SpecimenSize,
     candidates_of,
     design,
 )
@@ -100,7 +99,7 @@ def test_an_effect_of_many_forms_weighs_no_more_than_another() -> None:
 
 def test_every_effect_has_candidates_that_make_it_testable(palette, made) -> None:
     for id, effect in EFFECTS.items():
-        candidates = candidates_of(palette, [id], SpecimenSize())
+        candidates = candidates_of(palette, [id])
         assert untestable(effect, replace(made.campaign, specimens=candidates)) is None, id
 
 
