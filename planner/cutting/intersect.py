@@ -90,29 +90,20 @@ def _first_sign(nx: Any, ny: Any, nz: Any) -> Any:
 
 
 @inner_kernel
-def _side_of_level(level: Any, corner: Any, points: Any, at: Any, normal: Any) -> Any:
-    """Tell on which side of a face of the level sets, moved, a vertex of the part lies."""
+def _side(surface: Any, corner: Any, points: Any, at: Any, normal: Any, moved: Any) -> Any:
+    """Tell on which side of a face a point lies, the level sets being moved by (ε, ε², ε³).
+
+    `corner` is one of the face's; `moved` is 1 where the point is of the level sets, -1 where the
+    face is.
+    """
     nx, ny, nz = normal
     sign = volume_sign(
         nx, ny, nz,
-        points[at, 0] - level[corner, 0],
-        points[at, 1] - level[corner, 1],
-        points[at, 2] - level[corner, 2],
+        points[at, 0] - surface[corner, 0],
+        points[at, 1] - surface[corner, 1],
+        points[at, 2] - surface[corner, 2],
     )  # fmt: skip
-    return sign if sign != 0 else -_first_sign(nx, ny, nz)
-
-
-@inner_kernel
-def _side_of_part(points: Any, corner: Any, level: Any, at: Any, normal: Any) -> Any:
-    """Tell on which side of a face of the part a vertex of the level sets, moved, lies."""
-    nx, ny, nz = normal
-    sign = volume_sign(
-        nx, ny, nz,
-        level[at, 0] - points[corner, 0],
-        level[at, 1] - points[corner, 1],
-        level[at, 2] - points[corner, 2],
-    )  # fmt: skip
-    return sign if sign != 0 else _first_sign(nx, ny, nz)
+    return sign if sign != 0 else moved * _first_sign(nx, ny, nz)
 
 
 @inner_kernel
@@ -313,14 +304,14 @@ def _meet(
                     continue
                 other_side = 0
                 for j in range(3):
-                    others[j] = _side_of_part(a, a0, b, b_faces[p, j], normal)
+                    others[j] = _side(a, a0, b, b_faces[p, j], normal, 1)
                     other_side += others[j]
                 if abs(other_side) == 3:
                     continue
                 b_normal = _face_normal(b, b0, b1, b2)
                 side = 0
                 for j in range(3):
-                    sides[j] = _side_of_level(b, b0, a, a_faces[t, j], b_normal)
+                    sides[j] = _side(b, b0, a, a_faces[t, j], b_normal, -1)
                     side += sides[j]
                 if abs(side) == 3:
                     continue
@@ -545,8 +536,8 @@ def _cast(
                         continue
                     stamp[t] = s
                     normal = _face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
-                    s0 = _side_of_part(a, a_faces[t, 0], b, v, normal)
-                    s1 = _side_of_part(a, a_faces[t, 0], b, end, normal)
+                    s0 = _side(a, a_faces[t, 0], b, v, normal, 1)
+                    s1 = _side(a, a_faces[t, 0], b, end, normal, 1)
                     if s0 == s1:
                         continue
                     t0 = _turn_of_edges(a, a_faces[t, 0], a_faces[t, 1], b, v, end)
