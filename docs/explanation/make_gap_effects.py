@@ -27,7 +27,7 @@ direction an effect of these changes nothing. Where a palette does not name one 
 {STANDARD.strain_rate_per_s:g} /s, {STANDARD.temperature_C:g} °C, {STANDARD.soak_h:g} h and
 {STANDARD.age_days:g} days along x stand in; a specimen whose own is unknown counts as being at
 the reference. A law that relaxes is made stiffer at once by as much as it relaxes in the palette's
-own test (a pull at the reference's rate to strain 0.15), so that this test stays what it was.
+own test (a pull at the reference's rate), strain by strain, so that this test stays what it was.
 
 Some forms are graded: w(m) = exp(-((u - peak) / 0.7)²) says how much of the effect a mixture
 shows, u its place on the palette from 0, softest, to 1, hardest. Rate and temperature act most on

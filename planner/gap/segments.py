@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -643,7 +643,7 @@ def assemble(
         coordinate.append(_coordinates(campaign, group[0], middle))
         area.append(mean_section_mm2(group, middle))
     reference = campaign.palette.reference
-    covariates: dict[str, FloatArray] = {}
+    covariates: dict[str, Any] = {}
     known: dict[str, BoolArray] = {}
     for name, column in SPECIMEN_COLUMNS.items():
         if column.usual is not None:
@@ -661,10 +661,9 @@ def assemble(
     gauge = np.array([np.mean([s.gauge_mm for s in group]) for group in groups])
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
     first_slice = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    coordinates = [m.coordinate for m in campaign.palette.materials]
     return Setup(
         reference=reference,
-        coordinate_range=(coordinates[0], coordinates[-1]),
+        palette_coordinate=np.array([m.coordinate for m in campaign.palette.materials]),
         first_slice=first_slice,
         time_s=np.stack([test.time_s for test in tests]),
         travel_mm=np.stack([test.grid.travel_mm for test in tests]),

@@ -176,6 +176,87 @@ def _table_cubics(law: Law, strain: FloatArray, farthest: float) -> tuple[FloatA
 
 
 # ------------------------------------------------------------------------------------------------
+# Instantaneous laws: what relaxes in the palette's own tests until it shows the palette's laws.
+#
+# A stress S whose shares g_k relax with times tau_k shows, pulled evenly,
+#
+#     P = (1 - sum g) S + sum g_k h_k,   h_k' = S' - h_k / tau_k
+#
+# Between nodes of strain the stress changes evenly in time, so that each h_k follows exactly, and
+# each node's S from the ones before it.
+
+
+@free_kernel
+def _fill_instantaneous(
+    stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray, held: FloatArray
+) -> None:
+    """Turn stresses shown at even times, (M, N), into instantaneous ones, in place.
+
+    Parameters
+    ----------
+    shares : (M, K)
+    keeps, adds : (K,)
+        Of what an exponential holds, and of what is new, what is left after a step.
+    held : (K,)
+        Workspace.
+    """
+    for m in range(len(stress)):
+        held[:] = 0.0
+        fixed = 1.0
+        for k in range(len(keeps)):
+            fixed -= shares[m, k] * (1.0 - adds[k])
+        before = 0.0
+        for i in range(1, stress.shape[1]):
+            rest = 0.0
+            for k in range(len(keeps)):
+                held[k] *= keeps[k]
+                rest += shares[m, k] * (held[k] - adds[k] * before)
+            now = (stress[m, i] - rest) / fixed
+            for k in range(len(keeps)):
+                held[k] += adds[k] * (now - before)
+            stress[m, i] = now
+            before = now
+
+
+def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> LawTables:
+    """Return the laws of instantaneous stress, of which shares relax in the laws' own tests.
+
+    Parameters
+    ----------
+    relaxing : (M, K)
+        Shares of each material that relax with `RELAXATION_TIMES_s`.
+    rate_per_s
+        Strain rate of those tests.
+    """
+    used = np.flatnonzero(relaxing.any(axis=0))
+    spent = laws.strain_step / rate_per_s / RELAXATION_TIMES_s[used]
+    strain = laws.strain_step * np.arange(laws.cubics.shape[1] + 1)
+    ends = laws.cubics.sum(axis=2)[:, -1:]
+    log_secant = np.concatenate([laws.cubics[:, :, 0], ends], axis=1)
+    stress = np.exp(log_secant) * strain
+    shown = stress.copy()
+    _fill_instantaneous(
+        stress, np.ascontiguousarray(relaxing[:, used]), np.exp(-spent), -np.expm1(-spent) / spent,
+        np.zeros(len(used)),
+    )  # fmt: skip
+    # Shares of nearly one of a law that falls would ask for less than nothing.
+    ratio = np.maximum(stress[:, 1:] / shown[:, 1:], 1e-3)
+    change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))
+    slope = np.gradient(change, axis=1)
+    step = np.diff(change, axis=1)
+    more = np.stack(
+        [
+            change[:, :-1],
+            slope[:, :-1],
+            3.0 * step - 2.0 * slope[:, :-1] - slope[:, 1:],
+            slope[:, :-1] + slope[:, 1:] - 2.0 * step,
+        ],
+        axis=2,
+    )
+    return replace(laws, cubics=laws.cubics + more)
+
+
+# ------------------------------------------------------------------------------------------------
 # Every bar as it is mounted: all that decides its curve.
 
 
@@ -209,6 +290,10 @@ class PulledBars:
         The stress is multiplied by ``exp(log_factor + log_tilt tanh((strain - 0.15) / 0.2))``.
     relaxing : (S, K)
         Shares of the instantaneous stress that relax with `RELAXATION_TIMES_s`.
+    reference_relaxing : (M, K), reference_rate_per_s
+        Shares of each of the laws' materials in the test that its law was measured in, and that
+        test's strain rate: the instantaneous laws are such that, pulled so, they show the laws.
+        Without rows, laws are instantaneous as they are.
     softening : (S,), softening_table : (21, 21)
         Below its largest strain so far, a slice's stress is multiplied by
         ``1 - softening * table(strain / largest, largest)``, the table on `SOFTENING_SHARES` and
@@ -248,11 +333,15 @@ class PulledBars:
     compliance_power: FloatArray
     gain: FloatArray
     offset_N: FloatArray
+    reference_relaxing: FloatArray = field(
+        default_factory=lambda: np.zeros((0, len(RELAXATION_TIMES_s)))
+    )
+    reference_rate_per_s: float = 1.0
     softening_table: FloatArray = field(default_factory=lambda: np.zeros((21, 21)))
     set_table: FloatArray = field(default_factory=lambda: np.zeros(21))
 
 
-def unaltered(first_slice: IntArray, steps: int) -> dict[str, FloatArray]:
+def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
     """Return what `PulledBars` of elastic slices in a rigid machine have, by attribute."""
     tests, slices = len(first_slice) - 1, int(first_slice[-1])
     none, still, one = np.zeros(slices), np.zeros(tests), np.ones(tests)
@@ -276,8 +365,8 @@ class Setup(PulledBars):
     ----------
     reference
         The conditions at which the palette's laws were measured.
-    coordinate_range
-        Of the palette, softest to hardest.
+    palette_coordinate : (M,)
+        Of the palette's materials, softest to hardest.
     rate_per_s, temperature_C, soak_h, age_days, width_mm, thickness_mm, gauge_mm : (P,)
         Covariates; where unknown, those of the reference (sizes: the nominal ones).
     orientation : (P,)
@@ -291,7 +380,7 @@ class Setup(PulledBars):
     """
 
     reference: Reference
-    coordinate_range: tuple[float, float]
+    palette_coordinate: FloatArray
     rate_per_s: FloatArray
     temperature_C: FloatArray
     soak_h: FloatArray
@@ -303,6 +392,11 @@ class Setup(PulledBars):
     known: Mapping[str, BoolArray]
     designs: tuple[ProfileDesign | None, ...]
     x_mm: FloatArray
+
+    @property
+    def coordinate_range(self) -> tuple[float, float]:
+        """Of the palette, softest to hardest."""
+        return float(self.palette_coordinate[0]), float(self.palette_coordinate[-1])
 
     @property
     def is_bar(self) -> BoolArray:
@@ -721,6 +815,8 @@ def predict(
     paths = np.empty(bars.time_s.shape, dtype=_STEP)
     paths["time_s"] = bars.time_s
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
+    if len(bars.reference_relaxing):
+        laws = instantaneous(laws, bars.reference_relaxing, bars.reference_rate_per_s)
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
     slices["lower"], slices["upper"], slices["fraction"] = laws.bracket(bars.coordinate)
     for name in ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share"):

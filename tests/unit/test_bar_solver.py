@@ -52,7 +52,7 @@ def setup(travel_mm, *, time_s=None, coordinates=((0.0,),), lengths=None, **chan
     ones, first_slice = np.ones(P), np.concatenate([[0], np.cumsum(counts)])
     plain = Setup(
         reference=Reference(),
-        coordinate_range=(0.0, 1.0),
+        palette_coordinate=np.array([0.0, 1.0]),
         first_slice=first_slice,
         time_s=np.broadcast_to(
             np.arange(T, dtype=float) if time_s is None else time_s, (P, T)

@@ -55,10 +55,14 @@ def _graded(setup: Setup, size: float, values: Values) -> FloatArray:
 
     A form without that parameter shows it in all mixtures alike.
     """
+    return _trend(place_on_palette(setup), size, values)
+
+
+def _trend(places: FloatArray, size: float, values: Values) -> FloatArray:
+    """Return a size at places on the palette, 0 to 1; see `_graded`."""
     if "peak" not in values:
-        return np.full(len(setup.coordinate), size)
-    away = (place_on_palette(setup) - values["peak"]) / _WIDTH
-    return size * np.exp(-(away**2))
+        return np.full(len(places), size)
+    return np.asarray(size * np.exp(-(((places - values["peak"]) / _WIDTH) ** 2)))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -282,9 +286,6 @@ TEMPERATURE = Effect(
 # Rate: elastomers are stiffer when strained faster, and relax when held.
 
 
-_REFERENCE_STRAIN = 0.15
-"""Strain at which a relaxing law has the palette's stress, pulled at the reference's rate."""
-
 _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
@@ -304,21 +305,23 @@ def _rate_power(setup: Setup, values: Values) -> Setup:
     return setup.stiffened(rise * setup.on_slices(_rate_decades(setup)))
 
 
-def _ramp_average(setup: Setup) -> FloatArray:
-    """Mean of each exponential over the palette's own pull up to `_REFERENCE_STRAIN`, (K,)."""
-    rests = _REFERENCE_STRAIN / _reference(setup, "rate_per_s") / RELAXATION_TIMES_s
-    return -np.expm1(-rests) / rests
+def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:
+    """Add shares that relax, the palette's laws kept in the palette's own tests.
 
-
-def _relaxing(setup: Setup, spectrum: FloatArray) -> Setup:
-    """Add shares that relax, (S, K) or (K,), the stress in the palette's own pull kept.
-
-    Pulled evenly, a linear law shows 1 - sum g (1 - mean of the exponential) of its
-    instantaneous stress.
+    Parameters
+    ----------
+    spectrum_at
+        Of places on the palette, 0 to 1, (n,): shares, (n, K).
     """
-    kept = 1.0 - spectrum @ (1.0 - _ramp_average(setup))
+    low, high = setup.coordinate_range
+    materials = (setup.palette_coordinate - low) / max(high - low, 1e-12)
+    shares, before = spectrum_at(materials), setup.reference_relaxing
+    if not shares.any():
+        return setup
     return setup.with_(
-        relaxing=setup.relaxing + spectrum, log_factor=setup.log_factor - np.log(kept)
+        relaxing=setup.relaxing + spectrum_at(place_on_palette(setup)),
+        reference_relaxing=shares + before if len(before) else shares,
+        reference_rate_per_s=_reference(setup, "rate_per_s"),
     )
 
 
@@ -330,21 +333,25 @@ def _spectrum(centre_s: float, breadth: float) -> FloatArray:
 
 def _prony(setup: Setup, values: Values) -> Setup:
     """All mixtures relax alike."""
-    return _relaxing(setup, values["share"] * _spectrum(values["centre"], values["breadth"]))
+    shares = values["share"] * _spectrum(values["centre"], values["breadth"])
+    return _relaxing(setup, lambda places: np.tile(shares, (len(places), 1)))
 
 
 def _graded_prony(setup: Setup, values: Values) -> Setup:
     """One mixture relaxes most, over two decades of time."""
-    share = _graded(setup, values["share"], values)
-    return _relaxing(setup, share[:, None] * _spectrum(values["centre"], 1.0))
+    parts = _spectrum(values["centre"], 1.0)
+    return _relaxing(setup, lambda places: _trend(places, values["share"], values)[:, None] * parts)
 
 
 def _fractional(setup: Setup, values: Values) -> Setup:
     """Relax as (1 + t/onset)^-n: its spectrum's integral over ln time as a sum."""
-    n = _graded(setup, values["exponent"], values)[:, None]
     rates = values["onset"] / RELAXATION_TIMES_s
-    density = rgamma(n) * np.exp(n * np.log(rates) - rates)
-    return _relaxing(setup, density * _TIME_STEP)
+
+    def spectrum_at(places: FloatArray) -> FloatArray:
+        n = _trend(places, values["exponent"], values)[:, None]
+        return np.asarray(rgamma(n) * np.exp(n * np.log(rates) - rates) * _TIME_STEP)
+
+    return _relaxing(setup, spectrum_at)
 
 
 RATE = Effect(

@@ -38,7 +38,7 @@ def make_setup(
     there_and_back = 10.0 * (1.0 - np.abs(1.0 - time_s / 6.0))
     values: dict[str, Any] = {
         "reference": REFERENCE,
-        "coordinate_range": (0.0, 1.0),
+        "palette_coordinate": np.array([0.0, 1.0]),
         "first_slice": first,
         "time_s": time_s,
         "travel_mm": there_and_back,

@@ -91,7 +91,7 @@ def test_bleed_takes_a_densely_sampled_design_as_the_curve_it_stands_for(
 def test_a_law_off_at_one_material_is_right_at_the_others(coupons: Make) -> None:
     effect = effects_for(PALETTE)["material-law"]
     places = np.array([m.coordinate for m in PALETTE.materials])
-    before = coupons(len(places), coordinate=places, coordinate_range=(0.0, 1.5))
+    before = coupons(len(places), coordinate=places, palette_coordinate=np.array([0.0, 1.5]))
     for form in effect.forms:
         after = form.apply(before, {form.size.name: -0.4})
         changed = after.log_factor + after.log_tilt

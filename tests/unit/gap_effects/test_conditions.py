@@ -8,7 +8,14 @@ import pytest
 
 from planner.gap.effects import EFFECTS
 from planner.palette import Reference
-from planner.simulation.bar_solver import SOFTENING_PEAKS, RELAXATION_TIMES_s, Setup
+from planner.printers import palette_of
+from planner.simulation.bar_solver import (
+    SOFTENING_PEAKS,
+    RELAXATION_TIMES_s,
+    Setup,
+    law_tables,
+    predict,
+)
 
 Make = Callable[..., Setup]
 Apply = Callable[..., Setup]
@@ -25,21 +32,24 @@ def test_at_the_reference_the_palette_holds(id: str, coupons: Make, middles: Mid
             np.testing.assert_allclose(after.log_tilt, 0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("form", ["prony", "graded-prony", "fractional"])
-def test_a_relaxing_law_keeps_the_palettes_own_test(
-    form: str, coupons: Make, applied: Apply
+@pytest.mark.parametrize("form", [f.name for f in EFFECTS["rate"].forms])
+@pytest.mark.parametrize("size", [0.1, 0.4, 0.75])
+def test_a_relaxing_law_shows_the_palettes_own_law_in_its_own_test(
+    form: str, size: float, coupons: Make, applied: Apply
 ) -> None:
-    after = applied("rate", form, coupons())
-    # Pull a linear law to a strain of 0.15, as the page of effects says, in small steps, and let
-    # each step's stress relax.
-    rate = 0.034
-    ends = np.linspace(0.0, 0.15 / rate, 20001)
-    since = ends[-1] - 0.5 * (ends[1:] + ends[:-1])
-    decay = np.mean(np.exp(-since[:, None] / RELAXATION_TIMES_s), axis=0)
-    shares = after.relaxing
-    stress = np.exp(after.log_factor) * (1.0 - shares.sum(axis=1) + shares @ decay)
-    # Midpoints of steps a 2000th of the shortest time that matters: 1e-4 of its share at most.
-    np.testing.assert_allclose(stress, 1.0, rtol=1e-3)
+    laws = law_tables(palette_of())
+    at = laws.coordinate[:7]
+    # The palette's own tests: even pulls at its rate, here to a strain of 0.6.
+    time_s = np.broadcast_to(np.linspace(0.0, 0.6 / 0.034, 64), (7, 64))
+    before = coupons(
+        7, steps=64, coordinate=at, palette_coordinate=laws.coordinate, time_s=time_s,
+        travel_mm=25.0 * 0.034 * time_s,
+    )  # fmt: skip
+    first = EFFECTS["rate"].form(form).size
+    after = applied("rate", form, before, **{first.name: size * first.high})
+    shown, law = (predict(s, laws).force_N for s in (after, before))
+    # 64 steps follow a curve to 1e-4 of its largest force; a step at rest says nothing.
+    np.testing.assert_allclose(shown, law, rtol=1e-3, atol=1e-4 * law.max(axis=1).min())
 
 
 @pytest.mark.parametrize("form", ["power-law", "graded-power-law"])
