@@ -216,8 +216,10 @@ def _held_rows(
     travel: FloatArray, first: int, last: int, spread: float, noise: float
 ) -> tuple[int, int]:
     """Take off a rest what still moves towards it, or begins to leave it."""
-    level = float(np.median(travel[first : last + 1]))
-    near = np.abs(travel[first : last + 1] - level) <= max(0.0005 * spread, 3.0 * noise)
+    rows = travel[first : last + 1]
+    away = np.abs(rows - np.median(rows))
+    # The median of an even number may lie between two rows, far from both.
+    near = away <= max(0.0005 * spread, 3.0 * noise, float(away.min()))
     inside = np.flatnonzero(near)
     return first + int(inside[0]), first + int(inside[-1])
 

@@ -271,6 +271,17 @@ def test_hold_after_a_ramp_of_two_rows_still_counts():
     assert [BRANCHES[b] for b in found.table.branch] == ["loading"] + 5 * ["hold"]
 
 
+def test_a_hold_that_steps_half_way_is_one_hold():
+    """As many rows before the step as behind it: their median lies between, near none of them."""
+    held = specimen("a", HOLD, rows=101)
+    travel = np.array(held.displacement_mm)
+    top = np.flatnonzero(travel >= 8.0)
+    assert len(top) % 2 == 0
+    travel[top[len(top) // 2] :] = 8.015
+    kinds = [s.kind for s in path_of(replace(held, displacement_mm=travel)).segments]
+    assert kinds == ["loading", "hold"]
+
+
 def test_nothing_to_compare_is_refused():
     noise = np.random.default_rng(4).normal(size=240)
     idle = replace(specimen("a"), displacement_mm=0.01 * noise)
