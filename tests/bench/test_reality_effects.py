@@ -1,6 +1,7 @@
 """Each effect of the bench does what its physics says, where it says, and no more."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from benchmarks.withheld.reality.effects import EFFECTS, UNCLAIMED, Effect, Form
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.sizing import Hidden, force_N
+from benchmarks.withheld.reality.solver import solve
 from benchmarks.withheld.reality.tiers import Cause
 
 ROOT = Path(__file__).parents[2]
@@ -109,9 +111,38 @@ def single(effect_id: str, kind: str, set_name: str) -> tuple[Effect, Form]:
 CASES = [(kind, set_name) for kind in ("library", "other") for set_name in SETS]
 
 
+@pytest.mark.parametrize("effect_id", ["rate", "temperature", "moisture", "ageing", "orientation"])
+@pytest.mark.parametrize(("kind", "set_name"), CASES)
+def test_a_pull_at_the_reference_finds_the_palettes_curve(
+    kind: str, set_name: str, effect_id: str
+) -> None:
+    _, form = single(effect_id, kind, set_name)
+    design, _, _ = laboratory(set_name)
+    coupons = design.take(design.profile < 0)
+    reference = replace(
+        coupons,
+        protocol=np.full(len(coupons), "monotonic"),
+        orientation=np.full(len(coupons), PALETTE.orientation),
+        rate_mm_s=PALETTE.strain_rate_per_s * coupons.gauge_mm,
+        temperature_C=np.full(len(coupons), PALETTE.temperature_C),
+        soak_h=np.full(len(coupons), PALETTE.soak_h),
+        age_days=np.full(len(coupons), PALETTE.age_days),
+    )
+    rules = SETS[set_name]
+    law = fit_base_law(PALETTE, rules.network, rules.largest_misfit)
+    bench = mount(PALETTE, reference, law)
+    plain = solve(bench).force_N[:, 1:]
+    # Relaxation is steep at the start, which the rows of a curve resolve to half a permille
+    allowed = 1e-3 if effect_id == "rate" else 1e-12
+    for seed, size in enumerate((form.low, 0.5 * (form.low + form.high), form.high)):
+        shape = form.draw(np.random.default_rng(seed), design)
+        force = solve(form.apply(bench, size, shape)).force_N[:, 1:]
+        assert np.abs(force / plain - 1.0).max() < allowed
+
+
 @pytest.mark.parametrize(("kind", "set_name"), CASES)
 def test_rate_stiffens_by_what_is_known_of_these_elastomers(kind: str, set_name: str) -> None:
-    """Stress times 1 to 2 a decade; the reference rate finds the palette's curve; holds fade."""
+    """Stress times 1 to 2 a decade, and holds fade."""
     effect, form = single("rate", kind, set_name)
     design, _, _ = laboratory(set_name)
     level = change(set_name, effect, form, form.high)
@@ -123,9 +154,6 @@ def test_rate_stiffens_by_what_is_known_of_these_elastomers(kind: str, set_name:
         per_decade = 10 ** (first_pull[other] / decades[other])
         assert per_decade.min() > 1.0
         assert per_decade.max() < 2.0
-    at_reference = (np.abs(decades) < 0.02) & (design.protocol == "monotonic") & pulled
-    # A fading stress is convex in time: above at the start of a pull, below at its end
-    assert np.abs(np.mean(level[at_reference], axis=1)).max() < 0.1
     held = level[(design.protocol == "relaxation") & (design.profile < 0)]
     assert (np.diff(held[:, 45:], axis=1) <= 1e-9).all()
     assert held[:, -1].max() < -0.03

@@ -40,8 +40,8 @@ class Bench:
     time_factor
         Multiplies the stress, broadcast against (S, T).
     relaxation, memory_share
-        Relaxation function of time (s), normalised so that the palette's own test gives the
-        palette's stress; the share of the stress that it holds for, (S, N).
+        Relaxation function of time (s), 1 at the start; the share of the stress that it holds
+        for, (S, N). The palette's own test gives the palette's stress.
     damage
         Of (work, largest work) in MPa: the factor on the stress below the largest work, and its
         slope by work.

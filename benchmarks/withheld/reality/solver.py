@@ -1,5 +1,10 @@
-"""Force and strains in time: elements in series, specimens side by side, one row after another."""
+"""Force and strains in time: elements in series, specimens side by side, one row after another.
 
+Where stress fades, the law that fades is the one of which the palette's own test, a pull at the
+reference rate, made the palette's curve.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +16,8 @@ from benchmarks.withheld.reality.bisection import equilibrium
 
 __all__ = ["Response", "solve"]
 
-_STEP = float(STRAINS[1])
+_REFERENCE_CELLS = 400
+_GAUSS = np.polynomial.legendre.leggauss(4)
 _BUCKLED = 0.05  # share of the stiffness that a thin strip keeps in compression
 _BUCKLING_STRAIN = 0.004
 _ITERATIONS = 60
@@ -40,27 +46,32 @@ class _Curves:
     """Stress and work of every element on strain, by table."""
 
     def __init__(self, bench: Bench) -> None:
-        secant = bench.law.secant_MPa(bench.coordinate) * bench.secant_factor
-        stress = secant * STRAINS
-        work = np.cumsum(0.5 * _STEP * (stress[..., 1:] + stress[..., :-1]), axis=-1)
+        strains, secant = STRAINS, bench.law.secant_MPa(bench.coordinate) * bench.secant_factor
+        if bench.relaxation is not None:
+            strains, secant = _before_it_faded(bench, bench.relaxation, secant)
+        stress = secant * strains
+        work = np.cumsum(0.5 * np.diff(strains) * (stress[..., 1:] + stress[..., :-1]), axis=-1)
+        self._strains = strains
         self._secant = secant.ravel()
         self._work = np.concatenate([np.zeros((*work.shape[:-1], 1)), work], axis=-1).ravel()
         self._first = np.arange(bench.coordinate.size).reshape(bench.coordinate.shape) * len(
-            STRAINS
+            strains
         )
 
-    def _place(self, strain: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-        scaled = np.maximum(strain, 0.0) / _STEP
-        cell = np.minimum(scaled.astype(np.int64), len(STRAINS) - 2)
-        return self._first + cell, scaled - cell
+    def _place(self, strain: FloatArray) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+        """Return the entry at or below a strain, the share of its cell, and the cell's width."""
+        strain = np.maximum(strain, 0.0)
+        cell = np.searchsorted(self._strains[1:-1], strain, side="right")
+        width = self._strains[cell + 1] - self._strains[cell]
+        return self._first + cell, (strain - self._strains[cell]) / width, width
 
     def stress_MPa(self, strain: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the stress and its slope by strain."""
-        at, part = self._place(strain)
+        at, part, width = self._place(strain)
         low = self._secant[at]
         rise = self._secant[at + 1] - low
         secant = low + rise * part
-        slope = secant + strain * rise / _STEP
+        slope = secant + strain * rise / width
         pushed = strain < 0.0
         straight = np.exp(np.minimum(strain, 0.0) / _BUCKLING_STRAIN)
         push = _BUCKLED * strain + (1.0 - _BUCKLED) * _BUCKLING_STRAIN * (straight - 1.0)
@@ -71,10 +82,36 @@ class _Curves:
 
     def work_MPa(self, strain: FloatArray) -> FloatArray:
         """Return the area under the stress."""
-        at, part = self._place(strain)
+        at, part, _ = self._place(strain)
         low = self._work[at]
         work: FloatArray = low + (self._work[at + 1] - low) * part
         return work
+
+
+def _before_it_faded(
+    bench: Bench, relaxation: Callable[[FloatArray], FloatArray], secant: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return strains and the secant moduli there of which the palette's pull leaves `secant`.
+
+    Step by step along the pull, the stress that has faded so far is known, and the next stress
+    is what makes the sum the palette's.
+    """
+    # Cells that grow from the start, where relaxation is steep
+    strains = STRAINS[-1] * np.linspace(0.0, 1.0, _REFERENCE_CELLS + 1) ** 2
+    at = np.minimum(np.searchsorted(STRAINS, strains, side="right") - 1, len(STRAINS) - 2)
+    part = (strains - STRAINS[at]) / np.diff(STRAINS)[at]
+    published = (secant[..., at] * (1.0 - part) + secant[..., at + 1] * part) * strains
+    left = _mean_left(relaxation, strains[None] / bench.palette.strain_rate_per_s)[0]
+    share = np.broadcast_to(bench.memory_share, published.shape[:-1])
+    stress = np.zeros_like(published)
+    steps = np.zeros_like(published)
+    for i in range(1, len(strains)):
+        before = stress[..., i - 1]
+        faded = steps[..., :i] @ left[i, :i] - left[i, i] * before
+        kept = 1.0 + share * (left[i, i] - 1.0)
+        stress[..., i] = (published[..., i] - share * faded) / kept
+        steps[..., i] = stress[..., i] - before
+    return strains, np.concatenate([secant[..., :1], stress[..., 1:] / strains[1:]], axis=-1)
 
 
 class _History:
@@ -135,12 +172,12 @@ def solve(bench: Bench) -> Response:
     Equal force in every element, and element lengths, slip and machine that add up to the
     crosshead's travel: Newton's method on strains and force together, implicit in time, and
     bisection for the specimens of which it does not find the equilibrium of a row. The memory
-    is the hereditary integral of the stress increments, each placed at the middle of its row.
+    is the hereditary integral of the stress increments, each spread evenly over its row.
     """
     travel = bench.motion.displacement_mm - bench.lost_mm
     (specimens, elements), rows = bench.coordinate.shape, travel.shape[1]
     area = bench.area_mm2[:, None]
-    kernel = _kernel(bench)
+    kernel = None if bench.relaxation is None else _mean_left(bench.relaxation, bench.motion.time_s)
     history = _History(bench)
     strain = np.zeros((specimens, elements))
     force, largest_force = np.zeros(specimens), np.zeros(specimens)
@@ -199,12 +236,20 @@ def _first_guess(
     return strain * ratio[:, None] + alike[:, None]
 
 
-def _kernel(bench: Bench) -> FloatArray | None:
-    if bench.relaxation is None:
-        return None
-    time = bench.motion.time_s
-    middle = time - 0.5 * np.diff(time, axis=1, prepend=0.0)
-    return bench.relaxation(np.maximum(time[:, :, None] - middle[:, None, :], 0.0))
+def _mean_left(relaxation: Callable[[FloatArray], FloatArray], time_s: FloatArray) -> FloatArray:
+    """Return what is left in row i of a step spread over row j, mean, shape (S, T, T).
+
+    By Gauss's rule in the cube root of the age, as relaxation may be steep at the start.
+    """
+    end = np.cbrt(np.maximum(time_s[:, :, None] - time_s[:, None, :], 0.0))
+    start_s = np.concatenate([np.zeros_like(time_s[:, :1]), time_s[:, :-1]], axis=1)
+    start = np.cbrt(np.maximum(time_s[:, :, None] - start_s[:, None, :], 0.0))
+    total, of = np.zeros_like(end), np.full_like(end, 1e-300)
+    for place, weight in zip(*_GAUSS, strict=True):
+        age = 0.5 * (start + end + place * (start - end))
+        total += weight * age**2 * relaxation(age**3)
+        of += weight * age**2
+    return total / of
 
 
 def _lost_mm(

@@ -1,8 +1,8 @@
 """Rate: part of the stress fades, so that a slow or a held test is softer than the palette's.
 
 Size: the share of the short-time stress that fades (relaxation forms), or the exponent of the rate
-(power). Relaxation functions are normalised to a mean of 1 over the palette's own ramp to strain
-0.15, so that a test at the reference rate finds about the palette's curve.
+(power). A pull at the reference rate finds the palette's curve: relaxation acts on the law that
+the palette's own test relaxed to it (`solver`), and the power is of the ratio of rates.
 """
 
 from collections.abc import Callable
@@ -16,16 +16,9 @@ from benchmarks.withheld.reality.effects.form import Effect, Form, Shape, number
 
 __all__ = ["EFFECT"]
 
-_NORMAL_STRAIN = 0.15
-
 
 def _fading(bench: Bench, decay: Callable[[FloatArray], FloatArray], size: float) -> Bench:
-    end_s = _NORMAL_STRAIN / bench.palette.strain_rate_per_s
-    # Cells that grow from the start, where the functions are steep
-    cells = end_s * np.linspace(0.0, 1.0, 401) ** 3
-    middle = 0.5 * (cells[1:] + cells[:-1])
-    mean = 1.0 - size + size * float(np.sum(decay(middle) * np.diff(cells)) / end_s)
-    return replace(bench, relaxation=lambda time_s: (1.0 - size + size * decay(time_s)) / mean)
+    return replace(bench, relaxation=lambda time_s: 1.0 - size + size * decay(time_s))
 
 
 def _everywhere(bench: Bench) -> Bench:
