@@ -10,7 +10,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.withheld.scoring import EFFECT_IDS, NO_ANSWER, Score, Truth, read_answer, score
+from benchmarks.withheld.scoring import (
+    EFFECT_IDS,
+    NO_ANSWER,
+    Answer,
+    Score,
+    Truth,
+    read_answer,
+    score,
+)
 from benchmarks.withheld.summary import Summary, summarise
 from planner.errors import FileError, UnknownNameError, nearest_names
 
@@ -23,6 +31,7 @@ __all__ = [
     "diagnose_all",
     "read_documents",
     "score_outcomes",
+    "scored",
 ]
 
 
@@ -226,18 +235,10 @@ def score_outcomes(
     problems: dict[str, str] = {}
     scores = []
     for name in sorted(outcomes, key=lambda name: (_turn(truth, name), name)):
-        outcome = outcomes[name]
-        answer = NO_ANSWER
-        if outcome.document is None:
-            problems[name] = outcome.problem or "no diagnosis"
-        else:
-            try:
-                answer = read_answer(outcome.document, name)
-            except FileError as error:
-                problems[name] = str(error)
-        scores.append(
-            score(name, answer, truth.campaigns[name], without=without, seconds=outcome.seconds)
-        )
+        found, _, problem = scored(outcomes[name], name, truth, without=without)
+        scores.append(found)
+        if problem is not None:
+            problems[name] = problem
     return Results(
         truth=truth,
         without=tuple(sorted(without)),
@@ -246,6 +247,28 @@ def score_outcomes(
         problems=problems,
         not_diagnosed=tuple(name for name in truth.campaigns if name not in outcomes),
     )
+
+
+def scored(
+    outcome: Outcome, name: str, truth: Truth, *, without: Collection[str] = ()
+) -> tuple[Score, Answer | None, str | None]:
+    """Return the score of what became of a campaign, its answer, and why there is none."""
+    answer, problem = None, None
+    if outcome.document is None:
+        problem = outcome.problem or "no diagnosis"
+    else:
+        try:
+            answer = read_answer(outcome.document, name)
+        except FileError as error:
+            problem = str(error)
+    found = score(
+        name,
+        answer or NO_ANSWER,
+        truth.campaigns[name],
+        without=without,
+        seconds=outcome.seconds,
+    )
+    return found, answer, problem
 
 
 def check_effects(ids: Collection[str]) -> None:

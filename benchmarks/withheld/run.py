@@ -26,17 +26,9 @@ from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.naive_bic import naive_answer
 from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.__main__ import main as reality
-from benchmarks.withheld.results import Outcome, Task, diagnose_all
+from benchmarks.withheld.results import Outcome, Task, diagnose_all, scored
 from benchmarks.withheld.run_log import MIXED, append_run, check_not_scored
-from benchmarks.withheld.scoring import (
-    NO_ANSWER,
-    Answer,
-    Score,
-    Truth,
-    read_answer,
-    read_truth,
-    score,
-)
+from benchmarks.withheld.scoring import Answer, Score, Truth, read_truth
 from benchmarks.withheld.sealed import ended, options_of_runs
 from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
@@ -154,16 +146,9 @@ def _results(
     problems: dict[str, str] = {}
     for key, outcome in outcomes.items():
         name, without = key
-        answers[key], problem = _answer(outcome, name)
+        found, answers[key], problem = scored(outcome, name, truth, without=without)
         if problem is not None:
             problems[name + (f" without {'+'.join(without)}" if without else "")] = problem
-        found = score(
-            name,
-            answers[key] or NO_ANSWER,
-            truth.campaigns[name],
-            without=without,
-            seconds=outcome.seconds,
-        )
         scores[key] = replace(found, tier=LEFT_OUT) if without else found
     cases = [
         Case(
@@ -202,20 +187,8 @@ def _results(
 def _beside_naive(
     truth: Truth, scores: Mapping[Key, Score], naive: Mapping[Key, Outcome]
 ) -> dict[str, Any]:
-    theirs = [
-        score(key[0], _answer(outcome, key[0])[0] or NO_ANSWER, truth.campaigns[key[0]])
-        for key, outcome in naive.items()
-    ]
+    theirs = [scored(outcome, name, truth)[0] for (name, _), outcome in naive.items()]
     return compare([scores[key] for key in naive], theirs)
-
-
-def _answer(outcome: Outcome, name: str) -> tuple[Answer | None, str | None]:
-    if outcome.document is None:
-        return None, outcome.problem or "no diagnosis"
-    try:
-        return read_answer(outcome.document, name), None
-    except FileError as error:
-        return None, str(error)
 
 
 def _parser() -> argparse.ArgumentParser:
