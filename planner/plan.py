@@ -72,7 +72,15 @@ class PartGraded:
 class Gradient:
     """The wish: a field over the part, and a target along it (``from`` and ``to`` in the file).
 
-    `blend` says how targets between two materials are met, where not by the nearer one.
+    Attributes
+    ----------
+    start, end
+        Ids of materials, or moduli such as ``0.5MPa``.
+    blend
+        How targets between two materials are met, where not by the nearer one.
+    like
+        Of a plan that follows an earlier one: the hash of that one's plan.json, its palette, and
+        what stood at its ends.
     """
 
     field: Mapping[str, Any]
@@ -81,6 +89,7 @@ class Gradient:
     end: str | None
     bands: int | None = None
     blend: Mapping[str, Any] | None = None
+    like: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,8 +252,8 @@ class Plan:
             "to": gradient.get("end"),
             "bands": gradient.get("bands"),
         }
-        if "blend" in gradient:
-            document["gradient"]["blend"] = gradient["blend"]
+        beside = {name: gradient[name] for name in ("blend", "like") if name in gradient}
+        document["gradient"] |= beside
         return document
 
     def json(self) -> bytes:

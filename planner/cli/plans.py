@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, AtStrain, PaletteName, PrinterName, Quiet
+from planner.cli.output import AsJson, PaletteName, Quiet
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -25,10 +25,24 @@ _FINDINGS_SHOWN = 10
 
 def grade(
     part: Annotated[Path, Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
-    from_: Annotated[
-        str | None, Option("--from", help="Material where the gradient begins.")
+    like: Annotated[
+        Path | None,
+        Option(
+            help="An earlier plan's folder or plan.json: its targets in MPa are to be met again, "
+            "with another --palette; what else is not stated is as it was there; see "
+            "docs/how-to/close-the-loop.md."
+        ),
     ] = None,
-    to: Annotated[str | None, Option(help="Material where it ends.")] = None,
+    from_: Annotated[
+        str | None,
+        Option(
+            "--from",
+            help="Where the gradient begins: a material, or a modulus with its unit (500kPa).",
+        ),
+    ] = None,
+    to: Annotated[
+        str | None, Option(help="Where it ends: a material, or a modulus (7MPa).")
+    ] = None,
     axis: Annotated[
         str | None,
         Option(help="Direction: x, y, z, -x, ... or dx,dy,dz; the longest extent by default."),
@@ -50,12 +64,12 @@ def grade(
         ),
     ] = None,
     profile: Annotated[
-        str,
+        str | None,
         Option(
-            help="log, linear, smooth, steps:N, or a CSV file with position (0..1) and "
-            "modulus_MPa or material."
+            help="log (by default), linear, smooth, steps:N, or a CSV file with position (0..1) "
+            "and modulus_MPa or material."
         ),
-    ] = "log",
+    ] = None,
     bands: Annotated[
         int | None,
         Option(
@@ -64,13 +78,13 @@ def grade(
         ),
     ] = None,
     blend: Annotated[
-        str,
+        str | None,
         Option(
-            help="How a target between two materials is met: nearest takes the nearer one; dither "
-            "deals cells of both; bands:N lets N pairs of thinner bands take turns; mix records "
-            "mixtures; see docs/how-to/blend-materials.md."
+            help="How a target between two materials is met: nearest, by default, takes the nearer "
+            "one; dither deals cells of both; bands:N lets N pairs of thinner bands take turns; "
+            "mix records mixtures; see docs/how-to/blend-materials.md."
         ),
-    ] = "nearest",
+    ] = None,
     cell_mm: Annotated[
         float | None,
         Option(
@@ -79,9 +93,18 @@ def grade(
             "default.",
         ),
     ] = None,
-    at_strain: AtStrain = 0.1,
+    at_strain: Annotated[
+        float | None,
+        Option(
+            help="Working strain: stiffness is the secant modulus of the nominal stress up to it; "
+            "0.1 by default."
+        ),
+    ] = None,
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
-    printer: PrinterName = "connex3",
+    printer: Annotated[
+        str | None,
+        Option(help="Installed printer; see [bold]planner printers[/bold]; connex3 by default."),
+    ] = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
@@ -98,6 +121,8 @@ def grade(
 ) -> int:
     """Grade a part from one stiffness to another and write the files that print it.
 
+    Exit code 1 when a target is out of reach, a check fails or something will not print as drawn.
+
     Example: [bold]planner grade finger.stl --from Tango --to Vero --axis x[/bold]
     """
     import planner
@@ -110,6 +135,7 @@ def grade(
     with progress(not quiet and not as_json) as stage:
         plan = planner.grade(
             part,
+            like=like,
             from_=from_,
             to=to,
             axis=axis,

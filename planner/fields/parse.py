@@ -3,15 +3,16 @@
 import ast
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, MeshError, did_you_mean
+from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.fields.basic import (
     AxisField,
     Field,
@@ -46,7 +47,7 @@ from planner.mesh.part import make_part
 from planner.numerics import FloatArray, Point
 from planner.voxels.columns import Grid
 
-__all__ = ["Setting", "build_field"]
+__all__ = ["Setting", "build_field", "field_text"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -700,3 +701,97 @@ def _number(part: str, text: str) -> float:
         raise ArgumentError(
             f"`field` {text.strip()!r}: {part.strip()!r} must be a number"
         ) from None
+
+
+# ------------------------------------------------------------------------------------------------
+# The way back: from what a plan says of its field to the text that builds it again.
+
+
+def field_text(says: Mapping[str, Any], origin_mm: Point) -> str:
+    """Return a field, as its description tells it, as a user would write it.
+
+    Parameters
+    ----------
+    says
+        `Field.description`, positions as placed.
+    origin_mm
+        Where the part's own origin lay then.
+
+    Raises
+    ------
+    ArgumentError
+        The field is made of a file or a function, which its description does not hold.
+    FileError
+        No description that planner writes.
+    """
+    try:
+        return _text_of(says, origin_mm)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"plan.json: gradient.field is not one that planner writes ({error!r}); give the field "
+            "again with `field` or `axis`"
+        ) from error
+
+
+def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
+    name = says["name"]
+    if name in _RULES:
+        parts = [_text_of(one, origin_mm) for one in says["fields"]]
+        numbers = [repr(float(says[key])) for key in ("weight", "low", "high") if key in says]
+        return f"{name}({'; '.join([*parts, *numbers])})"
+    if name == "axis":
+        normal = [float(c) for c in says["direction"]]
+        start = float(says["start_mm"]) - float(np.dot(normal, origin_mm))
+        stop = start + float(says["span_mm"])
+        return f"distance: plane={_words([0.0, 0.0, 0.0, *normal])}, from={start!r}, to={stop!r}"
+    if name == "expression":
+        return f"expression: {says['expression']}"
+    if name == "harmonic":
+        first, last = (_region_text(says[key], origin_mm) for key in ("from", "to"))
+        return f"harmonic: from={first}, to={last}"
+    ends = (
+        f"from={float(says['from_mm'])!r}, to={float(says['to_mm'])!r}" if "to_mm" in says else ""
+    )
+    if name == "geodesic":
+        return f"geodesic: start={_region_text(says['start'], origin_mm)}, {ends}"
+    if name == "radial" and "direction" in says:
+        line = [*_own(says["point_mm"], origin_mm), *map(float, says["direction"])]
+        return f"radial: line={_words(line)}, {ends}"
+    if name == "radial":
+        return f"radial: point={_words(_own(says['centre_mm'], origin_mm))}, {ends}"
+    of = says.get("of") if name == "distance" else None
+    if of == "surface":
+        return f"distance: surface, {ends}"
+    if of == "hole":
+        return f"distance: hole={_words(_own(says['point_mm'], origin_mm))}, {ends}"
+    if of == "faces":
+        corners = [c for corner in says["box_mm"] for c in _own(corner, origin_mm)]
+        return f"distance: box={_words(corners)}, {ends}"
+    made_of = says.get("file") or says.get("function") or of
+    raise _not_held(name, made_of)
+
+
+def _region_text(says: Mapping[str, Any], origin_mm: Point) -> str:
+    if "box_mm" in says:
+        return f"box {_words([c for corner in says['box_mm'] for c in _own(corner, origin_mm)])}"
+    if "radius_mm" in says:
+        return f"ball {_words([*_own(says['centre_mm'], origin_mm), float(says['radius_mm'])])}"
+    if "normal" in says:
+        return f"plane {_words([*_own(says['point_mm'], origin_mm), *map(float, says['normal'])])}"
+    raise _not_held("region", says["file"])
+
+
+def _not_held(name: str, made_of: object) -> ArgumentError:
+    return ArgumentError(
+        f"the plan's field, {name}, is made of {made_of}, which plan.json does not hold: give the "
+        "field again with `field`"
+    )
+
+
+def _own(placed_mm: Sequence[float], origin_mm: Point) -> list[float]:
+    """Return a position in the part's own coordinates."""
+    return [float(one) - shift for one, shift in zip(placed_mm, origin_mm, strict=True)]
+
+
+def _words(numbers: Iterable[float]) -> str:
+    return " ".join(map(repr, numbers))

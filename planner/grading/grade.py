@@ -41,18 +41,17 @@ from planner.grading.profile import (
     Band,
     Profile,
     StiffnessScale,
-    between,
     equal_bands,
     natural_bands,
-    read_profile,
     shortfalls,
     stiffness_scale,
 )
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
+from planner.grading.wish import End, Wish, targets_of, whole_wish
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import Part, make_part, part_from_arrays, place
 from planner.numerics import FloatArray, IntArray, Point
-from planner.palette import Material, Palette
+from planner.palette import Palette
 from planner.plan import (
     Check,
     Finding,
@@ -374,17 +373,18 @@ _Progress = Callable[[str], None]
 def grade(
     part: object,
     *,
-    from_: str | Material | None = None,
-    to: str | Material | None = None,
+    like: str | Path | Plan | None = None,
+    from_: End | None = None,
+    to: End | None = None,
     axis: str | tuple[float, float, float] | None = None,
-    profile: str | Path | Profile = "log",
+    profile: str | Path | Profile | None = None,
     bands: int | None = None,
     field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
     pitch_mm: float | None = None,
-    blend: str = "nearest",
+    blend: str | None = None,
     cell_mm: float | None = None,
-    at_strain: float = 0.1,
-    printer: str | Printer = "connex3",
+    at_strain: float | None = None,
+    printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     name: str | None = None,
@@ -397,14 +397,19 @@ def grade(
     part
         Path of a mesh file, a mesh with ``vertices`` and ``faces`` (such as ``trimesh.Trimesh``),
         or a pair (vertices, faces) in `unit`.
+    like
+        An earlier plan, its plan.json or its folder: its targets in MPa are to be met again, with
+        another palette. What else is not stated is as it was there: field, profile, blend, bands,
+        strain, printer and unit.
     from_, to
-        Materials at the beginning and the end of the gradient, by id, alias or unique prefix.
-        Not needed with a profile file, which names its own targets.
+        What stands at the beginning and the end of the gradient: a material by id, alias or
+        unique prefix; or a modulus, in MPa or as text with its unit, ``"500kPa"``. Not needed
+        with `like`, or with a profile file, which names its own targets.
     axis
         Direction of the gradient: ``x``, ``-z``, ``"1,0,1"`` or three numbers; the part's longest
         extent by default.
     profile
-        ``log``, ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
+        ``log`` (by default), ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
     bands
         Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
         the cuts lie where the nearest material, or the mixture, changes.
@@ -416,16 +421,16 @@ def grade(
         Of the grid on which curved level sets are drawn; by default 0.5 mm, finer for parts smaller
         than 25 mm and coarser for those larger than 63 mm.
     blend
-        How a target between two materials is met: ``nearest`` takes the nearer one; ``dither``
-        deals cells of both, as many of each as the target needs; ``bands:N`` lets N pairs of
-        thinner bands take turns from one material to the next; ``mix`` records mixtures, for
-        printers that jet them.
+        How a target between two materials is met: ``nearest``, by default, takes the nearer one;
+        ``dither`` deals cells of both, as many of each as the target needs; ``bands:N`` lets N
+        pairs of thinner bands take turns from one material to the next; ``mix`` records mixtures,
+        for printers that jet them.
     cell_mm
         Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
     at_strain
-        Working strain of the secant modulus.
+        Working strain of the secant modulus; 0.1 by default.
     printer, palette
-        By name, file or value; the printer's default palette if not given.
+        By name, file or value; the Connex3 and the printer's default palette if not given.
     unit
         Unit of the part's figures; mm unless the file says otherwise.
     name
@@ -448,43 +453,50 @@ def grade(
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero", axis="x")  # doctest: +SKIP
     >>> plan.write("finger-graded")  # doctest: +SKIP
     """
-    machine = load_printer(printer)
-    if field is not None and axis is not None:
-        raise ArgumentError("give `axis` or `field`, not both; `field` 'axis: z' is an axis too")
-    pitch_mm = None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`")
-    bands = None if bands is None else as_count(bands, "`bands`")
-    at_strain = as_number(at_strain, "`at_strain`")
-    cell_mm = None if cell_mm is None else positive(cell_mm, "`cell_mm`")
-    choice = _blend_choice(blend)
-    scale = stiffness_scale(palette_of(palette, machine), at_strain)
-    target, start, end = _target(profile, from_, to, scale)
+    stated = Wish(
+        start=from_, end=to, profile=profile, axis=axis, field=field,
+        pitch_mm=None if pitch_mm is None else positive(pitch_mm, "`pitch_mm`"),
+        bands=None if bands is None else as_count(bands, "`bands`"),
+        blend=blend,
+        cell_mm=None if cell_mm is None else positive(cell_mm, "`cell_mm`"),
+        at_strain=None if at_strain is None else as_number(at_strain, "`at_strain`"),
+        printer=printer, palette=palette, unit=unit,
+    )  # fmt: skip
+    wish, earlier = whole_wish(stated, like)
+    assert wish.printer is not None
+    assert wish.at_strain is not None
+    machine = load_printer(wish.printer)
+    choice = _blend_choice(wish.blend)
+    scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
+    target, start, end = targets_of(wish, scale)
 
     progress("reading the part")
-    source = _open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    source = _open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
     mesh, translation = place(source.part.mesh)
-    given, pitch_mm = pitch_mm, default_pitch_mm(mesh) if pitch_mm is None else pitch_mm
-    if field is None:
-        along: Field = axis_field(axis, mesh)
+    pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
+    if wish.field is None:
+        along: Field = axis_field(wish.axis, mesh)
     else:
         progress("building the field")
-        along = build_field(field, Setting(mesh, point(translation), pitch_mm))
+        along = build_field(wish.field, Setting(mesh, point(translation), pitch_mm))
 
     progress("cutting the shells")
     design = _design_pieces(
-        choice, mesh, along, target, scale, machine, bands=bands, cell_mm=cell_mm
+        choice, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
     )
     if isinstance(design, BandDesign):
         _check_thickness(along, design.bands, machine, source.warnings)
-        if given is None and not isinstance(along, PlanarField):
+        if wish.pitch_mm is None and not isinstance(along, PlanarField):
             pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
     pieces = design.cut(mesh, along, pitch_mm)
-    shells = shells_of(pieces, design.printed, at_strain, machine, source.name)
+    shells = shells_of(pieces, design.printed, scale.at_strain, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
     printing, findings = design.held(mesh, along, pieces, shells, pitch_mm, scale, machine)
+    followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
         unsure = (MIXTURES_UNCALIBRATED.format(printer=machine.title),)
@@ -497,61 +509,24 @@ def grade(
         printer=machine.name,
         palette=PaletteUsed(scale.palette.name, scale.palette.sha256),
         part=_part_graded(source, point(translation)),
-        gradient=Gradient(described, target.description(), start, end, bands, design.says),
-        stiffness=Stiffness("secant-nominal", at_strain),
+        gradient=Gradient(
+            described,
+            target.description(),
+            start,
+            end,
+            wish.bands,
+            design.says,
+            None if earlier is None else earlier.says,
+        ),
+        stiffness=Stiffness("secant-nominal", scale.at_strain),
         regions=regions,
         checks={**checks, **printing},
         findings=findings,
-        warnings=(*source.warnings, *unsure),
+        warnings=(*source.warnings, *followed, *unsure),
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=machine.job_notes(),
     )
-
-
-def _target(
-    profile: str | Path | Profile,
-    from_: str | Material | None,
-    to: str | Material | None,
-    scale: StiffnessScale,
-) -> tuple[Profile, str | None, str | None]:
-    """Return the target along the field and the ids of the materials at its ends."""
-    palette = scale.palette
-    start, end = _material_id(from_, palette), _material_id(to, palette)
-    if isinstance(profile, Profile):
-        return profile, start, end
-    if not isinstance(profile, (str, Path)):
-        raise ArgumentError(
-            f"profile is a {type(profile).__name__}; give a name, a CSV file or a planner.Profile"
-        )
-    if isinstance(profile, Path) or profile.casefold().endswith(".csv"):
-        if start is not None or end is not None:
-            raise ArgumentError(
-                f"`profile` {profile} names its own targets; leave out `from_` and `to`"
-            )
-        moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
-        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
-    if start is None or end is None:
-        ids = ", ".join(material.id for material in palette.materials)
-        raise ArgumentError(
-            "give both ends of the gradient, as in `from_` Tango `to` Vero; palette "
-            f"{palette.name} has {ids}"
-        )
-    if start == end:
-        raise ArgumentError(
-            f"`from_` {from_} and `to` {to} are one material, {start}; a gradient needs two"
-        )
-    return between(profile, scale.modulus_of(start), scale.modulus_of(end)), start, end
-
-
-def _material_id(material: str | Material | None, palette: Palette) -> str | None:
-    if material is None:
-        return None
-    if not isinstance(material, (str, Material)):
-        raise ArgumentError(
-            f"an end of the gradient is a {type(material).__name__}; give the name of a material"
-        )
-    return palette.resolve(material if isinstance(material, str) else material.id).id
 
 
 def _check_thickness(

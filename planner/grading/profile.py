@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
+from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
 from planner.materials.mixtures import (
     Blend,
@@ -39,6 +40,7 @@ __all__ = [
     "is_dithered",
     "list_materials",
     "natural_bands",
+    "profile_of",
     "read_profile",
     "shortfalls",
     "stiffness_scale",
@@ -377,6 +379,10 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
 # pixel on any part that fits a tray, far above rounding.
 _SAME_POSITION = 1e-9
 
+# Moduli nearer than this to each other, relatively, are one: a plan.json keeps nine digits of a
+# target, and the material that gave it must still reach it.
+_SAME_MODULUS = 10.0 ** (1 - SIGNIFICANT_DIGITS)
+
 
 @dataclass(frozen=True, slots=True)
 class Band:
@@ -451,9 +457,9 @@ def shortfalls(profile: Profile, moduli_MPa: tuple[float, ...]) -> tuple[Shortfa
     found = []
     for start, stop in itertools.pairwise(distinct_positions([*cuts, *profile.positions])):
         low, high = profile.interval_MPa(start, stop)
-        if low < softest * (1.0 - 1e-9):
+        if low < softest * (1.0 - _SAME_MODULUS):
             found.append(Shortfall(start, stop, (low, high), 0))
-        elif high > hardest * (1.0 + 1e-9):
+        elif high > hardest * (1.0 + _SAME_MODULUS):
             found.append(Shortfall(start, stop, (low, high), len(moduli_MPa) - 1))
     return tuple(found)
 
@@ -499,7 +505,7 @@ def dithered_profile(plan: "Plan", palette: Palette) -> tuple[FloatArray, FloatA
     UnknownNameError
         The palette lacks a material of the plan.
     """
-    profile = _profile_of(plan.gradient.profile)
+    profile = profile_of(plan.gradient.profile)
     by_stretch = {region.field: region for region in plan.regions}
     field, coordinate = [], []
     for (start, stop), region in sorted(by_stretch.items()):
@@ -535,7 +541,14 @@ def _coordinates_of(
     return np.asarray(lower + t * (upper - lower))
 
 
-def _profile_of(description: Mapping[str, Any]) -> Profile:
+def profile_of(description: Mapping[str, Any]) -> Profile:
+    """Return a profile as `Profile.description` tells it.
+
+    Raises
+    ------
+    FileError
+        It is not one that planner writes.
+    """
     try:
         return Profile(
             str(description["name"]),

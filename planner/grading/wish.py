@@ -1,0 +1,282 @@
+"""What a part is to be graded to: options as stated, an earlier plan to follow, and defaults."""
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
+from planner.fields.basic import Field
+from planner.fields.parse import field_text
+from planner.formats.mesh_file import MILLIMETRES
+from planner.formats.tables import QUANTITY_UNITS
+from planner.grading.profile import Profile, StiffnessScale, between, profile_of, read_profile
+from planner.numerics import FloatArray
+from planner.palette import Material, Palette
+from planner.plan import Gradient, Plan, plan_file, read_plan
+from planner.printers import Printer, palette_of
+
+__all__ = ["Earlier", "End", "Wish", "targets_of", "whole_wish"]
+
+
+# ------------------------------------------------------------------------------------------------
+# What a caller may state, and what an earlier plan or a default fills in.
+
+
+End: TypeAlias = str | float | Material
+"""Where a gradient begins or ends: a material by name or value, or a modulus, in MPa or as text
+with its unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """The options of `planner.grade` that say what is wanted; None where nothing is stated."""
+
+    start: End | None = None
+    end: End | None = None
+    profile: str | Path | Profile | None = None
+    axis: str | tuple[float, float, float] | None = None
+    field: str | Field | Callable[[FloatArray], FloatArray] | None = None
+    pitch_mm: float | None = None
+    bands: int | None = None
+    blend: str | None = None
+    cell_mm: float | None = None
+    at_strain: float | None = None
+    printer: str | Printer | None = None
+    palette: str | Path | Palette | None = None
+    unit: str | None = None
+
+    def or_else(self, other: "Wish") -> "Wish":
+        """Return this wish, with what it leaves open as another has it."""
+        open_ = [f.name for f in fields(self) if getattr(self, f.name) is None]
+        return replace(self, **{name: getattr(other, name) for name in open_})
+
+
+_DEFAULTS = Wish(profile="log", blend="nearest", at_strain=0.1, printer="connex3")
+
+
+def whole_wish(stated: Wish, like: str | Path | Plan | None) -> "tuple[Wish, Earlier | None]":
+    """Return a wish with nothing open that a plan needs, and the plan that it follows.
+
+    Raises
+    ------
+    ArgumentError
+        Options that contradict the plan to follow, or that it cannot give.
+    FileError
+        No such plan.
+    """
+    if stated.field is not None and stated.axis is not None:
+        raise ArgumentError("give `axis` or `field`, not both; `field` 'axis: z' is an axis too")
+    if like is None:
+        return stated.or_else(_DEFAULTS), None
+    earlier = _earlier(like)
+    return stated.or_else(earlier.wish(stated)).or_else(_DEFAULTS), earlier
+
+
+# ------------------------------------------------------------------------------------------------
+# An earlier plan, whose targets in MPa are to be met again.
+
+
+@dataclass(frozen=True, slots=True)
+class Earlier:
+    """A plan to follow, and the hash of its plan.json."""
+
+    plan: Plan
+    sha256: str
+
+    @property
+    def says(self) -> Mapping[str, Any]:
+        """What the new plan says of this one."""
+        plan = self.plan
+        palette = {"name": plan.palette.name, "sha256": plan.palette.sha256}
+        ends = {"from": plan.gradient.start, "to": plan.gradient.end}
+        return {"plan_sha256": self.sha256, "palette": palette, **ends}
+
+    def wish(self, stated: Wish) -> Wish:
+        """Return what this plan was made with, as far as the options beside it leave it open.
+
+        A field of one's own takes the place of the plan's field and its pitch, a blend that of
+        its blend, bands and cells; a shape of profile runs between the ends of its target.
+
+        Raises
+        ------
+        ArgumentError
+            The options contradict it, or it cannot give what they leave open.
+        """
+        self._refuse(stated)
+        gradient, part = self.plan.gradient, self.plan.part
+        target = profile_of(gradient.profile)
+        had_ends = gradient.start is not None and gradient.end is not None
+        ends = not _has_targets(stated.profile) if stated.profile is not None else had_ends
+        laid_anew = stated.field is not None or stated.axis is not None
+        return Wish(
+            start=target.moduli_MPa[0] if ends else None,
+            end=target.moduli_MPa[-1] if ends else None,
+            profile=target,
+            field=None if laid_anew else field_text(gradient.field, part.translation_mm),
+            pitch_mm=None if laid_anew else _number(gradient.field.get("pitch_mm")),
+            at_strain=self.plan.stiffness.at_strain,
+            printer=self.plan.printer,
+            palette=None if stated.palette is not None else self._own_palette(stated.printer),
+            unit=None if part.unit == MILLIMETRES else part.unit,
+            **({} if stated.blend is not None else _blending(gradient)),
+        )
+
+    def remarks(self, part_sha256: str) -> tuple[str, ...]:
+        """Return what a reader of the new plan should know, a sentence each."""
+        if part_sha256 == self.plan.part.sha256:
+            return ()
+        return (
+            f"this is not the part of the plan that it follows ({self.plan.part.file}, sha256 "
+            f"{self.plan.part.sha256[:12]}): the gradient lies where it lay in that part's "
+            "coordinates; lay it anew with --axis or --field if the shape has changed along it",
+        )
+
+    def _refuse(self, stated: Wish) -> None:
+        for option, end in (("from_", stated.start), ("to", stated.end)):
+            if end is not None:
+                raise ArgumentError(
+                    f"`{option}` {_called(end)} contradicts `like`, which keeps the targets in MPa "
+                    f"of the plan of {self.plan.part.file}: leave out one of the two"
+                )
+        strain = self.plan.stiffness.at_strain
+        other = stated.at_strain is not None and stated.at_strain != strain
+        if other and not _has_targets(stated.profile):
+            raise ArgumentError(
+                f"`at_strain` {stated.at_strain:g} contradicts `like`: the plan's targets are "
+                f"secant moduli up to a strain of {strain:g}; leave out `at_strain`, or give "
+                "targets of your own with `profile`"
+            )
+
+    def _own_palette(self, printer: str | Printer | None) -> Palette:
+        used = self.plan.palette
+        try:
+            palette = palette_of(used.name, printer or self.plan.printer)
+        except PlannerError:
+            palette = None
+        if palette is None or palette.sha256 != used.sha256:
+            raise ArgumentError(
+                f"the plan of {self.plan.part.file} was made with a palette {used.name} (sha256 "
+                f"{used.sha256[:12]}) that its printer does not bring: give a palette file with "
+                "`palette`"
+            )
+        return palette
+
+
+def _earlier(like: str | Path | Plan) -> Earlier:
+    if isinstance(like, Plan):
+        return Earlier(like, hashlib.sha256(like.json()).hexdigest())
+    if not isinstance(like, (str, Path)):
+        raise ArgumentError(
+            f"`like` is a {type(like).__name__}; give a planner.Plan, a plan.json or its folder"
+        )
+    plan = read_plan(like)
+    return Earlier(plan, hashlib.sha256(plan_file(like).read_bytes()).hexdigest())
+
+
+def _blending(gradient: Gradient) -> dict[str, Any]:
+    """Return the options that made a plan's blend."""
+    blend = gradient.blend or {}
+    kind = blend.get("kind", "nearest")
+    name = f"bands:{blend.get('periods')}" if kind == "bands" else str(kind)
+    return {"blend": name, "bands": gradient.bands, "cell_mm": _number(blend.get("cell_mm"))}
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) else None
+
+
+# ------------------------------------------------------------------------------------------------
+# The target along the field: from two ends, or knot by knot.
+
+
+_MODULUS = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z]*)")
+_UNITS: Mapping[str, float] = MappingProxyType(
+    {unit.casefold(): QUANTITY_UNITS["stress"][unit] for unit in ("kPa", "MPa", "GPa")}
+)
+
+
+def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, str | None]:
+    """Return the target along the field, and what stands at its ends.
+
+    Raises
+    ------
+    ArgumentError
+        No profile, or one that does not go with the ends.
+    UnknownNameError
+        An end that is no material of the palette.
+    FileError
+        A profile file that breaks the rules.
+    """
+    profile, palette = wish.profile, scale.palette
+    if isinstance(profile, Profile):
+        _, start = _end(wish.start, "from_", scale)
+        _, end = _end(wish.end, "to", scale)
+        return profile, start, end
+    if not isinstance(profile, (str, Path)):
+        raise ArgumentError(
+            f"profile is a {type(profile).__name__}; give a name, a CSV file or a planner.Profile"
+        )
+    if _has_targets(profile):
+        if wish.start is not None or wish.end is not None:
+            raise ArgumentError(
+                f"`profile` {profile} names its own targets; leave out `from_` and `to`"
+            )
+        moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
+        return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
+    if wish.start is None or wish.end is None:
+        ids = ", ".join(material.id for material in palette.materials)
+        raise ArgumentError(
+            "give both ends of the gradient, as in `from_` Tango `to` Vero or `from_` 0.5MPa `to` "
+            f"7MPa; palette {palette.name} has {ids}"
+        )
+    start_MPa, start = _end(wish.start, "from_", scale)
+    end_MPa, end = _end(wish.end, "to", scale)
+    if start == end:
+        raise ArgumentError(
+            f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or modulus, "
+            f"{start}; a gradient needs two"
+        )
+    return between(str(profile), start_MPa, end_MPa), start, end
+
+
+def _has_targets(profile: str | Path | Profile | None) -> bool:
+    """Return whether a profile names its own targets, so that it needs no ends."""
+    if isinstance(profile, str):
+        return profile.casefold().endswith(".csv")
+    return profile is not None
+
+
+def _end(end: End | None, option: str, scale: StiffnessScale) -> tuple[float, str | None]:
+    """Return an end's modulus, and what a plan calls it: the material's id, or the modulus."""
+    if end is None:
+        return 0.0, None
+    if isinstance(end, Material):
+        end = end.id
+    if isinstance(end, str):
+        figure = _MODULUS.fullmatch(end.strip())
+        if figure is None or figure[2].casefold() not in _UNITS:
+            id = _material_id(end, option, scale.palette, bare=figure is not None)
+            return scale.modulus_of(id), id
+        end = float(figure[1]) * _UNITS[figure[2].casefold()]
+    modulus_MPa = positive(end, f"`{option}`")
+    return modulus_MPa, f"{modulus_MPa:.9g}MPa"
+
+
+def _material_id(name: str, option: str, palette: Palette, *, bare: bool) -> str:
+    try:
+        return palette.resolve(name).id
+    except UnknownNameError as error:
+        if not bare:
+            raise
+        raise ArgumentError(
+            f"`{option}` {name}: it is no material of palette {palette.name}; for a modulus, give "
+            "its unit too (kPa, MPa or GPa), as in 0.5MPa"
+        ) from error
+
+
+def _called(end: End) -> str:
+    return end.id if isinstance(end, Material) else f"{end}"
