@@ -498,8 +498,13 @@ def _limitations(
     if past & set(paths):
         yield (
             f"{ids(past & set(paths))}: compared up to a strain of {_STRAIN_MOST:g} and "
-            f"{_BREAK_SHARE:g} times the elongation at break only, and in so many segments as "
-            "steps can resolve"
+            f"{_BREAK_SHARE:g} times the elongation at break only"
+        )
+    many = {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)}
+    if many:
+        yield (
+            f"{ids(many)}: of many cycles those between the first and the last are compared in "
+            "groups, at the end of each"
         )
     bare = {
         place

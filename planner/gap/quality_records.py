@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +22,7 @@ __all__ = [
     "hold_share",
     "record_problems",
     "speed_mm_s",
+    "turns",
     "unloading_share",
 ]
 
@@ -134,11 +136,54 @@ def _longest_run(flags: np.ndarray) -> tuple[int, int]:
 # What the crosshead did: its speed, its turns and its rests.
 
 
-BLOCKS = 60
-"""A record is looked at in about so many steps, over which noise of the travel evens out."""
+_BLOCKS, _BLOCKS_A_WAY = 60, 10
+"""A record is looked at in about so many steps, over which noise of the travel evens out, and so
+many at least from one turn to the next: the one that holds a turn shows less than the speed."""
+
+_TURN_SHARE = 0.05
+"""A way back of less than this share of the range of travel is no turn."""
+
+_BEARING_SHARE = 0.2
+"""A specimen bears load above this share of its largest load so far."""
 
 
-def _blocks(time_s: FloatArray, values: FloatArray, count: int = BLOCKS) -> tuple[FloatArray, ...]:
+def turns(values: FloatArray, least: float) -> IntArray:
+    """Return the ends and the turns between them, of more than `least` each."""
+    corners = [0]
+    low = high = 0
+    rising = 0
+    for i, value in enumerate(values.tolist()):
+        if value > values[high]:
+            high = i
+        if value < values[low]:
+            low = i
+        if rising >= 0 and values[high] - value > least:
+            if rising > 0 or high > 0:
+                corners.append(high)
+            rising, low = -1, i
+            high = i
+        elif rising <= 0 and value - values[low] > least:
+            if rising < 0 or low > 0:
+                corners.append(low)
+            rising, high = 1, i
+            low = i
+    last = len(values) - 1
+    end = {1: high, -1: low, 0: last}[rising]
+    if end != corners[-1]:
+        corners.append(end)
+    return np.array(corners, dtype=np.int64)
+
+
+def _turns_of(displacement_mm: FloatArray) -> IntArray:
+    return turns(displacement_mm, _TURN_SHARE * float(np.ptp(displacement_mm)))
+
+
+def _resolving(displacement_mm: FloatArray, least: int) -> int:
+    """Return in how many steps to look at a record so that each way between turns has some."""
+    return max(least, _BLOCKS_A_WAY * (len(_turns_of(displacement_mm)) - 1))
+
+
+def _blocks(time_s: FloatArray, values: FloatArray, count: int) -> tuple[FloatArray, ...]:
     """Return times and means of `values` over about `count` runs of points of equal number."""
     size = max(1, len(values) // count)
     starts = np.arange(0, len(values) - size + 1, size)
@@ -154,7 +199,7 @@ def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
 
     Rests do not count, as they add no way; loading and unloading both do.
     """
-    time, travel = _blocks(time_s, displacement_mm)
+    time, travel = _blocks(time_s, displacement_mm, _resolving(displacement_mm, _BLOCKS))
     way = np.abs(np.diff(travel))
     speeds = way / np.diff(time)
     order = np.argsort(speeds, kind="stable")
@@ -162,32 +207,32 @@ def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
     return float(speeds[order][int(np.searchsorted(share, 0.5 * share[-1]))])
 
 
-def first_turn(displacement_mm: FloatArray, share: float = 0.05) -> int:
-    """Return the index of the first peak of travel that a fall by `share` of its range follows.
-
-    The last index if there is none.
-    """
-    highest = np.maximum.accumulate(displacement_mm)
-    fallen = np.flatnonzero(highest - displacement_mm > share * float(np.ptp(displacement_mm)))
-    if not len(fallen):
-        return len(displacement_mm) - 1
-    return int(np.argmax(displacement_mm[: fallen[0] + 1]))
+def first_turn(displacement_mm: FloatArray) -> int:
+    """Return the index of the first peak of travel that a way back follows, else the last one."""
+    for at, after in pairwise(_turns_of(displacement_mm)):
+        if displacement_mm[after] < displacement_mm[at]:
+            return int(at)
+    return len(displacement_mm) - 1
 
 
 def unloading_share(displacement_mm: FloatArray, force_N: FloatArray) -> float:
-    """Return the largest fall of travel while the specimen still bears load, over its range.
+    """Return the longest way back of a specimen that bears load, over the range of travel.
 
-    Load means a fifth of the peak force at the place where the fall begins, so that the way back
-    of a broken specimen's grips does not count.
+    Whether it does is told where the way back begins and just behind, so that the way back of a
+    broken specimen's grips does not count.
     """
-    turn = first_turn(displacement_mm)
-    if turn == len(displacement_mm) - 1 or force_N[turn] < 0.2 * float(np.max(force_N)):
-        return 0.0
-    after = displacement_mm[turn:]
-    behind = force_N[turn : turn + max(2, len(after) // 50)]
-    if float(np.min(behind)) < 0.2 * float(force_N[turn]):
-        return 0.0
-    return float(displacement_mm[turn] - np.min(after)) / float(np.ptp(displacement_mm))
+    spread = float(np.ptp(displacement_mm))
+    longest = 0.0
+    for at, after in pairwise(_turns_of(displacement_mm).tolist()):
+        fall = float(displacement_mm[at] - displacement_mm[after])
+        if fall <= longest:
+            continue
+        back = displacement_mm[at] - displacement_mm[at + 1 : after + 1]
+        near = force_N[at + 1 : at + 1 + max(1, int(np.argmax(back > _TURN_SHARE * spread)))]
+        least = _BEARING_SHARE * float(np.max(force_N[: at + 1]))
+        if force_N[at] >= least and float(np.median(near)) >= least:
+            longest = fall
+    return longest / spread
 
 
 # ------------------------------------------------------------------------------------------------
@@ -202,7 +247,7 @@ _NOISE = 6.0
 6 of them once in thousands."""
 
 _LEAST_STRAIN, _ARRIVED = 0.01, 0.98
-_BLOCKS, _FEWEST = 20, 5
+_MEANS, _FEWEST = 20, 5
 
 
 def _dead_cell(s: Specimen) -> _Problems:
@@ -210,7 +255,7 @@ def _dead_cell(s: Specimen) -> _Problems:
     stop = _loaded(s)
     if stop < _FEWEST or float(s.strain[stop - 1]) < _LEAST_STRAIN:
         return
-    time, force = _blocks(s.time_s[:stop], s.force_N[:stop], _BLOCKS)
+    time, force = _blocks(s.time_s[:stop], s.force_N[:stop], _MEANS)
     points = max(stop // len(time), 1)
     noise = _NOISE * noise_sd(s.force_N[:stop]) / np.sqrt(points)
     middle = float(np.median(force))
@@ -442,8 +487,9 @@ def _protocol(s: Specimen) -> _Problems:
 
 def hold_share(specimen: Specimen) -> float:
     """Return the share of the duration in which the crosshead rests on a loaded specimen."""
-    time, travel = _blocks(specimen.time_s, specimen.displacement_mm, 200)
-    _, force = _blocks(specimen.time_s, specimen.force_N, 200)
+    count = _resolving(specimen.displacement_mm, 200)
+    time, travel = _blocks(specimen.time_s, specimen.displacement_mm, count)
+    _, force = _blocks(specimen.time_s, specimen.force_N, count)
     way, duration = np.abs(np.diff(travel)), np.diff(time)
     mean = float(np.sum(way)) / float(np.sum(duration))
     rests = (way < 0.05 * mean * duration) & (force[1:] > 0.1 * float(np.max(force)))

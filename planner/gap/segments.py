@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.quality_records import speed_mm_s
+from planner.gap.quality_records import speed_mm_s, turns
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
@@ -48,6 +48,15 @@ _LOOKS = np.linspace(0.125, 1.0, 8)
 _MINIMUM_ROWS = 4
 """Of a first loading, unless it is but the way to a hold."""
 
+_MOST_SEGMENTS = 24
+"""Of more, `STEPS` would leave fewer than two to some."""
+
+_BACK_SHARE = 0.5
+"""A fall of the load is no rupture if so much of the load comes back later."""
+
+_SAME_TRAVEL = 0.95
+"""Of the largest travel so far: there a softened specimen bears again about what it bore."""
+
 
 @dataclass(frozen=True, slots=True)
 class Segment:
@@ -57,6 +66,8 @@ class Segment:
     ----------
     kind
         "loading" is the first one; "hold" a rest behind a loading, "rest" any other.
+    cycles
+        Of a reloading: how many it stands for, rows being the last one's; see `_in_groups`.
     """
 
     kind: SegmentKind
@@ -66,6 +77,7 @@ class Segment:
     end_s: float
     begin_mm: float
     end_mm: float
+    cycles: int = 1
 
     @property
     def rows(self) -> int:
@@ -117,7 +129,7 @@ def path_of(specimen: Specimen) -> Path | None:
     while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
         spans.pop(0)
     named = _named(spans, travel)
-    kept, broken = _unbroken(named, force)
+    kept, broken = _unbroken(named, travel, force)
     if not kept:
         return None
     held = len(kept) > 1 and kept[1][0] == "hold"
@@ -139,7 +151,31 @@ def path_of(specimen: Specimen) -> Path | None:
             continue
         segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
         begin_s, begin_mm = end_s, end_mm
-    return Path(tuple(segments), time - zero_s, travel, force, zero_s, broken)
+    return Path(_in_groups(segments), time - zero_s, travel, force, zero_s, broken)
+
+
+def _in_groups(segments: Sequence[Segment]) -> tuple[Segment, ...]:
+    """Return segments no more than steps can resolve: of many cycles, some in groups.
+
+    Of a group the first valley, the last peak and what follows it are kept, and one slow way
+    between: what relaxes slowly feels the mean of all, what relaxes fast the last cycle. Groups are
+    the larger the later, as softening and relaxation go with the logarithm of time; the first cycle
+    and the last two stand alone. Where half of the stress relaxes, the last of 20 cycles are so
+    predicted to 0.2 % of the peak, of 50 to 2 %.
+    """
+    starts = [i for i, segment in enumerate(segments) if segment.kind == "reloading"]
+    if len(segments) <= _MOST_SEGMENTS or not starts:
+        return tuple(segments)
+    cycles = [segments[a:b] for a, b in pairwise([*starts, len(segments)])]
+    groups = max((_MOST_SEGMENTS - starts[0]) // max(map(len, cycles)), 3)
+    ends = (np.geomspace(1.0, len(cycles) - 1.0, groups - 1) - 1.0).round().astype(np.int64)
+    ends = np.maximum(ends, np.arange(groups - 1))
+    kept = [*segments[: starts[0]]]
+    for a, b in pairwise([*ends.tolist(), len(cycles) - 1, len(cycles)]):
+        first, (last, *rest) = cycles[a][0], cycles[b - 1]
+        kept.append(replace(last, begin_s=first.begin_s, begin_mm=first.begin_mm, cycles=b - a))
+        kept += rest
+    return tuple(kept)
 
 
 def _corner(
@@ -178,7 +214,7 @@ def _spans(
             spans.append(("rest", a, b))
         else:
             first, stop = max(int(first) - 1, 0), min(int(stop) + 1, len(time))
-            corners = _turns(travel[first:stop], turn) + first
+            corners = turns(travel[first:stop], turn) + first
             spans += [("move", int(a), int(b)) for a, b in pairwise(corners)]
     # Join: a move begins where the span before ends, and one too short to be a way is left out.
     joined: list[tuple[str, int, int]] = []
@@ -209,6 +245,11 @@ def _resting(time: FloatArray, travel: FloatArray, least_mm: float) -> BoolArray
     judged = int(np.searchsorted(time, time[-1] - window, side="right")) - 1
     if judged >= 0 and still[judged]:
         resting[judged:] = np.abs(travel[judged:] - travel[judged]) < least_mm
+    # Two rows before and behind a turn stand at one place, and yet nothing rests.
+    step, way = np.diff(time), np.diff(travel)
+    for i in np.flatnonzero(resting[1:-2] & ~resting[:-3] & ~resting[3:]) + 1:
+        if way[i - 1] * way[i + 1] < 0.0 and step[i] < 1.5 * max(step[i - 1], step[i + 1]):
+            resting[i : i + 2] = False
     return resting
 
 
@@ -222,33 +263,6 @@ def _held_rows(
     near = away <= max(0.0005 * spread, 3.0 * noise, float(away.min()))
     inside = np.flatnonzero(near)
     return first + int(inside[0]), first + int(inside[-1])
-
-
-def _turns(travel: FloatArray, least: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the ends and the turns between them, of more than `least` each."""
-    corners = [0]
-    low = high = 0
-    rising = 0
-    for i, value in enumerate(travel.tolist()):
-        if value > travel[high]:
-            high = i
-        if value < travel[low]:
-            low = i
-        if rising >= 0 and travel[high] - value > least:
-            if rising > 0 or high > 0:
-                corners.append(high)
-            rising, low = -1, i
-            high = i
-        elif rising <= 0 and value - travel[low] > least:
-            if rising < 0 or low > 0:
-                corners.append(low)
-            rising, high = 1, i
-            low = i
-    last = len(travel) - 1
-    end = {1: high, -1: low, 0: last}[rising]
-    if end != corners[-1]:
-        corners.append(end)
-    return np.array(corners, dtype=np.int64)
 
 
 def _named(
@@ -269,20 +283,26 @@ def _named(
 
 
 def _unbroken(
-    segments: list[tuple[SegmentKind, int, int]], force: FloatArray
+    segments: list[tuple[SegmentKind, int, int]], travel: FloatArray, force: FloatArray
 ) -> tuple[list[tuple[SegmentKind, int, int]], bool]:
     """Keep what comes before rupture: seen on a way up, or as a load that is gone in a rest."""
     kept: list[tuple[SegmentKind, int, int]] = []
-    peak = 0.0
+    peak, farthest = 0.0, 0.0
     for kind, first, last in segments:
         end = last
         part = force[first : last + 1]
         if kind in ("loading", "reloading"):
+            there = kind == "reloading" and travel[last] > _SAME_TRAVEL * farthest
+            if there and np.max(part) < BROKEN_SHARE * peak:
+                return kept, True
             end = first + _last_before_break(part)
+            if np.max(force[last + 1 :], initial=0.0) > _BACK_SHARE * force[end]:
+                end = last
         elif kind == "hold":
-            gone = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
-            end = first + int(gone[0]) - 1 if len(gone) and part[0] > 0.2 * peak else last
+            none = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
+            end = first + int(none[0]) - 1 if len(none) and part[0] > 0.2 * peak else last
         peak = max(peak, float(np.max(part)))
+        farthest = max(farthest, float(travel[last]))
         if end - first >= 1:
             kept.append((kind, first, end))
         if end < last:
@@ -307,7 +327,6 @@ STEPS = 64
 """Of every test, the first at rest included."""
 
 _LEAST = 6
-_MOST_SEGMENTS = 24
 _HOLD_DECADES = 1000.0
 _TRAVEL_TOLERANCE = 0.03
 _TIME_TOLERANCE = 0.1
@@ -400,7 +419,7 @@ def cut_path(path: Path, most_mm: float) -> Path:
             return replace(
                 path, segments=(*path.segments[:at], replace(segment, end_mm=most_mm, end_s=when))
             )
-    return replace(path, segments=path.segments[:_MOST_SEGMENTS])
+    return path
 
 
 def _moments_s(path: Path, segment: Segment, travel_mm: FloatArray) -> FloatArray:
@@ -479,8 +498,10 @@ def _counts(segments: Sequence[Segment], least: Sequence[int]) -> list[int]:
     """Share `STEPS` but one out among segments by their travel, a rest's half of the longest."""
     travel = np.array([abs(s.end_mm - s.begin_mm) if s.moves else 0.0 for s in segments])
     travel[[not s.moves for s in segments]] = 0.5 * float(travel.max())
+    grouped = np.array([s.cycles > 1 for s in segments])
+    travel[grouped] = 0.0
     floor = min(_LEAST, (STEPS - 1) // len(segments))
-    while (counts := np.maximum(least, floor)).sum() > STEPS - 1:
+    while (counts := np.maximum(least, np.where(grouped, 1, floor))).sum() > STEPS - 1:
         floor -= 1
     while counts.sum() < STEPS - 1:
         counts[int(np.argmax(travel / counts))] += 1
@@ -533,7 +554,7 @@ def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
     for number, (own, mean) in enumerate(zip(path.segments, grid.segments, strict=True)):
         here = np.flatnonzero(grid.segment == number)
         inside = (path.time_s >= own.begin_s - 1e-9) & (path.time_s <= own.end_s + 1e-9)
-        inside &= np.arange(len(inside)) <= own.last
+        inside &= (np.arange(len(inside)) >= own.first) & (np.arange(len(inside)) <= own.last)
         if own.moves:
             rows = path.travel_mm[inside]
             places = travel[here]

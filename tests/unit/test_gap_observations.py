@@ -81,6 +81,27 @@ def bar(id, design, *, rng, field=False):
     return replace(blank, force_N=noisy, strain_field=seen)
 
 
+def cycled(id, cycles, *, seed=0, rows_a_cycle=60, lost=0.3, **more):
+    """A rubber under cycles to a strain of 0.5: it softens, loses energy and keeps a set of 0.03.
+
+    Its force comes back to 0 each time; in the last cycle `lost` of the first peak is gone.
+    """
+    half_s, strain, left = 20.0, 0.5, 0.03
+    time = np.linspace(0.0, 2.0 * half_s * cycles, rows_a_cycle * cycles)
+    up = (time / half_s) % 2.0 < 1.0
+    travel = half_s * (1.0 - np.abs(1.0 - (time / half_s) % 2.0))
+    virgin = time < half_s
+    felt = np.where(virgin, travel / GAUGE_MM, np.maximum(travel / GAUGE_MM - left, 0.0))
+    share = travel / (strain * GAUGE_MM)
+    softened = 1.0 - np.where(virgin, 0.0, 0.3 * (1.0 - share))
+    hysteresis = 1.0 - np.where(up, 0.0, 0.25 * np.sin(np.pi * share))
+    fatigue = 1.0 - lost * np.floor(time / (2.0 * half_s)) / cycles
+    force = 30.0 * stress_MPa(0.0, felt) * softened * hysteresis * fatigue
+    force = force + 2.0 * NOISE_N * np.random.default_rng(seed).normal(size=len(time))
+    known = {"width_mm": 10.0, "thickness_mm": 3.0, "rate_mm_s": 1.0, "temperature_C": 23.0} | more
+    return Specimen(id, time, travel, force, GAUGE_MM, material="soft", protocol="cyclic", **known)
+
+
 def campaign(*specimens):
     return Campaign("bench", "printer", PALETTE, specimens)
 
@@ -280,6 +301,42 @@ def test_a_hold_that_steps_half_way_is_one_hold():
     travel[top[len(top) // 2] :] = 8.015
     kinds = [s.kind for s in path_of(replace(held, displacement_mm=travel)).segments]
     assert kinds == ["loading", "hold"]
+
+
+@pytest.mark.parametrize("rows_a_cycle", [16, 60, 401])
+@pytest.mark.parametrize("cycles", [2, 5, 10, 12, 13, 20, 50])
+def test_first_and_last_cycles_are_compared_however_many_there_are(cycles, rows_a_cycle):
+    one = cycled("a", cycles, rows_a_cycle=rows_a_cycle)
+    path = path_of(one)
+    assert not path.broken
+    kinds = [segment.kind for segment in path.segments]
+    assert kinds == ["loading", "unloading", *["reloading", "unloading"] * (len(kinds) // 2 - 1)]
+    assert sum(s.cycles for s in path.segments if s.kind == "reloading") == cycles - 1
+    assert len(kinds) == min(2 * cycles, 24)
+    found = observation_model(campaign(one, cycled("b", cycles, seed=1, rows_a_cycle=rows_a_cycle)))
+    assert found.tests == ((0, 1),)
+    times, table = found.setup.time_s[0], found.table
+    assert times[-1] == pytest.approx(40.0 * cycles, rel=0.01)
+    step = table.step[(table.specimen == 0) & (table.branch == BRANCHES.index("reloading"))]
+    # The last cycle begins 40 s before the end.
+    assert (times[step] > 40.0 * (cycles - 1) - 0.5).all()
+    first = table.step[(table.specimen == 0) & (table.branch == BRANCHES.index("unloading"))]
+    assert ((times[first] < 40.5) | (times[first] > times[step[-1]])).all()
+    on_grid = np.interp(times, one.time_s, one.force_N)
+    # On the record, but for the corner, which lies between rows; 8 rows make a coarse way.
+    below = step[:-1]
+    assert np.abs(found.measured_N[0] - on_grid)[below].max() < 0.02 * on_grid.max()
+    said = [sentence for sentence in found.limitations if "cycles" in sentence]
+    assert len(said) == len(found.limitations) == (cycles > 12)
+
+
+def test_a_specimen_that_breaks_in_its_seventh_cycle_broke():
+    one = cycled("a", 10)
+    gone = np.where(one.time_s > 6 * 40.0 + 12.0, 0.1, 1.0)
+    for factor in (gone, np.where(one.time_s > 6 * 40.0, 0.0, 1.0)):
+        path = path_of(replace(one, force_N=factor * one.force_N))
+        assert path.broken
+        assert path.segments[-1].end_s == pytest.approx(246.0, abs=7.0)
 
 
 def test_nothing_to_compare_is_refused():

@@ -71,6 +71,24 @@ def test_nothing_is_wrong_with_what_is_right(protocol: str) -> None:
     assert examine(campaign(*base(protocol=protocol))) == ()
 
 
+@pytest.mark.parametrize("points", [12, 100])
+@pytest.mark.parametrize("cycles", [5, 10, 20, 50])
+def test_many_cycles_are_a_cyclic_test_at_its_speed(cycles: int, points: int) -> None:
+    """Cycles of 25 s, whose force comes back to 0 each time and falls by half in all."""
+
+    def cycled(k: int) -> Specimen:
+        s = specimen(k, protocol="cyclic")
+        time = np.linspace(0.0, 25.0 * cycles, points * cycles)
+        phase = time % 25.0
+        force = np.interp(phase, s.time_s, s.force_N) * (1.0 - 0.5 * time / time[-1])
+        travel = 12.5 * (1.0 - np.abs(1.0 - time / 12.5 % 2.0))
+        return replace(s, time_s=time, displacement_mm=travel, force_N=force)
+
+    assert examine(campaign(*(cycled(k) for k in range(3)))) == ()
+    as_monotonic = [replace(cycled(k), protocol="monotonic") for k in range(3)]
+    assert [p.kind for p in examine(campaign(*as_monotonic))] == ["protocol"] * 3
+
+
 def test_a_declared_rate_is_held_against_time() -> None:
     specimens = base()
     specimens[1] = replace(specimens[1], rate_mm_s=60.0)
