@@ -29,7 +29,7 @@ from planner.palette import (
     parse_palette,
 )
 from planner.printers import Printer, palette_of
-from planner.simulation.bar_solver import STRAIN_END, LawTables, law_tables, predict
+from planner.simulation.bar_solver import LawTables, law_tables, predict
 
 __all__ = ["Correction", "correct"]
 
@@ -411,7 +411,7 @@ class _Factors:
     ) -> tuple[FloatArray, FloatArray]:
         """Return strains above 0 up to near the break, and ln factor there."""
         ours = [e for e in effects if e.effect.condition]
-        end = min(_BREAK_SHARE * material.elongation_at_break, STRAIN_END)
+        end = _BREAK_SHARE * material.elongation_at_break
         strain = end * np.linspace(0.0, 1.0, _STEPS + 1)
         after = self._force_N(material, self.use, effects, strain)
         before = self._force_N(material, self.own, ours, strain)

@@ -280,9 +280,8 @@ def _covered(
 # The observation model of a campaign: specimens as tests of the forward model, curves as features.
 
 
-_STRAIN_MOST = 2.5
 _BREAK_SHARE = 1.3
-"""A test counts up to a strain of `_STRAIN_MOST` and to this many times the elongation at break."""
+"""A test counts up to this many times the elongation at break."""
 
 _ROUNDS = 4
 
@@ -463,16 +462,16 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
 
 
 def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
-    strain = _STRAIN_MOST
+    among = palette.materials
     if specimen.material is not None:
-        strain = min(strain, _BREAK_SHARE * palette.resolve(specimen.material).elongation_at_break)
-    return strain * specimen.gauge_mm
+        among = (palette.resolve(specimen.material),)
+    return _BREAK_SHARE * max(m.elongation_at_break for m in among) * specimen.gauge_mm
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
     """Return, of bars in which a slice is strained too far, the travel up to which none is."""
     at, breaks = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
-    most = np.minimum(_STRAIN_MOST, _BREAK_SHARE * np.interp(setup.coordinate, at, breaks))
+    most = _BREAK_SHARE * np.interp(setup.coordinate, at, breaks)
     over = prediction.strain > most * (1.0 + 1e-6)
     limits = {}
     for number in np.flatnonzero(setup.is_bar).tolist():
@@ -497,8 +496,8 @@ def _limitations(
         yield f"{ids(broken)}: broke; only what came before is compared"
     if past & set(paths):
         yield (
-            f"{ids(past & set(paths))}: compared up to a strain of {_STRAIN_MOST:g} and "
-            f"{_BREAK_SHARE:g} times the elongation at break only"
+            f"{ids(past & set(paths))}: compared up to {_BREAK_SHARE:g} times the elongation at "
+            "break only"
         )
     many = {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)}
     if many:

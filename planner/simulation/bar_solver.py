@@ -48,9 +48,11 @@ FARTHEST = 2.0
 there to here a specimen stronger than the mean may still hold, beyond it nothing is known."""
 
 STRAIN_END = 3.0
-"""The tables' last strain; from there on the stress goes on straight."""
+"""The tables' last strain, or farther if laws are; from there on the stress goes on straight."""
 
 _TABLE_INTERVALS = 1500
+"""Up to `STRAIN_END`; more of the same width beyond."""
+
 _SLIGHTEST = 0.02
 """Least tangent over secant beyond a law's end, so that its stress goes on rising there."""
 
@@ -112,16 +114,25 @@ class LawTables:
 
 
 def law_tables(
-    palette: Palette, *, strain_end: float = STRAIN_END, farthest: float = FARTHEST
+    palette: Palette, *, strain_end: float | None = None, farthest: float = FARTHEST
 ) -> LawTables:
     """Tabulate a palette's laws, each up to `farthest` times its elongation at break.
+
+    Parameters
+    ----------
+    strain_end
+        The tables' last strain; by default as far as any law is followed, `STRAIN_END` at least.
 
     Raises
     ------
     PaletteError
         A law that does not rise from rest: nothing can be predicted with it.
     """
-    nodes = np.linspace(0.0, strain_end, _TABLE_INTERVALS + 1)
+    if strain_end is None:
+        widest = max(material.elongation_at_break for material in palette.materials)
+        strain_end = max(STRAIN_END, farthest * widest)
+    intervals = max(_TABLE_INTERVALS, math.ceil(strain_end / STRAIN_END * _TABLE_INTERVALS))
+    nodes = np.linspace(0.0, strain_end, intervals + 1)
     tables = []
     for material in palette.materials:
         end = farthest * material.elongation_at_break

@@ -95,6 +95,20 @@ def test_tables_are_the_laws():
     np.testing.assert_allclose(blend, model.nominal_stress_MPa(0.73, 1 + inside), 1e-9)
 
 
+def test_tables_reach_as_far_as_laws_are_followed():
+    """A tape that stretches to ten times its length."""
+    tape = material("tape", 0.0, "ogden", 9.0, mu_MPa=(0.08, 1e-5), alpha=(1.6, 6.0))
+    laws = law_tables(Palette("p", (tape, FIRM)))
+    strain = np.concatenate([np.linspace(0.0, 0.1, 101), np.linspace(0.1, 18.0, 777)])
+    wanted = make_law(tape.law).nominal_stress_MPa(1.0 + strain)
+    # As fine as up to 3, where the laws' ln(secant) are off by 1e-11.
+    np.testing.assert_allclose(stress_MPa(0.0, strain, laws), wanted, rtol=1e-9, atol=1e-15)
+    travel = np.linspace(0.0, 9.0 * GAUGE_MM, 64)
+    force = predict(setup(travel), laws).force_N[0]
+    law = make_law(tape.law).nominal_stress_MPa(1.0 + travel / GAUGE_MM)
+    np.testing.assert_allclose(force, AREA_mm2 * law, rtol=1e-8, atol=1e-9)
+
+
 def test_tables_go_on_rising_beyond_a_laws_end():
     falling = material("f", 0.0, "yeoh", c_MPa=(1.0, -0.6, 0.01))  # falls from 0.6 or so
     laws = law_tables(Palette("p", (falling,)))

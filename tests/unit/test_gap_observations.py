@@ -11,6 +11,7 @@ from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.segments import path_of
+from planner.materials.laws import make_law
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign, slice_edges_mm
 from planner.simulation.bar_solver import law_tables, predict
@@ -262,6 +263,22 @@ def test_strain_beyond_the_laws_is_left_out():
     assert strain.max() <= 1.3 * 0.9 + 1e-6
     assert found.setup.travel_mm[0, -1] < 36.0
     assert all(len(m.limitations) == 1 for m in (far, firm, found))
+
+
+def test_tapes_are_compared_as_far_as_their_laws_are_followed():
+    stretches = replace(PALETTE.materials[0], elongation_at_break=6.0)
+    tape = replace(PALETTE, materials=(stretches, PALETTE.materials[1]))
+    rng = np.random.default_rng(6)
+    far = specimen("a", ((0.0, 0.0), (300.0, 300.0)), rows=900)
+    law = make_law(stretches.law).nominal_stress_MPa(1.0 + far.strain)
+    far = replace(far, force_N=30.0 * law + NOISE_N * rng.normal(size=900))
+    blank = replace(far, id="b", material=None, profile=STEPPED)
+    found = observation_model(Campaign("c", "p", tape, (far, blank)))
+    assert found.setup.travel_mm[0, -1] == pytest.approx(300.0)
+    raw = found.predicted(predict(found.setup, found.laws))
+    assert np.abs(raw - found.table.measured_raw)[found.table.test == 0].max() < 4.5 * NOISE_N
+    strain = predict(found.setup, found.laws).strain
+    assert 3.0 < strain.max() <= 1.3 * 6.0 + 1e-6
 
 
 def test_noise_of_the_travel_makes_no_turns():
