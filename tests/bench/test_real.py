@@ -71,7 +71,7 @@ def test_the_palette_is_fitted_to_the_reference_subset() -> None:
 
 def test_the_thesis_is_a_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["-o", str(tmp_path), "thesis"]) == 0
-    assert "7 specimens; expected" in capsys.readouterr().out
+    assert "7 specimens" in capsys.readouterr().out
     campaign = read_campaign(tmp_path / "thesis")
     assert {s.material for s in campaign.specimens} == {p.id for p in load_thesis().elastomers}
 
@@ -82,5 +82,5 @@ def test_data_that_are_not_here_are_said(
     assert main(["-o", str(tmp_path), "tape"]) == 1
     assert "give their folder with --data" in capsys.readouterr().err
     assert main(["--data", str(tmp_path), "-o", str(tmp_path), "tape"]) == 1
-    assert "vhb4910.csv" in capsys.readouterr().err
+    assert "no folder hyperelastics_jl there" in capsys.readouterr().err
     assert not (tmp_path / "tape").exists()

@@ -39,8 +39,8 @@ def stress(time_s: FloatArray, strain: FloatArray, relaxing_s: float) -> FloatAr
 def pulled(rate_per_s: float, relaxing_s: float, *, protocol: str = "cyclic") -> Specimen:
     """Up to twice its length and, unless it is monotonic, back by half."""
     up = np.linspace(0.0, 1.0, 1001)
-    strain = up if protocol == "monotonic" else np.concatenate([up, up[-2:499:-1]])
-    time_s = np.arange(len(strain)) * 1e-3 / rate_per_s
+    strain: FloatArray = up if protocol == "monotonic" else np.concatenate([up, up[-2:499:-1]])
+    time_s = np.arange(len(strain), dtype=np.float64) * 1e-3 / rate_per_s
     return coupon(
         f"{protocol}-{rate_per_s:g}", "block", time_s, strain, stress(time_s, strain, relaxing_s),
         rate_mm_s=rate_per_s * GAUGE_MM, protocol=protocol,

@@ -9,11 +9,20 @@ from benchmarks.withheld.real.expectations import EXPECTATIONS, probability_with
 from benchmarks.withheld.real.left_out_rate import LeftOutRate, left_out_rates, specimen_errors
 from benchmarks.withheld.real.page import Answered, page
 from planner.gap.campaign import Campaign
-from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap, Hypothesis, Location, Untestable
+from planner.gap.diagnosis import (
+    Diagnosis,
+    FoundEffect,
+    Gap,
+    Hypothesis,
+    Location,
+    QualityProblem,
+    Untestable,
+)
 from planner.printers import load_printer
 
 PALETTE = load_printer("connex3").palette()
 RISE = 0.2
+SOFTENED = (QualityProblem("dentaguide-NS-2-1-low_force_softened", "outlier", "unlike others"),)
 RATE = FoundEffect("rate", "power-law", {"rise": RISE}, {"rise": (0.1, 0.3)}, {"rise": "1"})
 
 
@@ -26,12 +35,13 @@ def diagnosis(verdict: str, *others: str, where: str = "material", **more: Any) 
         "where": (Location(where, 0.8, (0.7, 0.9), 1e-4, "force 9 % above prediction"),),
         "gap": Gap(0.2, 0.1, 0.05, 0.67, (0.5, 0.8), 0.15, 0.12, "4 specimens left out"),
         "effect": (),
+        "data_quality": (),
         **more,
     }
     return Diagnosis(
         campaign="c", palette="p", palette_sha256="", specimens=4, tests=4, verdict=verdict,
         ranking=tuple(Hypothesis(e, 0.5 / (k + 1)) for k, e in enumerate(effects)),
-        same_class=effects, remainder=(), data_quality=(), next_experiments=(), detectable=(),
+        same_class=effects, remainder=(), next_experiments=(), detectable=(),
         limitations=(), **changed,
     )  # fmt: skip
 
@@ -50,6 +60,26 @@ def diagnosis(verdict: str, *others: str, where: str = "material", **more: Any) 
         ("adhesive-pulled", diagnosis("softening", "rate"), "in part"),
         ("adhesive-sheared", diagnosis("rate+softening"), "in part"),
         ("adhesive-sheared", diagnosis("unknown"), "no"),
+        ("borg-dentagum", diagnosis("none"), "yes"),
+        ("borg-dentagum", diagnosis("unknown"), "no"),
+        ("borg-bioflex-treated", diagnosis("unknown", where="treatment"), "in part"),
+        ("borg-bioflex-treated", diagnosis("unknown"), "no"),
+        ("borg-silicone-treated", diagnosis("unknown", where="treatment"), "yes"),
+        ("borg-silicone-treated", diagnosis("unknown"), "in part"),
+        ("borg-silicone-treated", diagnosis("skin", where="treatment"), "no"),
+        ("borg-silicone-treated", diagnosis("none", "unknown", where="treatment"), "no"),
+        ("borg-four-resins-treated", diagnosis("unknown", where="material"), "yes"),
+        ("borg-session", diagnosis("force-scale", where="batch"), "yes"),
+        ("borg-session", diagnosis("skin", where="batch"), "no"),
+        ("borg-wrong-area", diagnosis("unknown", "cross-section"), "yes"),
+        ("borg-wrong-area", diagnosis("none"), "in part"),
+        ("borg-raw", diagnosis("none"), "in part"),
+        ("borg-softened", diagnosis("grip-slack", data_quality=SOFTENED), "yes"),
+        ("borg-softened", diagnosis("rate", data_quality=SOFTENED), "no"),
+        ("borg-slack", diagnosis("grip-slack+rate"), "in part"),
+        ("borg-compression", diagnosis("unknown"), "yes"),
+        ("borg-compression", diagnosis("none"), "no"),
+        ("silicones-substituted", diagnosis("material-law"), "yes"),
         ("tape", diagnosis("none"), "no"),
         ("tape", diagnosis("rate"), "no"),
         ("tape", diagnosis("unknown", where="speed"), "yes"),

@@ -10,7 +10,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from benchmarks.withheld.real.coupons import GAUGE_MM, Real, coupon, fitted_palette, median_rate
+from benchmarks.withheld.real.coupons import (
+    GAUGE_MM,
+    coupon,
+    fitted_palette,
+    folder_of,
+    median_rate,
+)
 from benchmarks.withheld.real.spreadsheet import read_numbers
 from planner.gap.campaign import Campaign, Specimen
 from planner.numerics import FloatArray
@@ -22,9 +28,9 @@ KPA = 1e-3
 REFERENCE_RATE_PER_S = 0.01
 
 
-def adhesive_pulled(data: Path) -> Real:
+def adhesive_pulled(data: Path) -> Campaign:
     """Fit the slowest tests' loading; faster ones and all unloading have the gap."""
-    folder = data / "oca_shear" / "uniaxial-loading-unloading-test" / "exp-data"
+    folder = folder_of(data, "oca_shear") / "uniaxial-loading-unloading-test" / "exp-data"
     specimens, loading = [], []
     for path in sorted(folder.glob("loading_*.xlsx")):
         time_s, stretch, stress_kPa = read_numbers(path).T
@@ -51,12 +57,7 @@ def adhesive_pulled(data: Path) -> Real:
         Reference(strain_rate_per_s=REFERENCE_RATE_PER_S),
         "C. Zhao 2024, loading at 0.01/s",
     )
-    campaign = Campaign("adhesive-pulled", "none", palette, tuple(specimens))
-    return Real(
-        campaign,
-        "rate, alone or with softening or permanent-set (unloading lies far below loading); where: "
-        "branch, rate_mm_s",
-    )
+    return Campaign("adhesive-pulled", "none", palette, tuple(specimens))
 
 
 _SHEARED: Mapping[str, tuple[str, int, int]] = MappingProxyType(
@@ -76,13 +77,13 @@ _REFERENCE = "monotonic_shear_0d05"
 LARGEST_STRETCH = 5.0
 
 
-def adhesive_sheared(data: Path) -> Real:
+def adhesive_sheared(data: Path) -> Campaign:
     """Fit the one raw monotonic test; those of other rates and with holds have the gap."""
     specimens: list[Specimen] = []
     loading: list[tuple[FloatArray, FloatArray]] = []
     reference_rate = 0.0
     for name, (protocol, shear_column, stress_column) in _SHEARED.items():
-        path = data / "oca_shear" / name
+        path = folder_of(data, "oca_shear") / name
         table = read_numbers(path)
         stretch, stress = tension_of_shear(table[:, shear_column], KPA * table[:, stress_column])
         last = int(np.argmax(stretch > LARGEST_STRETCH)) or len(stretch)
@@ -112,8 +113,7 @@ def adhesive_sheared(data: Path) -> Real:
         "energy depends on that alone. Up to stretch 5 of 10. Three of the monotonic tests have a "
         "time that is even in a generalised strain, not in the crosshead's travel."
     )
-    campaign = Campaign("adhesive-sheared", "none", palette, tuple(specimens), notes=notes)
-    return Real(campaign, "rate; where: rate_mm_s, time")
+    return Campaign("adhesive-sheared", "none", palette, tuple(specimens), notes=notes)
 
 
 def tension_of_shear(shear: FloatArray, stress: FloatArray) -> tuple[FloatArray, FloatArray]:

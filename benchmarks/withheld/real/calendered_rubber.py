@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.withheld.real.coupons import Real, coupon, evenly, fitted_palette
+from benchmarks.withheld.real.coupons import coupon, evenly, fitted_palette, folder_of
 from planner.gap.campaign import Campaign
 from planner.palette import Reference
 
@@ -17,9 +17,9 @@ __all__ = ["calendered_rubber"]
 ASSUMED_RATE_PER_S = 0.01
 
 
-def calendered_rubber(data: Path) -> Real:
+def calendered_rubber(data: Path) -> Campaign:
     """Fit the law along the calendering (x); the specimen across it (y) has the gap."""
-    path = data / "hyperelastics_jl" / "examples" / "Diani" / "diani_data.csv"
+    path = folder_of(data, "hyperelastics_jl") / "examples" / "Diani" / "diani_data.csv"
     stretch, along, across = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
     strain, (along, across) = evenly(stretch - 1.0, along, across)
     time_s = strain / ASSUMED_RATE_PER_S
@@ -37,9 +37,4 @@ def calendered_rubber(data: Path) -> Real:
         "Read off a figure, here at even strains. Time was not published; 0.01 strain per second "
         "is assumed of both."
     )
-    campaign = Campaign("calendered-rubber", "none", palette, specimens, notes=notes)
-    return Real(
-        campaign,
-        "orientation, or a class that has it: one specimen a direction cannot tell more; where: "
-        "orientation",
-    )
+    return Campaign("calendered-rubber", "none", palette, specimens, notes=notes)

@@ -1,12 +1,13 @@
 """From published stress and strain to specimens, and from a reference subset to a palette."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from planner.gap.campaign import Campaign, Specimen
+from planner.gap.campaign import Specimen
 from planner.materials.characterise import Curve
 from planner.materials.palette_study import fit
 from planner.materials.study import Study
@@ -17,9 +18,9 @@ __all__ = [
     "GAUGE_MM",
     "THICKNESS_MM",
     "WIDTH_MM",
-    "Real",
     "coupon",
     "fitted_palette",
+    "folder_of",
     "median_rate",
 ]
 
@@ -29,12 +30,18 @@ WIDTH_MM, THICKNESS_MM, GAUGE_MM = 10.0, 2.0, 50.0
 _MARGIN = 1.01
 
 
-@dataclass(frozen=True)
-class Real:
-    """One campaign, and in words what a diagnosis of it should say."""
+def folder_of(data: Path, name: str) -> Path:
+    """Return the folder of a source, in the data's own or one below.
 
-    campaign: Campaign
-    expected: str
+    Raises
+    ------
+    OSError
+        There is none.
+    """
+    found = next((path for path in (data / name, *data.glob(f"*/{name}")) if path.is_dir()), None)
+    if found is None:
+        raise OSError(f"{data}: no folder {name} there")
+    return found
 
 
 def coupon(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.withheld.real.coupons import Real, coupon, evenly, fitted_palette
+from benchmarks.withheld.real.coupons import coupon, evenly, fitted_palette, folder_of
 from planner.gap.campaign import Campaign
 from planner.palette import Reference
 
@@ -18,9 +18,9 @@ KPA = 1e-3
 ASSUMED_RATE_PER_S = 0.01
 
 
-def tape(data: Path) -> Real:
+def tape(data: Path) -> Campaign:
     """Fit the lowest loop's loading; the other loops and all unloading have the gap."""
-    path = data / "hyperelastics_jl" / "examples" / "vhb4910.csv"
+    path = folder_of(data, "hyperelastics_jl") / "examples" / "vhb4910.csv"
     strain, columns = evenly(*np.loadtxt(path, delimiter=",", skiprows=1, unpack=True))
     specimens = []
     for number, name in enumerate("abc"):
@@ -52,9 +52,4 @@ def tape(data: Path) -> Real:
         "empty, time is counted at 0.01 strain per second of all, and which loop was faster "
         "stands in the column speed."
     )
-    campaign = Campaign("tape", "none", palette, tuple(specimens), ("speed",), notes)
-    return Real(
-        campaign,
-        "rate by speed cannot be named, as its column is unknown; a class, or unknown, with the "
-        "speed and the branch as places",
-    )
+    return Campaign("tape", "none", palette, tuple(specimens), ("speed",), notes)
