@@ -1,6 +1,8 @@
 """The page on published measurements: what is judged as expected, and a rate predicted unseen."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +22,7 @@ from planner.gap.diagnosis import (
 )
 from planner.printers import load_printer
 
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "real-data.md"
 PALETTE = load_printer("connex3").palette()
 RISE = 0.2
 SOFTENED = (QualityProblem("dentaguide-NS-2-1-low_force_softened", "outlier", "unlike others"),)
@@ -93,35 +96,103 @@ def test_answers_are_held_against_what_was_expected(name: str, found: Diagnosis,
     assert EXPECTATIONS[name].judge(found)[0] == met
 
 
+def answered(name: str, found: Diagnosis, convex: float = 0.08, **more: Any) -> Answered:
+    """One set with its diagnosis, beside a mechanism of that error."""
+    return Answered(name, EXPECTATIONS[name], PALETTE, found, (convex, None), **more)
+
+
 def test_the_page_has_every_set_and_says_what_is_wrong() -> None:
     slack = FoundEffect("grip-slack", "dead-travel", {"slack": 2.0}, {"slack": (0.0, 2.0)}, {})
+    unexplained = Gap(0.2, 0.2, 0.05, 0.0, None, 0.15, 0.12, "4 specimens left out")
     answers = [
-        Answered(name, e, PALETTE, diagnosis("unknown", "orientation"))
+        answered(name, diagnosis("unknown", "orientation", gap=unexplained), 0.19)
         for name, e in EXPECTATIONS.items()
         if not e.rates
     ]
     pulled = diagnosis("grip-slack+rate", effect=(slack,))
     left = (LeftOutRate(0.5, 4, "rate", 0.2, 0.1), LeftOutRate(1.5, 3, "rate", 0.1, 0.2))
-    answers.append(
-        Answered("adhesive-pulled", EXPECTATIONS["adhesive-pulled"], PALETTE, pulled,
-                 diagnosis("softening"), left)
-    )  # fmt: skip
+    without = diagnosis("softening")
+    answers.append(answered("adhesive-pulled", pulled, without_rate=without, left_out=left))
+    answers.append(answered("adhesive-sheared", diagnosis("rate"), without_rate=without))
     text = page(answers)
-    for a in answers:
-        assert f"## {a.expectation.title}\n" in text
     flat = " ".join(text.split())
     assert "Not as expected:** a false alarm: unknown" in flat
     assert "Predicted better than by the palette: 1 of 2 rates; worse: 1." in flat
     assert "another name for what rate would explain" in flat
     assert "(real-data/adhesive-pulled-curves.svg)" in text
-    assert "| silicones | unknown (0.50) | no | 20 % | 10 % | 5.0 % |  |" in text
-    assert (
-        "| adhesive-pulled | grip-slack+rate (0.50) | in part | 20 % | 10 % | 5.0 % | 67 % |"
-        in text
-    )
+    # of a gap of a fifth the mechanism closes 0.12, the diagnosis 0.10
+    assert "in part | 20 % | 10 % | 5.0 % | 8.0 % | 83 % |" in text
+    # where the mechanism closes a twentieth of the gap there is no share
+    assert "| none | unknown (0.50) | no | 20 % | 20 % | 5.0 % | 19 % |  |" in text
     assert "Grip-slack: slack 2 stands at a bound of what it may be." in flat
     assert "nan" not in text
     assert probability_with(pulled, "rate") == 0.5
+    assert_consistent(text)
+
+
+def test_figures_that_contradict_each_other_are_seen() -> None:
+    text = page([answered("adhesive-pulled", diagnosis("rate"))])
+    assert_consistent(text)
+    for wrong in (
+        text.replace("**The gap.** 20 %", "**The gap.** 30 %"),
+        text.replace("Of 1 sets 1 were", "Of 1 sets 0 were"),
+        text.replace("| 83 % |", "| 20 % |"),
+        text.replace("**As expected:**", "**Not as expected:**"),
+    ):
+        assert wrong != text
+        with pytest.raises(AssertionError):
+            assert_consistent(wrong)
+
+
+@pytest.mark.xfail(reason="the page is of the time before its table had shares", strict=True)
+def test_the_published_page_does_not_contradict_itself() -> None:
+    assert_consistent(PAGE.read_text(encoding="utf-8"))
+
+
+def assert_consistent(text: str) -> None:
+    """Hold the table's rows against each other, against their count and against their sections."""
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in text.partition("\n## ")[0].splitlines()
+        if line.startswith("| ")
+    ][2:]
+    flat = " ".join(text.split())
+    met = [row[3] for row in rows]
+    counts = [met.count(one) for one in ("yes", "in part", "no")]
+    said = re.search(r"Of (\d+) sets (\d+) were .*?, (\d+) in part and (\d+) not\.", flat)
+    assert said is not None
+    assert [int(n) for n in said.groups()] == [len(rows), *counts]
+    sections = [" ".join(part.split()) for part in text.split("\n## ")[1:]]
+    titled = {part.partition(" **What it is")[0]: part for part in sections}
+    for name, wanted, answer, one, *figures in rows:
+        section = titled[EXPECTATIONS[name].title]
+        assert wanted == EXPECTATIONS[name].wanted
+        assert f"Verdict: {answer.partition(' (')[0]} " in section
+        judged = re.search(r"\*\*(As|In part as|Not as) expected:\*\*", section)
+        assert judged is not None
+        assert judged.group(1) == {"yes": "As", "in part": "In part as", "no": "Not as"}[one]
+        printed = figures[:5]
+        before, after, _, mechanism, share = (percent_of(cell) for cell in printed)
+        assert f"**The gap.** {printed[0]} by the palette alone" in section
+        assert not printed[2] or f"(replicates differ by {printed[2]})" in section
+        assert f"{printed[1]} on what was held out" in section
+        assert f"{printed[3]} by the plain mechanism" in section
+        assert before is not None
+        assert after is not None
+        assert mechanism is not None
+        if answer.partition(" ")[0] in ("none", "unknown"):
+            assert after == before, f"{name}: nothing was added, and yet the gap changed"
+        if share is not None:
+            # two digits of each figure: half a unit of the last off the difference
+            doubt = 0.01 * max(before, after, mechanism) / (before - mechanism)
+            assert share == pytest.approx(
+                100.0 * (before - after) / (before - mechanism), abs=100.0 * 6.0 * doubt + 1.0
+            )
+
+
+def percent_of(cell: str) -> float | None:
+    """Return a printed percentage, None for an empty cell."""
+    return float(cell.removesuffix(" %")) if cell else None
 
 
 def test_a_rate_is_predicted_by_what_the_others_tell(planned: Any, imitated: Any) -> None:

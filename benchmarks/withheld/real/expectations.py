@@ -424,8 +424,8 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             _LIAO,
             "Discs of four soft resins, 5 mm high and 11.5 mm wide, pressed between platens from a "
             "preload of 1 N; travel and force count negative. The palette is fitted to pulls.",
-            "unknown, or refused",
-            "Unknown, or refused: nothing here predicts a disc that is pressed.",
+            "unknown",
+            "Unknown: nothing here predicts a disc that is pressed.",
             _not_ours,
             "Anything of the resins: friction at the platens, the preload and the laws in "
             "compression all differ.",

@@ -1,6 +1,6 @@
 """Diagnose the campaigns of published measurements and write the page on them.
 
-python -m benchmarks.withheld.real.report --data FOLDER [-o docs/explanation] [--keep DIR]
+python -m benchmarks.withheld.real.report --data FOLDER [-o DIR] [--keep DIR] [NAME ...]
 """
 
 import argparse
@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.withheld.real.__main__ import main as make_campaigns
+from benchmarks.withheld.real.convex_fit import convex_errors
 from benchmarks.withheld.real.expectations import EXPECTATIONS
 from benchmarks.withheld.real.left_out_rate import left_out_rates
 from benchmarks.withheld.real.page import Answered, page
@@ -24,15 +25,17 @@ PAGE, FIGURES = "real-data.md", "real-data"
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; see the module."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.withheld.real.report")
+    parser.add_argument("names", nargs="*", metavar="NAME", choices=[*EXPECTATIONS, []])
     parser.add_argument("--data", type=Path, required=True, help="folder of the sources' files")
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation"))
     parser.add_argument("--keep", type=Path, metavar="DIR", help="leave the reports' folders there")
     options = parser.parse_args(arguments)
+    names = options.names or list(EXPECTATIONS)
     with tempfile.TemporaryDirectory() as scratch:
         campaigns = Path(scratch)
-        if make_campaigns(["--data", str(options.data), "-o", str(campaigns)]):
+        if make_campaigns(["--data", str(options.data), "-o", str(campaigns), *names]):
             return 1
-        answers = [_answered(name, campaigns, options.keep) for name in EXPECTATIONS]
+        answers = [_answered(name, campaigns, options.keep) for name in names]
     (options.output / FIGURES).mkdir(parents=True, exist_ok=True)
     for a in answers:
         files = diagnosis_files(a.diagnosis)
@@ -52,13 +55,14 @@ def _answered(name: str, campaigns: Path, keep: Path | None) -> Answered:
         write_diagnosis(found, keep / name, force=True)
     met, why = expectation.judge(found)
     print(f"{name}: {found.verdict}; as expected: {met} ({why})", flush=True)
+    convex = convex_errors(campaign)
     if not expectation.rates:
-        return Answered(name, expectation, campaign.palette, found)
+        return Answered(name, expectation, campaign.palette, found, convex)
     without = diagnose(campaign, without=("rate",))
     if keep is not None:
         write_diagnosis(without, keep / f"{name}-without-rate", force=True)
     left_out = tuple(left_out_rates(campaign, diagnose))
-    return Answered(name, expectation, campaign.palette, found, without, left_out)
+    return Answered(name, expectation, campaign.palette, found, convex, without, left_out)
 
 
 if __name__ == "__main__":
