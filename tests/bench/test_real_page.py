@@ -26,6 +26,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "real-data.md"
 PALETTE = load_printer("connex3").palette()
 RISE = 0.2
 SOFTENED = (QualityProblem("dentaguide-NS-2-1-low_force_softened", "outlier", "unlike others"),)
+OTHER = QualityProblem("dentaguide-NS-2-2", "outlier", "unlike others")
 RATE = FoundEffect("rate", "power-law", {"rise": RISE}, {"rise": (0.1, 0.3)}, {"rise": "1"})
 
 
@@ -79,6 +80,7 @@ def diagnosis(verdict: str, *others: str, where: str = "material", **more: Any) 
         ("borg-raw", diagnosis("none"), "in part"),
         ("borg-softened", diagnosis("grip-slack", data_quality=SOFTENED), "yes"),
         ("borg-softened", diagnosis("rate", data_quality=SOFTENED), "no"),
+        ("borg-softened", diagnosis("none", data_quality=(*SOFTENED, OTHER)), "in part"),
         ("borg-slack", diagnosis("grip-slack+rate"), "in part"),
         ("borg-compression", diagnosis("unknown"), "yes"),
         ("borg-compression", diagnosis("none"), "no"),

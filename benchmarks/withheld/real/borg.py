@@ -7,7 +7,7 @@ is the crosshead's travel over the length between the grips; no temperature was 
 
 import csv
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -98,6 +98,7 @@ _SETS: Mapping[str, _Set] = MappingProxyType(
         "right-area": _Set((SILICONE,), stand_in=SILICONE_MIX),
         "session": _Set((SILICONE_MIX,), (ETHANOL,), reference="23", fitted=ETHANOL),
         "raw": _Set((BIOFLEX, SILICONE, DENTAGUM), (AUTOCLAVE,), fitted=AUTOCLAVE, raw=True),
+        "aquagray-treated": _Set((AQUAGRAY,), _TREATED, nominal=RIGID_MM, toe=True),
         "slack": _Set((AQUAGRAY,), nominal=RIGID_MM, toe=True),
         "softened": _Set((DENTAGUIDE,), nominal=RIGID_MM, toe=True),
         "compression": _Set(ALL, test="Compression", nominal=DISC_MM),
@@ -209,6 +210,10 @@ def _made(name: str, data: Path) -> Campaign:
     palette = fitted_palette(
         f"borg-{name}", fitted, Reference(strain_rate_per_s=rate), "Liao et al. 2025"
     )
+    if chosen.toe:
+        # Rigid resins count as plastic, and no coupon is planned of such; they are below yield here
+        springs = tuple(replace(m, deformation="elastic") for m in palette.materials)
+        palette = replace(palette, materials=springs)
     named = {chosen.stand_in or resin: _id(resin) for resin in chosen.resins}
     specimens = tuple(
         _coupon(r, named[r.resin], chosen)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from planner.gap.diagnosis import Diagnosis
+from planner.report.gap_text import listed
 
 __all__ = ["EXPECTATIONS", "Answer", "Expectation", "probability_with"]
 
@@ -106,14 +107,16 @@ def _unclaimed(d: Diagnosis, column: str, *alike: str) -> Answer:
 
 
 def _told_apart(d: Diagnosis, specimens: tuple[str, ...], *verdicts: str) -> Answer:
-    """Whether data quality names the specimens that are off, and nothing is made of them."""
+    """Whether data quality names the specimens that are off and no other, and no more is made."""
     told = {q.specimen for q in d.data_quality}
-    missed = [s for s in specimens if s not in told]
-    words = f"the verdict is {d.verdict}; data quality names "
-    words += "all that are off" if not missed else f"all but {', '.join(missed)}"
+    missed = listed([s for s in specimens if s not in told])
+    others = listed(sorted(s for s in told if s and s not in specimens))
+    words = f"the verdict is {d.verdict}; data quality names all that are off"
+    words += f" but {missed}" if missed else ""
+    words += f", and {others} too" if others else ""
     if d.verdict not in verdicts:
         return NO, words
-    return (PART if missed else YES), words
+    return (PART if missed or others else YES), words
 
 
 def _wrong_area(d: Diagnosis) -> Answer:
@@ -328,6 +331,10 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             "DentaGUM",
             "In ethanol it got 27 % stiffer at a strain of 0.1, 8 % at 0.5; "
             "autoclaved 10 % softer.",
+        ),
+        "borg-aquagray-treated": _treated(
+            "Aqua-Gray, a rigid resin,",
+            "Treated either way it bears less than half the force; all curves begin with toes.",
         ),
         "borg-four-resins-treated": Expectation(
             "Four resins, treated",
