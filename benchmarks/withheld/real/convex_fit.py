@@ -61,8 +61,8 @@ def hereditary(time_s: FloatArray, strain: FloatArray) -> FloatArray:
 def left_out_errors(campaign: Campaign, group: Sequence[Hashable]) -> FloatArray:
     """Return each specimen's mean squared error of force over its largest, its group left out.
 
-    Each material is fitted alone, to its tests of the other groups and to the palette's own curve.
-    A specimen that cannot be compared has NaN.
+    Each material is fitted alone, to its coupons of the other groups and to the palette's own
+    curve. A specimen that cannot be compared has NaN, and so has a graded bar.
     """
     mounted = observation_model(campaign)
     setup, of = mounted.setup, np.maximum(mounted.test_of, 0)
@@ -70,8 +70,8 @@ def left_out_errors(campaign: Campaign, group: Sequence[Hashable]) -> FloatArray
     basis = hereditary(setup.time_s, setup.travel_mm / setup.gauge_mm[:, None])[of]
     measured = mounted.measured_N / area
     peak = np.abs(measured).max(axis=1)
-    fastest = float(np.median(setup.rate_per_s))
-    rate = campaign.palette.reference.strain_rate_per_s or fastest
+    usual = float(np.median(setup.rate_per_s))
+    rate = campaign.palette.reference.strain_rate_per_s or usual
     materials = {m.id: _own_curve(m, rate) for m in campaign.palette.materials}
     errors = np.full(len(group), np.nan)
     compared = mounted.test_of >= 0

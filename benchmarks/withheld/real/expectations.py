@@ -185,7 +185,14 @@ _ONE_SPEED = (
 )
 
 
-def _untreated(resin: str, scatter: str) -> Expectation:
+_ZERO = (
+    "Seen after the expectation was written: once torn, the specimens' records stand at -0.2 to "
+    "0.05 N, up to a tenth of the largest force and not the same for all, so that a wandering zero "
+    "of force is no false cause in these tests."
+)
+
+
+def _untreated(resin: str, scatter: str, beyond: str = "") -> Expectation:
     return Expectation(
         f"{resin}, untreated: nothing to find",
         _LIAO,
@@ -194,7 +201,7 @@ def _untreated(resin: str, scatter: str) -> Expectation:
         "none",
         "None.",
         _nothing,
-        _ONE_SPEED,
+        f"{_ONE_SPEED} {beyond}".strip(),
     )
 
 
@@ -290,8 +297,8 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             _tape,
             "Anything of rate. Time is counted at one assumed speed for all.",
         ),
-        "borg-bioflex": _untreated("Bioflex A10", "5 %"),
-        "borg-bioflex-unw2": _untreated("Bioflex A10 washed in UNW2", "8 %"),
+        "borg-bioflex": _untreated("Bioflex A10", "5 %", _ZERO),
+        "borg-bioflex-unw2": _untreated("Bioflex A10 washed in UNW2", "8 %", _ZERO),
         "borg-silicone": _untreated("Silicone 40A", "5 %"),
         "borg-dentagum": _untreated("DentaGUM", "3 %"),
         "borg-four-resins": Expectation(
@@ -322,7 +329,7 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             "none",
             "None, or at most something unknown with treatment.",
             lambda d: _nothing_but(d, "treatment"),
-            _ONE_SPEED,
+            f"{_ONE_SPEED} {_ZERO}",
         ),
         "borg-silicone-treated": _treated(
             "Silicone 40A", "In ethanol it got 10 % stiffer, at a scatter of 3 to 5 %."
