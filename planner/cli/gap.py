@@ -1,5 +1,6 @@
 """planner gap diagnose, design, simulate and correct."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -129,8 +130,9 @@ def correct(
 ) -> int:
     """Write a palette for the conditions of use, corrected for what a diagnosis has found.
 
-    Exit code 1 when there is nothing that a palette can be corrected for (nothing is written), or
-    the verdict has an effect that no palette can hold beside one that it can.
+    Exit code 1 when there is nothing that a palette can be corrected for (nothing is written); when
+    the verdict has an effect that no palette can hold beside one that it can; or when the use lies
+    so far from the tests that they do not tell one grade from the next there.
 
     Example: [bold]planner gap correct diagnosis --temperature-C 33 -o warm.toml[/bold]
     """
@@ -163,13 +165,13 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path) -> None:
-    from planner.cli.output import finding, format_number, print_table, say, warn
+    from planner.cli.output import finding, format_number, format_range, print_table, say, warn
     from planner.materials.laws import make_law, secant_modulus_MPa
 
     if made.doubt:
         warn(made.doubt)
     for note in made.notes:
-        (finding if note.split(":")[0] in made.left else warn)(note)
+        (finding if note in made.findings else warn)(note)
     if not made.corrected:
         say("there is nothing to correct the palette for; nothing was written")
         return
@@ -177,17 +179,18 @@ def _correct_report(made: "Correction", output: Path) -> None:
     for old, new in zip(made.before.materials, made.palette.materials, strict=True):
         at = min(0.1, 0.5 * old.elongation_at_break)
         was, now = (float(secant_modulus_MPa(make_law(m.law), at)) for m in (old, new))
-        moduli = [format_number(was), format_number(now), f"{now / was:.3f}"]
-        rows.append([old.id, *moduli, f"{100 * made.misfit[old.id]:.2f} %"])
+        wide = math.exp(1.96 * new.modulus_log_sd)
+        moduli = [format_number(was), format_number(now), format_range((now / wide, now * wide))]
+        rows.append([old.id, *moduli, f"{now / was:.3f}", f"{100 * made.misfit[old.id]:.2f} %"])
     right = ["before MPa", "after MPa", "factor", "misfit"]
     print_table(
-        ["material", *right],
+        ["material", "before MPa", "after MPa", "95 % interval", "factor", "misfit"],
         rows,
-        title=f"Corrected for {' and '.join(made.corrected)}: secant modulus at strain 0.1 "
-        "(half the break of rigid grades)",
+        title=f"Corrected for {' and '.join(made.corrected)}: secant modulus at strain 0.1",
         right=right,
     )
-    say(f"wrote {output} (next: planner grade PART --palette {output})")
+    say("the modulus of rigid grades is at half their break")
+    say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output})")
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """A palette for the conditions of use, from what a diagnosis has found."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -10,11 +10,19 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError, PlannerError, UnknownNameError
-from planner.gap.campaign import Campaign
+from planner.gap.campaign import TOLERANCES
 from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosis
-from planner.gap.effect import Effect, StatedEffect, stated, with_effects
+from planner.gap.effect import Effect, StatedEffect, stated
 from planner.gap.effects import effect_named, effects_for
-from planner.gap.virtual import single_test, virtual_specimen
+from planner.gap.factors import (
+    Factors,
+    Place,
+    breaks_share,
+    forms_sd,
+    intervals_sd,
+    working_strain,
+)
+from planner.gap.noise import USUAL
 from planner.materials.characterise import Curve
 from planner.materials.fit import fit_law, law_stress_MPa, sample_of, unstable_strain
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
@@ -29,7 +37,6 @@ from planner.palette import (
     parse_palette,
 )
 from planner.printers import Printer, palette_of
-from planner.simulation.bar_solver import LawTables, law_tables, predict
 
 __all__ = ["Correction", "correct"]
 
@@ -129,23 +136,24 @@ def _model(law: LawParameters) -> SeparableLaw:
 # A palette for the conditions of use, from a diagnosis: how the loop from print to plan closes.
 
 
-_CONDITIONS: Mapping[str, tuple[str, float, float]] = MappingProxyType(
+_CONDITIONS: Mapping[str, tuple[str, str, float, float]] = MappingProxyType(
     {
-        "strain_rate_per_s": ("a strain rate of {:g} per s", 1e-9, 1e6),
-        "temperature_C": ("{:g} degC", -100.0, 200.0),
-        "soak_h": ("{:g} h of soaking", 0.0, 1e6),
-        "age_days": ("an age of {:g} days", 0.0, 1e5),
+        "strain_rate_per_s": ("a strain rate of ", "per s", 1e-9, 1e6),
+        "temperature_C": ("", "degC", -100.0, 200.0),
+        "soak_h": ("", "h of soaking", 0.0, 1e6),
+        "age_days": ("an age of ", "days", 0.0, 1e5),
     }
 )
-"""The conditions of use in words, and what they may be."""
+"""The conditions of use, what stands before and after their figure, and what they may be."""
 
-_GAUGE_mm = 25.0
-_BREAK_SHARE = 0.95
 _STEPS = 120
+_STEPS_TO_WORK = 24
+"""Of a pull to the working strain, where a relaxing law is followed to 1e-3."""
+
 _NOTABLE_MISFIT = 0.01
 _NOTABLE = 1e-6
-_INTERVAL_SD = 2.0 * 1.645
-"""Width of a 90 % interval in standard deviations."""
+_SD_95 = 1.96
+"""Half of a 95 % interval in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,8 +174,13 @@ class Correction:
         By material: RMS relative error of its new law against the corrected curve.
     factor
         By material: what its stress is multiplied by, at a strain of 0.1 or half its break.
+    log_sd
+        By material: deviation of ln factor, of the parameters and of the forms that fit as well.
     left
         The effects of the verdict that no palette can hold.
+    findings
+        Those of the notes that need something done before a part is printed: what is left, and
+        materials whose factor is not known to the step to the neighbouring grade.
     doubt
         Why it may not be the one that was diagnosed; "" where it surely is.
     """
@@ -178,13 +191,15 @@ class Correction:
     notes: tuple[str, ...]
     misfit: Mapping[str, float] = field(default_factory=dict)
     factor: Mapping[str, float] = field(default_factory=dict)
+    log_sd: Mapping[str, float] = field(default_factory=dict)
     left: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
     doubt: str = ""
 
     @property
     def ok(self) -> bool:
-        """Whether the palette was corrected for all that the verdict names."""
-        return bool(self.corrected) and not self.left
+        """Whether the palette was corrected for all that the verdict names, and is known enough."""
+        return bool(self.corrected) and not self.findings
 
     def document(self) -> dict[str, Any]:
         """Return what was corrected, for which conditions and how well, as JSON holds it."""
@@ -194,10 +209,15 @@ class Correction:
             "left": list(self.left),
             "conditions": asdict(at) if self.corrected else None,
             "materials": {
-                m: {"stress_factor": float(f"{f:.6g}"), "misfit": float(f"{self.misfit[m]:.3g}")}
+                m: {
+                    "stress_factor": float(f"{f:.6g}"),
+                    "log_sd": float(f"{self.log_sd[m]:.3g}"),
+                    "misfit": float(f"{self.misfit[m]:.3g}"),
+                }
                 for m, f in self.factor.items()
             },
             "notes": list(self.notes),
+            "findings": list(self.findings),
         }
 
 
@@ -316,57 +336,86 @@ def _corrected(
         else:
             left.append(found.id)
             notes.append(effect.advice(found, *section))
+    findings = list(notes)
     notes += _doubts(diagnosis)
     applied = [_stated(e, library[e.id], palette.name) for e in known]
-    factors = _Factors(palette, use, section)
-    logs = {m.id: factors.log_factor(m, applied) for m in palette.materials}
+    own = _conditions(Reference(), palette.reference)
+    places = [(material, use) for material in palette.materials]
+    factors = Factors(palette, places, own, section, breaks_share, _STEPS)
+    logs = _whole(factors.log(applied), palette)
     notes += [
-        f"{one.effect.id}: nothing changes at {_in_words(use, own)}, the palette's own; "
+        f"{one.effect.id}: nothing changes at {_in_words(use, name)}, the palette's own; "
         "state the condition of use to have it corrected"
         for one in applied
-        if (own := one.effect.condition) and getattr(factors.own, own) == getattr(use, own)
+        if (name := one.effect.condition) and getattr(own, name) == getattr(use, name)
     ]
-    corrected = [one.effect.id for one in applied if factors.matters([one])]
+    acting = [
+        one for one in applied if np.abs(_whole(factors.log([one]), palette)).max() > _NOTABLE
+    ]
+    corrected = [one.effect.id for one in acting]
     asked = diagnosis.recalibration if recalibrate else {}
-    if recalibrate and any(material in asked for material in logs):
+    if recalibrate and any(material.id in asked for material in palette.materials):
         corrected.append("recalibration")
     if not corrected:
-        return Correction(palette, palette, (), tuple(notes), left=tuple(left))
-    materials, misfit, factor, tension_alone = [], {}, {}, []
-    for material in palette.materials:
-        level = asked.get(material.id, (0.0, 0.0))[0]
-        strain, log = logs[material.id]
+        return Correction(
+            palette, palette, (), tuple(notes), left=tuple(left), findings=tuple(findings)
+        )
+    sure = intervals_sd(factors, known, applied)
+    forms = _forms_sd(palette, diagnosis, acting, own, use, section)
+    materials, misfit, factor, log_sd, tension_alone = [], {}, {}, {}, []
+    for number, material in enumerate(palette.materials):
+        level, level_sd = asked.get(material.id, (0.0, 0.0))
+        strain, log = factors.strain[number, 1:], logs[number]
         fit = _refitted(material, strain, log + level)
-        spread = factors.spread(material, known, applied)
         misfit[material.id] = fit.misfit
         if fit.tension_alone:
             tension_alone.append(material.id)
-        at = min(0.1, 0.5 * material.elongation_at_break)
+        at = working_strain(material)
         factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
-        sd = math.hypot(material.modulus_log_sd, spread)
+        log_sd[material.id] = math.hypot(sure[number], forms[number], level_sd)
+        sd = math.hypot(material.modulus_log_sd, log_sd[material.id])
         materials.append(replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd))
-    notes += _about(palette, diagnosis, misfit, corrected)
+    bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
+    if bad:
+        told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())
+        notes.append(f"laws that follow the correction by more than 1 % off: {told}")
+    notes += _beyond(palette, diagnosis, acting, own, use, log_sd)
     if tension_alone:
         notes.append(
             f"{', '.join(tension_alone)}: the new law holds from rest to the break and not beyond "
             "either: do not use it in compression"
         )
-    made = replace(
-        palette,
-        name=palette.name.removesuffix("-corrected") + "-corrected",
-        materials=tuple(materials),
-        reference=use,
-        source=_source(palette, diagnosis, applied, corrected, use, section[1]),
+    made = _checked(
+        replace(
+            palette,
+            name=palette.name.removesuffix("-corrected") + "-corrected",
+            materials=tuple(materials),
+            reference=use,
+            source=_source(palette, diagnosis, applied, corrected, use, section[1]),
+        )
     )
+    findings += (guesses := _guesses(made, forms))
     return Correction(
-        _checked(made), palette, tuple(corrected), tuple(notes), misfit, factor, tuple(left)
-    )
+        made, palette, tuple(corrected), (*notes, *guesses), misfit, factor, log_sd,
+        tuple(left), tuple(findings),
+    )  # fmt: skip
+
+
+def _whole(log: FloatArray, palette: Palette) -> FloatArray:
+    """Return ln factors of a palette's materials, all of them numbers."""
+    lost = ~np.isfinite(log).all(axis=1)
+    if lost.any():
+        raise PaletteError(
+            f"material {palette.materials[int(np.argmax(lost))].id}: its stress at these "
+            "conditions is not above 0; state conditions nearer to those of the campaign"
+        )
+    return log
 
 
 def _conditions(asked: Reference, own: Reference) -> Reference:
     """Return the conditions of use, each stated, the palette's own or the usual one."""
     use = stated(asked, own)
-    for name, (_, low, high) in _CONDITIONS.items():
+    for name, (_, _, low, high) in _CONDITIONS.items():
         value = getattr(use, name)
         if not low <= value <= high:
             argument = {"strain_rate_per_s": "rate_per_s"}.get(name, name)
@@ -378,7 +427,8 @@ def _conditions(asked: Reference, own: Reference) -> Reference:
 def _in_words(at: Reference, name: str) -> str:
     if name == "orientation":
         return f"orientation {at.orientation}"
-    return _CONDITIONS[name][0].format(getattr(at, name))
+    before, unit, _, _ = _CONDITIONS[name]
+    return f"{before}{getattr(at, name):g} {unit}"
 
 
 def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
@@ -398,75 +448,130 @@ def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
     return StatedEffect(effect, form, values)
 
 
-class _Factors:
-    """What effects multiply the stress of a palette's materials by, pulled at conditions of use."""
+# ------------------------------------------------------------------------------------------------
+# How far the use lies from what was tested, and how sure the correction is there.
 
-    def __init__(self, palette: Palette, use: Reference, section_mm: tuple[float, float]) -> None:
-        self.palette, self.use, self.section_mm = palette, use, section_mm
-        self.own = _conditions(Reference(), palette.reference)
-        self.laws: LawTables = law_tables(palette)
 
-    def log_factor(
-        self, material: Material, effects: Sequence[StatedEffect]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return strains above 0 up to near the break, and ln factor there."""
-        ours = [e for e in effects if e.effect.condition]
-        end = _BREAK_SHARE * material.elongation_at_break
-        strain = end * np.linspace(0.0, 1.0, _STEPS + 1)
-        after = self._force_N(material, self.use, effects, strain)
-        before = self._force_N(material, self.own, ours, strain)
-        with np.errstate(all="ignore"):
-            log: FloatArray = np.log(after[1:] / before[1:])
-        if not np.isfinite(log).all():
-            raise PaletteError(
-                f"material {material.id}: its stress at these conditions is not above 0; state "
-                "conditions nearer to those of the campaign"
-            )
-        return strain[1:], log
+def _forms_sd(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    effects: Sequence[StatedEffect],
+    own: Reference,
+    use: Reference,
+    section: tuple[float, float],
+) -> FloatArray:
+    """Return by how much forms that fit the tests as well differ in use, a material each."""
+    total = np.zeros(len(palette.materials))
+    # The form found misses conditions left out by this much; one that is as near to it as that
+    # at the tests is as good.
+    missed = [e for e in (diagnosis.gap.after, diagnosis.gap.floor) if e is not None]
+    sd = max(missed, default=USUAL.specimen) or USUAL.specimen
+    for one in effects:
+        tested = _tested_places(palette, diagnosis, one.effect.condition, own)
+        if tested:
+            places = [*tested, *((material, use) for material in palette.materials)]
+            factors = Factors(palette, places, own, section, working_strain, _STEPS_TO_WORK)
+            total += forms_sd(factors, one, len(tested), sd) ** 2
+    return np.sqrt(total)
 
-    def matters(self, effects: Sequence[StatedEffect]) -> bool:
-        """Return whether effects change any law at the conditions of use."""
-        logs = [self.log_factor(m, effects)[1] for m in self.palette.materials]
-        return max(float(np.abs(log).max()) for log in logs) > _NOTABLE
 
-    def spread(
-        self, material: Material, found: Sequence[FoundEffect], effects: Sequence[StatedEffect]
-    ) -> float:
-        """Return the deviation of the mean ln factor, from the parameters' intervals."""
-        total = 0.0
-        for number, (one, effect) in enumerate(zip(found, effects, strict=True)):
-            for name, ends in one.interval.items():
-                if name not in one.parameters or not all(map(math.isfinite, ends)):
-                    continue
-                means = []
-                for end in ends:
-                    moved = replace(effect, values={**effect.values, name: end})
-                    changed = [*effects[:number], moved, *effects[number + 1 :]]
-                    means.append(float(self.log_factor(material, changed)[1].mean()))
-                total += ((means[1] - means[0]) / _INTERVAL_SD) ** 2
-        return math.sqrt(total)
+def _tested_places(
+    palette: Palette, diagnosis: Diagnosis, condition: str | None, own: Reference
+) -> list[Place]:
+    """Return the materials tested, each at every level of a condition; none if it is not told."""
+    materials = [m for m in palette.materials if m.id in _tested_materials(diagnosis)]
+    if condition is None:
+        return [(material, own) for material in materials]
+    levels = [cast("Any", {condition: level}) for level in diagnosis.tested.get(condition, ())]
+    return [(material, replace(own, **level)) for material in materials for level in levels]
 
-    def _force_N(
-        self, material: Material, at: Reference, effects: Sequence[StatedEffect], strain: FloatArray
-    ) -> FloatArray:
-        conditions = asdict(at)
-        rate_per_s = conditions.pop("strain_rate_per_s")
-        specimen = virtual_specimen(
-            self.palette,
-            id=material.id,
-            gauge_mm=_GAUGE_mm,
-            strain=float(strain[-1]),
-            material=material.id,
-            width_mm=self.section_mm[0],
-            thickness_mm=self.section_mm[1],
-            rate_mm_s=rate_per_s * _GAUGE_mm,
-            **conditions,
+
+def _tested_materials(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return tuple(map(str, diagnosis.tested.get("material", tuple(diagnosis.recalibration))))
+
+
+def _beyond(
+    palette: Palette,
+    diagnosis: Diagnosis,
+    effects: Sequence[StatedEffect],
+    own: Reference,
+    use: Reference,
+    log_sd: Mapping[str, float],
+) -> Iterator[str]:
+    """Yield a sentence for each condition and for the materials that lie beyond the tests."""
+    conditions = {one.effect.condition for one in effects} - {None}
+    untold = conditions - set(diagnosis.tested)
+    if untold:
+        yield (
+            "the diagnosis does not say at which conditions it was tested, so that nothing is said "
+            "of use beyond them: diagnose the campaign again"
         )
-        campaign = Campaign("use", "", self.palette, (specimen,))
-        setup = single_test(campaign, 0, strain / rate_per_s, strain * _GAUGE_mm)
-        assert setup is not None
-        force: FloatArray = predict(with_effects(setup, effects), self.laws).force_N[0]
-        return force
+    tested_ids = _tested_materials(diagnosis)
+    among = max((log_sd[id] for id in log_sd if id in tested_ids), default=0.0)
+    for name in (*_CONDITIONS, "orientation"):
+        tested = diagnosis.tested.get(name, ())
+        if not tested or getattr(use, name) == getattr(own, name) or _among(use, name, tested):
+            continue
+        where = f"{_in_words(use, name)} lies beyond the tested {_range_in_words(name, tested)}"
+        if name in conditions:
+            factor = math.exp(_SD_95 * among)
+            yield f"{where}: stress is known there to a factor of {factor:.2g} (95 %); test there"
+        else:
+            yield f"{where}: whether it changes anything is not known; nothing was corrected for it"
+    places = [n for n, m in enumerate(palette.materials) if m.id in tested_ids]
+    if not places or not effects:
+        return
+    new = [(n, m.id) for n, m in enumerate(palette.materials) if n not in places]
+    between = [id for n, id in new if places[0] < n < places[-1]]
+    outside = [id for n, id in new if not places[0] < n < places[-1]]
+    if between:
+        yield f"{', '.join(between)}: not in the campaign, but between materials that were"
+    if outside:
+        factor = math.exp(_SD_95 * max(log_sd[id] for id in outside))
+        ends = " to ".join(dict.fromkeys(palette.materials[n].id for n in (places[0], places[-1])))
+        yield (
+            f"{', '.join(outside)}: beyond the tested materials, {ends}; their stress is known to "
+            f"a factor of {factor:.2g} (95 %)"
+        )
+
+
+def _among(use: Reference, name: str, tested: Sequence[float | str]) -> bool:
+    """Return whether a condition lies within what was tested, as near as replicates do."""
+    value = getattr(use, name)
+    if isinstance(value, str):
+        return value in tested
+    column = "rate_mm_s" if name == "strain_rate_per_s" else name
+    absolute, relative = TOLERANCES[column]
+    absolute = 0.0 if column == "rate_mm_s" else absolute
+    low, high = (float(end) for end in (tested[0], tested[-1]))
+    return bool(
+        low - max(absolute, relative * low) <= value <= high + max(absolute, relative * high)
+    )
+
+
+def _range_in_words(name: str, tested: Sequence[float | str]) -> str:
+    if name == "orientation":
+        return " and ".join(map(str, tested))
+    ends = " to ".join(dict.fromkeys(f"{end:g}" for end in (tested[0], tested[-1])))
+    return f"{ends} {_CONDITIONS[name][1]}"
+
+
+def _guesses(made: Palette, forms: FloatArray) -> list[str]:
+    """Return a finding for the materials that may be as stiff as their neighbours.
+
+    A plan chooses grades. Where forms that fit the tests as well differ, with 95 %, by more than
+    the step to the nearest grade, which grade meets a target is a guess.
+    """
+    model = CoefficientModel(made)
+    steps = np.diff(np.log(model.grade_moduli_MPa(min(0.1, model.strain_limit))))
+    nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
+    far = [m.id for m, off in zip(made.materials, _SD_95 * forms > nearest, strict=True) if off]
+    if not far:
+        return []
+    return [
+        f"{', '.join(far)}: forms that fit the tests as well differ here by more than the step to "
+        "the next grade, so that a plan's choice of grade is a guess; test them in this use first"
+    ]
 
 
 def _doubts(diagnosis: Diagnosis) -> list[str]:
@@ -483,23 +588,6 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
         notes.append(
             f"the data cannot tell {diagnosis.verdict} from {', '.join(others)}; the correction "
             f"is that of {diagnosis.verdict}"
-        )
-    return notes
-
-
-def _about(
-    palette: Palette, diagnosis: Diagnosis, misfit: Mapping[str, float], corrected: Sequence[str]
-) -> list[str]:
-    notes = []
-    bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
-    if bad:
-        told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())
-        notes.append(f"laws that follow the correction by more than 1 % off: {told}")
-    known = diagnosis.recalibration
-    unseen = [m.id for m in palette.materials if known and m.id not in known]
-    if unseen and set(corrected) - {"recalibration"}:
-        notes.append(
-            f"{', '.join(unseen)}: not in the campaign; their correction is the effect's own trend"
         )
     return notes
 

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import Campaign, Specimen, axis_columns
+from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
@@ -32,6 +32,7 @@ from planner.gap.localise import localise
 from planner.gap.localise_tests import Whitening
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
+from planner.gap.quality_records import HOLDS, hold_share
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
@@ -79,6 +80,53 @@ def _recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple
         for k, way in enumerate(problem.ways)
         if way.kind == "level"
     }
+
+
+# ------------------------------------------------------------------------------------------------
+# What was tested, so that whoever uses the effect knows where it was seen.
+
+
+def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
+    """Return the levels of every condition, and the materials; see `Diagnosis.tested`."""
+    specimens = campaign.specimens
+    found: dict[str, tuple[float | str, ...]] = {}
+    for name in ("temperature_C", "soak_h", "age_days"):
+        found[name] = _levels([getattr(s, name) for s in specimens], name)
+    found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
+    found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
+    spans = [s.profile.coordinate for s in specimens if s.profile is not None]
+    found["material"] = tuple(
+        m.id
+        for m in campaign.palette.materials
+        if any(s.material is not None and campaign.palette.resolve(s.material) == m
+               for s in specimens)
+        or any(span.min() <= m.coordinate <= span.max() for span in spans)
+    )  # fmt: skip
+    return {name: values for name, values in found.items() if values}
+
+
+def _levels(values: Sequence[float | None], name: str) -> tuple[float, ...]:
+    """Return the means of values that replicates may have in common."""
+    absolute, relative = TOLERANCES[name]
+    level = levels(values, 0.0 if name == "rate_mm_s" else absolute, relative)
+    groups: dict[int, list[float]] = {}
+    for at, value in zip(level, values, strict=True):
+        if at is not None and value is not None:
+            groups.setdefault(at, []).append(value)
+    return tuple(float(np.mean(groups[at])) for at in sorted(groups))
+
+
+def _rates(specimen: Specimen) -> tuple[float, ...]:
+    """Return the strain rates that a specimen shows: its pull's, and that of a pull as long as it.
+
+    A law that relaxes shows in a hold what a pull shows that takes as long.
+    """
+    if specimen.rate_mm_s is None:
+        return ()
+    pull = specimen.rate_mm_s / specimen.gauge_mm
+    if hold_share(specimen) <= HOLDS:
+        return (pull,)
+    return pull, float(specimen.strain.max() / (specimen.time_s[-1] - specimen.time_s[0]))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -284,6 +332,7 @@ def _diagnose(
             *_confounders(verdict, reasons),
         ),
         recalibration=_recalibration_of(problem, chosen),
+        tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
     )

@@ -243,6 +243,9 @@ class Diagnosis:
     recalibration
         By material: the factor on its law's stress that the data ask for beside the effects, as a
         logarithm, with its standard deviation.
+    tested
+        Levels of each condition of a palette's reference that the campaign tested, rising; and
+        the ids of its materials, from soft to hard, as ``material``.
     """
 
     campaign: str
@@ -263,6 +266,7 @@ class Diagnosis:
     detectable: tuple[Detectable, ...]
     limitations: tuple[str, ...]
     recalibration: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tested: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
     seed: int = 0
     traces: Traces | None = None
 
@@ -318,7 +322,7 @@ _SIGNIFICANT_DIGITS = 6
 _MOST = 1.0 + 1e-6
 
 _ALIKE = (
-    "campaign", "specimens", "tests", "seed", "verdict", "where", "gap", "data_quality",
+    "campaign", "specimens", "tests", "tested", "seed", "verdict", "where", "gap", "data_quality",
     "next_experiments", "detectable", "limitations",
 )  # fmt: skip
 """What the file holds as the diagnosis does."""
@@ -356,6 +360,7 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     palette: _PaletteFile = msgspec.field(default_factory=_PaletteFile)
     specimens: int = 0
     tests: int = 0
+    tested: dict[str, tuple[float | str, ...]] = {}
     seed: int = 0
     verdict: str
     ranking: tuple[Hypothesis, ...]

@@ -33,7 +33,7 @@ from planner.simulation.simulate import loading_path
 __all__ = [
     "BAR_SHARE",
     "HOLD_S",
-    "single_test",
+    "single_tests",
     "stated_effect",
     "synthesise_campaign",
     "synthetic_campaign",
@@ -131,34 +131,35 @@ def virtual_specimen(
 
 
 # ------------------------------------------------------------------------------------------------
-# One specimen's test on its own, at any steps: to predict whole curves.
+# Specimens' tests on their own, at any steps: to predict whole curves.
 
 
 _LONE_ROWS = 200
 
 
-def single_test(
-    campaign: Campaign, place: int, time_s: FloatArray, travel_mm: FloatArray
+def single_tests(
+    campaign: Campaign, places: Sequence[int], time_s: FloatArray, travel_mm: FloatArray
 ) -> Setup | None:
-    """Return the setup of one specimen along a path of any steps, with no effect.
+    """Return the setup of specimens, a test each, along paths of any steps, with no effect.
 
-    None where the specimen never loads over enough rows to be observed.
+    None where one never loads over enough rows to be observed.
 
     Parameters
     ----------
-    place
-        Of the specimen in the campaign.
-    time_s, travel_mm : (T,)
+    places
+        Of the specimens in the campaign.
+    time_s, travel_mm : (P, T)
         Of the crosshead, the first step at rest.
     """
-    path = path_of(campaign.specimens[place])
-    if path is None or not path.segments:
+    paths = {place: path_of(campaign.specimens[place]) for place in places}
+    whole = {place: path for place, path in paths.items() if path is not None and path.segments}
+    if len(whole) < len(paths):
         return None
-    test = replicate_test({place: path}, [place])
-    none = np.zeros((1, len(time_s)))
-    return assemble(campaign, [test], {place: path}).with_(
-        time_s=np.asarray(time_s, dtype=np.float64)[None],
-        travel_mm=np.asarray(travel_mm, dtype=np.float64)[None],
+    tests = [replicate_test(whole, [place]) for place in places]
+    none = np.zeros(np.shape(time_s))
+    return assemble(campaign, tests, whole).with_(
+        time_s=np.asarray(time_s, dtype=np.float64),
+        travel_mm=np.asarray(travel_mm, dtype=np.float64),
         lost_mm=none,
         gain=none + 1.0,
         offset_N=none,
@@ -514,7 +515,8 @@ def synthetic_campaign(
     how += f"; {seed_text}" if seed_text else ""
     specimens = []
     for place, specimen in enumerate(plan.specimens):
-        setup = single_test(plan, place, specimen.time_s, specimen.displacement_mm)
+        path = specimen.time_s[None], specimen.displacement_mm[None]
+        setup = single_tests(plan, [place], *path)
         if setup is None:
             raise FileError(
                 f"campaign {plan.name}: specimen {specimen.id} never loads over enough points; "

@@ -237,8 +237,8 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
     end_MPa, end = _end(wish.end, "to", scale)
     if start == end:
         raise ArgumentError(
-            f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or modulus, "
-            f"{start}; a gradient needs two"
+            f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or "
+            f"modulus, {start}; a gradient needs two"
         )
     return between(str(profile), start_MPa, end_MPa), start, end
 

@@ -4,14 +4,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import manifold3d as m3
 import numpy as np
 import pytest
 
+import planner
 from planner.cli import run
 from planner.errors import FileError, PaletteError, UnknownNameError
 from planner.gap.correct import Correction, correct
+from planner.gap.diagnose import levels_tested
 from planner.gap.diagnosis import Diagnosis, FoundEffect, Gap
+from planner.gap.effect import StatedEffect, stated
 from planner.gap.effects import EFFECTS, effects_for
+from planner.gap.factors import Factors, forms_sd, working_strain
+from planner.grading.profile import Profile
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette, Reference, encode_palette, load_palette, parse_palette
@@ -31,13 +37,18 @@ def palette() -> Palette:
     return load_palette(PALETTE)
 
 
-def diagnosed(palette: Palette, *effects: FoundEffect, verdict: str | None = None) -> Diagnosis:
+def diagnosed(
+    palette: Palette,
+    *effects: FoundEffect,
+    verdict: str | None = None,
+    tested: dict[str, tuple[float | str, ...]] | None = None,
+) -> Diagnosis:
     return Diagnosis(
         campaign="lab", palette=palette.name, palette_sha256=palette.sha256, specimens=30,
         tests=15, verdict=verdict or "+".join(e.id for e in effects), ranking=(), same_class=(),
         not_testable=(), where=(), gap=Gap(0.2, 0.03, 0.02, 0.95, None, None, None, ""),
         effect=effects, remainder=(), data_quality=(), next_experiments=(), detectable=(),
-        limitations=(), recalibration={"FLX9760": (0.08, 0.02)},
+        limitations=(), recalibration={"FLX9760": (0.08, 0.02)}, tested=tested or {},
     )  # fmt: skip
 
 
@@ -253,3 +264,153 @@ def test_another_palette_of_that_name_is_not_taken_unasked(palette, tmp_path, ca
     path.write_bytes(other.json())
     assert run(["gap", "correct", str(path), "--temperature-C", "33"]) == 2
     assert "--palette" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------------------------------------
+# Use beyond what was tested.
+
+
+TESTED = {
+    "temperature_C": (23.0, 40.0), "strain_rate_per_s": (0.034, 0.34), "orientation": ("x", "y"),
+    "age_days": (9.0,), "material": ("TangoPlus", "FLX9760"),
+}  # fmt: skip
+
+
+def at_temperature(palette: Palette, temperature_C: float, **more: float) -> Correction:
+    effect = found("temperature", slope=0.0435)
+    diagnosis = diagnosed(palette, effect, tested=TESTED)
+    return correct(diagnosis, palette=palette, temperature_C=temperature_C, **more)
+
+
+def test_the_farther_from_the_tests_the_less_sure_and_it_is_said(palette) -> None:
+    made = {at: at_temperature(palette, at) for at in (33.0, 45.0, 60.0, 90.0)}
+    sds = np.array([[c.log_sd[m] for m in ("TangoPlus", "FLX9760")] for c in made.values()])
+    assert (np.diff(sds, axis=0) > 0.0).all()
+    # Among the tests forms part by no more than the closure's own error, 0.03.
+    assert (sds[0] < 0.05).all()
+    said = {at: [n for n in c.notes if "lies beyond the tested" in n] for at, c in made.items()}
+    assert said[33.0] == []
+    assert made[33.0].ok
+    for at in (45.0, 60.0, 90.0):
+        assert len(said[at]) == 1
+        assert said[at][0].startswith(f"{at:g} degC lies beyond the tested 23 to 40 degC")
+    # By kelvin the stress falls to 0.054 of it; by WLF with 30 K it is four times as much.
+    assert sds[-1].min() > 0.5
+    assert not made[90.0].ok
+    assert "choice of grade is a guess" in made[90.0].findings[0]
+
+
+def test_the_plan_is_as_unsure_as_the_correction(palette) -> None:
+    near, far = (
+        planner.list_materials(palette=at_temperature(palette, at).palette) for at in (33.0, 90.0)
+    )
+    widths = [np.log([high / low for low, high in s.intervals_MPa]) for s in (near, far)]
+    assert (widths[1] > 2.0 * widths[0]).all()
+
+
+def test_a_material_is_the_less_sure_the_farther_it_lies_from_those_tested(palette) -> None:
+    made = at_temperature(palette, 33.0)
+    ids = [m.id for m in palette.materials]
+    beyond = [made.log_sd[id] for id in ids[ids.index("FLX9760") :]]
+    assert all(np.diff(beyond) > 0.0)
+    assert beyond[-1] > 3.0 * beyond[0]
+    assert any("FLX9740, FLX9750: not in the campaign, but between" in n for n in made.notes)
+    assert any("VeroWhitePlus: beyond the tested materials, TangoPlus to" in n for n in made.notes)
+
+
+def test_a_condition_that_no_effect_was_found_of_is_told_where_it_was_not_tested(palette) -> None:
+    faster = at_temperature(palette, 33.0, rate_per_s=3.4)
+    assert any(
+        n.startswith("a strain rate of 3.4 per s lies beyond the tested 0.034 to 0.34 per s")
+        and "not known" in n
+        for n in faster.notes
+    )
+    within = at_temperature(palette, 33.0, rate_per_s=0.1)
+    assert not any("strain rate" in n for n in within.notes)
+
+
+def test_a_direction_that_was_not_tested_is_told(palette) -> None:
+    effect = found("orientation", "swath-direction", change=-0.1)
+    made = correct(diagnosed(palette, effect, tested=TESTED), palette=palette, orientation="y")
+    assert not any("lies beyond" in n for n in made.notes)
+    effect = found("orientation", "three-way", change=-0.1, part=0.5)
+    made = correct(diagnosed(palette, effect, tested=TESTED), palette=palette, orientation="z")
+    assert any(n.startswith("orientation z lies beyond the tested x and y") for n in made.notes)
+
+
+def test_an_old_diagnosis_that_does_not_say_what_was_tested_is_told_of(palette) -> None:
+    made = corrected(palette, diagnosed(palette, found("temperature", slope=0.03)), WARM)
+    assert any("diagnose the campaign again" in n for n in made.notes)
+
+
+def test_forms_of_one_parameter_alone_cannot_part_where_they_are_one(palette) -> None:
+    """At the tests themselves the form found is the truth: what differs there weighs little."""
+    effect = next(e for e in EFFECTS.values() if e.id == "temperature")
+    one = StatedEffect(effect, effect.forms[0], {"slope": 0.0435})
+    own = stated(Reference(), palette.reference)
+    tests = [
+        (palette.materials[0], replace(own, temperature_C=at)) for at in (23.0, 30.0, 40.0, 60.0)
+    ]
+    factors = Factors(palette, [*tests, *tests], own, (6.0, 3.0), working_strain, 24)
+    parted = forms_sd(factors, one, len(tests), sd=0.01)
+    # Two of the deviations that a form may have at each test.
+    assert (parted < 0.02).all()
+
+
+def test_the_command_says_how_far_from_the_tests(palette, tmp_path, capsys) -> None:
+    path = tmp_path / "diagnosis.json"
+    effect = found("temperature", slope=0.0435)
+    path.write_bytes(diagnosed(palette, effect, tested=TESTED).json())
+    hot = ["gap", "correct", str(path), "--temperature-C", "90", "-o", str(tmp_path / "hot.toml")]
+    assert run(hot) == 1
+    told = capsys.readouterr()
+    assert "warning: 90 degC lies beyond the tested 23 to 40 degC" in told.err
+    assert "finding: TangoPlus" in told.err
+    assert max(len(line.rstrip()) for line in told.out.splitlines()[:-1]) <= 80
+    warm = [*hot[:4], "33", "-o", str(tmp_path / "warm.toml")]
+    assert run(warm) == 0
+
+
+def test_a_campaign_says_what_it_tested() -> None:
+    tested = levels_tested(planner.read_campaign(Path(__file__).parents[2] / "samples/warm-lab"))
+    assert tested["temperature_C"] == (23.0, 40.0)
+    assert tested["soak_h"] == (0.0, 4.0, 72.0)
+    assert tested["material"] == ("TangoPlus", "FLX9760")
+    assert tested["orientation"] == ("x",)
+    # Two pulls, and a hold of 240 s that shows what a pull as long would.
+    assert tested["strain_rate_per_s"] == pytest.approx((0.3 / 249.0, 0.034, 0.34), rel=0.01)
+
+
+# ------------------------------------------------------------------------------------------------
+# The loop: the correction changes the print.
+
+
+def test_a_corrected_palette_moves_the_cuts_and_the_target_is_met(palette, tmp_path) -> None:
+    """A bar for 33 °C, graded for 23 °C and then like that plan with the corrected palette.
+
+    The true moduli fall by exp(-0.435). The first plan's bands are then too soft by that all
+    along; the second's miss the target by half a step between grades, as any plan does.
+    """
+    bar = m3.Manifold.cube([40.0, 8.0, 6.0]).to_mesh()
+    part = (np.asarray(bar.vert_properties[:, :3]), np.asarray(bar.tri_verts))
+    first = planner.grade(part, from_="Tango", to="FLX9795", palette=palette)
+    made = at_temperature(palette, 33.0)
+    second = planner.grade(part, like=first, palette=made.palette)
+    true = planner.list_materials(palette=made.palette)
+    target = Profile("same", (0.0, 1.0), first.gradient.profile["moduli_MPa"], "log")
+
+    def missed(plan: planner.Plan) -> float:
+        """Mean of ln true modulus over target, along the part."""
+        u = (np.arange(400) + 0.5) / 400
+        printed = [next(r.material for r in plan.regions if r.field[0] <= at <= r.field[1])
+                   for at in u]  # fmt: skip
+        got = np.array([true.modulus_of(m) for m in printed])
+        return float(np.mean(np.log(got / target.modulus_MPa(u))))
+
+    assert second.gradient.profile["moduli_MPa"] == first.gradient.profile["moduli_MPa"]
+    cuts = {r.material: r.field[1] for r in first.regions[:-1]}
+    moved = [r.field[1] - cuts[r.material] for r in second.regions[:-1]]
+    low, high = first.gradient.profile["moduli_MPa"]
+    assert moved == pytest.approx([-0.435 / np.log(high / low)] * len(moved), abs=1e-6)
+    assert missed(first) == pytest.approx(-0.435, abs=0.1)
+    assert abs(missed(second)) < 0.1
