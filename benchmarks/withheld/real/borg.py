@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -63,8 +64,8 @@ class _Set:
         Whether each specimen has its own length as its gauge, rather than strain alone.
     nominal
         Columns that all specimens share.
-    toe
-        Whether the palette's curves are compensated for their toe and end before they yield.
+    toes
+        Whose curves are compensated for their toe and end before they yield.
     """
 
     resins: tuple[str, ...]
@@ -78,7 +79,7 @@ class _Set:
     measured: bool = True
     own_gauge: bool = False
     nominal: Mapping[str, float] = field(default_factory=lambda: SOFT_MM)
-    toe: bool = False
+    toes: Literal["nobody", "palette", "both"] = "nobody"
 
 
 _TREATED = (UNTREATED, ETHANOL, AUTOCLAVE)
@@ -98,9 +99,9 @@ _SETS: Mapping[str, _Set] = MappingProxyType(
         "right-area": _Set((SILICONE,), stand_in=SILICONE_MIX),
         "session": _Set((SILICONE_MIX,), (ETHANOL,), reference="23", fitted=ETHANOL),
         "raw": _Set((BIOFLEX, SILICONE, DENTAGUM), (AUTOCLAVE,), fitted=AUTOCLAVE, raw=True),
-        "aquagray-treated": _Set((AQUAGRAY,), _TREATED, nominal=RIGID_MM, toe=True),
-        "slack": _Set((AQUAGRAY,), nominal=RIGID_MM, toe=True),
-        "softened": _Set((DENTAGUIDE,), nominal=RIGID_MM, toe=True),
+        "aquagray-treated": _Set((AQUAGRAY,), _TREATED, nominal=RIGID_MM, toes="both"),
+        "slack": _Set((AQUAGRAY,), nominal=RIGID_MM, toes="palette"),
+        "softened": _Set((DENTAGUIDE,), nominal=RIGID_MM, toes="palette"),
         "compression": _Set(ALL, test="Compression", nominal=DISC_MM),
     }
 )
@@ -201,7 +202,7 @@ def _made(name: str, data: Path) -> Campaign:
                 and r.plate in chosen.reference
                 and r.use
             ),
-            toe_compensated if chosen.toe else _as_it_is,
+            toe_compensated if chosen.toes != "nobody" else _as_it_is,
         )
         for resin in chosen.resins
     }
@@ -210,7 +211,7 @@ def _made(name: str, data: Path) -> Campaign:
     palette = fitted_palette(
         f"borg-{name}", fitted, Reference(strain_rate_per_s=rate), "Liao et al. 2025"
     )
-    if chosen.toe:
+    if chosen.toes != "nobody":
         # Rigid resins count as plastic, and no coupon is planned of such; they are below yield here
         springs = tuple(replace(m, deformation="elastic") for m in palette.materials)
         palette = replace(palette, materials=springs)
@@ -257,16 +258,21 @@ def _coupon(r: Recorded, material: str, chosen: _Set) -> Specimen:
     sign = -1.0 if chosen.test == "Compression" else 1.0
     section = float(nominal["width_mm"]) * float(nominal["thickness_mm"])  # type: ignore[arg-type]
     speed = float(nominal["rate_mm_s"]) / float(nominal["gauge_mm"])  # type: ignore[arg-type]
-    # The first row comes a moment after the start, in compression half a minute of approach; the
-    # clock runs so that the strain of the shared gauge goes at the speed that was set
-    length = float(nominal["gauge_mm"]) / r.length_mm  # type: ignore[arg-type]
-    time_s = length * (r.time_s - r.time_s[0]) + max(float(r.strain[0]), 0.0) / speed
+    strain, stress = r.strain, r.stress_MPa
+    if chosen.toes == "both":
+        strain, stress = toe_compensated(strain, stress)
+        time_s = strain / speed
+    else:
+        # The first row comes a moment after the start, in compression half a minute of approach;
+        # the clock runs so that the strain of the shared gauge goes at the speed that was set
+        length = float(nominal["gauge_mm"]) / r.length_mm  # type: ignore[arg-type]
+        time_s = length * (r.time_s - r.time_s[0]) + max(float(strain[0]), 0.0) / speed
     return coupon(
         "-".join((*_id(r.resin).split("-")[1:], r.treatment, r.plate, r.specimen.split()[0])),
         material,
         time_s,
-        sign * r.strain,
-        sign * r.load_N / section,
+        sign * strain,
+        sign * stress * (r.area_mm2 / section),
         protocol="monotonic",
         batch=f"{_id(r.resin)}-{r.plate}",
         **nominal,

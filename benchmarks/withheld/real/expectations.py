@@ -341,7 +341,7 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
         ),
         "borg-aquagray-treated": _treated(
             "Aqua-Gray, a rigid resin,",
-            "Treated either way it bears less than half the force; all curves begin with toes.",
+            "Treated either way it bears less than half the force. All are without their toe.",
         ),
         "borg-four-resins-treated": Expectation(
             "Four resins, treated",
