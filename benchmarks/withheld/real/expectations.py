@@ -340,8 +340,9 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             "autoclaved 10 % softer.",
         ),
         "borg-aquagray-treated": _treated(
-            "Aqua-Gray, a rigid resin,",
-            "Treated either way it bears less than half the force. All are without their toe.",
+            "Aqua-Gray",
+            "It is rigid, and treated either way bears less than half the force. All curves are "
+            "without their toe.",
         ),
         "borg-four-resins-treated": Expectation(
             "Four resins, treated",
