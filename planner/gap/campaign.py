@@ -1,7 +1,7 @@
 """A campaign: what a lab measured, on which specimens, under which conditions."""
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "levels",
     "named",
     "replicate_groups",
+    "with_modes",
 ]
 
 
@@ -64,7 +65,7 @@ class Specimen(SpecimenConditions):
         Its name in specimens.csv.
     time_s, displacement_mm, force_N
         The record: time rising, travel of the crosshead from rest, force positive in tension;
-        shape (n,), n at least `MINIMUM_POINTS`.
+        shape (n,), n at least `MINIMUM_POINTS`. In compression both are negative.
     material, profile
         Exactly one is given: a material id of the palette, or a graded bar's design.
     width_mm, thickness_mm
@@ -125,9 +126,26 @@ class Specimen(SpecimenConditions):
             raise FileError(f"{where}: gauge_mm is {self.gauge_mm:g}; it must be above 0")
 
     @property
+    def pushed(self) -> bool:
+        """Whether it is compressed: its travel goes down before it goes up half as far."""
+        moved = self.displacement_mm - self.displacement_mm[0]
+        far = np.abs(moved) >= 0.5 * np.max(np.abs(moved))
+        return bool(moved[int(np.argmax(far))] < 0.0)
+
+    @property
+    def travel_mm(self) -> FloatArray:
+        """Of the crosshead, the way it loads: positive where it pulls, or where it pushes."""
+        return -self.displacement_mm if self.pushed else self.displacement_mm
+
+    @property
+    def load_N(self) -> FloatArray:
+        """Force, the way it loads: positive in tension, or in a compressed specimen."""
+        return -self.force_N if self.pushed else self.force_N
+
+    @property
     def strain(self) -> FloatArray:
-        """Travel over gauge length."""
-        return self.displacement_mm / self.gauge_mm
+        """Travel the way it loads over gauge length."""
+        return self.travel_mm / self.gauge_mm
 
     def section_mm2(self, x_mm: FloatArray) -> FloatArray | None:
         """Return the undeformed section along the gauge, the design's where it has one.
@@ -205,6 +223,7 @@ def _condition_keys(
             None if s.profile is None else _design_key(s),
             s.orientation,
             s.protocol,
+            s.pushed,
             s.batch if with_batch else None,
             *(column[i] for column in columns),
         )
@@ -277,7 +296,7 @@ def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
     beyond: dict[tuple[float, str], list[Specimen]] = {}
     for s in specimens:
         end = _range_of(s, palette)
-        if float(np.max(s.strain)) > end[0] * (1.0 + 1e-9):
+        if not s.pushed and float(np.max(s.strain)) > end[0] * (1.0 + 1e-9):
             beyond.setdefault(end, []).append(s)
     for (reach, of), over in beyond.items():
         peak = max(float(np.max(s.strain)) for s in over)
@@ -369,6 +388,24 @@ class Campaign:
         """Return the specimens grouped by condition, singles included."""
         groups = replicate_groups(self.specimens)
         return tuple(tuple(self.specimens[i] for i in group) for group in groups)
+
+
+_MODE = "mode"
+
+
+def with_modes(campaign: Campaign) -> Campaign:
+    """Return a campaign of which a further column tells tension from compression, if it has both.
+
+    Laws that were measured in tension may be off in compression alone: a gap may lie along it.
+    """
+    specimens = campaign.specimens
+    if len({s.pushed for s in specimens}) < 2 or _MODE in campaign.covariates:
+        return campaign
+    told = [
+        replace(s, covariates={**s.covariates, _MODE: "compression" if s.pushed else "tension"})
+        for s in specimens
+    ]
+    return replace(campaign, specimens=tuple(told), covariates=(*campaign.covariates, _MODE))
 
 
 # ------------------------------------------------------------------------------------------------

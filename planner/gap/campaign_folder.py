@@ -151,7 +151,8 @@ class _Source:
 def _record_of(source: _Source) -> dict[str, Any]:
     """Take time, travel and force of a table, and whether the time was recorded.
 
-    Force that counts negative in tension is turned, travel counts from its unloaded start,
+    Force or travel that alone counts negative is turned, as it does so in tension; where both do,
+    the specimen is compressed. Travel counts from its unloaded start,
     points of one time are averaged, and a time that was not recorded is counted from travel and
     rate; each is noted.
 
@@ -167,13 +168,17 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force = _upright(_force(source), "force", notes)
-    travel = _upright(_travel(source), "travel", notes)
-    if not np.any(force > 0.0):
+    force, travel = _force(source), _travel(source)
+    pushed = _is_negative(force) and _is_negative(travel)
+    if pushed:
+        notes.append("travel and force are negative; it is compared as compressed")
+    else:
+        force, travel = _upright(force, "force", notes), _upright(travel, "travel", notes)
+    if not pushed and not np.any(force > 0.0):
         raise FileError(f"{where}: no force above 0; check the load cell, its sign and the column")
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
-    unloaded = abs(force[0]) < _START_SHARE * float(np.max(force))
+    unloaded = abs(force[0]) < _START_SHARE * float(np.max(-force if pushed else force))
     if unloaded and abs(travel[0]) > _START_SHARE * float(np.ptp(travel)):
         notes.append("travel counts from its unloaded start, not from 0 as recorded")
         travel = travel - travel[0]
@@ -218,9 +223,13 @@ def _travel(source: _Source) -> FloatArray:
     return columns["strain"] * source.gauge_mm
 
 
+def _is_negative(values: FloatArray) -> bool:
+    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
+
+
 def _upright(values: FloatArray, what: str, notes: list[str]) -> FloatArray:
     """Turn a channel that counts negative in tension."""
-    if float(-values.min()) <= _TURNED_RATIO * abs(float(values.max())):
+    if not _is_negative(values):
         return values
     notes.append(f"{what} is negative in tension; its sign was turned")
     return -values

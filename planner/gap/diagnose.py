@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels
+from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels, with_modes
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
@@ -137,17 +137,19 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     """Return the traces of a campaign and its verdict's candidate."""
     model, specimens = problem.model, problem.campaign.specimens
     setup = model.setup
-    measured = model.measured_N
+    sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
+    signs = sign[model.test_of]
+    measured = signs * model.measured_N
     peak = np.maximum(np.abs(measured).max(axis=1), 1e-12)
-    before = specimen_forces_N(problem, Candidate(()), setup)
-    after = specimen_forces_N(problem, chosen, setup)
+    before = signs * specimen_forces_N(problem, Candidate(()), setup)
+    after = signs * specimen_forces_N(problem, chosen, setup)
     return Traces(
         label=tuple(_label(specimens[members[0]], specimens) for members in model.tests),
         specimen_ids=tuple(tuple(specimens[i].id for i in m) for m in model.tests),
         travel_mm=setup.travel_mm,
         time_s=setup.time_s,
-        before_N=predict(setup, model.laws).force_N,
-        after_N=predict(applied(chosen, setup), model.laws).force_N,
+        before_N=sign * predict(setup, model.laws).force_N,
+        after_N=sign * predict(applied(chosen, setup), model.laws).force_N,
         measured_N=measured,
         residual_before=np.mean(measured - before, axis=1) / peak,
         residual_after=np.mean(measured - after, axis=1) / peak,
@@ -160,6 +162,7 @@ def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
     """Return what a test is, by the columns that vary in the campaign."""
     profile = specimen.profile
     parts = [specimen.material or (f"bar {profile.name}" if profile is not None else "")]
+    parts += ["compressed"] if specimen.pushed else []
     for name, column in SPECIMEN_COLUMNS.items():
         value = getattr(specimen, name)
         if column.label and value is not None and len({getattr(s, name) for s in specimens}) > 1:
@@ -342,6 +345,7 @@ def prepared(
     campaign: Campaign, without: Sequence[str] = (), progress: _Progress | None = None
 ) -> tuple[Problem, tuple[Untestable, ...]]:
     """Return a campaign ready for weighing, and the effects that it says nothing about."""
+    campaign = with_modes(campaign)
     effects, reasons = _library(campaign, without)
     return set_up(*_comparable(campaign), effects, progress), reasons
 

@@ -171,6 +171,8 @@ class Experiment:
 class Traces:
     """Curves and residuals to draw, a test a row; NaN where there is nothing.
 
+    Travel and force are positive the way a test loads: compressed specimens' are sizes.
+
     Attributes
     ----------
     label : (P,)

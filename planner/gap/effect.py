@@ -271,9 +271,7 @@ def _mixtures(specimens: Sequence[Specimen]) -> int:
 _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = MappingProxyType(
     {
         "unloading": (
-            lambda given: any(
-                unloading_share(s.displacement_mm, s.force_N) > UNLOADS for s in given
-            ),
+            lambda given: any(unloading_share(s) > UNLOADS for s in given),
             "no specimen was unloaded",
         ),
         "hold": (lambda given: any(map(_is_held, given)), "no specimen was held at a strain"),

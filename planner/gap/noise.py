@@ -400,9 +400,13 @@ _DECAYS = (0.01, 0.03, 0.09, 0.27)
 def discrepancy_columns(
     campaign: Campaign, table: FeatureTable, sensitivity: FloatArray
 ) -> FloatArray:
-    """Return what laws may depart by over strain, all together, then each material's and bar's."""
+    """Return what laws may depart by over strain, all together, then each material's and bar's.
+
+    In compression another law is at work: it departs by itself.
+    """
     names = [
-        s.material if s.profile is None else f"bar {s.profile.name}" for s in campaign.specimens
+        (s.material if s.profile is None else f"bar {s.profile.name}", s.pushed)
+        for s in campaign.specimens
     ]
     decays = np.exp(-table.strain[:, None] / np.array(_DECAYS))
     force = np.where(table.is_field, 0.0, _DISCREPANCY_SD * sensitivity)[:, None] * decays

@@ -22,7 +22,14 @@ from planner.gap.segments import (
 from planner.materials.characterise import noise_sd
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
-from planner.simulation.bar_solver import LawTables, Prediction, Setup, law_tables, predict
+from planner.simulation.bar_solver import (
+    PUSHED_END,
+    LawTables,
+    Prediction,
+    Setup,
+    law_tables,
+    predict,
+)
 
 __all__ = ["BRANCHES", "FeatureTable", "ObservationModel", "observation_model"]
 
@@ -62,7 +69,7 @@ class FeatureTable:
     branch : (N,)
         Index into `BRANCHES`.
     strain : (N,)
-        Nominal strain of the whole gauge at that step.
+        Nominal strain of the whole gauge at that step, its size where it is compressed.
     time_s : (N,)
         Since the test began; for "hold" since the hold began.
     x_mm : (N,)
@@ -281,7 +288,7 @@ def _covered(
 
 
 _BREAK_SHARE = 1.3
-"""A test counts up to this many times the elongation at break."""
+"""A test counts up to this many times the elongation at break, in compression to `PUSHED_END`."""
 
 _ROUNDS = 4
 
@@ -373,7 +380,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     measured = _measured(specimens, tests, paths)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
     table, weights = _feature_table(
-        specimens, tests, paths, setup, measured, sensor, prediction.force_N.max(axis=1)
+        specimens, tests, paths, setup, measured, sensor, np.abs(prediction.force_N).max(axis=1)
     )
     test_of = np.full(len(specimens), -1)
     for number, test in enumerate(tests):
@@ -463,6 +470,8 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
 
 def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
     among = palette.materials
+    if specimen.pushed:
+        return PUSHED_END * specimen.gauge_mm
     if specimen.material is not None:
         among = (palette.resolve(specimen.material),)
     return _BREAK_SHARE * max(m.elongation_at_break for m in among) * specimen.gauge_mm
@@ -472,7 +481,8 @@ def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> di
     """Return, of bars in which a slice is strained too far, the travel up to which none is."""
     at, breaks = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
     most = _BREAK_SHARE * np.interp(setup.coordinate, at, breaks)
-    over = prediction.strain > most * (1.0 + 1e-6)
+    most = np.where(prediction.strain < 0.0, PUSHED_END, most)
+    over = np.abs(prediction.strain) > most * (1.0 + 1e-6)
     limits = {}
     for number in np.flatnonzero(setup.is_bar).tolist():
         here = slice(int(setup.first_slice[number]), int(setup.first_slice[number + 1]))
@@ -497,7 +507,7 @@ def _limitations(
     if past & set(paths):
         yield (
             f"{ids(past & set(paths))}: compared up to {_BREAK_SHARE:g} times the elongation at "
-            "break only"
+            f"break, or to a strain of -{PUSHED_END:g}, only"
         )
     many = {place for place, path in paths.items() if any(s.cycles > 1 for s in path.segments)}
     if many:

@@ -14,6 +14,7 @@ from planner.gap.quality_records import first_turn, record_problems, speed_mm_s
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette
+from planner.simulation.bar_solver import PUSHED_END
 
 __all__ = ["examine", "predicted_stress_MPa"]
 
@@ -24,9 +25,10 @@ __all__ = ["examine", "predicted_stress_MPa"]
 
 def _first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
     """Return strain and mean nominal stress of the first loading, to its turn or peak load."""
-    stop = first_turn(specimen.displacement_mm) + 1
-    stop = int(np.argmax(specimen.force_N[:stop])) + 1
-    return specimen.strain[:stop], specimen.force_N[:stop] / _mean_section_mm2(specimen)
+    load = specimen.load_N
+    stop = first_turn(specimen.travel_mm) + 1
+    stop = int(np.argmax(load[:stop])) + 1
+    return specimen.strain[:stop], load[:stop] / _mean_section_mm2(specimen)
 
 
 def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> FloatArray:
@@ -53,11 +55,13 @@ def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> Fl
 def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
     """Return the mean nominal stress that the palette's laws give, roughly for a graded bar.
 
-    A bar's slices are taken as springs of their secant moduli at the mean strain.
+    A bar's slices are taken as springs of their secant moduli at the mean strain. Of a compressed
+    specimen strain and stress are positive, too.
     """
     grades = np.array([m.coordinate for m in palette.materials])
+    true = -strain if specimen.pushed else strain
     secants = np.stack(
-        [make_law(m.law).nominal_stress_MPa(1.0 + strain) / strain for m in palette.materials]
+        [make_law(m.law).nominal_stress_MPa(1.0 + true) / true for m in palette.materials]
     )
     if specimen.profile is None:
         index = palette.materials.index(palette.resolve(specimen.material or ""))
@@ -103,6 +107,8 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
 
 
 def _law_end(specimen: Specimen, palette: Palette) -> float:
+    if specimen.pushed:
+        return PUSHED_END
     if specimen.profile is None:
         return palette.resolve(specimen.material or "").elongation_at_break
     return min(m.elongation_at_break for m in palette.materials)
@@ -550,7 +556,7 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem
         mean = np.mean(s.strain_field.strain, axis=1)
         travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
         at = int(np.argmax(travel))
-        if travel[at] > 0.0 and 30.0 < mean[at] / travel[at] < 300.0:
+        if travel[at] > 0.0 and 30.0 < abs(mean[at]) / travel[at] < 300.0:
             words = (
                 f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
                 f"{travel[at]:.3g}; per cent taken for fractions"

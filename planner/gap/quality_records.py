@@ -92,14 +92,14 @@ def _clipping(s: Specimen) -> _Problems:
     if run is not None:
         yield (
             "clipped",
-            f"force stands at {float(np.max(s.force_N)):.4g} N over {run[1] - run[0]} points from "
+            f"force stands at {float(s.force_N[run[0]]):.4g} N over {run[1] - run[0]} points from "
             f"strain {s.strain[run[0]]:.3g} while the crosshead moves on; the load cell's limit?",
         )
 
 
 def _plateau(s: Specimen) -> tuple[int, int] | None:
     """First and last-but-one index of the run at the largest force, if nothing else explains it."""
-    force = s.force_N
+    force, way = s.load_N, s.travel_mm
     top = float(np.max(force))
     at_top = force >= top - 1e-9 * abs(top)
     start, stop = _longest_run(at_top)
@@ -111,8 +111,8 @@ def _plateau(s: Specimen) -> tuple[int, int] | None:
     if stop - start < 3 * (elsewhere[1] - elsewhere[0] + 1):
         return None
     first = max(start - max(_SHORTEST, (stop - start) // 5), 0)
-    travel = float(s.displacement_mm[stop - 1] - s.displacement_mm[start])
-    approach = float(s.displacement_mm[start] - s.displacement_mm[first])
+    travel = float(way[stop - 1] - way[start])
+    approach = float(way[start] - way[first])
     if travel <= 0.0 or approach <= 0.0:
         return None
     expected = travel * float(top - force[first]) / approach
@@ -207,30 +207,31 @@ def speed_mm_s(time_s: FloatArray, displacement_mm: FloatArray) -> float:
     return float(speeds[order][int(np.searchsorted(share, 0.5 * share[-1]))])
 
 
-def first_turn(displacement_mm: FloatArray) -> int:
+def first_turn(travel_mm: FloatArray) -> int:
     """Return the index of the first peak of travel that a way back follows, else the last one."""
-    for at, after in pairwise(_turns_of(displacement_mm)):
-        if displacement_mm[after] < displacement_mm[at]:
+    for at, after in pairwise(_turns_of(travel_mm)):
+        if travel_mm[after] < travel_mm[at]:
             return int(at)
-    return len(displacement_mm) - 1
+    return len(travel_mm) - 1
 
 
-def unloading_share(displacement_mm: FloatArray, force_N: FloatArray) -> float:
+def unloading_share(specimen: Specimen) -> float:
     """Return the longest way back of a specimen that bears load, over the range of travel.
 
     Whether it does is told where the way back begins and just behind, so that the way back of a
     broken specimen's grips does not count.
     """
-    spread = float(np.ptp(displacement_mm))
+    travel, load = specimen.travel_mm, specimen.load_N
+    spread = float(np.ptp(travel))
     longest = 0.0
-    for at, after in pairwise(_turns_of(displacement_mm).tolist()):
-        fall = float(displacement_mm[at] - displacement_mm[after])
+    for at, after in pairwise(_turns_of(travel).tolist()):
+        fall = float(travel[at] - travel[after])
         if fall <= longest:
             continue
-        back = displacement_mm[at] - displacement_mm[at + 1 : after + 1]
-        near = force_N[at + 1 : at + 1 + max(1, int(np.argmax(back > _TURN_SHARE * spread)))]
-        least = _BEARING_SHARE * float(np.max(force_N[: at + 1]))
-        if force_N[at] >= least and float(np.median(near)) >= least:
+        back = travel[at] - travel[at + 1 : after + 1]
+        near = load[at + 1 : at + 1 + max(1, int(np.argmax(back > _TURN_SHARE * spread)))]
+        least = _BEARING_SHARE * float(np.max(load[: at + 1]))
+        if load[at] >= least and float(np.median(near)) >= least:
             longest = fall
     return longest / spread
 
@@ -270,8 +271,8 @@ def _dead_cell(s: Specimen) -> _Problems:
 
 def _loaded(s: Specimen) -> int:
     """Return how many points the first loading has, a hold at its end left out."""
-    turn = first_turn(s.displacement_mm)
-    travel = s.displacement_mm[: turn + 1]
+    turn = first_turn(s.travel_mm)
+    travel = s.travel_mm[: turn + 1]
     return int(np.argmax(travel >= _ARRIVED * float(np.max(travel)))) + 1
 
 
@@ -471,7 +472,7 @@ _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 
 def _protocol(s: Specimen) -> _Problems:
     """Yield a test that was another than its protocol says."""
-    back, held = unloading_share(s.displacement_mm, s.force_N), hold_share(s)
+    back, held = unloading_share(s), hold_share(s)
     found = None
     if s.protocol == "monotonic" and back > UNLOADS:
         found = f"it is unloaded by {100 * back:.0f} % of its travel; a cyclic test?"
@@ -489,7 +490,7 @@ def hold_share(specimen: Specimen) -> float:
     """Return the share of the duration in which the crosshead rests on a loaded specimen."""
     count = _resolving(specimen.displacement_mm, 200)
     time, travel = _blocks(specimen.time_s, specimen.displacement_mm, count)
-    _, force = _blocks(specimen.time_s, specimen.force_N, count)
+    _, force = _blocks(specimen.time_s, specimen.load_N, count)
     way, duration = np.abs(np.diff(travel)), np.diff(time)
     mean = float(np.sum(way)) / float(np.sum(duration))
     rests = (way < 0.05 * mean * duration) & (force[1:] > 0.1 * float(np.max(force)))
@@ -505,7 +506,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     """
     for s in specimens:
         declared = _declared_mm(s)
-        peak = float(np.max(s.displacement_mm))
+        peak = float(np.max(s.travel_mm))
         broken = s.protocol in (None, "monotonic")
         if declared is None or (broken and peak < declared):
             continue
@@ -513,7 +514,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
             yield _amplitude(s, peak, declared, "is declared")
     for group in replicate_groups(specimens):
         members = [specimens[i] for i in group if specimens[i].protocol in ("cyclic", "relaxation")]
-        peaks = np.array([float(np.max(s.displacement_mm)) for s in members])
+        peaks = np.array([float(np.max(s.travel_mm)) for s in members])
         if len(members) < 3 or any(_declared_mm(s) is not None for s in members):
             continue
         middle = float(np.median(peaks))

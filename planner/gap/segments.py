@@ -97,7 +97,7 @@ class Path:
     Attributes
     ----------
     time_s, travel_mm, force_N
-        The record, on that clock.
+        The record, on that clock; travel the way it loads.
     shift_s
         What was taken off the record's time.
     broken
@@ -120,7 +120,7 @@ class Path:
 
 def path_of(specimen: Specimen) -> Path | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
-    time, travel, force = specimen.time_s, specimen.displacement_mm, specimen.force_N
+    time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
     spread = float(np.ptp(travel))
     noise = noise_sd(travel)
     if spread <= 10.0 * noise:
@@ -129,7 +129,7 @@ def path_of(specimen: Specimen) -> Path | None:
     while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
         spans.pop(0)
     named = _named(spans, travel)
-    kept, broken = _unbroken(named, travel, force)
+    kept, broken = _unbroken(named, travel, load)
     if not kept:
         return None
     held = len(kept) > 1 and kept[1][0] == "hold"
@@ -151,7 +151,7 @@ def path_of(specimen: Specimen) -> Path | None:
             continue
         segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
         begin_s, begin_mm = end_s, end_mm
-    return Path(_in_groups(segments), time - zero_s, travel, force, zero_s, broken)
+    return Path(_in_groups(segments), time - zero_s, travel, specimen.force_N, zero_s, broken)
 
 
 def _in_groups(segments: Sequence[Segment]) -> tuple[Segment, ...]:
@@ -701,7 +701,10 @@ def assemble(
         coordinate=np.concatenate(coordinate),
         area_mm2=np.concatenate(area),
         **covariates,
-        **unaltered(first_slice, len(tests[0].time_s)),
+        **(
+            unaltered(first_slice, len(tests[0].time_s))
+            | {"pushed": np.array([group[0].pushed for group in groups])}
+        ),
     )  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def single_tests(
     places
         Of the specimens in the campaign.
     time_s, travel_mm : (P, T)
-        Of the crosshead, the first step at rest.
+        Of the crosshead, the first step at rest; the way it loads.
     """
     paths = {place: path_of(campaign.specimens[place]) for place in places}
     whole = {place: path for place, path in paths.items() if path is not None and path.segments}
@@ -515,7 +515,7 @@ def synthetic_campaign(
     how += f"; {seed_text}" if seed_text else ""
     specimens = []
     for place, specimen in enumerate(plan.specimens):
-        path = specimen.time_s[None], specimen.displacement_mm[None]
+        path = specimen.time_s[None], specimen.travel_mm[None]
         setup = single_tests(plan, [place], *path)
         if setup is None:
             raise FileError(
@@ -549,7 +549,7 @@ def _drawn(effects: Sequence[StatedEffect], rng: np.random.Generator) -> list[St
 def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> FloatArray:
     """Return what is a specimen's own, of ln force along its record: level, slope, wandering."""
     level, slope = rng.standard_normal(2)
-    travel = specimen.displacement_mm / float(specimen.displacement_mm.max())
+    travel = specimen.travel_mm / float(specimen.travel_mm.max())
     place = np.arange(len(travel)) / (len(travel) - 1)
     kept = np.exp(-np.diff(place) / _WANDER_LENGTH)
     wander = rng.standard_normal(len(travel))

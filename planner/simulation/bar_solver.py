@@ -18,6 +18,7 @@ from planner.simulation.bar import ProfileDesign
 
 __all__ = [
     "FARTHEST",
+    "PUSHED_END",
     "SOFTENING_PEAKS",
     "SOFTENING_SHARES",
     "STRAIN_END",
@@ -53,6 +54,9 @@ STRAIN_END = 3.0
 _TABLE_INTERVALS = 1500
 """Up to `STRAIN_END`; more of the same width beyond."""
 
+PUSHED_END = 0.7
+"""A law is followed so far in compression; from there on the stress goes on straight."""
+
 _SLIGHTEST = 0.02
 """Least tangent over secant beyond a law's end, so that its stress goes on rising there."""
 
@@ -67,11 +71,12 @@ class LawTables:
         Of the materials, rising.
     strain_step
         Width of an interval.
-    cubics : (M, intervals, 4)
-        In the place within the interval, 0 to 1; the secant in MPa.
+    cubics : (2 M, intervals, 4)
+        In the place within the interval, 0 to 1; the secant in MPa. The first M in tension, then
+        the same materials in compression, over the strain's size.
     sound_strain : (M,)
-        Where each law ends: it ceases to rise there, or is not followed further. Beyond, the
-        stress rises straight on.
+        Where each law ends in tension: it ceases to rise there, or is not followed further.
+        Beyond, the stress rises straight on.
     """
 
     coordinate: FloatArray
@@ -133,31 +138,43 @@ def law_tables(
         strain_end = max(STRAIN_END, farthest * widest)
     intervals = max(_TABLE_INTERVALS, math.ceil(strain_end / STRAIN_END * _TABLE_INTERVALS))
     nodes = np.linspace(0.0, strain_end, intervals + 1)
-    tables = []
+    pulled, pushed = [], []
     for material in palette.materials:
         end = farthest * material.elongation_at_break
         published = material.law.model == "ogden-thesis"
-        table = None if published else _table_cubics(make_law(material.law), nodes, end)
-        if table is None:
+        law = None if published else make_law(material.law)
+        table = None if law is None else _table_cubics(law, nodes, end)
+        other = None if law is None else _table_cubics(law, nodes, PUSHED_END + 1e-9, -1.0)
+        if table is None or other is None:
             raise PaletteError(
                 f"palette {palette.name}: material {material.id!r}: law: {material.law.model} "
                 "is not stress-free at rest or does not rise from there; give a law that does"
             )
-        tables.append(table)
+        pulled.append(table)
+        pushed.append(other)
     return LawTables(
         coordinate=np.array([m.coordinate for m in palette.materials]),
         strain_step=float(nodes[1]),
-        cubics=np.stack([cubics for cubics, _ in tables]),
-        sound_strain=np.array([end for _, end in tables]),
+        cubics=np.stack([cubics for cubics, _ in (*pulled, *pushed)]),
+        sound_strain=np.array([end for _, end in pulled]),
     )
 
 
-def _table_cubics(law: Law, strain: FloatArray, farthest: float) -> tuple[FloatArray, float] | None:
-    """Return ln(secant) as a cubic an interval, and where the law ends; None if at rest."""
+def _table_cubics(
+    law: Law, strain: FloatArray, farthest: float, sign: float = 1.0
+) -> tuple[FloatArray, float] | None:
+    """Return ln(secant) as a cubic an interval, and where the law ends; None if at rest.
+
+    Parameters
+    ----------
+    sign
+        -1 in compression, where strains are sizes.
+    """
     h = float(strain[1])
+    stretched = np.maximum(sign * strain, -PUSHED_END - h)  # nothing is asked of a law beyond
     with np.errstate(all="ignore"):
-        secant = secant_modulus_MPa(law, strain)
-        tangent = law.tangent_MPa(1.0 + strain)
+        secant = secant_modulus_MPa(law, stretched)
+        tangent = law.tangent_MPa(1.0 + stretched)
     sound = (secant > 0.0) & (tangent > 0.0) & np.isfinite(secant) & np.isfinite(tangent)
     sound &= strain <= max(farthest, 5.0 * h)
     last = len(strain) - 1 if sound.all() else int(np.argmin(sound)) - 1
@@ -312,6 +329,9 @@ class PulledBars:
     set_share : (S,), set_table : (21,)
         Below its largest strain so far, a slice bears no stress up to
         ``set_share * table(largest)``, the table on `SOFTENING_PEAKS` a strain below the peak.
+    pushed : (P,)
+        Which bars are compressed: travel and what is lost of it count that way, laws are those of
+        compression; force and strains come out negative.
     travel_factor : (P,)
         True travel over the recorded one; a gauge length drawn too short acts alike.
     lost_mm : (P, T)
@@ -335,6 +355,7 @@ class PulledBars:
     relaxing: FloatArray
     softening: FloatArray
     set_share: FloatArray
+    pushed: BoolArray
     travel_factor: FloatArray
     lost_mm: FloatArray
     slip_mm_N: FloatArray
@@ -359,6 +380,7 @@ def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
     return {
         **dict.fromkeys(("log_factor", "log_tilt", "softening", "set_share"), none),
         "relaxing": np.zeros((slices, len(RELAXATION_TIMES_s))),
+        "pushed": np.zeros(tests, dtype=np.bool_),
         **dict.fromkeys(("slip_mm_N", "slip_from_N", "compliance_mm_N"), still),
         **dict.fromkeys(("travel_factor", "slip_power", "compliance_power"), one),
         **dict.fromkeys(("lost_mm", "offset_N"), np.zeros((tests, steps))),
@@ -826,10 +848,16 @@ def predict(
     paths = np.empty(bars.time_s.shape, dtype=_STEP)
     paths["time_s"] = bars.time_s
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
+    materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
+    laws = replace(laws, cubics=laws.cubics[: ways * materials])
     if len(bars.reference_relaxing):
-        laws = instantaneous(laws, bars.reference_relaxing, bars.reference_rate_per_s)
+        shares = np.tile(bars.reference_relaxing, (ways, 1))
+        laws = instantaneous(laws, shares, bars.reference_rate_per_s)
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
     slices["lower"], slices["upper"], slices["fraction"] = laws.bracket(bars.coordinate)
+    pushed = np.repeat(bars.pushed, np.diff(bars.first_slice))
+    for name in ("lower", "upper"):
+        slices[name] += materials * pushed
     for name in ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share"):
         slices[name] = getattr(bars, name)
     slices["share"] = 1.0
@@ -847,7 +875,10 @@ def predict(
         tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
         tolerance, strain, stiffness_N,
     )  # fmt: skip
-    return Prediction(bars.gain * paths["force_N"] + bars.offset_N, strain, stiffness_N)
+    force = np.where(bars.pushed[:, None], -1.0, 1.0) * paths["force_N"]
+    return Prediction(
+        bars.gain * force + bars.offset_N, np.where(pushed, -strain, strain), stiffness_N
+    )
 
 
 def predict_all(setups: Iterable[Setup], laws: LawTables, *, workers: int = 2) -> list[Prediction]:

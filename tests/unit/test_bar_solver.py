@@ -109,6 +109,30 @@ def test_tables_reach_as_far_as_laws_are_followed():
     np.testing.assert_allclose(force, AREA_mm2 * law, rtol=1e-8, atol=1e-9)
 
 
+def test_compressed_coupon_is_its_law_and_its_force_is_negative():
+    rubber = material("rubber", 0.0, "yeoh", c_MPa=(0.17, -0.004, 4e-4))
+    travel = np.linspace(0.0, 0.7 * GAUGE_MM, 64)
+    pushed = setup(travel, pushed=np.ones(1, dtype=bool), offset_N=np.ones((1, 64)))
+    found = predict(pushed, law_tables(Palette("p", (rubber,))))
+    law = make_law(rubber.law).nominal_stress_MPa(1.0 - travel / GAUGE_MM)
+    np.testing.assert_allclose(found.force_N[0], AREA_mm2 * law + 1.0, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(found.strain[:, 0], -travel / GAUGE_MM, atol=1e-9)
+
+
+def test_a_law_that_falls_in_compression_goes_on_straight():
+    """Ogden's, with a term that turns its stress at a strain of -0.33."""
+    turning = material("t", 0.0, "ogden", mu_MPa=(1.24, 2.03), alpha=(-1.5, 1.5))
+    law, laws = make_law(turning.law), law_tables(Palette("p", (turning,)))
+    travel = GAUGE_MM * np.linspace(0.0, 0.7, 64)
+    force = predict(setup(travel, pushed=np.ones(1, dtype=bool)), laws).force_N[0]
+    stress = law.nominal_stress_MPa(1.0 - travel / GAUGE_MM)
+    sound = travel < 0.3 * GAUGE_MM
+    assert stress.argmin() < 40  # of the law itself
+    np.testing.assert_allclose(force[sound], AREA_mm2 * stress[sound], rtol=1e-8, atol=1e-9)
+    assert (np.diff(force) < 0.0).all()
+    np.testing.assert_allclose(np.diff(force[-20:], 2), 0.0, atol=1e-9)
+
+
 def test_tables_go_on_rising_beyond_a_laws_end():
     falling = material("f", 0.0, "yeoh", c_MPa=(1.0, -0.6, 0.01))  # falls from 0.6 or so
     laws = law_tables(Palette("p", (falling,)))

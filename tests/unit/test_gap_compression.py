@@ -1,0 +1,136 @@
+"""Compressed specimens: negative travel and force, from the record to the diagnosis."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.gap.campaign import Campaign, Specimen, with_modes
+from planner.gap.campaign_folder import read_campaign, write_campaign
+from planner.gap.diagnose import diagnose
+from planner.gap.observations import BRANCHES, observation_model
+from planner.gap.quality import examine
+from planner.gap.segments import path_of
+from planner.materials.laws import make_law
+from planner.palette import LawParameters, Material, Palette, Reference
+from planner.simulation.bar_solver import predict
+
+PALETTE = Palette(
+    "rubbers",
+    (
+        Material("A40", 0.0, 2.0, 1.1, LawParameters("yeoh", {"c_MPa": (0.17, -0.004, 4e-4)})),
+        Material("A60", 1.0, 1.5, 1.1,
+                 LawParameters("ogden", {"mu_MPa": (0.5, -0.1), "alpha": (2.0, -2.0)})),
+    ),
+    Reference(0.03, 23.0, 0.0, 9.0, "x"),
+)  # fmt: skip
+GAUGE_MM, AREA_mm2 = 10.0, 100.0
+
+
+def button(
+    id: str, material: str = "A40", *, rate_mm_s: float = 0.3, rng: np.random.Generator,
+    protocol: str = "monotonic", strain: float = -0.4, rise: float = 0.06, rows: int = 160,
+) -> Specimen:  # fmt: skip
+    """A rubber of the palette's law, stiffer by `rise` a factor e of its rate: 2 % of scatter."""
+    once = abs(strain) * GAUGE_MM / rate_mm_s
+    time = np.linspace(0.0, once, rows)
+    travel = strain * GAUGE_MM * time / once
+    if protocol == "cyclic":
+        time = np.linspace(0.0, 4.0 * once, 4 * rows)
+        travel = strain * GAUGE_MM * (1.0 - np.abs(1.0 - time / once % 2.0))
+    elif protocol == "relaxation":
+        time = np.linspace(0.0, 6.0 * once, 6 * rows)
+        travel = strain * GAUGE_MM * np.minimum(time / once, 1.0)
+    law = make_law(PALETTE.resolve(material).law)
+    force = AREA_mm2 * law.nominal_stress_MPa(1.0 + travel / GAUGE_MM)
+    force = force * (rate_mm_s / GAUGE_MM / 0.03) ** rise * np.exp(0.02 * rng.normal())
+    force = force + 1e-3 * np.abs(force).max() * rng.normal(size=len(force))
+    return Specimen(
+        id, time, travel, force, GAUGE_MM, material=material, width_mm=10.0, thickness_mm=10.0,
+        rate_mm_s=rate_mm_s, temperature_C=23.0, soak_h=0.0, age_days=9.0, protocol=protocol,
+        batch="A", orientation="x",
+    )  # fmt: skip
+
+
+def campaign(*specimens: Specimen) -> Campaign:
+    return Campaign("buttons", "any", PALETTE, specimens)
+
+
+def of(protocol: str, *, seed: int = 0, strain: float = -0.4) -> list[Specimen]:
+    rng = np.random.default_rng(seed)
+    return [
+        button(f"{protocol[0]}{k}{m}{'+' if strain > 0.0 else ''}", m, rng=rng, protocol=protocol,
+               strain=strain)
+        for m in ("A40", "A60")
+        for k in range(3)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("protocol", ["monotonic", "cyclic", "relaxation"])
+def test_nothing_is_wrong_with_compression(protocol: str) -> None:
+    specimens = of(protocol)
+    assert examine(campaign(*specimens)) == ()
+    pounds = [replace(s, force_N=s.force_N / 4.4482) for s in specimens[:1]]
+    (problem,) = examine(campaign(*pounds, *specimens[1:]))
+    assert "lbf taken for N" in problem.problem
+
+
+def test_its_loading_is_a_loading_and_its_law_that_of_stretches_below_one() -> None:
+    one = button("a", rng=np.random.default_rng(0), protocol="cyclic", rise=0.0)
+    kinds = [segment.kind for segment in path_of(one).segments]
+    assert kinds == ["loading", "unloading", "reloading", "unloading"]
+    model = observation_model(campaign(one, button("b", rng=np.random.default_rng(1), rise=0.0)))
+    raw = model.predicted(predict(model.setup, model.laws))
+    first = model.table.branch == BRANCHES.index("loading")
+    assert (model.table.measured_raw[first] < 0.0).all()
+    assert (model.table.strain[first] > 0.0).all()
+    # Levels of 2 % of scatter, seeded: neither is off by three deviations.
+    np.testing.assert_allclose(raw[first], model.table.measured_raw[first], rtol=0.06)
+    assert model.limitations == ()
+
+
+def test_it_counts_to_a_strain_of_seven_tenths() -> None:
+    far = button("a", rng=np.random.default_rng(0), strain=-0.8)
+    model = observation_model(campaign(far))
+    assert model.setup.travel_mm[0, -1] == pytest.approx(0.7 * GAUGE_MM)
+    assert "to a strain of -0.7" in model.limitations[0]
+
+
+def test_tension_is_no_replicate_of_compression_and_has_a_column() -> None:
+    both = campaign(*of("monotonic"), *of("monotonic", strain=0.4))
+    assert len(observation_model(both).tests) == 4
+    told = with_modes(both)
+    assert told.covariates == ("mode",)
+    assert {s.covariates["mode"] for s in told.specimens} == {"tension", "compression"}
+    assert with_modes(campaign(*of("monotonic"))).covariates == ()
+
+
+def test_a_folder_of_compression_is_read_as_such(tmp_path) -> None:
+    again = read_campaign(write_campaign(campaign(*of("monotonic")), tmp_path / "c"))
+    assert all(s.pushed for s in again.specimens)
+    assert "are negative; it is compared as compressed" in again.limitations[0]
+
+
+def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:
+    rng = np.random.default_rng(1)
+    specimens = [
+        button(f"{m}-{rate:g}-{k}", m, rate_mm_s=rate, rng=rng)
+        for m in ("A40", "A60")
+        for rate in (0.03, 0.3, 3.0)
+        for k in range(3)
+    ]
+    found = diagnose(campaign(*specimens))
+    assert found.verdict == "rate"
+    (effect,) = found.effect
+    # 0.06 a factor e is 0.138 a decade; three levels of 2 % of scatter each.
+    assert effect.parameters["rise"] == pytest.approx(0.138, abs=0.02)
+    assert found.where[0].axis == "rate_mm_s"
+    assert "above prediction at 3 mm/s" in found.where[0].detail
+    assert found.data_quality == ()
+    assert found.traces is not None
+    assert found.traces.label[0].startswith("A40, compressed")
+    assert np.nanmin(found.traces.measured_N[:, -1]) > 0.0
+    assert (
+        np.corrcoef(found.traces.residual_before, np.log([s.rate_mm_s for s in specimens]))[0, 1]
+        > 0.9
+    )
