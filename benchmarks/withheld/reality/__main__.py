@@ -12,11 +12,13 @@ import json
 import shutil
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import get_args
 
 from benchmarks.withheld.reality.campaign import make_campaign
 from benchmarks.withheld.reality.effects import Set
+from benchmarks.withheld.reality.fields import USUAL, Camera
 from benchmarks.withheld.reality.more import further_of, read_test
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.sealing import seal, sha256
@@ -64,9 +66,12 @@ def _make(options: argparse.Namespace) -> int:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
         tiers = list(TIERS) if options.tier == "all" else [options.tier]
         most = _at_most(options.at_most)
+        camera = Camera(options.facet_mm, options.places, options.states_facet)
         campaigns = [
             # Tiers of one set share no design and no noise
-            make_campaign(palette, options.set, tier, options.specimens, options.seed, index)
+            make_campaign(
+                palette, options.set, tier, options.specimens, options.seed, index, camera
+            )
             for number, tier in enumerate(tiers)
             for index in range(number * options.count, (number + 1) * options.count)
             if index < number * options.count + most.get(tier, options.count)
@@ -79,6 +84,8 @@ def _make(options: argparse.Namespace) -> int:
     }
     if options.at_most:
         made_by["at_most"] = most
+    if camera != USUAL:
+        made_by["camera"] = asdict(camera)
     sealed = seal(campaigns, made_by)
     print(f"{sha256(sealed)}  {truth_file.name}", flush=True)
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -134,6 +141,14 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument(
         "--at-most", action="append", default=[], metavar="TIER=N", help="the first N of a tier"
     )
+    make.add_argument(
+        "--facet-mm", type=float, default=USUAL.facet_mm, metavar="MM",
+        help=f"length of the camera's facets (default {USUAL.facet_mm:g}); 0 sees points",
+    )  # fmt: skip
+    make.add_argument(
+        "--places", type=int, default=USUAL.places, help=f"facets a bar (default {USUAL.places})"
+    )
+    make.add_argument("--states-facet", action="store_true", help="write facet_mm into fields.csv")
     make.add_argument("--palette", type=Path, default=_PALETTE, help="a palette file")
     make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")
     make.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")

@@ -80,6 +80,18 @@ class Bench:
         """Return the middles of the elements along the drawn gauge, (S, N)."""
         return 0.5 * (self.edges_mm[:, 1:] + self.edges_mm[:, :-1])
 
+    def strain_at(self, bar: int, strain: FloatArray, x_mm: FloatArray) -> FloatArray:
+        """Return a bar's strain at points, its elements strained by (N,).
+
+        Linear between the middles of elements, but not across the ends of segments, where the
+        design may jump.
+        """
+        edges, own = self.edges_mm[bar], _ELEMENTS_A_SEGMENT
+        segment = (np.searchsorted(edges, x_mm, side="right") - 1).clip(0, len(strain) - 1) // own
+        middles, strains = (a.reshape(-1, own) for a in (self.centre_mm[bar], strain))
+        at = zip(x_mm, segment, strict=True)
+        return np.array([float(np.interp(x, middles[k], strains[k])) for x, k in at])
+
     def stiffened(self, factor: FloatArray) -> "Bench":
         """Return the bench with secant moduli multiplied; (S,), (S, N) or (S, N, strains)."""
         factor = factor.reshape(factor.shape + (1,) * (3 - factor.ndim))

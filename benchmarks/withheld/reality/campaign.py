@@ -11,7 +11,7 @@ from benchmarks.withheld.reality.bench import Bench, FloatArray, mount
 from benchmarks.withheld.reality.confounded import Scenario
 from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import Set
-from benchmarks.withheld.reality.fields import field_detectability, measured_strain
+from benchmarks.withheld.reality.fields import USUAL, Camera, field_detectability, measured_strain
 from benchmarks.withheld.reality.noise import Scatter, measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.sets import SETS
@@ -45,6 +45,8 @@ class Campaign:
         As measured, (S, T), by `design.number`.
     fields
         (specimen number, times, positions, strains (times, positions)) of the graded bars.
+    facet_mm
+        As the campaign states it; None where it does not.
     palette_toml
         The palette with the lab's own calibration uncertainty.
     truth
@@ -58,6 +60,7 @@ class Campaign:
     displacement_mm: FloatArray
     force_N: FloatArray
     fields: tuple[tuple[int, FloatArray, FloatArray, FloatArray], ...]
+    facet_mm: float | None
     palette_toml: str
     truth: dict[str, Any]
 
@@ -88,11 +91,18 @@ class Lab:
     plain_N: FloatArray
     by: Yardstick
     hidden: tuple[Hidden, ...]
+    camera: Camera
     rng: dict[str, np.random.Generator]
 
 
 def open_lab(
-    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
+    palette: PaletteFile,
+    set_name: Set,
+    tier: str,
+    count: int,
+    seed: int,
+    index: int,
+    camera: Camera = USUAL,
 ) -> Lab:
     """Draw the campaign number `index` of a seed: design, scatter, law and cause."""
     rng = _streams(set_name, tier, seed, index)
@@ -130,12 +140,19 @@ def open_lab(
         plain_N=plain,
         by=by,
         hidden=tuple(hidden),
+        camera=camera,
         rng=rng,
     )
 
 
 def make_campaign(
-    palette: PaletteFile, set_name: Set, tier: str, count: int, seed: int, index: int
+    palette: PaletteFile,
+    set_name: Set,
+    tier: str,
+    count: int,
+    seed: int,
+    index: int,
+    camera: Camera = USUAL,
 ) -> Campaign:
     """Make the campaign number `index` of a seed.
 
@@ -143,7 +160,7 @@ def make_campaign(
     index differ in what is hidden and in nothing else (but the confounded tier's design, and the
     heavy noise of the tiers that are about it).
     """
-    return measured_in(open_lab(palette, set_name, tier, count, seed, index))
+    return measured_in(open_lab(palette, set_name, tier, count, seed, index, camera))
 
 
 def measured_in(lab: Lab) -> Campaign:
@@ -163,14 +180,15 @@ def measured_in(lab: Lab) -> Campaign:
         time_s=time_s,
         displacement_mm=travel,
         force_N=measured,
-        fields=seen_fields(lab.benches, hidden, lab.rng["field"]),
+        fields=seen_fields(lab, lab.benches, hidden, lab.rng["field"]),
+        facet_mm=lab.camera.facet_mm if lab.camera.stated else None,
         palette_toml=palette.calibrated(scatter.calibration),
         truth={
             "set": set_name,
             "tier": tier,
             "index": index,
             "design": lab.scenario.name if lab.scenario else "full",
-            **_account(lab.benches, hidden, lab.plain_N, ideal, lab.by),
+            **_account(lab, ideal),
             "class": [[i] for i in lab.scenario.confounded] if lab.scenario else _own_class(hidden),
             "gap": _gap(measured, before, force_N(published, hidden) if hidden else before, ideal),
             "scatter": asdict(scatter),
@@ -212,7 +230,7 @@ def _specimen_ids(count: int, rng: np.random.Generator) -> tuple[str, ...]:
 
 
 def seen_fields(
-    benches: Sequence[Bench], hidden: Sequence[Hidden], rng: np.random.Generator
+    lab: Lab, benches: Sequence[Bench], hidden: Sequence[Hidden], rng: np.random.Generator
 ) -> tuple[tuple[int, FloatArray, FloatArray, FloatArray], ...]:
     """Return what the camera sees of the bars, as `Campaign.fields` has it."""
     fields = []
@@ -220,22 +238,19 @@ def seen_fields(
         if not (bench.design.profile >= 0).any():
             continue
         with_effect = mounted_with(bench, hidden)
-        rows, positions, strain = measured_strain(with_effect, solve(with_effect).strain, rng)
+        rows, positions, strain = measured_strain(
+            with_effect, solve(with_effect).strain, lab.camera, rng
+        )
         times = bench.motion.time_s[:, rows]
         fields += list(zip(bench.design.number, times, positions, strain, strict=True))
     return tuple((int(n), t, x, e) for n, t, x, e in fields)
 
 
-def _account(
-    benches: Sequence[Bench],
-    hidden: Sequence[Hidden],
-    plain: FloatArray,
-    ideal: FloatArray,
-    by: Yardstick,
-) -> dict[str, Any]:
+def _account(lab: Lab, ideal: FloatArray) -> dict[str, Any]:
+    plain, by = lab.plain_N, lab.by
     causes = []
-    for item in hidden:
-        alone = ideal if len(hidden) == 1 else force_N(benches, [item])
+    for item in lab.hidden:
+        alone = ideal if len(lab.hidden) == 1 else force_N(lab.benches, [item])
         causes.append(
             {
                 "effect": item.cause.effect.id,
@@ -244,7 +259,7 @@ def _account(
                 "shape": dict(item.cause.shape),
                 "where": list(item.cause.effect.where),
                 "snr_wanted": item.cause.wanted_snr,
-                "field_detectability": _field_detectability(benches, item),
+                "field_detectability": _field_detectability(lab, item),
                 **_visibility(relative_excess(alone, plain), by),
             }
         )
@@ -264,11 +279,13 @@ def _visibility(excess: FloatArray, by: Yardstick) -> dict[str, Any]:
     }
 
 
-def _field_detectability(benches: Sequence[Bench], item: Hidden) -> float:
-    bars = [b for b in benches if (b.design.profile >= 0).any()]
+def _field_detectability(lab: Lab, item: Hidden) -> float:
+    bars = [b for b in lab.benches if (b.design.profile >= 0).any()]
     return max(
         (
-            field_detectability(b, solve(mounted_with(b, [item])).strain, solve(b).strain)
+            field_detectability(
+                b, solve(mounted_with(b, [item])).strain, solve(b).strain, lab.camera
+            )
             for b in bars
         ),
         default=0.0,

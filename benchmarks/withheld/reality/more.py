@@ -21,6 +21,7 @@ from benchmarks.withheld.reality.campaign import (
 )
 from benchmarks.withheld.reality.design import Design
 from benchmarks.withheld.reality.effects import Set, Shape
+from benchmarks.withheld.reality.fields import USUAL, Camera
 from benchmarks.withheld.reality.noise import measured_force
 from benchmarks.withheld.reality.palette_file import PaletteFile
 from benchmarks.withheld.reality.profiles import Profile
@@ -103,6 +104,7 @@ def further(
     index: int,
     tests: Sequence[FurtherTest],
     *,
+    camera: Camera = USUAL,
     turn: int = 1,
 ) -> Campaign:
     """Return a campaign of `make_campaign` with further specimens.
@@ -117,7 +119,7 @@ def further(
     ValueError
         A material that the palette does not have among its elastic grades.
     """
-    lab = open_lab(palette, set_name, tier, count, seed, index)
+    lab = open_lab(palette, set_name, tier, count, seed, index, camera)
     known = measured_in(lab)
     rng = np.random.default_rng(
         np.random.SeedSequence(seed, spawn_key=(index, _STREAM, turn, int(known.name, 16)))
@@ -128,7 +130,7 @@ def further(
     ideal = force_N(benches, hidden)[len(lab.design) :]
     travel, time_s = by_number(benches)
     share = (travel / travel.max(axis=1, keepdims=True))[len(lab.design) :]
-    seen = seen_fields(benches, hidden, rng)
+    seen = seen_fields(lab, benches, hidden, rng)
     return replace(
         known,
         design=design,
@@ -169,6 +171,7 @@ def further_of(
         made_by["seed"],
         entry["index"],
         tests,
+        camera=Camera(**made_by.get("camera", {})),
         turn=turn,
     )
     if campaign.name != name:

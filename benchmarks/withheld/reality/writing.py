@@ -56,7 +56,8 @@ def campaign_files(campaign: Campaign) -> Mapping[str, str]:
         "curves.csv": _lines("specimen,time_s,displacement_mm,force_N", _curve_rows(campaign)),
     }
     if campaign.fields:
-        files["fields.csv"] = _lines("specimen,time_s,x_mm,strain", _field_rows(campaign))
+        head = "specimen,time_s,x_mm,strain" + ("" if campaign.facet_mm is None else ",facet_mm")
+        files["fields.csv"] = _lines(head, _field_rows(campaign))
     for number in np.unique(design.profile[design.profile >= 0]):
         profile = design.profiles[number]
         points = zip(profile.x_mm, profile.coordinate, strict=True)
@@ -75,12 +76,13 @@ def _curve_rows(campaign: Campaign) -> Iterable[str]:
 
 
 def _field_rows(campaign: Campaign) -> Iterable[str]:
+    facet = "" if campaign.facet_mm is None else f",{campaign.facet_mm:g}"
     fields = sorted(campaign.fields, key=lambda f: campaign.specimen_ids[f[0]])
     for number, times_s, positions_mm, strains in fields:
         name = campaign.specimen_ids[number]
         for time_s, row in zip(times_s.tolist(), strains.tolist(), strict=True):
             for x_mm, strain in zip(positions_mm.tolist(), row, strict=True):
-                yield f"{name},{time_s:.4f},{x_mm:.3f},{strain:.5f}"
+                yield f"{name},{time_s:.4f},{x_mm:.3f},{strain:.5f}{facet}"
 
 
 def _lines(head: str, rows: Iterable[str]) -> str:
