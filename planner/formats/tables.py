@@ -291,6 +291,7 @@ def read_columns(
     columns: Mapping[str, str | None],
     *,
     optional: frozenset[str] = frozenset(),
+    gaps: frozenset[str] = frozenset(),
     with_specimen: bool = False,
 ) -> ColumnFile:
     """Read a table whose columns are known.
@@ -302,6 +303,8 @@ def read_columns(
         Another unit of that quantity may stand in the heading: "x_in", "x (in)".
     optional
         Columns that may be absent.
+    gaps
+        Columns whose cells may be empty, which is NaN.
     with_specimen
         The file has a text column `specimen` besides.
 
@@ -346,7 +349,14 @@ def read_columns(
     numbers = {
         name: factor * finite_numbers(columns_of_text[i], lines, separator, where, headings[i])
         for name, (i, factor) in places.items()
+        if name not in gaps
     }
+    for name in gaps & set(places):
+        i, factor = places[name]
+        kept = [row for row, cell in enumerate(columns_of_text[i]) if cell]
+        cells, at = [columns_of_text[i][row] for row in kept], [lines[row] for row in kept]
+        numbers[name] = np.full(len(lines), np.nan)
+        numbers[name][kept] = factor * finite_numbers(cells, at, separator, where, headings[i])
     return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
 
 

@@ -42,11 +42,14 @@ class StrainField:
         Places along the undeformed gauge from its end, rising, shape (p,).
     strain
         Engineering strain, shape (t, p).
+    facet_mm
+        Length around a place over which the strain is a mean, 0 for a point; None where unknown.
     """
 
     time_s: FloatArray
     x_mm: FloatArray
     strain: FloatArray
+    facet_mm: float | None = None
 
     def __post_init__(self) -> None:
         _freeze(self, ("time_s", "x_mm", "strain"))

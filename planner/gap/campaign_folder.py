@@ -265,7 +265,10 @@ def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
 # fields.csv: strain along the axis from image correlation.
 
 
-_COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None}
+_COLUMNS: Mapping[str, str | None] = {"time_s": "time", "x_mm": "length", "strain": None,
+                                        "facet_mm": "length"}  # fmt: skip
+
+_FACET = frozenset({"facet_mm"})
 
 _SLACK_SHARE = 0.02
 _FACET_SHARE = 0.05
@@ -300,7 +303,14 @@ class MeasuredField:
             A place lies beyond an end of the gauge by more than a facet and 2 % of the gauge.
         """
         x = self.field.x_mm
-        facet = min(float(np.median(np.diff(x))), _FACET_SHARE * gauge_mm)
+        facet = self.field.facet_mm
+        if facet is not None and facet > gauge_mm:
+            raise FileError(
+                f"{self.file}, line {self.lines[0]}: facet_mm is {facet:g}, more than the gauge's "
+                f"{gauge_mm:g} mm; give the length that one strain is the mean of"
+            )
+        facet = float(np.median(np.diff(x))) if facet is None else facet
+        facet = min(facet, _FACET_SHARE * gauge_mm)
         slack = max(facet, _SLACK_SHARE * gauge_mm)
         outside = np.flatnonzero((x < -slack) | (x > gauge_mm + slack))
         if len(outside):
@@ -324,7 +334,7 @@ def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
         A bad column or cell, one place twice at one time, or too few places; the message names
         file and line or specimen.
     """
-    file = read_columns(path, _COLUMNS, with_specimen=True)
+    file = read_columns(path, _COLUMNS, optional=_FACET, gaps=_FACET, with_specimen=True)
     rows: dict[str, list[int]] = {}
     for row, specimen in enumerate(file.texts):
         rows.setdefault(specimen, []).append(row)
@@ -343,6 +353,15 @@ def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
                 f"{path.name}, line {file.lines[at[double]]}: specimen {specimen} has a strain at "
                 "this time and place already; keep one"
             )
+        facets = file.numbers.get("facet_mm", np.full(len(file.lines), np.nan))[at]
+        known = np.isfinite(facets[0])
+        odd = np.flatnonzero((facets != facets[0]) | (facets < 0.0) if known else facets >= -np.inf)
+        if len(odd):
+            raise FileError(
+                f"{path.name}, line {file.lines[at[int(odd[0])]]}: facet_mm is "
+                f"{facets[odd[0]]:g}; give the specimen's facets one length, 0 for points, or "
+                "none where it is unknown"
+            )
         strain = np.zeros(count.shape)
         strain[t, p] = file.numbers["strain"][at]
         whole = count.all(axis=0)
@@ -352,7 +371,9 @@ def _read_strain_fields(path: Path) -> dict[str, MeasuredField]:
                 f"{len(times)} times; export the strains on the same places at each time"
             )
         fields[specimen] = MeasuredField(
-            field=StrainField(times, places[whole], strain[:, whole]),
+            field=StrainField(
+                times, places[whole], strain[:, whole], float(facets[0]) if known else None
+            ),
             file=path.name,
             lines=tuple(file.lines[at[k]] for k in first[whole].tolist()),
             note="" if whole.all() else "places along the axis not seen at every time are left out",
@@ -718,15 +739,16 @@ def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
 
 
 def _field_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
-    yield ("specimen", "time_s", "x_mm", "strain")
-    for s in specimens:
-        if s.strain_field is None:
-            continue
-        places = [_number(x) for x in s.strain_field.x_mm]
-        for time, strains in zip(s.strain_field.time_s, s.strain_field.strain, strict=True):
+    fields = [(s.id, s.strain_field) for s in specimens if s.strain_field is not None]
+    stated = any(field.facet_mm is not None for _, field in fields)
+    yield ("specimen", "time_s", "x_mm", "strain", *(["facet_mm"] if stated else []))
+    for id, field in fields:
+        facet = [_cell(field.facet_mm)] if stated else []
+        places = [_number(x) for x in field.x_mm]
+        for time, strains in zip(field.time_s, field.strain, strict=True):
             at = _number(time)
             for x, strain in zip(places, strains, strict=True):
-                yield (s.id, at, x, _number(strain))
+                yield (id, at, x, _number(strain), *facet)
 
 
 def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, ProfileDesign]]:

@@ -2,12 +2,13 @@
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
 
+from planner.gap.camera import FACET_LENGTHS, SHIFT_WEIGHT
 from planner.gap.campaign import Campaign
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray, IntArray
@@ -24,6 +25,8 @@ __all__ = [
     "discrepancy_columns",
     "estimate_scatter",
     "field_columns",
+    "likeliest_facet",
+    "seen_otherwise",
     "specimen_noise",
 ]
 
@@ -47,7 +50,9 @@ class Scatter:
     sensor
         Factor on the force noise that each record shows.
     field, field_relative
-        Of a local strain: its own, and relative to it.
+        Of what a camera sees at one place: its own, and relative to the strain.
+    field_shared
+        Share of that variance that facets have in common where they overlap, 0 to 1.
     log_sd
         How far all of it may be off, as a standard deviation of its logarithm.
     degrees_of_freedom
@@ -62,6 +67,7 @@ class Scatter:
     sensor: float
     field: float
     field_relative: float
+    field_shared: float
     log_sd: float
     degrees_of_freedom: int
 
@@ -145,8 +151,28 @@ def _specimen_block(
     rows: slice,
 ) -> FloatArray:
     """Return the covariance of one specimen's rows, (d, d)."""
-    force = ~table.is_field[rows]
-    h = np.where(force, sensitivity[rows], 0.0)
+    of_bar = np.flatnonzero(table.is_field[rows])
+    block = np.zeros((rows.stop - rows.start,) * 2)
+    if len(of_bar):
+        first = rows.start + int(of_bar[0])
+        block[of_bar[0] :, of_bar[0] :] = _field_block(
+            table, sensitivity, scatter, slice(first, rows.stop)
+        )
+        rows = slice(rows.start, first)
+    force = len(block) - len(of_bar)
+    block[:force, :force] = _force_block(table, sensitivity, scatter, sensor_sd_N, rows)
+    return block
+
+
+def _force_block(
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    scatter: Scatter,
+    sensor_sd_N: FloatArray,
+    rows: slice,
+) -> FloatArray:
+    """Return the covariance of one specimen's forces, (d, d)."""
+    h = sensitivity[rows]
     place = table.path[rows]
     strain = table.strain[rows]
     travel = strain / max(float(strain.max()), 1e-12)
@@ -154,16 +180,34 @@ def _specimen_block(
     far = np.abs(np.subtract.outer(place, place)) / scatter.wander_length
     block = scatter.specimen**2 * np.outer(h, h) + scatter.slope**2 * np.outer(tilt, tilt)
     block += scatter.wander**2 * np.exp(-far) * np.outer(h, h)
-    floor = table.floor[rows]
-    # The derivative of asinh(F / 2 s) by F, where F = 2 s sinh(y): 1 / (2 s cosh y).
-    by_raw = np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8)) / (2.0 * floor)
-    own = np.where(
-        force,
-        scatter.sensor * sensor_sd_N[table.specimen[rows]] * by_raw,
-        np.hypot(scatter.field * by_raw, scatter.field_relative * sensitivity[rows]),
-    )
+    own = scatter.sensor * sensor_sd_N[table.specimen[rows]] * _by_raw(table, sensitivity, rows)
     block[np.diag_indices(len(h))] += own**2 + _MODEL_SD**2
     return block
+
+
+def _field_block(
+    table: FeatureTable, sensitivity: FloatArray, scatter: Scatter, rows: slice
+) -> FloatArray:
+    """Return the covariance of one specimen's strains along a bar, (d, d); frame by frame."""
+    sd = np.hypot(
+        scatter.field * _by_raw(table, sensitivity, rows),
+        scatter.field_relative * sensitivity[rows],
+    )
+    step, places, overlap = table.step[rows], table.places[rows], table.overlap[rows]
+    block = np.zeros((len(sd), len(sd)))
+    for frame in (np.flatnonzero(step == s) for s in np.unique(step)):
+        alike = scatter.field_shared * overlap[frame, : len(frame)]
+        alike[np.diag_indices(len(frame))] += (1.0 - scatter.field_shared) / places[frame]
+        block[np.ix_(frame, frame)] = np.outer(sd[frame], sd[frame]) * alike
+    block[np.diag_indices(len(sd))] += _MODEL_SD**2
+    return block
+
+
+def _by_raw(table: FeatureTable, sensitivity: FloatArray, rows: slice) -> FloatArray:
+    """Return the derivative of transformed features by raw ones, (d,)."""
+    # Of asinh(F / 2 s) by F, where F = 2 s sinh(y): 1 / (2 s cosh y).
+    by_raw: FloatArray = np.sqrt(np.maximum(1.0 - sensitivity[rows] ** 2, 1e-8))
+    return by_raw / (2.0 * table.floor[rows])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -257,41 +301,56 @@ def calibration_columns(
 
 USUAL = Scatter(
     specimen=0.03, batch=0.012, slope=0.012, wander=0.006, wander_length=0.15, sensor=1.0,
-    field=0.003, field_relative=0.02, log_sd=0.5, degrees_of_freedom=0,
+    field=0.004, field_relative=0.03, field_shared=0.5, log_sd=0.5, degrees_of_freedom=0,
 )  # fmt: skip
-"""Jetted specimens scatter by 1 to 9 % within a print."""
+"""Jetted specimens scatter by 1 to 9 % within a print, local strains along them alike; facets of
+image correlation by some thousandths of strain."""
 
 _PRIOR_SD = {"specimen": 0.6, "batch": 0.5, "slope": 0.5, "wander": 0.5, "wander_length": 0.4,
              "sensor": 0.4}  # fmt: skip
 _NAMES = tuple(_PRIOR_SD)
 
+_FIELD_PRIOR_SD = np.array([1.0, 1.0, 1.5])
+"""Of the logarithms of a camera's deviations, cameras differing more than specimens do, and of the
+log odds of what facets share: anything from nothing to all."""
+
 
 def estimate_scatter(
-    table: FeatureTable, sensitivity: FloatArray, sensor_sd_N: FloatArray, batch_of: IntArray
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    sensor_sd_N: FloatArray,
+    batch_of: IntArray,
+    residual: FloatArray,
+    aside: FloatArray,
 ) -> Scatter:
     """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
 
-    Parameters are those of `specimen_noise`.
+    Parameters are those of `specimen_noise`, and
+
+    residual : (N,)
+        Transformed measurements less what the palette predicts, which knows what places each
+        replicate was seen at.
+    aside : (N, 2)
+        Change of the features were places to either side of where they are said to be.
     """
     groups = _groups(table)
-    field, relative = _field_scatter(table)
+    seen = _field_scatter(table, sensitivity, residual, aside, groups)
     freedom = sum(len(g) - 1 for g in groups)
     if not freedom:
-        return _with(np.zeros(len(_NAMES)), field, relative, USUAL.log_sd, 0)
-    contrasts = [_contrasts(table, rows, batch_of) for rows in groups]
+        return _with(np.zeros(len(_NAMES)), seen, USUAL.log_sd, 0)
+    forces = [[r[~table.is_field[r]] for r in rows] for rows in groups]
+    contrasts = [_contrasts(table, rows, batch_of, residual) for rows in forces]
 
     def cost(logs: FloatArray) -> float:
-        scatter = _with(logs, field, relative, 0.0, freedom)
+        scatter = _with(logs, seen, 0.0, freedom)
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
-        for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
+        for rows, (values, batch_share) in zip(forces, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
-            own = _specimen_block(table, sensitivity, scatter, sensor_sd_N, first)
-            forces = np.flatnonzero(~table.is_field[rows[0]])
-            own = own[np.ix_(forces, forces)]
-            h = scatter.batch * sensitivity[rows[0]][forces]
+            own = _force_block(table, sensitivity, scatter, sensor_sd_N, first)
+            h = scatter.batch * sensitivity[first]
             shared = np.outer(h, h)
             for difference, share in zip(values, batch_share, strict=True):
-                total += _half_deviance(difference[forces], own + share * shared)
+                total += _half_deviance(difference, own + share * shared)
         return total
 
     best = scipy.optimize.minimize(
@@ -299,13 +358,14 @@ def estimate_scatter(
         options={"maxiter": 25},
     )  # fmt: skip
     log_sd = 1.0 / math.sqrt(1.0 / USUAL.log_sd**2 + 2.0 * freedom)
-    return _with(best.x, field, relative, log_sd, freedom)
+    return _with(best.x, seen, log_sd, freedom)
 
 
-def _with(logs: FloatArray, field: float, relative: float, log_sd: float, freedom: int) -> Scatter:
+def _with(logs: FloatArray, seen: Scatter, log_sd: float, freedom: int) -> Scatter:
     factor = dict(zip(_NAMES, np.exp(logs).tolist(), strict=True))
     level = USUAL.specimen * factor["specimen"]
-    return Scatter(
+    return replace(
+        seen,
         specimen=level,
         # Ratios to the specimens' level have priors of their own.
         batch=level * USUAL.batch / USUAL.specimen * factor["batch"],
@@ -313,8 +373,6 @@ def _with(logs: FloatArray, field: float, relative: float, log_sd: float, freedo
         wander=level * USUAL.wander / USUAL.specimen * factor["wander"],
         wander_length=USUAL.wander_length * factor["wander_length"],
         sensor=USUAL.sensor * factor["sensor"],
-        field=field,
-        field_relative=relative,
         log_sd=log_sd,
         degrees_of_freedom=freedom,
     )
@@ -342,12 +400,12 @@ def _groups(table: FeatureTable) -> list[list[IntArray]]:
 
 
 def _contrasts(
-    table: FeatureTable, rows: list[IntArray], batch_of: IntArray
+    table: FeatureTable, rows: list[IntArray], batch_of: IntArray, residual: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return orthonormal differences of replicates, and the share of batch variance in each."""
     count = len(rows)
     helmert = scipy.linalg.helmert(count)
-    values = helmert @ table.measured[np.stack(rows)]
+    values = helmert @ residual[np.stack(rows)]
     batch = np.array([batch_of[table.specimen[r[0]]] for r in rows])
     members = (batch[:, None] == np.unique(batch)).astype(np.float64)
     if (batch < 0).any():
@@ -355,35 +413,52 @@ def _contrasts(
     return values, np.sum((helmert @ members) ** 2, axis=1)
 
 
-def _field_scatter(table: FeatureTable) -> tuple[float, float]:
-    """Return the deviation of local strains from the mean of replicates."""
-    field = table.is_field
-    if not field.any():
-        return USUAL.field, USUAL.field_relative
-    differences, levels = [], []
-    for rows in _groups(table):
-        at = np.stack([r[table.is_field[r]] for r in rows])
-        raw = table.measured_raw[at]
-        if raw.size:
-            middle = raw.mean(axis=0)
-            differences.append(((raw - middle) * math.sqrt(len(rows) / (len(rows) - 1.0))).ravel())
-            levels.append(np.broadcast_to(np.abs(middle), raw.shape).ravel())
-    if not differences:
-        return USUAL.field, USUAL.field_relative
-    squares = np.concatenate(differences) ** 2
-    level = np.concatenate(levels) ** 2
-    # Var = a + b level^2 by least squares on the squares, both kept positive.
-    design = np.stack([np.ones_like(level), level], axis=1)
-    scale = 1.0 / (np.median(squares) + level * 1e-3 + 1e-12)
-    a, b = scipy.optimize.nnls(design * scale[:, None], squares * scale)[0].tolist()
-    return math.sqrt(max(a, 1e-8)), math.sqrt(max(b, 1e-5))
+def _field_scatter(
+    table: FeatureTable,
+    sensitivity: FloatArray,
+    residual: FloatArray,
+    aside: FloatArray,
+    groups: list[list[IntArray]],
+) -> Scatter:
+    """Return `USUAL` with the camera's own figures.
+
+    Where replicates differ because their places lie to the side, it is not scatter.
+    """
+    bars = [[r[table.is_field[r]] for r in rows] for rows in groups]
+    bars = [rows for rows in bars if len(rows[0])]
+    contrasts = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
+
+    def scatter(logs: FloatArray) -> Scatter:
+        own, relative, odds = np.exp(logs).tolist()
+        return replace(
+            USUAL,
+            field=USUAL.field * own,
+            field_relative=USUAL.field_relative * relative,
+            field_shared=odds / (1.0 + odds),
+        )
+
+    def cost(logs: FloatArray) -> float:
+        total = 0.5 * float(np.sum((logs / _FIELD_PRIOR_SD) ** 2))
+        for rows, differences in zip(bars, contrasts, strict=True):
+            first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
+            own = _field_block(table, sensitivity, scatter(logs), first)
+            own += aside[first] @ aside[first].T
+            total += sum(_half_deviance(difference, own) for difference in differences)
+        return total
+
+    if not bars:
+        return USUAL
+    best = scipy.optimize.minimize(
+        cost, np.zeros(3), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * 3, options={"maxiter": 25}
+    )
+    return scatter(best.x)
 
 
 # ------------------------------------------------------------------------------------------------
 # What a palette's laws cannot follow, and what a camera does to strains: further nuisances.
 #
 # A law of a few parameters follows its tests to about 1 %, with an error that changes with
-# strain. A camera's facets average over a length that nobody states, and lie a little to the side.
+# strain. A camera's facets average over a length that may not be stated, and may lie to the side.
 
 
 _DISCREPANCY_SD = 0.02
@@ -392,8 +467,10 @@ _DISCREPANCY_SD = 0.02
 _FIELD_SD = 0.012
 """Of the logarithm of a local strain: the same, seen along a bar."""
 
-_FACET_SHARE = 0.6
-"""Standard deviation of the facets' averaging and of their place, in bins of the strain field."""
+_ROUGHLY = 0.1
+"""Of the logarithm of local strains, and of how they differ along a bar: what they may be off by
+before any effect is known."""
+
 _DECAYS = (0.01, 0.03, 0.09, 0.27)
 
 
@@ -415,25 +492,79 @@ def discrepancy_columns(
     return np.concatenate([force, *(force * of_it[:, None] for of_it in each)], axis=1)
 
 
+def likeliest_facet(table: FeatureTable, seen: FloatArray) -> int:
+    """Return which of the likely lengths of facets makes most of the local strains, by number.
+
+    Parameters
+    ----------
+    seen : (FACET_LENGTHS, 3, N)
+        As the palette alone predicts it, see `ObservationModel.seen`.
+    """
+    field = table.is_field
+    costs = []
+    for k in range(len(seen) if np.ptp(seen[:, 0], axis=0).any() else 0):
+        strain = seen[k, 0]
+        residual = table.measured - table.transformed(strain)
+        sensitivity = table.sensitivity(np.maximum(np.abs(table.measured_raw), np.abs(strain)))
+        contrast = np.log(np.maximum(np.abs(strain), 1e-6))
+        off = _ROUGHLY * sensitivity * np.stack([np.ones_like(strain), contrast])
+        aside = seen_otherwise(table, seen, k)[1].T
+        cost = 0.0
+        for specimen in np.unique(table.specimen[field]):
+            at = np.flatnonzero(field & (table.specimen == specimen))
+            rows = slice(int(at[0]), int(at[-1]) + 1)
+            columns = np.concatenate([off[:, rows], aside[:, rows]])
+            block = _field_block(table, sensitivity, USUAL, rows) + columns.T @ columns
+            cost += _half_deviance(residual[rows], block)
+        costs.append(cost)
+    return int(np.argmin(costs)) if costs else 0
+
+
+def seen_otherwise(
+    table: FeatureTable, seen: FloatArray, facet: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return how features change with a camera's facets, as parts of their prior deviation.
+
+    Products of the columns with themselves add up to the second moments that likely lengths and
+    places give, however bent the features are in them.
+
+    Parameters
+    ----------
+    seen : (FACET_LENGTHS, 3, N)
+        Of `ObservationModel.seen`.
+    facet
+        Which of the lengths is predicted with.
+
+    Returns
+    -------
+    facets : (N, FACET_LENGTHS)
+        Were facets of each likely length; alike for all bars.
+    aside : (N, 2)
+        Were places to either side of where they are said to be; each specimen for itself.
+    """
+    transformed = np.where(table.is_field, table.transformed(seen), 0.0)
+    facets = (transformed[:, 0] - transformed[facet, 0]).T / math.sqrt(FACET_LENGTHS)
+    aside = (transformed[facet, 1:] - transformed[facet, 0]).T * math.sqrt(SHIFT_WEIGHT)
+    return facets, aside
+
+
 def field_columns(
-    table: FeatureTable, unpredicted: FloatArray, sensitivity: FloatArray
+    table: FeatureTable, facets: FloatArray, aside: FloatArray, sensitivity: FloatArray
 ) -> FloatArray:
-    """Return what facets and laws do to local strains, (N, q)."""
+    """Return what facets and laws do to local strains, (N, q); see `seen_otherwise`."""
     field = table.is_field
     if not field.any():
         return np.zeros((len(table), 0))
-    blur = np.zeros(len(table))
-    shifts: dict[int, FloatArray] = {}
-    for specimen, step in np.unique([table.specimen[field], table.step[field]], axis=1).T.tolist():
-        rows = np.flatnonzero(field & (table.specimen == specimen) & (table.step == step))
-        strain = unpredicted[rows]
-        scale = _FACET_SHARE * sensitivity[rows] / np.maximum(np.abs(strain), 1e-9)
-        padded = np.concatenate([strain[:1], strain, strain[-1:]])
-        blur[rows] = _FACET_SHARE * scale * (padded[2:] - 2.0 * strain + padded[:-2])
-        shift = shifts.setdefault(specimen, np.zeros(len(table)))
-        shift[rows] = 0.5 * scale * (padded[2:] - padded[:-2])
+    bars = table.specimen[:, None] == np.unique(table.specimen[field])
     places = [
         np.where((table.test == test) & (np.abs(table.x_mm - x) < 1e-3), _FIELD_SD, 0.0)
         for test, x in np.unique([table.test[field], table.x_mm[field].round(6)], axis=1).T
     ]
-    return np.stack([blur, *shifts.values(), *(sensitivity * of_it for of_it in places)], axis=1)
+    return np.stack(
+        [
+            *facets[:, facets.any(axis=0)].T,
+            *(side * of_it for of_it in bars.T for side in aside.T),
+            *(sensitivity * of_it for of_it in places),
+        ],
+        axis=1,
+    )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import FileError
-from planner.gap.campaign import Campaign, Specimen, StrainField, named, replicate_groups
+from planner.gap.camera import BINS_MOST, FACET_LENGTHS, Bins, bins_of, frames_of
+from planner.gap.campaign import Campaign, Specimen, named, replicate_groups
 from planner.gap.segments import (
     STEPS,
     Path,
@@ -80,6 +81,10 @@ class FeatureTable:
         The transformed measurement.
     measured_raw : (N,)
         In N, or a strain.
+    places : (N,)
+        Of a camera in a bin, 0 for forces.
+    overlap : (N, b)
+        What a bin's places share with those of each bin of its frame: see `Bins.overlap`.
     """
 
     specimen: IntArray
@@ -92,6 +97,8 @@ class FeatureTable:
     floor: FloatArray
     measured: FloatArray
     measured_raw: FloatArray
+    places: FloatArray
+    overlap: FloatArray
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -133,16 +140,7 @@ class FeatureTable:
 
 
 # ------------------------------------------------------------------------------------------------
-# Strain fields, in bins along the bar that a camera and a model can both fill.
-
-
-_BINS_MOST = 16
-
-_PLACES_LEAST = 3
-"""Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
-
-_NEAR = 0.1
-"""A frame this much of its travel away from an instant still counts, its strains scaled."""
+# Strains of bins, made up of strains of slices.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,54 +151,13 @@ class FieldWeights:
     ----------
     feature, slice_ : (m,)
         Row of the feature table, and slice of the setup.
-    weight : (m,)
-        Of a feature's all sum to 1.
+    weight : (FACET_LENGTHS, 3, m)
+        Of a feature's all sum to 1, for facets of each likely length and places: see `Bins.shares`.
     """
 
     feature: IntArray
     slice_: IntArray
     weight: FloatArray
-
-
-def _frames(field: StrainField, path: Path) -> tuple[FloatArray, FloatArray]:
-    """Return travels, (f,), and strains, (f, p), of the frames taken in the first loading."""
-    segment = path.segments[0]
-    time = field.time_s - path.shift_s
-    inside = (time > segment.begin_s) & (time <= segment.end_s * (1.0 + 1e-9))
-    return np.interp(time[inside], path.time_s, path.travel_mm), field.strain[inside]
-
-
-def _bin_edges_mm(x_mm: FloatArray, gauge_mm: float) -> tuple[FloatArray, IntArray]:
-    """Return begin and end of each bin, (b, 2), and the bin of each place of the camera.
-
-    Each place stands for what lies halfway to its neighbours.
-    """
-    middle = 0.5 * (x_mm[1:] + x_mm[:-1])
-    begin = np.concatenate([[x_mm[0] - 0.5 * (x_mm[1] - x_mm[0])], middle])
-    end = np.concatenate([middle, [x_mm[-1] + 0.5 * (x_mm[-1] - x_mm[-2])]])
-    count = max(1, min(_BINS_MOST, len(x_mm) // _PLACES_LEAST))
-    bin_of = np.arange(len(x_mm)) * count // len(x_mm)
-    first = np.searchsorted(bin_of, np.arange(count))
-    last = np.searchsorted(bin_of, np.arange(count), side="right") - 1
-    edges = np.clip(np.stack([begin[first], end[last]], axis=1), 0.0, gauge_mm)
-    return edges, bin_of
-
-
-def _bin_means(
-    field: StrainField, path: Path, travel_mm: float, bin_of: IntArray
-) -> FloatArray | None:
-    """Return the mean strain of each bin at a travel of the first loading; None without a frame.
-
-    The nearest frame's strains are scaled by the ratio of the travels, which is close to 1.
-    """
-    travels, strains = _frames(field, path)
-    if not len(travels):
-        return None
-    nearest = int(np.argmin(np.abs(travels - travel_mm)))
-    if abs(travels[nearest] - travel_mm) > _NEAR * travel_mm:
-        return None
-    strain = strains[nearest] * (travel_mm / travels[nearest])
-    return np.asarray(np.bincount(bin_of, strain) / np.bincount(bin_of))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -228,7 +185,8 @@ def _feature_table(
         Of each test, as the palette's laws predict it.
     """
     rows: list[tuple[float, ...]] = []
-    weights: list[tuple[int, int, float]] = []
+    weights: list[FloatArray] = [np.zeros((0, 2 + 3 * FACET_LENGTHS))]
+    seen_at: list[tuple[int, Bins]] = []
     for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
         test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
         floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
@@ -244,18 +202,29 @@ def _feature_table(
         seen = specimens[place].strain_field
         if seen is None or setup.designs[number] is None:
             continue
-        edges, bin_of = _bin_edges_mm(seen.x_mm, specimens[place].gauge_mm)
+        bins = bins_of(seen, setup, number)
+        of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
+        made_up = np.column_stack([
+            of_bin, slice_ + setup.first_slice[number],
+            bins.shares[:, :, of_bin, slice_].reshape(-1, len(of_bin)).T,
+        ])  # fmt: skip
         for step in (test.grid.step_at(0, fraction) for fraction in test.frames):
-            means = _bin_means(seen, paths[place], float(travel[step]), bin_of)
-            for (begin, end), mean in zip(edges, () if means is None else means, strict=False):
-                slices, shares = _covered(setup, number, begin, end)
-                weights += [(len(rows), *w) for w in zip(slices, shares, strict=True)]
-                rows.append((
-                    place, number, step, BRANCHES.index("field"), travel[step] / gauge,
-                    test.time_s[step], 0.5 * (begin + end), _STRAIN_FLOOR, mean,
-                ))  # fmt: skip
-    *places, strain, time, x, floors, raw = np.array(rows).T
-    specimen, of_test, step, branch = (column.astype(np.int64) for column in places)
+            means = bins.means(seen, paths[place], float(travel[step]))
+            if means is None:
+                continue
+            weights.append(made_up + np.array([len(rows), *[0] * (made_up.shape[1] - 1)]))
+            seen_at.append((len(rows), bins))
+            rows += [
+                (place, number, step, BRANCHES.index("field"), travel[step] / gauge,
+                 test.time_s[step], x, _STRAIN_FLOOR, mean)
+                for x, mean in zip(bins.x_mm, means, strict=True)
+            ]  # fmt: skip
+    places, overlap = np.zeros(len(rows)), np.zeros((len(rows), BINS_MOST if seen_at else 0))
+    for row, bins in seen_at:
+        here = slice(row, row + len(bins.x_mm))
+        places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
+    *at, strain, time, x, floors, raw = np.array(rows).T
+    specimen, of_test, step, branch = (column.astype(np.int64) for column in at)
     table = FeatureTable(
         specimen=specimen,
         test=of_test,
@@ -267,20 +236,13 @@ def _feature_table(
         floor=floors,
         measured=np.arcsinh(raw / (2.0 * floors)),
         measured_raw=raw,
+        places=places,
+        overlap=overlap,
     )
-    feature, slice_, weight = np.array(weights).reshape(-1, 3).T
-    return table, FieldWeights(feature.astype(np.int64), slice_.astype(np.int64), weight)
-
-
-def _covered(
-    setup: Setup, number: int, begin_mm: float, end_mm: float
-) -> tuple[IntArray, FloatArray]:
-    """Return the slices that a bin covers, and the share that each has of it."""
-    first, stop = int(setup.first_slice[number]), int(setup.first_slice[number + 1])
-    middle, half = setup.x_mm[first:stop], 0.5 * setup.length_mm[first:stop]
-    overlap = np.minimum(middle + half, end_mm) - np.maximum(middle - half, begin_mm)
-    covered = np.flatnonzero(overlap > 0.0)
-    return first + covered, overlap[covered] / overlap[covered].sum()
+    made_up = np.concatenate(weights)
+    feature, slice_ = made_up[:, :2].astype(np.int64).T
+    weight = np.ascontiguousarray(made_up[:, 2:].T).reshape(FACET_LENGTHS, 3, -1)
+    return table, FieldWeights(feature, slice_, weight)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -318,6 +280,8 @@ class ObservationModel:
         Noise of the force, point to point.
     limitations
         What was left out, a sentence each.
+    facet
+        Which of the likely lengths of facets strains are predicted for; the stated one is all.
     """
 
     setup: Setup
@@ -329,16 +293,31 @@ class ObservationModel:
     measured_N: FloatArray
     sensor_sd_N: FloatArray
     limitations: tuple[str, ...]
+    facet: int = FACET_LENGTHS // 2
 
     def predicted(self, prediction: Prediction) -> FloatArray:
         """Return what a prediction says of every feature, in N or as a strain, (N,)."""
         table, weights = self.table, self.field_weights
         raw = prediction.force_N[table.test, table.step]
         if len(weights.feature):
-            strain = prediction.strain[table.step[weights.feature], weights.slice_]
-            sums = np.bincount(weights.feature, weights.weight * strain, minlength=len(table))
-            raw = np.where(table.is_field, sums, raw)
+            seen = self._strains(prediction, weights.weight[self.facet, 0])
+            raw = np.where(table.is_field, seen, raw)
         return np.asarray(raw)
+
+    def seen(self, prediction: Prediction) -> FloatArray:
+        """Return strains of bins for all likely facets and places, (FACET_LENGTHS, 3, N).
+
+        See `Bins.shares`; 0 for forces.
+        """
+        weight = self.field_weights.weight
+        return np.array([[self._strains(prediction, w) for w in of_length] for of_length in weight])
+
+    def _strains(self, prediction: Prediction, weight: FloatArray) -> FloatArray:
+        feature = self.field_weights.feature
+        strain = prediction.strain[self.table.step[feature], self.field_weights.slice_]
+        return np.asarray(
+            np.bincount(feature, weight * strain, minlength=len(self.table)), np.float64
+        )
 
 
 def observation_model(campaign: Campaign) -> ObservationModel:
@@ -431,7 +410,7 @@ def _frame_fractions(
     for place in places:
         seen = specimens[place].strain_field
         if seen is not None and specimens[place].profile is not None:
-            travels = _frames(seen, paths[place])[0]
+            travels = frames_of(seen, paths[place])[0]
             travels = travels[(travels > 0.02 * end) & (travels <= end * (1.0 + 1e-9))]
             if len(travels):
                 middle = int(np.argmin(np.abs(travels - 0.5 * travels[-1])))

@@ -11,6 +11,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import read_specimens
+from planner.gap.camera import seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
     CURVES,
@@ -50,7 +51,7 @@ HOLD_S = 240.0
 """How long relaxation holds."""
 
 _FACET_mm = 1.0
-"""Between places at which a camera sees a bar's strain."""
+"""Of a camera that is yet to see a bar's strain, one beside the other."""
 
 _PLANNED_ROWS = 160
 _FRAMES = 8
@@ -118,7 +119,7 @@ def virtual_specimen(
         last = int(np.argmax(path.displacement_mm))
         rows = np.unique(np.linspace(1, last, _FRAMES).astype(np.int64))
         local = np.repeat(path.displacement_mm[rows, None] / gauge_mm, len(x), axis=1)
-        seen = StrainField(path.time_s[rows], x, local)
+        seen = StrainField(path.time_s[rows], x, local, _FACET_mm)
     return Specimen(
         id=id,
         time_s=path.time_s,
@@ -588,14 +589,9 @@ def _seen(
     prediction: Prediction,
     rng: np.random.Generator,
 ) -> StrainField:
-    """Return the strains that a camera sees when it looked, means over the way between places."""
-    half = 0.5 * float(np.median(np.diff(seen.x_mm))) if len(seen.x_mm) > 1 else 0.5
-    edges = np.concatenate([[0.0], setup.x_mm + 0.5 * setup.length_mm])
-    ends = np.stack([seen.x_mm - half, seen.x_mm + half]).clip(0.0, edges[-1])
-    moved = np.cumsum(prediction.strain * setup.length_mm, axis=1)
-    moved = np.concatenate([np.zeros((len(moved), 1)), moved], axis=1)
-    along = np.stack([np.diff(np.interp(ends, edges, row), axis=0)[0] for row in moved])
-    along = along / np.diff(ends, axis=0)[0]
+    """Return the strains that a camera sees when it looked; facets of unknown length touch."""
+    facet = float(np.median(np.diff(seen.x_mm))) if seen.facet_mm is None else seen.facet_mm
+    along = prediction.strain @ seen_shares(setup, 0, seen.x_mm, facet).T
     strain = np.stack([np.interp(seen.time_s, specimen.time_s, at) for at in along.T], axis=1)
     sd = np.hypot(_FIELD, _FIELD_RELATIVE * strain)
     return replace(seen, strain=strain + sd * rng.standard_normal(strain.shape))

@@ -30,6 +30,7 @@ __all__ = [
     "read_profile",
     "read_profile_bar",
     "slice_edges_mm",
+    "step_places_mm",
 ]
 
 
@@ -577,7 +578,7 @@ _FEWEST = 24
 _GRID = 4001
 
 
-def _step_places_mm(design: ProfileDesign) -> FloatArray:
+def step_places_mm(design: ProfileDesign) -> FloatArray:
     """Return where mixture or section steps: a place that stands twice, or a steep rise.
 
     Points of a rise within 0.3 mm make one step, in their middle.
@@ -603,7 +604,7 @@ def _step_places_mm(design: ProfileDesign) -> FloatArray:
 def slice_edges_mm(design: ProfileDesign) -> FloatArray:
     """Return the edges of the slices, from 0 to the gauge's length; steps are among them."""
     length = design.length_mm
-    steps = _step_places_mm(design)
+    steps = step_places_mm(design)
     bounds = np.unique(np.concatenate([[0.0], steps, [length]]))
     x = (np.arange(_GRID) + 0.5) * length / _GRID
     size = np.full(_GRID, length / _FEWEST)

@@ -133,7 +133,7 @@ def case_of(specimens: Sequence[Specimen], *, log_sd: float = 0.15) -> Case:
     table = FeatureTable(
         of, np.array(alike(specimens))[of], np.zeros(n, int), np.array(rows["branch"]),
         np.array(rows["strain"]), np.array(rows["time"]), np.array(rows["x"]), np.ones(n),
-        np.arcsinh(big / 2.0), big,
+        np.arcsinh(big / 2.0), big, np.zeros(n), np.zeros((n, 0)),
     )  # fmt: skip
     return Case(
         Campaign("synthetic", "connex3", PALETTE, tuple(specimens)), table,

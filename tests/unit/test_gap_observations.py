@@ -77,7 +77,8 @@ def bar(id, design, *, rng, field=False):
             reached = np.concatenate([[0.0], np.cumsum(now * np.diff(edges))])
             ends = np.interp([x - 0.5, x + 0.5], along, reached)
             strain.append(ends[1] - ends[0])
-        seen = StrainField(frames, x, np.array(strain) + 1e-4 * rng.normal(size=(8, len(x))))
+        noise = 1e-4 * rng.normal(size=(8, len(x)))
+        seen = StrainField(frames, x, np.array(strain) + noise, facet_mm=1.0)
     noisy = force + NOISE_N * rng.normal(size=len(force))
     return replace(blank, force_N=noisy, strain_field=seen)
 
@@ -202,13 +203,13 @@ def test_features_by_branch(model):
     np.testing.assert_allclose(table.strain, steps)
 
 
-def test_field_features_are_means_of_slices(model):
-    weights, table = model.field_weights, model.table
-    sums = np.bincount(weights.feature, weights.weight, minlength=len(table))
-    np.testing.assert_allclose(sums, table.is_field.astype(float), atol=1e-12)
+def test_evenly_strained_bars_are_seen_evenly(model):
+    table = model.table
     prediction = predict(model.setup, model.laws)
     even = replace(prediction, strain=np.full_like(prediction.strain, 0.123))
     np.testing.assert_allclose(model.predicted(even)[table.is_field], 0.123)
+    np.testing.assert_allclose(model.seen(even)[:, :, table.is_field], 0.123)
+    assert not model.seen(even)[:, :, ~table.is_field].any()
 
 
 def test_written_and_read_campaign_is_the_same(mixed, model, tmp_path):

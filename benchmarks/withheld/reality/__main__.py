@@ -66,7 +66,7 @@ def _make(options: argparse.Namespace) -> int:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
         tiers = list(TIERS) if options.tier == "all" else [options.tier]
         most = _at_most(options.at_most)
-        camera = Camera(options.facet_mm, options.places, options.states_facet)
+        camera = Camera(options.facet_mm, options.spacing_mm, options.states_facet)
         campaigns = [
             # Tiers of one set share no design and no noise
             make_campaign(
@@ -145,9 +145,8 @@ def _parser() -> argparse.ArgumentParser:
         "--facet-mm", type=float, default=USUAL.facet_mm, metavar="MM",
         help=f"length of the camera's facets (default {USUAL.facet_mm:g}); 0 sees points",
     )  # fmt: skip
-    make.add_argument(
-        "--places", type=int, default=USUAL.places, help=f"facets a bar (default {USUAL.places})"
-    )
+    make.add_argument("--spacing-mm", type=float, metavar="MM",
+                      help="from place to place (default 28 places a bar)")  # fmt: skip
     make.add_argument("--states-facet", action="store_true", help="write facet_mm into fields.csv")
     make.add_argument("--palette", type=Path, default=_PALETTE, help="a palette file")
     make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")

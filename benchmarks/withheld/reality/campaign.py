@@ -238,12 +238,9 @@ def seen_fields(
         if not (bench.design.profile >= 0).any():
             continue
         with_effect = mounted_with(bench, hidden)
-        rows, positions, strain = measured_strain(
-            with_effect, solve(with_effect).strain, lab.camera, rng
-        )
-        times = bench.motion.time_s[:, rows]
-        fields += list(zip(bench.design.number, times, positions, strain, strict=True))
-    return tuple((int(n), t, x, e) for n, t, x, e in fields)
+        seen = measured_strain(with_effect, solve(with_effect).strain, lab.camera, rng)
+        fields += [(int(n), *of_it) for n, of_it in zip(bench.design.number, seen, strict=True)]
+    return tuple(fields)
 
 
 def _account(lab: Lab, ideal: FloatArray) -> dict[str, Any]:

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.withheld.reality.bench import Bench, FloatArray
 
 __all__ = ["FIELD_ROWS", "USUAL", "Camera", "field_detectability", "measured_strain"]
 
 FIELD_ROWS = np.arange(15, 121, 15)
-_INSET_MM = 0.35
+_PLACES = 28
 _SD = 0.0015
 _RELATIVE_SD = 0.01
 
@@ -23,42 +22,46 @@ class Camera:
     ----------
     facet_mm
         Length that a facet averages over; 0 sees strain at points.
-    places
-        Facets along a bar, evenly spaced.
+    spacing_mm
+        From place to place, the first as far from the bar's end; None: 28 places, from one facet
+        inside either end.
     stated
         Whether the campaign says how long facets are.
     """
 
     facet_mm: float = 1.2
-    places: int = 28
+    spacing_mm: float | None = None
     stated: bool = False
 
     def __post_init__(self) -> None:
-        if self.facet_mm < 0.0 or self.places < 2:
-            raise ValueError(
-                f"a camera of {self.places} facets of {self.facet_mm:g} mm: it has two or more, "
-                "of 0 mm or more"
-            )
+        if self.facet_mm < 0.0 or (self.spacing_mm or 1.0) <= 0.0:
+            raise ValueError("a camera's facets are of 0 mm or more, the spacing above 0")
 
-    def positions_mm(self, bench: Bench) -> FloatArray:
-        """Return the facets' middles, (S, places), from one facet inside either end."""
-        inset = self.facet_mm or _INSET_MM
-        ends = bench.design.gauge_mm
-        return np.round(np.array([np.linspace(inset, e - inset, self.places) for e in ends]), 3)
+    def positions_mm(self, bench: Bench) -> list[FloatArray]:
+        """Return the facets' middles, a row a bar."""
+        ends, spacing, inset = bench.design.gauge_mm, self.spacing_mm, self.facet_mm
+        if spacing is None:
+            places = [np.linspace(inset, end - inset, _PLACES) for end in ends]
+        else:
+            places = [np.arange(spacing, end - 0.5 * spacing, spacing) for end in ends]
+        return [np.round(x, 3) for x in places]
 
-    def seen(self, bench: Bench, strain: FloatArray) -> FloatArray:
-        """Return the strains, (S, rows, places), of elements that are strained, (S, T, N)."""
-        positions = self.positions_mm(bench)
-        seen = np.zeros((len(positions), len(FIELD_ROWS), self.places))
-        for i, edges in enumerate(bench.edges_mm):
-            ends = positions[i] + np.array([[-0.5], [0.5]]) * self.facet_mm
-            for k, row in enumerate(FIELD_ROWS):
+    def seen(self, bench: Bench, strain: FloatArray) -> list[FloatArray]:
+        """Return the strains, (rows, places) a bar, of elements that are strained, (S, T, N)."""
+        found = []
+        for i, (edges, x) in enumerate(zip(bench.edges_mm, self.positions_mm(bench), strict=True)):
+            ends = (x + np.array([[-0.5], [0.5]]) * self.facet_mm).clip(edges[0], edges[-1])
+            rows = []
+            for now in strain[i, FIELD_ROWS]:
                 if self.facet_mm == 0.0:
-                    seen[i, k] = bench.strain_at(i, strain[i, row], positions[i])
+                    rows.append(bench.strain_at(i, now, x))
                     continue
-                moved = np.append(0.0, np.cumsum(strain[i, row] * np.diff(edges)))
-                seen[i, k] = np.diff(np.interp(ends, edges, moved), axis=0)[0] / self.facet_mm
-        return seen
+                moved = np.append(0.0, np.cumsum(now * np.diff(edges)))
+                rows.append(
+                    np.diff(np.interp(ends, edges, moved), axis=0)[0] / np.diff(ends, axis=0)[0]
+                )
+            found.append(np.array(rows))
+        return found
 
 
 USUAL = Camera()
@@ -66,19 +69,26 @@ USUAL = Camera()
 
 def measured_strain(
     bench: Bench, strain: FloatArray, camera: Camera, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
-    """Return the rows, the positions (mm) and the strains (S, rows, positions) of the camera."""
-    seen = camera.seen(bench, strain)
-    noise = rng.normal(size=seen.shape) * _sd(seen)
-    return FIELD_ROWS, camera.positions_mm(bench), np.round(seen + noise, 5)
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return times, positions (mm) and strains (times, positions) that the camera sees of bars."""
+    found = []
+    for i, (x, seen) in enumerate(
+        zip(camera.positions_mm(bench), camera.seen(bench, strain), strict=True)
+    ):
+        noisy = seen + rng.normal(size=seen.shape) * _sd(seen)
+        found.append((bench.motion.time_s[i, FIELD_ROWS], x, np.round(noisy, 5)))
+    return found
 
 
 def field_detectability(
     bench: Bench, strain: FloatArray, plain: FloatArray, camera: Camera
 ) -> float:
     """Return how many standard errors the camera's strains lie from those without an effect."""
-    with_effect, without = (camera.seen(bench, e) for e in (strain, plain))
-    return float(np.sqrt(np.sum(((with_effect - without) / _sd(without)) ** 2)))
+    pairs = zip(camera.seen(bench, strain), camera.seen(bench, plain), strict=True)
+    squares = [
+        np.sum(((with_effect - without) / _sd(without)) ** 2) for with_effect, without in pairs
+    ]
+    return float(np.sqrt(np.sum(squares)))
 
 
 def _sd(strain: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """A campaign made ready for weighing: every column that any hypothesis needs, whitened."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from planner.gap.noise import (
     discrepancy_columns,
     estimate_scatter,
     field_columns,
+    likeliest_facet,
+    seen_otherwise,
     specimen_noise,
 )
 from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
@@ -366,6 +368,9 @@ def set_up(
     table = model.table
     raw = np.empty((len(setups), len(table)))
     for k, prediction in enumerate(predict_all(setups, model.laws)):
+        if k == 0:
+            seen = model.seen(prediction)
+            model = replace(model, facet=likeliest_facet(table, seen))
         raw[k] = model.predicted(prediction)
         if progress is not None and k % 20 == 0:
             progress(k, len(setups), "forward model")
@@ -377,13 +382,14 @@ def set_up(
         np.where(np.abs(table.measured_raw) > np.abs(unpredicted), table.measured_raw, unpredicted)
     )
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
-    scatter = estimate_scatter(table, sensitivity, *noise_inputs)
+    facets, aside = seen_otherwise(table, seen, model.facet)
+    scatter = estimate_scatter(table, sensitivity, *noise_inputs, residual, aside)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = np.concatenate(
         [
             calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
             discrepancy_columns(campaign, table, sensitivity),
-            field_columns(table, unpredicted, sensitivity),
+            field_columns(table, facets, aside, sensitivity),
         ],
         axis=1,
     )
