@@ -48,10 +48,21 @@ def diagnose(
     ] = None,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", help="Folder to write: report.html, JSON, CSV, figures."),
+        Option(
+            "--output",
+            "-o",
+            help="Folder to write: report.html, next-specimens.csv, JSON, figures.",
+        ),
     ] = None,
     without: Annotated[
         list[str] | None, Option(help="Effect to leave out of the library; repeatable.")
+    ] = None,
+    unit_of: Annotated[
+        list[str] | None,
+        Option(
+            help="Read force or travel in another unit than the files say, as in "
+            "force=lbf:S1,S2 or, for all specimens, travel=in; repeatable."
+        ),
     ] = None,
     seed: Annotated[int, Option(min=0, help="Of resampling: same seed, same diagnosis.")] = 0,
     force: Annotated[
@@ -60,7 +71,7 @@ def diagnose(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
-    """Say where measurements differ from the palette, which effect causes it, how far it closes.
+    """Say where measurements differ from the palette, what causes it, how far that closes it.
 
     Exit code 1 when there is a gap to explain, or one remains after the effect.
 
@@ -79,6 +90,7 @@ def diagnose(
             campaign,
             palette=palette,
             without=without or (),
+            unit_of=unit_of or (),
             seed=seed,
             progress=lambda done, total, what: stage(f"{what}, {done} of {total}"),
         )
@@ -209,16 +221,16 @@ def design(
     ],
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
-    width_mm: Annotated[float, Option(help="Of the usual specimen's section.")] = 6.0,
+    width_mm: Annotated[float, Option(help="Of the specimens' section.")] = 6.0,
     thickness_mm: Annotated[float, Option(help="Likewise.")] = 3.0,
-    gauge_mm: Annotated[float, Option(help="Of the usual specimen.")] = 25.0,
+    gauge_mm: Annotated[float, Option(help="Gauge length of the specimens.")] = 25.0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
     """Choose the specimens that tell effects apart, and say how sure the diagnosis will be.
 
-    Exit code 1 when two of the effects would stay alike, or one would more likely be missed than
-    named at the middle of its range: the design is written all the same.
+    Exit code 1 when two of the effects would look the same, or one of middling size would more
+    likely be missed than named: the design is written all the same.
 
     Example: [bold]planner gap design --effects rate,moisture --budget 30 -o plan[/bold]
     """
@@ -278,7 +290,7 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
         unit = "" if e.unit == "1" else f" {e.unit}"
         sizes = ("none" if s is None else format_number(s) + unit for s in (e.smallest, e.usual))
         rows.append([e.id, e.parameter, *sizes, f"{100 * min(e.probability, 0.99):.0f} %"])
-    right = ["smallest named", "middle of its range", "named at the middle"]
+    right = ["smallest named", "middling size", "chance to name that"]
     print_table(
         ["effect", "size", *right],
         rows,
@@ -288,7 +300,7 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
     )
     for e in made.expected:
         if e.alike:
-            finding(f"{e.id} and {', '.join(e.alike)} stay alike: they will be named as one class")
+            finding(f"{e.id} and {', '.join(e.alike)} will look the same: they are named together")
         elif e.probability < 0.5:
             finding(
                 f"{e.id} will more likely be missed than named; raise the budget, or check it "
@@ -296,8 +308,8 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
             )
         if e.others:
             warn(
-                f"{e.id} stays like {', '.join(e.others)}; add to --effects what you cannot rule "
-                "out otherwise"
+                f"{e.id} will look the same as {', '.join(e.others)}; add to --effects what you "
+                "cannot rule out otherwise"
             )
     if made.left_over:
         warn(f"{made.left_over} of the budget left over: conditions are printed once a batch")
@@ -324,10 +336,12 @@ def simulate(
         list[str] | None,
         Option(
             help="ID:NAME=VALUE,..., as in rate:rise=0.12,form=power-law; repeatable; what is not "
-            "given is at the middle of its range."
+            "given is in the middle of what is physical."
         ),
     ] = None,
-    scatter: Annotated[float, Option(help="From specimen to specimen, of ln force.")] = 0.03,
+    scatter: Annotated[
+        float, Option(help="Of force from specimen to specimen, as a share: 0.03 is 3 %.")
+    ] = 0.03,
     seed: Annotated[int, Option(min=0, help="Same seed, same bytes.")] = 1,
     camera: Annotated[
         bool, Option("--camera", help="See the strain along planned bars, too.")

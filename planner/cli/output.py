@@ -78,9 +78,9 @@ def say_verdict(text: str) -> None:
 
 
 def terminal_width() -> int:
-    """Return how wide to set text: a terminal's width up to 100 columns, elsewhere 88."""
+    """Return how wide to set text: a terminal's width up to 100 columns, elsewhere 80."""
     if sys.stdout is None or not sys.stdout.isatty():
-        return 88
+        return 80
     return max(40, min(100, shutil.get_terminal_size().columns))
 
 

@@ -254,6 +254,8 @@ class TensileTable:
     columns
         Arrays of one length by name: time_s, displacement_mm, force_N, strain, stress_MPa,
         true_strain, true_stress_MPa; whichever the file has.
+    factors
+        By column: what the numbers in the file were multiplied by.
     lines
         Line number of each row in the file, for messages.
     specimen
@@ -269,6 +271,7 @@ class TensileTable:
 
     file: str
     columns: Mapping[str, FloatArray]
+    factors: Mapping[str, float]
     lines: IntArray
     specimen: str
     metadata: Mapping[str, float | str]
@@ -364,6 +367,7 @@ def read_tensile(
         TensileTable(
             file=where,
             columns=MappingProxyType({name: array[at] for name, array in values.items()}),
+            factors=MappingProxyType({m.column: m.factor for m in meanings.values()}),
             lines=np.array(lines, dtype=np.int64)[at],
             specimen=specimen or str(head.get("specimen", "")),
             metadata=MappingProxyType(head),
@@ -555,7 +559,7 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
                 tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
             ),
             SpecimenColumn(
-                "temperature_C", "temperature", "at {} degC", "{:g} °C", ("temperature",),
+                "temperature_C", "temperature", "at {} °C", "{:g} °C", ("temperature",),
                 between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
             ),
             SpecimenColumn(

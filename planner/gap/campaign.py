@@ -84,6 +84,8 @@ class Specimen(SpecimenConditions):
         Strain along the axis, if it was measured.
     time_recorded
         False where the record had no time and it was counted from travel and rate.
+    force_unit_N, travel_unit_mm
+        Of the numbers in its file; None where these are stresses, or strains.
     """
 
     id: str
@@ -96,6 +98,8 @@ class Specimen(SpecimenConditions):
     covariates: Mapping[str, str | float | None] = field(default_factory=dict)
     strain_field: StrainField | None = None
     time_recorded: bool = True
+    force_unit_N: float | None = 1.0
+    travel_unit_mm: float | None = 1.0
 
     def __post_init__(self) -> None:
         _freeze(self, ("time_s", "displacement_mm", "force_N"))

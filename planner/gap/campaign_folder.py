@@ -30,6 +30,8 @@ from planner.formats.tensile import (
 )
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
+from planner.gap.diagnosis import UnitOf
+from planner.gap.unit_of import QUANTITIES, factor_of, stated_units
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
@@ -144,6 +146,7 @@ class _Source:
     gauge_mm: float
     area_mm2: float | None
     rate_mm_s: float | None
+    units: Mapping[str, UnitOf]
     notes: list[str]
     """What was corrected, without naming the specimen."""
 
@@ -168,7 +171,8 @@ def _record_of(source: _Source) -> dict[str, Any]:
             f"{where}: the curve has {points} points; at least {MINIMUM_POINTS} are "
             "needed: export all of it, or take the specimen out of specimens.csv"
         )
-    force, travel = _force(source), _travel(source)
+    force, force_unit_N = _force(source)
+    travel, travel_unit_mm = _travel(source)
     pushed = _is_negative(force) and _is_negative(travel)
     if pushed:
         notes.append("travel and force are negative; it is compared as compressed")
@@ -194,13 +198,22 @@ def _record_of(source: _Source) -> dict[str, Any]:
             raise FileError(
                 f"{where}: only {len(time)} different times; check the unit and digits of time"
             )
-    return {"time_s": time, "displacement_mm": travel, "force_N": force, "time_recorded": recorded}
+    return {
+        "time_s": time,
+        "displacement_mm": travel,
+        "force_N": force,
+        "time_recorded": recorded,
+        "force_unit_N": force_unit_N,
+        "travel_unit_mm": travel_unit_mm,
+    }
 
 
-def _force(source: _Source) -> FloatArray:
+def _force(source: _Source) -> tuple[FloatArray, float | None]:
+    """Return the force, and the newtons in a unit of the file's."""
     columns = source.table.columns
     if "force_N" in columns:
-        return columns["force_N"]
+        return _in_stated_unit(source, "force")
+    _no_unit_stated(source, "force")
     if "stress_MPa" not in columns:
         raise FileError(f"{source.where}: no column of force; export it, headed 'force_N'")
     if source.area_mm2 is None:
@@ -209,18 +222,40 @@ def _force(source: _Source) -> FloatArray:
             "thickness_mm in specimens.csv"
         )
     source.notes.append("force is stress times the section in specimens.csv; it was not recorded")
-    return columns["stress_MPa"] * source.area_mm2
+    return columns["stress_MPa"] * source.area_mm2, None
 
 
-def _travel(source: _Source) -> FloatArray:
+def _travel(source: _Source) -> tuple[FloatArray, float | None]:
+    """Return the travel, and the millimetres in a unit of the file's."""
     columns = source.table.columns
     if "displacement_mm" in columns:
-        return columns["displacement_mm"]
+        return _in_stated_unit(source, "travel")
+    _no_unit_stated(source, "travel")
     if "strain" not in columns:
         what = "no column of travel; export it, headed 'displacement_mm'"
         raise FileError(f"{source.where}: {what}")
     source.notes.append("travel is strain times the gauge length; the crosshead's was not recorded")
-    return columns["strain"] * source.gauge_mm
+    return columns["strain"] * source.gauge_mm, None
+
+
+def _in_stated_unit(source: _Source, quantity: str) -> tuple[FloatArray, float]:
+    """Return a column in the unit that was asked for, else in that of its heading."""
+    column, stated = QUANTITIES[quantity][0], source.units.get(quantity)
+    values, own = source.table.columns[column], source.table.factors[column]
+    if stated is None:
+        return values, own
+    source.notes.append(f"{quantity} is read in the unit {stated.unit}, as was asked for")
+    factor = factor_of(stated)
+    return values * (factor / own), factor
+
+
+def _no_unit_stated(source: _Source, quantity: str) -> None:
+    stated = source.units.get(quantity)
+    if stated is not None:
+        raise FileError(
+            f"{source.where}: its file has no column of {quantity}, so it cannot be read as "
+            f"{stated.quantity}={stated.unit}; name other specimens"
+        )
 
 
 def _is_negative(values: FloatArray) -> bool:
@@ -460,7 +495,11 @@ def campaign_palette(
 SPECIMENS, CURVES, _FIELDS = "specimens.csv", "curves.csv", "fields.csv"
 
 
-def read_campaign(folder: str | Path, palette: str | Path | Palette | None = None) -> Campaign:
+def read_campaign(
+    folder: str | Path,
+    palette: str | Path | Palette | None = None,
+    unit_of: str | Sequence[str] = (),
+) -> Campaign:
     """Read a campaign: campaign.toml, specimens.csv, curves, strain fields and profiles.
 
     Parameters
@@ -469,6 +508,9 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
         With campaign.toml, specimens.csv and the curves.
     palette
         By name, file or value, in place of the one that campaign.toml names.
+    unit_of
+        The unit that force or travel is in, whatever the file says: ``"force=lbf:S1,S2"`` for
+        some specimens, ``"travel=in"`` for all; one text, or several.
 
     Returns
     -------
@@ -480,8 +522,10 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
     FileError
         A file that is missing or cannot be understood, or data that nothing should rest on; the
         message names file and line or specimen, what is wrong and what to do.
+    ArgumentError
+        A text of `unit_of` that is not QUANTITY=UNIT:ID,ID,...
     PaletteError, UnknownNameError
-        The palette, or a material that it does not have.
+        The palette, or a material that it does not have; a specimen or unit that there is not.
 
     Examples
     --------
@@ -502,7 +546,8 @@ def read_campaign(folder: str | Path, palette: str | Path | Palette | None = Non
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
-    place = _Place(folder, palette, noted)
+    units = stated_units(unit_of, [row.specimen for row in rows])
+    place = _Place(folder, palette, noted, units)
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
@@ -545,6 +590,7 @@ class _Place:
     folder: Path
     palette: Palette
     noted: _Notes
+    units: Mapping[str, Mapping[str, UnitOf]]
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
@@ -620,7 +666,8 @@ def _specimen(
             )
     gauge = known.pop("gauge_mm")
     area = SpecimenConditions(**known).area_mm2
-    record = _record_of(_Source(where, table, gauge, area, known["rate_mm_s"], notes))
+    units = place.units[row.specimen]
+    record = _record_of(_Source(where, table, gauge, area, known["rate_mm_s"], units, notes))
     notes += table.notes
     if measured_field is not None and measured_field.note:
         notes.append(measured_field.note)

@@ -181,6 +181,9 @@ def closure(
     after, recalibrated, generic = _held_out(folds, errors_of, progress)
     judged = np.isfinite(after)
     before = np.where(judged, predictor.before, np.nan)
+    if floor is not None:  # of the same specimens as the errors, where some of these are replicated
+        same = np.where(judged, floor, np.nan)
+        floor = floor if np.isnan(same).all() else same
     floor_rms = None if floor is None else _rms(floor)
     closed = 0.0 if nothing else None
     interval: tuple[float, float] | None = None
@@ -345,9 +348,10 @@ def _ridge(inner: FloatArray, cross: FloatArray, sd: FloatArray) -> tuple[FloatA
 
 
 def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
-    """Return what no model can beat, squared, (n,); None without replicates.
+    """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
 
-    What replicates differ by, and what they share as specimens of one batch.
+    What replicates differ by, and what they share as specimens of one batch. It is known from few
+    replicates, so that an error may come out slightly below it.
     """
     measured = problem.model.measured_N / peak
     peaks = peak[:, 0]
@@ -403,7 +407,8 @@ def _interval(
     if middle is None or len(values) < _RESAMPLES // 2:
         return None
     low, high = np.quantile(values, [0.05, 0.95])
+    # More than all there is cannot close: a share above 1 is the floor's own doubt.
     return (
-        min(middle, middle - _WIDER * (middle - float(low))),
-        max(middle, middle + _WIDER * (float(high) - middle)),
+        min(1.0, middle, middle - _WIDER * (middle - float(low))),
+        min(1.0, max(middle, middle + _WIDER * (float(high) - middle))),
     )

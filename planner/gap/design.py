@@ -13,6 +13,7 @@ from scipy.special import logsumexp, ndtr
 from threadpoolctl import threadpool_limits
 
 from planner.errors import ArgumentError, PaletteError
+from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
@@ -748,18 +749,31 @@ _PREPARATION_H = 0.5
 _WAITING_SHARE = 0.02
 """Of an hour in which a specimen soaks or ages, what it costs."""
 
+_COPIES = 2
+"""Specimens of a test: with one alone, a bad print or a slipped grip would pass unseen."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A test: what differs from the reference, the specimen as if tested, and its hours."""
+    """A test: what differs from the reference, a specimen as if tested, and the test's hours."""
 
     change: Mapping[str, Any]
     specimen: Specimen
     hours: float
 
+    @property
+    def row(self) -> dict[str, str | float]:
+        """What specimens.csv says of each specimen, and how far to pull it."""
+        s = self.specimen
+        file = "" if s.profile is None else f"profiles/{s.profile.name}.csv"
+        cells: dict[str, Any] = {"material": s.material, "profile": file}
+        cells |= {name: getattr(s, name) for name in SPECIMEN_COLUMNS}
+        cells["to_strain"] = _rounded(float(s.strain.max()))
+        return {name: cell for name, cell in cells.items() if cell not in (None, "")}
+
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
-    """Return the candidate tests of a campaign, each of one specimen.
+    """Return the candidate tests of a campaign, each of `_COPIES` specimens.
 
     Raises
     ------
@@ -774,7 +788,7 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
         *_NEXT,
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
-        {"profile": f"{soft.id} to {hard.id} in one step, strain along the bar"},
+        {"profile": f"{soft.id}-to-{hard.id}"},
     ]
     assert own.age_days is not None
     trials = []
@@ -785,7 +799,8 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
         material, fields = change.get("material", reference["material"]), change
         strain = virtual_strain(palette, [material])
         if "profile" in change:
-            bar = _step_bar("step", reference["gauge_mm"], soft.coordinate, hard.coordinate)
+            ends = soft.coordinate, hard.coordinate
+            bar = _step_bar(change["profile"], reference["gauge_mm"], *ends)
             strain, fields = virtual_strain(palette, ()), {"profile": bar}
         specimen = _specimen(
             palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100
@@ -828,9 +843,10 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
 
 
 def _hours(specimen: Specimen, least_days: float) -> float:
+    """Return the hours of a test's specimens; they wait together."""
     test_h = float(specimen.time_s[-1]) / 3600.0
     waiting = (specimen.soak_h or 0.0) + 24.0 * max((specimen.age_days or 0.0) - least_days, 0.0)
-    return _PREPARATION_H + test_h + _WAITING_SHARE * waiting
+    return _COPIES * (_PREPARATION_H + test_h) + _WAITING_SHARE * waiting
 
 
 # ------------------------------------------------------------------------------------------------
@@ -876,7 +892,12 @@ def next_experiments(
         named = tuple(
             (known[a].name, known[b].name) for a, b in splits[:3] if distance[a, b] > _TOLD_APART
         )
-        found.append(Experiment(dict(trial.change), named, gain, trial.hours, _detail(trial)))
+        found.append(
+            Experiment(
+                dict(trial.change), named, gain, trial.hours, _detail(trial), _COPIES, trial.row,
+                _design_of(trial.specimen),
+            )
+        )  # fmt: skip
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
     return tuple(found[:3])
 
@@ -884,7 +905,10 @@ def next_experiments(
 def _predicted(
     problem: Problem, candidates: Sequence[Candidate], trials: Sequence[Trial]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d)."""
+    """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
+
+    Figures are means over the trial's specimens, which differ by their own scatter.
+    """
     specimens = tuple(t.specimen for t in trials)
     campaign = replace(problem.campaign, specimens=specimens, covariates=(), remarks=())
     model = observation_model(campaign)
@@ -910,7 +934,7 @@ def _predicted(
     for place in range(len(trials)):
         rows = noise.rows[by_specimen[place]]
         means.append(learned[:, rows])
-        own = noise.blocks[by_specimen[place]]
+        own = noise.blocks[by_specimen[place]] / _COPIES
         covariances.append(own + shared[rows] @ known @ shared[rows].T)
     return means, covariances
 
@@ -954,4 +978,15 @@ def _information(
 
 def _detail(trial: Trial) -> str:
     what = ", ".join(f"{name} {value}" for name, value in trial.change.items())
-    return f"one specimen of the usual kind with {what}; about {trial.hours:.1f} h"
+    return (
+        f"{_COPIES} specimens with {what}, all else as where the palette was measured; about "
+        f"{trial.hours:.1f} h"
+    )
+
+
+def _design_of(specimen: Specimen) -> dict[str, tuple[float, ...]]:
+    """Return the columns of a bar's profile file; none for a specimen of one material."""
+    bar = specimen.profile
+    if bar is None:
+        return {}
+    return {"x_mm": tuple(bar.x_mm.tolist()), "coordinate": tuple(bar.coordinate.tolist())}

@@ -1,6 +1,6 @@
 """Diagnose a campaign: where its gap lies, which effect causes it, how far it closes, what next."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, l
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, refutes, without_effect
 from planner.gap.design import next_experiments
-from planner.gap.diagnosis import Diagnosis, Location, Traces, Untestable, name_of
+from planner.gap.diagnosis import Diagnosis, Location, Traces, UnitOf, Untestable, name_of
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
@@ -27,12 +27,14 @@ from planner.gap.evidence.posterior import (
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Effects, Priors, weigh
+from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import localise
 from planner.gap.localise_tests import Whitening
 from planner.gap.observations import ObservationModel, observation_model
 from planner.gap.quality import examine
 from planner.gap.quality_records import HOLDS, hold_share
+from planner.gap.summary import summary_of
+from planner.gap.unit_of import merged_units, suggested_units
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
@@ -140,7 +142,6 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
     sign = np.where(setup.pushed, -1.0, 1.0)[:, None]
     signs = sign[model.test_of]
     measured = signs * model.measured_N
-    peak = np.maximum(np.abs(measured).max(axis=1), 1e-12)
     before = signs * specimen_forces_N(problem, Candidate(()), setup)
     after = signs * specimen_forces_N(problem, chosen, setup)
     return Traces(
@@ -151,11 +152,16 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
         before_N=sign * predict(setup, model.laws).force_N,
         after_N=sign * predict(applied(chosen, setup), model.laws).force_N,
         measured_N=measured,
-        residual_before=np.mean(measured - before, axis=1) / peak,
-        residual_after=np.mean(measured - after, axis=1) / peak,
+        residual_before=np.mean(signs * (measured - before), axis=1) / _mean_load(before),
+        residual_after=np.mean(signs * (measured - after), axis=1) / _mean_load(after),
         specimens=tuple(s.id for s in specimens),
         columns=axis_columns(problem.campaign),
     )
+
+
+def _mean_load(forces: FloatArray) -> FloatArray:
+    load: FloatArray = np.maximum(np.abs(np.mean(forces, axis=1)), 1e-12)
+    return load
 
 
 def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
@@ -225,6 +231,9 @@ def _sentence(untestable: Untestable, effects: Sequence[str]) -> str | None:
     )
 
 
+_OF_UNITS = frozenset({"force-scale", "strain-scale"})
+"""Effects of which a mixed-up unit is a form."""
+
 _Progress = Callable[[int, int, str], None]
 RANKED = 12
 LEAST_PROBABILITY = 1e-4
@@ -235,6 +244,7 @@ def diagnose(
     *,
     palette: str | Path | Palette | None = None,
     without: str | Sequence[str] = (),
+    unit_of: str | Sequence[str] = (),
     seed: int = 0,
     progress: _Progress | None = None,
     priors: Priors | None = None,
@@ -251,6 +261,8 @@ def diagnose(
         Of resampling; the same campaign and seed give the same diagnosis.
     without
         Effects to take out of the library, to see whether their absence is noticed.
+    unit_of
+        The unit that force or travel is in, whatever the file says; see `read_campaign`.
     progress
         Called with how much is done, of how much, and what.
     priors
@@ -265,9 +277,9 @@ def diagnose(
     Raises
     ------
     UnknownNameError
-        An effect in `without` that there is not.
+        An effect in `without`, or a specimen or unit in `unit_of`, that there is not.
     ArgumentError
-        A palette beside a campaign that was read with one already.
+        A palette or units beside a campaign that was read already.
     FileError, PaletteError
         A file of the folder that cannot be understood; see `read_campaign`.
 
@@ -278,9 +290,10 @@ def diagnose(
     """
     without = (without,) if isinstance(without, str) else tuple(without)
     if not isinstance(campaign, Campaign):
-        campaign = read_campaign(campaign, palette)
-    elif palette is not None:
-        raise ArgumentError("`palette` goes with the folder of a campaign; read it with that")
+        campaign = read_campaign(campaign, palette, unit_of)
+    elif palette is not None or unit_of:
+        name = "unit_of" if palette is None else "palette"
+        raise ArgumentError(f"`{name}` goes with the folder of a campaign; read it with that")
     # Small matrices: more threads only get into each other's way, and change the last digits.
     with threadpool_limits(1, user_api="blas"):
         return _diagnose(campaign, seed, without, progress, priors or Priors())
@@ -307,7 +320,10 @@ def _diagnose(
     chosen = weighed.best.get(verdict, Candidate(()))
     nominal = weighed.nominal
     where, remainder = _places_of(problem, chosen, rng)
-    return Diagnosis(
+    same_class = class_of(problem, weighed, ranking, verdict)
+    data_quality = examine(campaign)
+    mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
+    found = Diagnosis(
         campaign=campaign.name,
         palette=campaign.palette.name,
         palette_sha256=campaign.palette.sha256,
@@ -319,13 +335,13 @@ def _diagnose(
             for h in ranking[:RANKED]
             if h.probability >= LEAST_PROBABILITY
         ),
-        same_class=tuple(e or ("none",) for e in class_of(problem, weighed, ranking, verdict)),
+        same_class=tuple(e or ("none",) for e in same_class),
         not_testable=reasons,
         where=where,
         gap=gap,
         effect=found_effects(problem, nominal, chosen),
         remainder=remainder,
-        data_quality=examine(campaign),
+        data_quality=data_quality,
         next_experiments=next_experiments(problem, weighed, ranking, rng),
         detectable=detectable_sizes(problem, nominal, priors),
         limitations=(
@@ -334,11 +350,23 @@ def _diagnose(
             *_cautions(problem, refuted),
             *_confounders(verdict, reasons),
         ),
+        unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
         recalibration=_recalibration_of(problem, chosen),
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
     )
+    return replace(found, summary=summary_of(found))
+
+
+def _units_of(
+    problem: Problem, weighed: Weighed, same_class: Sequence[Effects]
+) -> Iterator[UnitOf]:
+    """Yield the units that the hypotheses of a class say the numbers are in."""
+    for effects in same_class:
+        if _OF_UNITS & set(effects):
+            found = found_effects(problem, weighed.nominal, weighed.best[effects])
+            yield from suggested_units(found, problem.campaign.specimens)
 
 
 def prepared(

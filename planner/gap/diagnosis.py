@@ -25,6 +25,7 @@ __all__ = [
     "Location",
     "QualityProblem",
     "Traces",
+    "UnitOf",
     "Untestable",
     "name_of",
     "read_diagnosis",
@@ -84,6 +85,9 @@ class Gap:
 
     Attributes
     ----------
+    floor
+        What replicates scatter by, and so what a prediction of a new specimen misses by, however
+        good it is. Estimated from few replicates: an error slightly below it is as good.
     closed
         ``1 - (after - floor) / (before - floor)``.
     recalibration_only, generic
@@ -148,23 +152,67 @@ class Detectable:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitOf:
+    """A unit that force or travel is in, whatever the file says; no specimens means all.
+
+    Attributes
+    ----------
+    quantity
+        ``force`` or ``travel``.
+    unit
+        Or, where it has no name, how many newtons or millimetres it has.
+    """
+
+    quantity: str
+    unit: str
+    specimens: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """As ``--unit-of`` takes it."""
+        ids = f":{','.join(self.specimens)}" if self.specimens else ""
+        return f"{self.quantity}={self.unit}{ids}"
+
+
+@dataclass(frozen=True, slots=True)
 class QualityProblem:
-    """Something wrong with the data; `specimen` None means the whole campaign."""
+    """Something wrong with the data; `specimen` None means the whole campaign.
+
+    `unit_of` is what mends it, where another unit does.
+    """
 
     specimen: str | None
     kind: str
     problem: str
+    unit_of: UnitOf | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A test worth doing: what to change from the reference, and which hypotheses it splits."""
+    """A test worth doing: what to change from the reference, and which hypotheses it splits.
+
+    Attributes
+    ----------
+    hours
+        Of all its specimens.
+    detail
+        In words.
+    count
+        How many specimens to print and test.
+    row
+        Of each, columns of specimens.csv and ``to_strain``, how far to pull it.
+    design
+        Of a graded bar, the columns of the file that its row names as its profile.
+    """
 
     change: Mapping[str, Any]
     splits: tuple[tuple[str, str], ...]
     expected_gain_nats: float
     hours: float = 0.0
     detail: str = ""
+    count: int = 1
+    row: Mapping[str, str | float] = field(default_factory=dict)
+    design: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +232,7 @@ class Traces:
     measured_N : (n, T)
         Of each specimen, in the campaign's order, on its test's steps.
     residual_before, residual_after : (n,)
-        Mean relative error of force of each specimen, positive where it bears more than predicted.
+        Mean force of each specimen over its prediction, less 1.
     specimens : (n,)
         Their ids in the campaign's order.
     columns
@@ -242,12 +290,16 @@ class Diagnosis:
         Hypotheses that the data cannot tell from the verdict, the verdict included.
     remainder
         Where a gap remains after the verdict's effects, significant places only.
+    unit_of
+        Units that the numbers may be in, as the data or a hypothesis of the class hint.
     recalibration
         By material: the factor on its law's stress that the data ask for beside the effects, as a
         logarithm, with its standard deviation.
     tested
         Levels of each condition of a palette's reference that the campaign tested, rising; and
         the ids of its materials, from soft to hard, as ``material``.
+    summary
+        Three sentences: where the gap lies, what causes it, how far it closes.
     """
 
     campaign: str
@@ -267,8 +319,10 @@ class Diagnosis:
     next_experiments: tuple[Experiment, ...]
     detectable: tuple[Detectable, ...]
     limitations: tuple[str, ...]
+    unit_of: tuple[UnitOf, ...] = ()
     recalibration: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tested: Mapping[str, tuple[float | str, ...]] = field(default_factory=dict)
+    summary: tuple[str, ...] = ()
     seed: int = 0
     traces: Traces | None = None
 
@@ -324,8 +378,8 @@ _SIGNIFICANT_DIGITS = 6
 _MOST = 1.0 + 1e-6
 
 _ALIKE = (
-    "campaign", "specimens", "tests", "tested", "seed", "verdict", "where", "gap", "data_quality",
-    "next_experiments", "detectable", "limitations",
+    "campaign", "specimens", "tests", "tested", "seed", "verdict", "summary", "where", "gap",
+    "data_quality", "unit_of", "next_experiments", "detectable", "limitations",
 )  # fmt: skip
 """What the file holds as the diagnosis does."""
 
@@ -365,6 +419,7 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     tested: dict[str, tuple[float | str, ...]] = {}
     seed: int = 0
     verdict: str
+    summary: tuple[str, ...] = ()
     ranking: tuple[Hypothesis, ...]
     class_: tuple[Effects, ...] = msgspec.field(name="class")
     not_testable: tuple[str, ...]
@@ -374,6 +429,7 @@ class _DiagnosisFile(msgspec.Struct, kw_only=True):
     effect: dict[str, FoundEffect]
     remainder: _RemainderFile
     data_quality: tuple[QualityProblem, ...]
+    unit_of: tuple[UnitOf, ...] = ()
     next_experiments: tuple[Experiment, ...]
     detectable: tuple[Detectable, ...] = ()
     recalibration: dict[str, _LevelFile] = {}

@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
-from planner.gap.diagnosis import QualityProblem
+from planner.gap.diagnosis import QualityProblem, UnitOf
 from planner.gap.quality_records import first_turn, record_problems, speed_mm_s
+from planner.gap.unit_of import QUANTITIES, unit_near
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -357,6 +358,9 @@ _SLIPS = (
           "width and thickness in mm taken for inches"),
 )  # fmt: skip
 
+_FORCE_FACTORS = frozenset(slip.factor for slip in (*_SLIPS[:3], _SLIPS[4]))
+"""Of slips that another unit of force mends."""
+
 _AMONG_REPLICATES = 0.25
 """Log distance from a slip's factor; replicates scatter by up to 9 %, so 0.13 between two."""
 
@@ -392,7 +396,7 @@ def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> list[Qual
     materials = _materials_apart(specimens, rest)
     problems = [_single(specimens, palette, i, shift, loads[i]) for i, shift in sorted(off.items())]
     problems += [
-        _problem(specimens[i].id, shift, "other materials' (or its law is off by as much)")
+        _problem(specimens[i], shift, "other materials' (or its law is off by as much)")
         for i, shift in sorted(materials.items())
     ]
     rest = {i: v for i, v in rest.items() if i not in materials}
@@ -483,11 +487,16 @@ def _whole(
         return None
     travel = [t for i in near if (t := _travel_slip(specimens[i], palette, loads[i])) is not None]
     if 2 * len(travel) > len(near):
-        return QualityProblem(None, "units", travel[0])
+        return replace(travel[0], specimen=None, unit_of=_of_all(travel[0]))
     tolerance = _AGAINST_LAW if abs(shift) < _BEYOND_EFFECTS else 2.0 * _AGAINST_LAW
     if _slip(shift, tolerance) is None:
         return None
-    return _problem(None, shift, "the laws'")
+    problem = _problem(specimens[near[0]], shift, "the laws'")
+    return replace(problem, specimen=None, unit_of=_of_all(problem))
+
+
+def _of_all(problem: QualityProblem) -> UnitOf | None:
+    return None if problem.unit_of is None else replace(problem.unit_of, specimens=())
 
 
 def _near_reference(
@@ -510,20 +519,33 @@ def _single(
 ) -> QualityProblem:
     travel = _travel_slip(specimens[i], palette, load)
     if travel is not None:
-        return QualityProblem(specimens[i].id, "units", travel)
-    return _problem(specimens[i].id, shift, "its replicates' or neighbours'")
+        return travel
+    return _problem(specimens[i], shift, "its replicates' or neighbours'")
 
 
-def _problem(specimen: str | None, shift: float, whose: str) -> QualityProblem:
+def _problem(specimen: Specimen, shift: float, whose: str) -> QualityProblem:
     slip = _slip(shift, math.inf)
     assert slip is not None
     ratio = math.exp(abs(shift))
     way, words = ("above", slip.high) if shift > 0 else ("below", slip.low)
+    unit = None
+    if slip.factor in _FORCE_FACTORS:
+        factor = slip.factor if shift < 0.0 else 1.0 / slip.factor
+        unit = _unit_of(specimen, "force", specimen.force_unit_N, factor)
     return QualityProblem(
-        specimen,
+        specimen.id,
         "units",
         f"loads are {ratio:.3g} times {way} {whose}, as if {words} (factor {slip.factor:.4g})",
+        unit,
     )
+
+
+def _unit_of(specimen: Specimen, quantity: str, own: float | None, factor: float) -> UnitOf | None:
+    """Return the unit by which numbers in a file become `factor` times what they are now."""
+    if own is None:
+        return None
+    unit = unit_near(QUANTITIES[quantity][1], math.log(own * factor), own)
+    return None if unit is None else UnitOf(quantity, unit, (specimen.id,))
 
 
 def _slip(shift: float, tolerance: float) -> _Slip | None:
@@ -531,7 +553,7 @@ def _slip(shift: float, tolerance: float) -> _Slip | None:
     return nearest if abs(abs(shift) - math.log(nearest.factor)) < tolerance else None
 
 
-def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | None:
+def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> QualityProblem | None:
     """Say that travel is in another unit where correcting it brings the load into place.
 
     A factor on travel is told from one on force by the declared rate.
@@ -546,7 +568,13 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> str | Non
     if corrected is None or abs(corrected) > abs(load) - _SPLIT:
         return None
     words = "inches taken for mm" if ratio < 0.0 else "mm taken for inches"
-    return f"travel is off by 25.4 against its declared rate and its load, as if {words}"
+    factor = _INCH if ratio < 0.0 else 1.0 / _INCH
+    return QualityProblem(
+        specimen.id,
+        "units",
+        f"travel is off by 25.4 against its declared rate and its load, as if {words}",
+        _unit_of(specimen, "travel", specimen.travel_unit_mm, factor),
+    )
 
 
 def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:

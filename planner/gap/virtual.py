@@ -265,6 +265,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     specimens = []
     for row, design in zip(rows, designs, strict=True):
         own = covariates[row.specimen]
+        share = 1.0 if design is None else BAR_SHARE
         conditions = row.conditions()
         conditions["gauge_mm"] = _gauge_mm(row, design, file)
         for size in ("width_mm", "thickness_mm"):
@@ -273,7 +274,9 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
             virtual_specimen(
                 palette,
                 id=row.specimen,
-                strain=_figure(own.get("to_strain"), strain, row, file, "to_strain"),
+                # What the list says is how far it goes; a bar else goes its share.
+                strain=_figure(own.get("to_strain"), share * strain, row, file, "to_strain")
+                / share,
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
                 material=palette.resolve(row.material).id if row.material else None,

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces
+from planner.gap.summary import axis_words, p_value, percent, probability
 from planner.numerics import FloatArray
-from planner.report.gap_text import axis_words, p_value, percent, probability, unit_of
+from planner.report.gap_text import errors_of, unit_of
 from planner.report.svg import (
     GREY,
     INK,
@@ -196,7 +197,7 @@ def points_along(traces: Traces, axis: str) -> Points | None:
 
 
 def _specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
-    """Return each specimen's mean relative error before and after, (n,); (0,) if not known."""
+    """Return each specimen's mean force over the prediction, less 1, before and after, (n,)."""
     before, after = traces.residual_before, traces.residual_after
     return before, after if len(after) == len(before) else np.full(len(before), np.nan)
 
@@ -335,7 +336,8 @@ def _residual_panel(place: Location, points: Points, chart: Chart) -> Iterator[s
     yield from _x_words(chart, marks, label)
     zero = chart.y(0.0)
     yield segment((chart.left, zero), (chart.left + chart.width, zero), colour=GREY, width=1.2)
-    yield _upright_label(chart, 46.0, "error of force, %")
+    curve = points.of_curve is not None or place.axis == "branch"
+    yield _upright_label(chart, 46.0, "% of the largest force" if curve else "% of the prediction")
     across = (chart.x_range[1] - chart.x_range[0]) / chart.width
     for errors, colour, shift, mark, dash in (
         (points.before, _BEFORE, -_SHIFT, ring, "6,4"),
@@ -565,7 +567,7 @@ def _evidence_figure(diagnosis: Diagnosis) -> bytes:
         rectangle(_BARS_LEFT, 48.0, 12.0, 12.0, colour=_AFTER),
         text(_BARS_LEFT + 18.0, 58.0, "by itself", colour=_QUIET),
         rectangle(_BARS_LEFT + 92.0, 48.0, 12.0, 12.0, colour=_PALE),
-        text(_BARS_LEFT + 110.0, 58.0, "needs something unknown", colour=_QUIET),
+        text(_BARS_LEFT + 110.0, 58.0, "with something unknown beside it", colour=_QUIET),
         *_bars(bars, marks, top=top, step=step, height=17.0, above=4.0),
     ]
     if alike:
@@ -589,17 +591,11 @@ _LINE, _LEADING = 104, 15.0
 def _closure_figure(diagnosis: Diagnosis) -> bytes:
     """Return the figure as SVG: a bar an error, the replicate floor as a dashed line."""
     gap = diagnosis.gap
-    named = diagnosis.named
-    after = "with the verdict's effects" if named else "with the best of each fold"
+    colours = {"palette alone": _BEFORE, "with the verdict's effects": _AFTER}
     rows = [
-        (words, value, colour)
-        for words, value, colour in (
-            ("palette alone", gap.before, _BEFORE),
-            ("laws refitted, no effect", gap.recalibration_only, _BASELINE),
-            ("flexible regression", gap.generic, _BASELINE),
-            (after, gap.after, _AFTER),
-        )
-        if value is not None
+        (words, value, colours.get(words, _BASELINE))
+        for words, value in errors_of(diagnosis)
+        if words != "scatter between replicates"
     ]
     interval = _after_interval(gap)
     most = max([value for _, value, _ in rows] + [gap.floor or 0.0, *(interval or ())]) or 1.0
@@ -621,9 +617,9 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
     if gap.floor is not None:
         x = _BARS_LEFT + scale * gap.floor
         parts.append(segment((x, top - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
-        note = f"dashed: replicates differ by {percent(gap.floor)}, no model does better"
+        note = f"dashed: scatter between replicates, {percent(gap.floor)}, as good as can be"
         parts.append(text(_BARS_LEFT, bottom + 38.0, note, colour=_QUIET))
-    title = "Error of force, of each test's largest"
+    title = "Error of force, as root mean square over each test's largest"
     return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 52.0, parts, title=title)
 
 

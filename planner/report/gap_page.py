@@ -9,19 +9,15 @@ from pathlib import Path
 
 from planner import __version__
 from planner.formats.files import FolderKind, new_folder
-from planner.gap.diagnosis import Diagnosis, Gap
+from planner.gap.diagnosis import Diagnosis
+from planner.gap.summary import axis_words, number_words, percent, probability, summary_of, title
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
+    Table,
     TextSection,
-    axis_words,
     headline,
     meaning,
-    number_words,
-    percent,
-    probability,
     scope,
-    setting,
-    title,
     verdict_sections,
 )
 
@@ -58,9 +54,33 @@ def _where_csv(diagnosis: Diagnosis) -> bytes:
     )
 
 
+def _next_csv(diagnosis: Diagnosis) -> bytes:
+    """Return the specimens of the next tests as a list of specimens, one a row."""
+    columns = list(dict.fromkeys(name for x in diagnosis.next_experiments for name in x.row))
+    return _csv(
+        ("specimen", *columns),
+        (
+            (f"next-{number}{_LETTERS[copy]}", *(x.row.get(name, "") for name in columns))
+            for number, x in enumerate(diagnosis.next_experiments, start=1)
+            for copy in range(x.count if x.row else 0)
+        ),
+    )
+
+
+def _next_profiles(diagnosis: Diagnosis) -> dict[str, bytes]:
+    """Return the designs of the bars among the next tests, by the path that their rows name."""
+    return {
+        str(x.row["profile"]): _csv(tuple(x.design), zip(*x.design.values(), strict=True))
+        for x in diagnosis.next_experiments
+        if x.design
+    }
+
+
+_LETTERS = "abcdefghijklmnopqrstuvwxyz"
+
 _FLUSH_RIGHT = {
-    "probability", "of it with an unknown", "value", "share", "p", "error",
-    "factor on the law's stress", "smallest seen", "expected gain, nats", "hours",
+    "probability", "with an unknown beside it", "value", "share", "p", "error",
+    "factor on the law's stress", "smallest seen", "no.", "mm/s", "°C", "soak h", "days", "strain",
 }  # fmt: skip
 
 
@@ -71,7 +91,7 @@ def _page_tables(d: Diagnosis) -> dict[str, list[dict[str, str]]]:
             {
                 "hypothesis": h.name,
                 "probability": probability(h.probability),
-                "of it with an unknown": percent(h.with_unknown),
+                "with an unknown beside it": probability(h.probability * h.with_unknown),
                 "same class as the verdict": "yes" if h.effects in d.same_class else "",
             }
             for h in d.ranking
@@ -101,9 +121,6 @@ def _page_tables(d: Diagnosis) -> dict[str, list[dict[str, str]]]:
             for of, places in (("gap", d.where), ("remainder", d.remainder))
             for p in places
         ],
-        "Error of force, on data held out": [
-            {"model": words, "error": error} for words, error in _errors(d.gap)
-        ],
         "What the data ask of the laws besides": [
             {
                 "material": material,
@@ -127,35 +144,11 @@ def _page_tables(d: Diagnosis) -> dict[str, list[dict[str, str]]]:
         "What it could not test": [
             {"effect": u.id, "what it is": title(u.id), "because": u.reason} for u in d.not_testable
         ],
-        "What to test next": [
-            {
-                "test": x.detail or ", ".join(setting(*change) for change in x.change.items()),
-                "tells": "; ".join(f"{a} from {b}" for a, b in x.splits),
-                "expected gain, nats": number_words(x.expected_gain_nats, 2),
-                "hours": number_words(x.hours, 2),
-            }
-            for x in d.next_experiments
-        ],
         "Data to look at": [
             {"specimen": q.specimen or "all", "kind": q.kind, "problem": q.problem}
             for q in d.data_quality
         ],
     }
-
-
-def _errors(gap: Gap) -> list[tuple[str, str]]:
-    named = (
-        ("palette alone", gap.before),
-        ("laws refitted, no effect", gap.recalibration_only),
-        ("flexible regression", gap.generic),
-        ("with the effects", gap.after),
-        ("between replicates (floor)", gap.floor),
-    )
-    rows = [(words, "not known" if v is None else percent(v, 3)) for words, v in named]
-    if gap.closed is not None:
-        ends = _interval(gap.closed_interval, percent)
-        rows.append(("closed", percent(gap.closed) + (f" ({ends})" if ends else "")))
-    return rows
 
 
 def _factor(log: float) -> str:
@@ -232,6 +225,7 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield f"<style>{_STYLE}</style>\n</head>\n<body>"
     yield f"<header>\n<h1>{escape(headline(d))}</h1>"
     yield f'<p class="quiet">{escape(scope(d))}</p>\n</header>\n<main>'
+    yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
     for section in verdict_sections(d):
         yield from _section(section)
     if figures:
@@ -240,7 +234,8 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
         yield f"<figure>\n{svg.decode('utf-8').strip()}\n</figure>"
     for heading, rows in _page_tables(d).items():
         if rows:
-            yield from _table(heading, rows)
+            yield f"<h2>{escape(heading)}</h2>"
+            yield from _table(tuple(rows[0]), [tuple(row.values()) for row in rows])
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
@@ -249,20 +244,24 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
 
 def _section(section: TextSection) -> Iterator[str]:
     yield f"<h2>{escape(section.heading)}</h2>"
-    if section.is_list:
-        items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in section.sentences)
-        yield f"<ul>\n{items}</ul>"
-    else:
-        yield f"<p>{escape(' '.join(section.sentences))}</p>"
+    for part in section.parts:
+        if isinstance(part, Table):
+            yield from _table(part.columns, part.rows)
+        elif isinstance(part, str):
+            yield f"<p>{escape(part)}</p>"
+        else:
+            items = "".join(f"<li>{escape(sentence)}</li>\n" for sentence in part)
+            yield f"<ul>\n{items}</ul>"
 
 
-def _table(heading: str, rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
-    kinds = {name: ' class="figure"' if name in _FLUSH_RIGHT else "" for name in rows[0]}
-    yield f'<h2>{escape(heading)}</h2>\n<div class="wide">\n<table>\n<thead><tr>'
-    yield "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in kinds.items())
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    kinds = [' class="figure"' if name in _FLUSH_RIGHT else "" for name in columns]
+    heads = zip(columns, kinds, strict=True)
+    yield '<div class="wide">\n<table>\n<thead><tr>'
+    yield "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in heads)
     yield "</tr></thead>\n<tbody>"
     for row in rows:
-        cells = (f"<td{kinds[name]}>{escape(cell)}</td>" for name, cell in row.items())
+        cells = (f"<td{k}>{escape(cell)}</td>" for cell, k in zip(row, kinds, strict=True))
         yield f"<tr>{''.join(cells)}</tr>"
     yield "</tbody>\n</table>\n</div>"
 
@@ -272,25 +271,32 @@ def _table(heading: str, rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 DIAGNOSIS = FolderKind(
-    "diagnosis.json", ("diagnosis.json", "report.html", "where.csv", "ranking.csv", "figures/*.svg")
-)
+    "diagnosis.json",
+    (
+        "diagnosis.json", "report.html", "where.csv", "ranking.csv", "next-specimens.csv",
+        "profiles/*.csv", "figures/*.svg",
+    ),
+)  # fmt: skip
 """The folder that `write_diagnosis` writes."""
 
 
 def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures = figures_of(diagnosis)
+    listed = any(x.row for x in diagnosis.next_experiments)
     return {
         "diagnosis.json": diagnosis.json(),
         "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
         "where.csv": _where_csv(diagnosis),
         "ranking.csv": _ranking_csv(diagnosis),
+        **({"next-specimens.csv": _next_csv(diagnosis)} if listed else {}),
+        **_next_profiles(diagnosis),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
     }
 
 
 def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = False) -> Path:
-    """Write diagnosis.json, report.html, where.csv, ranking.csv and figures, all or nothing.
+    """Write diagnosis.json, report.html, CSV tables, the next specimens and figures, or nothing.
 
     Parameters
     ----------
@@ -317,7 +323,7 @@ def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = F
     """
     files = diagnosis_files(diagnosis)
     with new_folder(output, force=force, kind=DIAGNOSIS) as scratch:
-        (scratch / "figures").mkdir()
         for name, content in files.items():
+            (scratch / name).parent.mkdir(exist_ok=True)
             (scratch / name).write_bytes(content)
     return Path(output)

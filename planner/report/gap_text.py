@@ -6,132 +6,41 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.diagnosis import (
     Detectable,
     Diagnosis,
     Experiment,
     FoundEffect,
     Gap,
-    Hypothesis,
     QualityProblem,
+    UnitOf,
     name_of,
 )
 from planner.gap.effects import EFFECTS
+from planner.gap.summary import (
+    axis_words,
+    best_of,
+    cause_words,
+    clear_places,
+    listed,
+    number_words,
+    p_value,
+    percent,
+    probability,
+    sentence,
+    summary_of,
+)
 
 __all__ = [
+    "Table",
     "TextSection",
-    "axis_words",
     "headline",
-    "listed",
     "meaning",
-    "number_words",
-    "p_value",
-    "percent",
-    "probability",
     "scope",
-    "sentence",
-    "setting",
-    "title",
     "unit_of",
     "verdict_sections",
     "verdict_text",
 ]
-
-
-# ------------------------------------------------------------------------------------------------
-# Effects, axes and figures of a diagnosis in words.
-
-
-_AXES: Mapping[str, str] = {
-    **{name: column.title for name, column in SPECIMEN_COLUMNS.items()},
-    "branch": "branch of the path",
-    "material": "material or design",
-    "position": "position along the bar",
-    "specimen": "single specimens",
-    "strain": "strain",
-    "time": "time",
-}
-
-_UNITS: Mapping[str, str] = {
-    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
-    "_h": "h", "_s": "s", "_N": "N",
-}  # fmt: skip
-
-
-def title(effect: str) -> str:
-    """Return the name that an effect has in a heading."""
-    if effect == "unknown":
-        return "something unknown"
-    return EFFECTS[effect].title if effect in EFFECTS else effect
-
-
-def axis_words(axis: str) -> str:
-    """Return an axis in words; a column that planner does not know keeps its name."""
-    return _AXES.get(axis, f"column {axis}")
-
-
-def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> str:
-    """Write a list in a sentence, a long one in short."""
-    if most is not None and len(words) > most:
-        return f"{', '.join(words[:most])} {last} {len(words) - most} more"
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"
-
-
-def percent(share: float, digits: int = 2) -> str:
-    """Write a share in per cent: 0.214 is "21 %", 0.034 is "3.4 %"."""
-    return f"{number_words(100.0 * share, digits)} %" if math.isfinite(share) else "open"
-
-
-def number_words(value: float, digits: int = 3) -> str:
-    """Write a figure with so many significant digits, whole numbers in full."""
-    if not math.isfinite(value):
-        return "open"
-    if value == 0.0:
-        return "0"
-    rounded = float(f"{value:.{digits - 1}e}")
-    power = math.floor(math.log10(abs(rounded)))
-    if -4 <= power < 6:
-        return f"{rounded:.{max(0, digits - 1 - power)}f}"
-    mantissa, _, exponent = f"{rounded:.{digits - 1}e}".partition("e")
-    return f"{mantissa}e{int(exponent)}"
-
-
-def probability(value: float) -> str:
-    """Write a probability without claiming certainty."""
-    if value > 0.995:
-        return "above 0.99"
-    if value < 0.005:
-        return "below 0.01"
-    return f"{value:.2f}"
-
-
-def p_value(p: float) -> str:
-    """Write a p-value with one digit where it is small, which is all that it is known to."""
-    return f"p = {number_words(p, 2 if p >= 0.01 else 1)}"
-
-
-def setting(column: str, value: object) -> str:
-    """Write what a specimen has on an axis: "temperature 35 °C", "material FLX9760"."""
-    words, unit = axis_words(column), unit_of(column)
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return f"{words} {value:.4g} {unit}".rstrip()
-    return f"{words} {value}"
-
-
-def unit_of(column: str) -> str:
-    """Return the unit that a column's name ends in, "" for none."""
-    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
-
-
-def sentence(words: str) -> str:
-    """Return words with a capital and a full stop, unless they end in one or in a question."""
-    words = words.strip()
-    if words and words[0].islower() and "_" not in words.partition(" ")[0]:
-        words = words[0].upper() + words[1:]
-    return words if words.endswith((".", "?", "!")) else words + "."
 
 
 # ------------------------------------------------------------------------------------------------
@@ -140,7 +49,16 @@ def sentence(words: str) -> str:
 
 _SPECIMENS = 6
 _SEEN = 8
-_LOG_STRESS = "of ln stress"
+_LOG_STRESS = re.compile(r"(^|fall |drop )of ln stress")
+_UNITS: Mapping[str, str] = {
+    "_mm_s": "mm/s", "_per_s": "1/s", "_MPa": "MPa", "_mm": "mm", "_days": "days", "_C": "°C",
+    "_h": "h", "_s": "s", "_N": "N",
+}  # fmt: skip
+
+
+def unit_of(column: str) -> str:
+    """Return the unit that a column's name ends in, "" for none."""
+    return next((unit for end, unit in _UNITS.items() if column.endswith(end)), "")
 
 
 def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
@@ -151,13 +69,28 @@ def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
             unit = effect.units.get(name, "1")
             ends = effect.interval.get(name)
             words = meaning(effect.id, effect.form, name)
-            within = "" if ends is None else f" (90 % interval {_span(name, words, unit, ends)})"
-            sizes.append(f"{_label(name, words)} {_shown(name, words, unit, value)}{within}")
+            size = f"{_label(name, words)} {_shown(name, words, unit, value)}"
+            if ends is not None:
+                size += f" (90 % interval {_span(name, words, unit, ends)})"
+            sizes.append(size + _at_bound(effect, name, value))
         of = ""
         if effect.specimens:
             of = f" (in {listed(effect.specimens, most=_SPECIMENS)} only)"
-        form = f", as {effect.form}" if effect.form else ""
+        form = f", {effect.form} form" if effect.form else ""
         yield f"{effect.id}{form}{of}: {'; '.join(sizes)}."
+
+
+def _at_bound(effect: FoundEffect, name: str, value: float) -> str:
+    """Say that a size is as large or small as it may be, as far as the figures shown tell."""
+    form = EFFECTS[effect.id].form(effect.form) if effect.id in EFFECTS else None
+    for parameter in form.parameters if form is not None else ():
+        if parameter.name != name:
+            continue
+        size = abs(value) if parameter.signed else value
+        for bound, words in ((parameter.high, "largest"), (parameter.low, "smallest")):
+            if number_words(size) == number_words(bound):
+                return f", at the {words} this model allows"
+    return ""
 
 
 def _detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
@@ -166,13 +99,12 @@ def _detectable_words(detectable: Sequence[Detectable]) -> Iterator[str]:
     for d in seen[:_SEEN]:
         words = meaning(d.id, "", d.parameter)
         assert d.size is not None
-        size = _shown(d.parameter, words, d.unit, d.size)
-        yield f"{d.id} from {_label(d.parameter, words)} {size}."
+        yield f"{d.id}: {_label(d.parameter, words)} {_shown(d.parameter, words, d.unit, d.size)}."
     if len(seen) > _SEEN:
         yield f"{len(seen) - _SEEN} more of these are in diagnosis.json."
     blind = [d.id for d in detectable if d.size is None]
     if blind:
-        yield f"Not seen at any size that it may have: {listed(blind)}."
+        yield f"Not seen however large: {listed(blind)}."
 
 
 def meaning(effect: str, form: str, parameter: str) -> str:
@@ -187,7 +119,10 @@ def _shown(name: str, words: str, unit: str, value: float) -> str:
     """Return a value as a lab writes it: logarithms as ratios or per cent, units beside figures."""
     if name.startswith("log_"):
         return f"{number_words(math.exp(value))} times"
-    if words.startswith(_LOG_STRESS):
+    log = _LOG_STRESS.match(words)
+    if log is not None and log[1]:  # a fall by so much
+        return percent(-math.expm1(-value))
+    if log is not None:
         return f"{'+' if value > 0.0 else ''}{percent(math.expm1(value))}"
     return number_words(value) if unit in ("1", "") else f"{number_words(value)} {unit}"
 
@@ -197,8 +132,7 @@ def _label(name: str, words: str) -> str:
     if name.startswith("log_"):
         name = name.removeprefix("log_")
         words = words.removeprefix("ln of ")
-    elif words.startswith(_LOG_STRESS):
-        words = "of stress" + words.removeprefix(_LOG_STRESS)
+    words = words.replace("of ln stress", "of stress").replace("ln of ", "")
     if not words:
         return name
     if words.startswith(f"{name} "):
@@ -207,7 +141,9 @@ def _label(name: str, words: str) -> str:
 
 
 def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
-    low, high = (_shown(name, words, unit, end) if math.isfinite(end) else "open" for end in ends)
+    low, high = (_shown(name, words, unit, end) if math.isfinite(end) else "" for end in ends)
+    if not (low and high):
+        return f"{low} or more" if low else f"up to {high}" if high else "open"
     # A unit that both ends share is written once.
     for suffix in (f" {unit}", " %", " times"):
         if low.endswith(suffix) and high.endswith(suffix):
@@ -219,44 +155,71 @@ def _span(name: str, words: str, unit: str, ends: tuple[float, float]) -> str:
 # The verdict in plain words: for the terminal, and above the figures of the report.
 
 
-_WIDTH = 88
+_WIDTH = 80
 _INDENT = "  "
 _PLACES = 3
 _PROBLEMS = 6
 _EXPERIMENTS = 3
 _WORTH_NAMING = 0.05
 _UNKNOWN_SHARE = 0.2
-_SIGNIFICANT = 0.05
-_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|N|K|°C|h|s|nats|days|times|decade)\b|%)")
-_SURE = ((0.97, "almost certainly"), (0.85, "very likely"), (0.6, "probably"))
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|N|K|°C|h|s|days|times|decade)\b|%)")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of cells below their headings."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class TextSection:
-    """A heading and the sentences below it; a list has each of them on its own."""
+    """A heading and what stands below it: paragraphs, lists of sentences, tables."""
 
     heading: str
-    sentences: tuple[str, ...]
-    is_list: bool = False
+    parts: tuple[str | tuple[str, ...] | Table, ...]
 
 
 def verdict_text(diagnosis: Diagnosis, *, width: int = _WIDTH) -> str:
-    """Return the verdict as text: headings, indented sentences, no line wider than `width`."""
-    lines = [*textwrap.wrap(headline(diagnosis), width), *textwrap.wrap(scope(diagnosis), width)]
+    """Return the verdict as text, no line wider than `width` but for a command to copy."""
+    lines: list[str] = []
+    for paragraph in (*summary_of(diagnosis), "", headline(diagnosis), scope(diagnosis)):
+        lines += _wrapped(paragraph, width, "", "") or [""]
     for section in verdict_sections(diagnosis):
         lines += ["", section.heading]
-        blocks = section.sentences if section.is_list else (" ".join(section.sentences),)
-        for block in blocks:
-            lead = f"{_INDENT}- " if section.is_list else _INDENT
-            follow = " " * len(lead)
-            lines += textwrap.wrap(
-                _UNIT.sub("\xa0", block),  # a figure and its unit stay on one line
-                max(width, 20),
-                initial_indent=lead,
-                subsequent_indent=follow,
-                break_on_hyphens=False,
-            )
+        for part in section.parts:
+            if isinstance(part, Table):
+                lines += _table_lines(part, width)
+            elif isinstance(part, str):
+                lines += _wrapped(part, width, _INDENT, _INDENT)
+            else:
+                for item in part:
+                    lines += _wrapped(item, width, f"{_INDENT}- ", f"{_INDENT}  ")
     return "\n".join(lines).replace("\xa0", " ")
+
+
+def _wrapped(block: str, width: int, lead: str, follow: str) -> list[str]:
+    return textwrap.wrap(
+        _UNIT.sub("\xa0", block),  # a figure and its unit stay on one line
+        max(width, 20),
+        initial_indent=lead,
+        subsequent_indent=follow,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+
+
+def _table_lines(table: Table, width: int) -> list[str]:
+    """Return a table's lines; a row as a sentence where it is too wide."""
+    cells = (table.columns, *table.rows)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    if len(_INDENT) + sum(widths) + 2 * (len(widths) - 1) <= width:
+        rows = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in cells)
+        return [f"{_INDENT}{row}".rstrip() for row in rows]
+    named = (zip(table.columns, row, strict=True) for row in table.rows)
+    texts = (", ".join(f"{name} {cell}".strip() for name, cell in row if cell) for row in named)
+    return [line for t in texts for line in _wrapped(t, width, f"{_INDENT}- ", f"{_INDENT}  ")]
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -265,29 +228,30 @@ def headline(diagnosis: Diagnosis) -> str:
     words = {
         "none": "no gap that needs an explanation",
         "unknown": "a gap that no effect here explains",
-    }.get(verdict, " + ".join(map(title, verdict.split("+"))))
-    chance = probability(_best(diagnosis).probability)
+    }.get(verdict, cause_words(verdict))
     more = f": {words}" if words != verdict else ""
-    return f"Verdict: {verdict} (probability {chance}){more}"
+    return f"Verdict: {verdict} (probability {probability(best_of(diagnosis).probability)}){more}"
 
 
 def verdict_sections(diagnosis: Diagnosis) -> tuple[TextSection, ...]:
     """Return the verdict section by section, those with nothing to say left out."""
     d = diagnosis
+    seen = tuple(_detectable_words(d.detectable)) if d.verdict == "none" else ()
+    tests = d.next_experiments[:_EXPERIMENTS]
     sections = (
-        TextSection("What it is", tuple(_what(d))),
-        TextSection("How large it is", tuple(_size_words(d.effect)), is_list=True),
-        TextSection("What would have been seen", tuple(_seen(d)), is_list=True),
-        TextSection("Where it lies", tuple(_where(d)), is_list=True),
+        TextSection("How sure that is", tuple(_how_sure(d))),
+        TextSection("Numbers in another unit", tuple(_units(d.unit_of))),
+        TextSection("How large it is", (tuple(_size_words(d.effect)),)),
+        TextSection("Smaller effects than these may hide", (seen,)),
+        TextSection("Where it lies", (tuple(_where(d)),)),
         TextSection("How far it closes", tuple(_how_far(d))),
-        TextSection("What these data cannot tell apart", tuple(_same_class(d))),
         TextSection("What remains", tuple(_remainder(d))),
-        TextSection("What could not be tested", tuple(_not_testable(d)), is_list=True),
-        TextSection("Data to look at", tuple(_quality(d.data_quality)), is_list=True),
-        TextSection("Limits of this campaign", tuple(map(sentence, d.limitations)), is_list=True),
-        TextSection("What to test next", tuple(_next(d.next_experiments)), is_list=True),
+        TextSection("What could not be tested", (tuple(_not_testable(d)),)),
+        TextSection("Data to look at", (tuple(_quality(d.data_quality)),)),
+        TextSection("Limits of this campaign", (tuple(map(sentence, d.limitations)),)),
+        TextSection("What to test next", tuple(_next(tests, d.verdict))),
     )
-    return tuple(s for s in sections if s.sentences)
+    return tuple(s for s in sections if any(s.parts))
 
 
 def scope(diagnosis: Diagnosis) -> str:
@@ -298,39 +262,14 @@ def scope(diagnosis: Diagnosis) -> str:
     return f"{d.campaign or 'campaign'}: {count} in {tests}, held against palette {d.palette}"
 
 
-def _best(diagnosis: Diagnosis) -> Hypothesis:
-    """Return the verdict with its probability, 0 where the ranking lacks it."""
-    found = (h for h in diagnosis.ranking if h.name == diagnosis.verdict)
-    return next(found, Hypothesis((), 0.0))
-
-
-def _what(diagnosis: Diagnosis) -> Iterator[str]:
-    best, effects = _best(diagnosis), diagnosis.verdict.split("+")
-    sure = next((words for least, words in _SURE if best.probability >= least), None)
-    clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
-    if diagnosis.verdict == "none":
-        yield (
-            "What was measured agrees with the palette within the scatter of specimens and the "
-            "uncertainty of the palette's own calibration."
-        )
-    elif diagnosis.verdict == "unknown":
-        yield (
-            "The measurements differ from the palette in a way that none of the effects weighed "
-            "here, alone or in pairs, reproduces."
-        )
+def _how_sure(diagnosis: Diagnosis) -> Iterator[str]:
+    best = best_of(diagnosis)
+    beside = best.probability * best.with_unknown
+    if diagnosis.verdict == "unknown":
         yield "Look at where it lies before blaming any cause."
-    elif sure is None:
-        pair = " a pair" if len(effects) > 1 else ""
-        yield f"No explanation is sure; the best is{pair}: {clauses}."
-    elif len(effects) > 1:
-        yield f"{len(effects)} effects are {sure} at work: {clauses}."
-    else:
-        yield f"The cause is {sure} this: {clauses}."
-    if diagnosis.verdict != "unknown" and best.with_unknown >= _UNKNOWN_SHARE:
-        yield (
-            f"Even so, {percent(best.with_unknown)} of that probability asks for something "
-            "unknown beside it."
-        )
+    elif best.with_unknown >= _UNKNOWN_SHARE:
+        what = "it" if diagnosis.verdict != "none" else "the scatter"
+        yield f"Something unknown may be at work beside {what} (probability {probability(beside)})."
     others = [
         f"{h.name} ({probability(h.probability)})"
         for h in diagnosis.ranking
@@ -338,15 +277,22 @@ def _what(diagnosis: Diagnosis) -> Iterator[str]:
     ]
     if others:
         yield f"Less probable, but not ruled out: {listed(others, most=4)}."
+    yield from _same_class(diagnosis)
 
 
-def _seen(diagnosis: Diagnosis) -> Iterator[str]:
-    if diagnosis.verdict == "none":
-        yield from _detectable_words(diagnosis.detectable)
+def _units(units: Sequence[UnitOf]) -> Iterator[str | tuple[str, ...]]:
+    if units:
+        yield (
+            "Some numbers are off by the factor between two units. If a file is in another unit "
+            "than its heading says, diagnose again with the option that says so:"
+        )
+        for unit in units:
+            of = listed(unit.specimens, most=_SPECIMENS) or "all specimens"
+            yield (f"Read the {unit.quantity} of {of} in {unit.unit}: --unit-of {unit.text}",)
 
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
-    clear = [place for place in diagnosis.where if place.p < _SIGNIFICANT]
+    clear = [diagnosis.where[k] for k in clear_places(diagnosis)]
     for place in clear[:_PLACES]:
         low, high = place.share_interval
         detail = f": {place.detail}" if place.detail else ""
@@ -356,55 +302,28 @@ def _where(diagnosis: Diagnosis) -> Iterator[str]:
         )
     if len(clear) > _PLACES:
         yield sentence(f"also along {listed([axis_words(p.axis) for p in clear[_PLACES:]])}")
-    if diagnosis.where and not clear:
-        least = min(diagnosis.where, key=lambda place: place.p)
-        yield (
-            f"Along no axis beyond chance; the nearest to it is {axis_words(least.axis)} "
-            f"({p_value(least.p)})."
-        )
 
 
-def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
+def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
     gap, named = diagnosis.gap, diagnosis.named
-    floor = ""
-    if gap.floor is not None:
-        floor = f"; replicates differ by {percent(gap.floor)}, which no model can beat"
-    yield (
-        f"The palette alone misses the force by {percent(gap.before)} of a test's largest, in root "
-        f"mean square{floor}."
+    yield sentence(
+        "errors are of force, as root mean squares over each test's largest"
+        + (f", on tests that took no part in the fit ({gap.held_out})" if gap.held_out else "")
     )
-    if gap.floor is None:
+    yield errors_table(diagnosis)
+    if gap.floor is not None:
         yield (
-            "There are no replicates to say how far any model could get, so how much of the gap "
-            "closes cannot be said."
-        )
-    if gap.after is not None:
-        yield _closed(gap, gap.after, named)
-        if gap.held_out:
-            yield sentence(f"Held out: {gap.held_out}")
-    elif named:
-        yield (
-            "How far the effect closes it could not be checked on tests that it was not fitted "
-            "to: this campaign has too few conditions to leave one out."
+            "However good a prediction is, it misses a new specimen by about as much as "
+            "replicates scatter: an error near that is as good as can be."
         )
     if named and gap.extrapolated is not None and gap.extrapolated_before is not None:
         worse = gap.extrapolated > gap.extrapolated_before
         yield (
-            "Where whole levels are left out, so that the effect is carried beyond what was "
-            f"tested, it misses by {percent(gap.extrapolated)}, and the palette alone by "
+            "Where all tests at one level are left out, such as the warmest, it misses these by "
+            f"{percent(gap.extrapolated)}, and the palette alone by "
             f"{percent(gap.extrapolated_before)}"
             f"{': do not use it beyond the conditions tested' if worse else ''}."
         )
-    baselines = [
-        f"{percent(value)} {words}"
-        for value, words in (
-            (gap.recalibration_only, "after refitting the palette's laws without any effect"),
-            (gap.generic, "with a flexible regression that knows no physics"),
-        )
-        if value is not None
-    ]
-    if baselines:
-        yield f"For comparison: {listed(baselines)}."
     refitted = math.inf if gap.recalibration_only is None else gap.recalibration_only
     if named and gap.after is not None and not gap.negative_transfer and refitted <= gap.after:
         yield (
@@ -413,20 +332,27 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str]:
         )
 
 
-def _closed(gap: Gap, after: float, named: bool) -> str:
-    model = "With the effect added" if named else "With the best explanation of each fold"
-    misses = f"{model} it misses tests that took no part in the fit by {percent(after)}"
-    if gap.negative_transfer:
-        return f"{misses}: the effect makes predictions worse, so do not use it."
-    if gap.closed is None:
-        return f"{misses}."
-    if gap.closed <= 0.0:
-        return f"{misses}, which closes nothing."
-    within = ""
-    if gap.closed_interval is not None:
-        low, high = gap.closed_interval
-        within = f" (90 % interval {percent(low)} to {percent(high)})"
-    return f"{misses}, which closes {percent(gap.closed)} of what can be closed{within}."
+def errors_table(diagnosis: Diagnosis) -> Table:
+    """Return the errors of force that are known, and what replicates differ by."""
+    return Table(
+        ("prediction", "error"),
+        tuple((words, percent(error)) for words, error in errors_of(diagnosis)),
+    )
+
+
+def errors_of(diagnosis: Diagnosis) -> Iterator[tuple[str, float]]:
+    """Yield each error that is known with its name, what replicates differ by last."""
+    gap: Gap = diagnosis.gap
+    for words, error in (
+        ("palette alone", gap.before),
+        ("laws refitted, nothing added", gap.recalibration_only),
+        ("regression without any physics", gap.generic),
+        # Without an effect there is nothing to add, and the error is the palette's own.
+        ("with the verdict's effects", gap.after if diagnosis.named else None),
+        ("scatter between replicates", gap.floor),
+    ):
+        if error is not None:
+            yield words, error
 
 
 def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
@@ -436,29 +362,29 @@ def _same_class(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict == "none":
         causes = [name for name in others if name != "unknown"]
         along = f"by {listed(causes, last='or')}" if causes else ""
-        unknown = "along no known effect" if "unknown" in others else ""
+        unknown = "of unknown cause" if "unknown" in others else ""
         small = " or ".join(filter(None, (along, unknown)))
         yield f"These data do not exclude a small gap {small}."
     else:
         words = {"none": "no gap at all", "unknown": "an unknown cause"}
         named = listed([words.get(name, name) for name in others], last="or")
         what = "An unknown cause" if diagnosis.verdict == "unknown" else diagnosis.verdict
-        yield f"{what} looks the same here as {named}; take them as one answer."
+        yield f"{what} looks the same here as {named}: take them as one answer."
     splits = {tuple(sorted(pair)) for x in diagnosis.next_experiments for pair in x.splits}
     if any(tuple(sorted((diagnosis.verdict, other))) in splits for other in others):
-        yield "The tests proposed below would split them."
+        yield "The tests proposed below would tell some of them apart."
 
 
 def _remainder(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.remainder:
         return
-    yield f"{'Beside the effect, a' if diagnosis.named else 'A'} gap above scatter remains:"
     places = [
         f"along {axis_words(p.axis)} ({p_value(p.p)})"
         + (f", {p.detail.rstrip('.')}" if p.detail else "")
         for p in diagnosis.remainder
     ]
-    yield "; ".join(places) + "."
+    beside = "Beside the effect, a" if diagnosis.named else "A"
+    yield f"{beside} gap above scatter remains: {'; '.join(places)}."
 
 
 def _not_testable(diagnosis: Diagnosis) -> Iterator[str]:
@@ -476,12 +402,71 @@ def _quality(problems: tuple[QualityProblem, ...]) -> Iterator[str]:
         yield f"{len(problems) - _PROBLEMS} more of these are in diagnosis.json."
 
 
-def _next(experiments: tuple[Experiment, ...]) -> Iterator[str]:
-    for x in experiments[:_EXPERIMENTS]:
-        change = listed([setting(key, value) for key, value in x.change.items()])
-        what = x.detail.rstrip(".") or f"test with {change}"
-        hours = f", about {number_words(x.hours, 2)} h" if x.hours > 0.0 and not x.detail else ""
-        splits = listed([f"{a} from {b}" for a, b in x.splits], most=2)
-        telling = f"tells {splits}; " if splits else ""
-        gain = f"expected gain {number_words(x.expected_gain_nats, 2)} nats"
-        yield sentence(f"{what} ({telling}{gain}{hours})")
+# ------------------------------------------------------------------------------------------------
+# The next tests: what to print, and why.
+
+
+def _next(
+    experiments: Sequence[Experiment], verdict: str
+) -> Iterator[str | tuple[str, ...] | Table]:
+    if not experiments:
+        return
+    yield (
+        "Print and test these, the first being worth most for its hours; next-specimens.csv in "
+        "the folder of the report lists them as specimens.csv does."
+    )
+    listed_alike = [x for x in experiments if x.row]
+    if listed_alike:
+        rows = [_next_cells(f"{experiments.index(x) + 1}", x) for x in listed_alike]
+        columns = [name for name in rows[0] if any(row[name] for row in rows)]
+        cells = tuple(tuple(row[name] for name in columns) for row in rows)
+        yield Table(tuple(columns), cells)
+    yield tuple(_next_reason(number, x, verdict) for number, x in enumerate(experiments, start=1))
+
+
+_SPLITS = 2
+
+
+def _split_words(first: str, second: str) -> str:
+    """Return what is told by telling one hypothesis from another."""
+    if "none" in (first, second):
+        other = second if first == "none" else first
+        return f"whether it is {cause_words(other)} or nothing"
+    a, b = (set(name.split("+")) for name in (first, second))
+    both, only_a, only_b = (
+        cause_words("+".join(sorted(effects))) for effects in (a & b, a - b, b - a)
+    )
+    if not a & b:
+        return f"{only_a} from {only_b}"
+    if only_a and only_b:
+        return f"{only_a} from {only_b} beside {both}"
+    return f"whether there is {only_a or only_b} beside {both}"
+
+
+def _next_cells(number: str, x: Experiment) -> dict[str, str]:
+    """Return a row of the table; its size as width x thickness x gauge."""
+    cell = {name: v if isinstance(v, str) else f"{v:.4g}" for name, v in x.row.items()}
+    bar = cell.get("profile", "").rpartition("/")[2].removesuffix(".csv")
+    sizes = (cell.get(name, "?") for name in ("width_mm", "thickness_mm", "gauge_mm"))
+    conditions = {
+        "mm/s": "rate_mm_s", "°C": "temperature_C", "soak h": "soak_h", "days": "age_days",
+        "along": "orientation", "protocol": "protocol", "strain": "to_strain",
+    }  # fmt: skip
+    return {
+        "": f"{number}.",
+        "no.": f"{x.count}",
+        "of": cell.get("material") or bar,
+        "size mm": "x".join(sizes),
+        **{words: cell.get(name, "") for words, name in conditions.items()},
+    }
+
+
+def _next_reason(number: int, x: Experiment, verdict: str) -> str:
+    """Return what a test is good for, and its hours."""
+    of_verdict_first = sorted(x.splits, key=lambda pair: verdict not in pair)
+    told = listed([_split_words(*pair) for pair in of_verdict_first[:_SPLITS]])
+    tells = f"tells {told}" if told else "makes causes more or less likely, but settles none"
+    hours = f"; about {number_words(x.hours, 2)} h of work" if x.hours > 0.0 else ""
+    changes = (f"{axis_words(name)} {value} {unit_of(name)}" for name, value in x.change.items())
+    what = "" if x.row else f" ({listed([change.strip() for change in changes])})"
+    return f"Test {number}{what} {tells}{hours}."

@@ -197,7 +197,7 @@ def bleed(case: Case) -> FloatArray:
 PLANTED: dict[str, tuple[str, Case, Callable[[Case], FloatArray], str]] = {
     "temperature": (
         "temperature_C", STAR, lambda c: -0.02 * (c.value("temperature_C") - 23.0) * c.force,
-        "at 33 degC (3 specimens)",
+        "at 33 °C (3 specimens)",
     ),
     "rate": (
         "rate_mm_s", STAR, lambda c: 0.25 * (c.value("rate_mm_s") > 5.0) * c.force, "at 20 mm/s",
@@ -249,7 +249,7 @@ def test_a_sentence_has_the_gaps_size() -> None:
     gap = gap - 0.1 * (STAR.value("temperature_C") == 33.0) * STAR.force
     # exp(0.2) = 1.221, exp(-0.1) = 0.905; no noise.
     assert named(STAR.where(gap), "temperature_C").detail == (
-        "force 22 % above prediction at 15 degC (3 specimens), 9.5 % below at 33 degC (3 specimens)"
+        "force 22 % above prediction at 15 °C (3 specimens), 9.5 % below at 33 °C (3 specimens)"
     )
 
 

@@ -8,10 +8,8 @@ from benchmarks.withheld.real.expectations import Expectation, probability_with
 from benchmarks.withheld.real.left_out_rate import LeftOutRate
 from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
-from planner.palette import Palette
-from planner.report.gap_text import (
+from planner.gap.summary import (
     axis_words,
-    headline,
     listed,
     number_words,
     p_value,
@@ -19,6 +17,8 @@ from planner.report.gap_text import (
     probability,
     sentence,
 )
+from planner.palette import Palette
+from planner.report.gap_text import headline
 
 __all__ = ["Answered", "page"]
 

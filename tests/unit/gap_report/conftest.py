@@ -15,6 +15,7 @@ from planner.gap.diagnosis import (
     Location,
     QualityProblem,
     Traces,
+    UnitOf,
     Untestable,
 )
 
@@ -81,9 +82,17 @@ RATE = Diagnosis(
             {"rate_mm_s": np.float64(0.005), "replicates": np.int64(3)},
             (("machine-compliance+rate", "rate"),), 1.2, 3.0, "",
         ),
+        Experiment(
+            {"profile": "soft-to-hard"}, (), 0.1, 1.0, "a bar", 2,
+            {"profile": "profiles/soft-to-hard.csv", "width_mm": 6.0, "thickness_mm": 3.0,
+             "gauge_mm": 20.0, "rate_mm_s": 0.5, "soak_h": 0.0, "protocol": "cyclic",
+             "to_strain": 0.15},
+            {"x_mm": (0.0, 10.0, 10.0, 20.0), "coordinate": (0.0, 0.0, 1.0, 1.0)},
+        ),
     ),
     detectable=(Detectable("rate", "rise", 0.02, "1"), Detectable("skin", "depth", None, "mm")),
     limitations=("one specimen a condition",),
+    unit_of=(UnitOf("force", "lbf", ("B",)),),
     recalibration={"soft": (0.031, 0.02)},
     traces=make_traces(),
 )  # fmt: skip

@@ -37,9 +37,11 @@ def stub(monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis) -> list[dict[str
     """Put a diagnosis in place of the search for one; return what it is called with."""
     calls: list[dict[str, object]] = []
 
-    def diagnose(folder, *, palette=None, seed=0, without=(), progress=None) -> Diagnosis:
+    def diagnose(
+        folder, *, palette=None, seed=0, without=(), unit_of=(), progress=None
+    ) -> Diagnosis:
         progress(1, 2, "half")
-        campaign = read_campaign(folder, palette)
+        campaign = read_campaign(folder, palette, unit_of)
         calls.append({"campaign": campaign, "seed": seed, "without": tuple(without)})
         return diagnosis
 
@@ -62,7 +64,7 @@ def test_the_command_says_the_verdict(
     calls = stub(monkeypatch, examples[name])
     assert run(["gap", "diagnose", "lab", "--without", "skin", "--seed", "7"]) == code
     printed = capsys.readouterr()
-    assert printed.out.startswith(f"Verdict: {name} ")
+    assert f"\nVerdict: {name} " in printed.out
     assert "\x1b" not in printed.out
     assert (calls[0]["seed"], calls[0]["without"]) == (7, ("skin",))
     assert run(["gap", "diagnose", "lab", "--quiet"]) == code
@@ -107,6 +109,13 @@ def test_another_palette(campaign, monkeypatch, capsys, examples: Examples) -> N
         assert said in capsys.readouterr().err
 
 
+def test_force_is_read_in_the_unit_that_is_said(campaign, monkeypatch, examples: Examples) -> None:
+    calls = stub(monkeypatch, examples["none"])
+    assert run(["gap", "diagnose", "lab", "--unit-of", "force=kN:A", "--quiet"]) == 0
+    specimen = calls[0]["campaign"].specimen("A")  # type: ignore[attr-defined]
+    assert specimen.force_N[-1] == 18e3
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
@@ -115,6 +124,8 @@ def test_another_palette(campaign, monkeypatch, capsys, examples: Examples) -> N
         (["diagnos", "lab"], "diagnose"),
         (["diagnose", "lab", "--seed", "-1"], "--seed"),
         (["diagnose", "lab", "--witout", "rate"], "--without"),
+        (["diagnose", "lab", "--unit-of", "force=lbff"], "did you mean lbf?"),
+        (["diagnose", "lab", "--unit-of", "force=lbf:a"], "did you mean A?"),
     ],
 )
 def test_bad_usage_is_one_line(

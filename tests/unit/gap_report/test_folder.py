@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import planner
 from planner.errors import OutputError
 from planner.gap.diagnosis import Diagnosis, read_diagnosis
 from planner.report.gap_page import write_diagnosis
@@ -38,11 +39,13 @@ class _Page(HTMLParser):
 def test_the_folder_is_whole_and_the_same_each_time(diagnosis: Diagnosis, tmp_path: Path) -> None:
     first, second = (write_diagnosis(diagnosis, tmp_path / name) for name in ("a", "b"))
     files = sorted(p.relative_to(first).as_posix() for p in first.rglob("*") if p.is_file())
+    asked = bool(diagnosis.next_experiments)
     figures = ["closure", "evidence"] + ["curves", "residuals"] * (diagnosis.traces is not None)
     assert files == sorted(
         [
             "diagnosis.json",
             "ranking.csv",
+            *(["next-specimens.csv", "profiles/soft-to-hard.csv"] if asked else []),
             "report.html",
             "where.csv",
             *(f"figures/{name}.svg" for name in figures),
@@ -71,3 +74,17 @@ def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None
         write_diagnosis(examples["rate"], target, force=True)
     assert read_diagnosis(target).verdict == "none"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_next_specimens_are_read_back(examples: Examples, tmp_path: Path) -> None:
+    """As the list of a campaign that is yet to be measured, bars with their designs."""
+    folder = write_diagnosis(examples["rate"], tmp_path / "out")
+    made = planner.synthesise_campaign(folder / "next-specimens.csv")
+    assert [s.id for s in made.specimens] == ["SIM-next-2a", "SIM-next-2b"]
+    first = made.specimens[0]
+    assert first.profile is not None
+    assert first.profile.coordinate.tolist() == [0.0, 0.0, 1.0, 1.0]
+    assert (first.width_mm, first.rate_mm_s, first.soak_h, first.temperature_C) == (
+        6.0, 0.5, 0.0, None,
+    )  # fmt: skip
+    assert first.strain.max() == pytest.approx(0.15)

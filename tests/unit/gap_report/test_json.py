@@ -144,7 +144,7 @@ def test_the_reference_page_has_every_key(
     explained = page.read_text(encoding="utf-8")
     document = replace(examples["rate"], remainder=examples["rate"].where).document()
     records = [document, document["palette"], document["gap"], document["remainder"]]
-    for key in ("ranking", "where", "data_quality", "next_experiments", "detectable"):
+    for key in ("ranking", "where", "data_quality", "unit_of", "next_experiments", "detectable"):
         records += document[key]
     records += [*document["effect"].values(), *document["recalibration"].values()]
     keys = {key for record in records for key in record}

@@ -5,17 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.gap.diagnosis import Diagnosis, Hypothesis
+from planner.gap.diagnosis import Diagnosis, FoundEffect, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.report.gap_text import (
-    headline,
-    listed,
-    number_words,
-    percent,
-    probability,
-    sentence,
-    verdict_text,
-)
+from planner.gap.summary import listed, number_words, percent, probability, sentence, summary_of
+from planner.report.gap_text import headline, verdict_text
 
 Examples = dict[str, Diagnosis]
 
@@ -26,7 +19,9 @@ def test_every_effect_has_words() -> None:
 
 def test_the_verdict_says_itself_first_and_fits_the_terminal(diagnosis: Diagnosis) -> None:
     text = verdict_text(diagnosis, width=60)
-    assert text.startswith(f"Verdict: {diagnosis.verdict} (probability ")
+    flowing = " ".join(text.split())
+    assert flowing.startswith(" ".join(summary_of(diagnosis)))
+    assert f"\nVerdict: {diagnosis.verdict} (probability " in text
     assert max(map(len, text.splitlines())) <= 60
     assert not re.search(r"\b(nan|None|inf)\b|\{|\}|  \.|\.\.", text)
 
@@ -35,21 +30,25 @@ def test_what_the_verdict_says_of_each_case(examples: Examples) -> None:
     """On one line a paragraph, so that no phrase is cut by the wrapping."""
     said = {name: verdict_text(d, width=10_000) for name, d in examples.items()}
     assert "very likely" in said["rate"]
-    assert "closes 97 % of what can be closed (90 % interval 93 % to 99 %)" in said["rate"]
-    assert "25 % of that probability asks for something unknown" in said["rate"]
+    assert "falls from 21 % to 3.0 % of a test's largest force" in said["rate"]
+    assert "97 % of what can be closed is closed (90 % interval 93 to 99 %)" in said["rate"]
+    assert "unknown may be at work beside it (probability 0.23)" in said["rate"]  # 0.25 of 0.91
+    assert "Read the force of B in lbf: --unit-of force=lbf:B" in said["rate"]
     assert "softening and permanent-set: no specimen was unloaded." in said["rate"]
-    assert "12.3 s (90 % interval 8.00 s to open)" in said["rate"]
+    assert "12.3 s (90 % interval 8.00 s or more)" in said["rate"]
     assert "B: load 4.45 times its replicates': pounds-force?" in said["rate"]
     assert "crosshead speed 0.005 mm/s and column replicates 3" in said["rate"]
+    assert "tells whether there is compliance of the machine beside strain rate" in said["rate"]
+    assert re.search(r"2\. +2 +soft-to-hard +6x3x20 +0\.5 +0 +cyclic +0\.15\n", said["rate"])
     assert "operator" not in said["rate"]  # p = 0.4
     assert "agrees with the palette" in said["none"]
-    assert "rate from rise of stress per decade of strain rate +2.0 %" in said["none"]
-    assert "Not seen at any size that it may have: skin" in said["none"]
-    assert "none of the effects weighed here" in said["unknown"]
+    assert "rate: rise of stress per decade of strain rate +2.0 %" in said["none"]
+    assert "Not seen however large: skin" in said["none"]
+    assert "no effect that could be tested here explains" in said["unknown"]
     assert "gap above scatter remains: along crosshead speed" in said["unknown"]
-    assert "makes predictions worse, so do not use it" in said["pair"]
+    assert "are predicted worse, by 25 %" in said["pair"]
     assert "looks the same here as ageing+rate" in said["pair"]
-    assert "could not be checked" in said["one"]
+    assert "How far it closes cannot be checked" in said["one"]
     assert "no replicates" in said["one"]
 
 
@@ -60,15 +59,15 @@ def said_of(diagnosis: Diagnosis, *others: tuple[str, ...]) -> str:
 
 def test_classes_read_well_whatever_the_verdict(examples: Examples) -> None:
     none, unknown, rate = (examples[name] for name in ("none", "unknown", "rate"))
-    assert "do not exclude a small gap along no known effect." in said_of(none, ("unknown",))
-    assert "exclude a small gap by rate or skin or along no known effect." in said_of(
+    assert "do not exclude a small gap of unknown cause." in said_of(none, ("unknown",))
+    assert "exclude a small gap by rate or skin or of unknown cause." in said_of(
         none, ("rate",), ("skin",), ("unknown",)
     )
-    assert "An unknown cause looks the same here as rate; take" in said_of(unknown, ("rate",))
-    assert "rate looks the same here as skin or an unknown cause; take them" in said_of(
+    assert "An unknown cause looks the same here as rate: take" in said_of(unknown, ("rate",))
+    assert "rate looks the same here as skin or an unknown cause: take them" in said_of(
         rate, ("skin",), ("unknown",)
     )
-    assert "rate looks the same here as no gap at all;" in said_of(rate, ("none",))
+    assert "rate looks the same here as no gap at all:" in said_of(rate, ("none",))
 
 
 def test_a_title_that_is_the_verdict_is_not_repeated(examples: Examples) -> None:
@@ -99,3 +98,18 @@ def test_figures_in_words() -> None:
         "rate_mm_s is off.",
         "Why?",
     ]
+
+
+def test_a_size_at_its_bound_is_said(examples: Examples) -> None:
+    """A gain may be ln 4.448 +- 0.03 in its form of pounds; a slope 0.15 per kelvin at most."""
+    found = (
+        FoundEffect("force-scale", "pound-force", {"log_gain": -1.5225}, {}, {}),
+        FoundEffect("temperature", "exponential", {"slope": 0.1499}, {}, {"slope": "1/K"}),
+        FoundEffect("moisture", "fick", {"softening": 0.2, "saturation": 1.0}, {}, {}),
+    )
+    said = verdict_text(replace(examples["rate"], effect=found), width=10_000)
+    assert "0.218 times, at the largest this model allows." in said
+    assert "stress per kelvin) 13.9 %, at the largest" not in said  # 0.1499 reads 0.150
+    assert "14 %, at the largest this model allows." in said
+    assert "softening of a saturated specimen 0.200; " in said
+    assert "3 mm sheet) 1.00, at the smallest this model allows." in said

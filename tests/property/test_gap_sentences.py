@@ -1,0 +1,61 @@
+"""Whatever the figures of a diagnosis, its sentences agree with them and with each other."""
+
+import re
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis, Location
+from planner.gap.summary import percent, summary_of
+from planner.report.gap_text import errors_of, verdict_text
+
+_ERROR = st.floats(0.001, 3.0)
+_DIAGNOSIS = Diagnosis(
+    campaign="lab", palette="p", palette_sha256="ab", specimens=9, tests=3, verdict="rate",
+    ranking=(Hypothesis(("rate",), 0.9),), same_class=(("rate",),), not_testable=(),
+    where=(Location("rate_mm_s", 0.8, (0.7, 0.9), 0.001, "force 20 % below prediction"),),
+    gap=Gap(0.2, 0.1, 0.05, 0.66, None, None, None, ""), effect=(), remainder=(), data_quality=(),
+    next_experiments=(), detectable=(), limitations=(),
+)  # fmt: skip
+_NOT_A_LABS = re.compile(r"\bnats?\b|usual kind|no model|beats?\b|\bnan\b|\binf\b|None")
+
+
+@st.composite
+def gaps(draw: st.DrawFn) -> Gap:
+    before, after, floor = draw(_ERROR), draw(_ERROR), draw(st.none() | _ERROR)
+    closed, interval = None, None
+    if floor is not None and before > 1.02 * floor:
+        closed = 1.0 - (after - floor) / (before - floor)
+        ends = draw(st.tuples(st.floats(-5.0, 1.0), st.floats(0.0, 5.0)))
+        interval = (min(closed, closed - ends[0]), max(closed, closed + ends[1]))
+    others = draw(st.none() | _ERROR), draw(st.none() | _ERROR)
+    worse = after > 1.05 * before
+    return Gap(
+        before, after, floor, closed, interval, *others, "9 left out", negative_transfer=worse
+    )
+
+
+@given(gaps(), st.sampled_from(["rate", "rate+temperature", "none", "unknown"]))
+def test_sentences_agree_with_the_figures(gap: Gap, verdict: str) -> None:
+    hypothesis = Hypothesis(tuple(verdict.split("+")) if verdict != "none" else (), 0.9)
+    d = replace(_DIAGNOSIS, verdict=verdict, ranking=(hypothesis,), gap=gap)
+    *_, how_far = summary_of(d)
+    text = verdict_text(d, width=10_000)
+    assert not _NOT_A_LABS.search(text)
+    shares = re.findall(r"(?:that|interval|to) ([\d.]+)(?: %)?(?= of what| to|\b %\))", how_far)
+    assert all(0.0 <= float(share) <= 100.0 for share in shares)
+    # Every figure is that of the table, under one definition.
+    table = {percent(error) for _, error in errors_of(d)}
+    assert percent(gap.before) in table
+    assert set(re.findall(r"(?:from|to|by|misses the force by) ([\d.]+ %) of a", how_far)) <= table
+    after = percent(gap.after) if gap.after is not None else ""
+    if not d.named:
+        assert "nothing to close" in how_far or "Nothing known closes it" in how_far
+    elif gap.negative_transfer:
+        assert "do not use it" in how_far
+    else:
+        fell = gap.after is not None and gap.after < gap.before
+        assert (f"falls from {percent(gap.before)} to {after}" in how_far) == fell
+        below = gap.floor is not None and gap.after is not None and gap.after <= gap.floor
+        assert ("all is closed that can be" in how_far) == below
