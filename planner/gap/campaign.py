@@ -141,8 +141,13 @@ class Specimen(SpecimenConditions):
 
     @property
     def travel_mm(self) -> FloatArray:
-        """Of the crosshead, the way it loads: positive where it pulls, or where it pushes."""
-        return -self.displacement_mm if self.pushed else self.displacement_mm
+        """Of the crosshead, the way it loads: positive where it pulls, or where it pushes.
+
+        Where it was recorded so coarsely that it stands for some rows at each level, it goes on
+        evenly from level to level.
+        """
+        even = _without_stairs(self.time_s, self.displacement_mm)
+        return -even if self.pushed else even
 
     @property
     def load_N(self) -> FloatArray:
@@ -177,6 +182,33 @@ class Specimen(SpecimenConditions):
             )
         section: FloatArray = sizes[0] * sizes[1]
         return section
+
+
+_FEWEST_LEVELS = 5
+_STAIRS = 0.25
+"""Share of levels on which a coarse travel stands for two rows or more; holds are few."""
+
+
+def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
+    """Return travel through the middle of each level that it stands at.
+
+    A level that lasts longer than those beside it is a rest: travel arrives and leaves as fast as
+    there, and rests between.
+    """
+    first = np.flatnonzero(np.diff(travel_mm, prepend=np.nan) != 0.0)
+    last = np.append(first[1:], len(travel_mm)) - 1
+    stands = last > first
+    if len(first) < _FEWEST_LEVELS or np.mean(stands) < _STAIRS:
+        return travel_mm
+    # A level begins and ends half-way to the rows beside it.
+    edges = np.concatenate([time_s[:1], 0.5 * (time_s[last[:-1]] + time_s[first[1:]]), time_s[-1:]])
+    lasts = np.diff(edges)
+    beside = np.maximum(np.append(lasts[1:], 0.0), np.append(0.0, lasts[:-1]))
+    half = 0.5 * np.minimum(lasts, beside)
+    arrives, leaves = edges[:-1] + half, edges[1:] - half
+    arrives[0], leaves[-1] = edges[0], edges[-1]
+    knots = np.stack([arrives, np.maximum(leaves, arrives)], axis=1).ravel()
+    return np.asarray(np.interp(time_s, knots, np.repeat(travel_mm[first], 2)))
 
 
 def _freeze(value: object, names: tuple[str, ...]) -> None:

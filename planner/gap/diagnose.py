@@ -152,8 +152,8 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
         before_N=sign * predict(setup, model.laws).force_N,
         after_N=sign * predict(applied(chosen, setup), model.laws).force_N,
         measured_N=measured,
-        residual_before=np.mean(signs * (measured - before), axis=1) / _mean_load(before),
-        residual_after=np.mean(signs * (measured - after), axis=1) / _mean_load(after),
+        residual_before=np.mean(measured - before, axis=1) / _mean_load(before),
+        residual_after=np.mean(measured - after, axis=1) / _mean_load(after),
         specimens=tuple(s.id for s in specimens),
         columns=axis_columns(problem.campaign),
     )

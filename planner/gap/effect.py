@@ -248,7 +248,7 @@ def _varies(name: str, known: Sequence[str | float]) -> bool:
 def _value(name: str, specimen: Specimen) -> str | float | None:
     """Return a column's value; the rate is what the record shows, where it has a time."""
     if name == "rate_mm_s" and specimen.time_recorded:
-        return speed_mm_s(specimen.time_s, specimen.displacement_mm)
+        return speed_mm_s(specimen.time_s, specimen.travel_mm)
     value: str | float | None = getattr(specimen, name, specimen.covariates.get(name))
     return value
 

@@ -10,7 +10,7 @@ from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem, UnitOf
-from planner.gap.quality_records import first_turn, record_problems, speed_mm_s
+from planner.gap.quality_records import first_turn, record_problems, speed_mm_s, without_spikes
 from planner.gap.unit_of import QUANTITIES, unit_near
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
@@ -96,7 +96,7 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
     strain = strain * stretched
     end = min(float(strain[-1]), _law_end(specimen, palette))
     at = end * np.linspace(0.3, 0.9, 13)
-    at = at[at > 0.0]
+    at = at[(at > 0.0) & (at >= strain[0])]
     if len(at) < 3:
         return None
     measured = _stress_at(strain, stress, at)
@@ -147,6 +147,10 @@ _USUAL_SCATTER, _USUAL_WEIGHT = 0.06, 4.0
 degrees of freedom."""
 
 _GRID = np.linspace(0.3, 0.9, 13)
+_NEAR, _FEWEST = 0.1, 4
+"""A strain without a point within a tenth of the shortest loading was not recorded; of a specimen
+of which most were not, and from fewer strains, nothing is said."""
+
 _SHORT = 0.3
 
 
@@ -205,9 +209,18 @@ def _figures(
         members = tuple(i for i in group if ends[i] > _SHORT * middle)
         if len(members) < 2:
             continue
-        at = min(ends[i] for i in members) * _GRID
+        end = min(ends[i] for i in members)
+        at = end * _GRID
+        seen = {
+            i: np.abs(np.subtract.outer(at, loadings[i][0])).min(axis=1) <= _NEAR * end
+            for i in members
+        }
+        members = tuple(i for i in members if 2 * seen[i].sum() > len(at))
+        if len(members) < 2:
+            continue
+        at = at[np.all([seen[i] for i in members], axis=0)]
         stress = np.stack([_stress_at(*loadings[i], at) for i in members])
-        if not np.all(stress > 0.0):
+        if len(at) < _FEWEST or not np.all(stress > 0.0):
             continue
         logs = np.log(stress)
         level.append((members, np.mean(logs, axis=1)))
@@ -560,7 +573,7 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> QualityPr
     """
     if abs(load) < math.log(_INCH) - 2.0 * _SPLIT or specimen.rate_mm_s is None:
         return None
-    speed = speed_mm_s(specimen.time_s, specimen.displacement_mm)
+    speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
     if abs(abs(ratio) - math.log(_INCH)) > 0.1:
         return None
@@ -610,8 +623,8 @@ def examine(campaign: Campaign) -> tuple[QualityProblem, ...]:
     replicates and, by the factors between units alone, the palette's laws: a load that is off by
     any other factor is a gap to diagnose, not a fault of the data.
     """
-    specimens = campaign.specimens
-    records = record_problems(specimens)
+    records = record_problems(campaign.specimens)
+    specimens = [without_spikes(s) for s in campaign.specimens]
     silent = {p.specimen for p in records if p.kind == "dead"}
     units = _unit_problems([s for s in specimens if s.id not in silent], campaign.palette)
     suspect = [*units, *(p for p in records if p.kind in ("dead", "duplicate"))]

@@ -12,7 +12,7 @@ from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenColumn
 from planner.gap.campaign import Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem
-from planner.materials.characterise import noise_sd
+from planner.materials.characterise import MINIMUM_POINTS, noise_sd
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "speed_mm_s",
     "turns",
     "unloading_share",
+    "without_spikes",
 ]
 
 
@@ -288,6 +289,7 @@ _SPIKE_NOISE, _SPIKE_SHARE, _SPIKE_STEP = 12.0, 0.03, 5.0
 
 _WIDEST = 3
 _AROUND = 6
+"""Points looked at on either side, fewer at an end."""
 
 
 def _timing(s: Specimen) -> _Problems:
@@ -301,13 +303,19 @@ def _timing(s: Specimen) -> _Problems:
             f"{_times(len(gaps), 'gap')} in time, the longest {steps[longest]:.3g} s from "
             f"{s.time_s[longest]:.4g} s, where {float(np.median(steps)):.3g} s is usual",
         )
+    for first, _ in _stop(s):
+        yield (
+            "spike",
+            f"force_N leaps from {s.force_N[first - 1]:.4g} to {s.force_N[-1]:.4g} at its end, at "
+            f"{s.time_s[first]:.4g} s; left out of what is compared. Does something meet a stop?",
+        )
     for name, values in (("force_N", s.force_N), ("displacement_mm", s.displacement_mm)):
-        found = _spikes(values)
+        found = [first for first, _ in _spikes(values)]
         if found:
             yield (
                 "spike",
                 f"{_times(len(found), 'spike')} in {name}, the first of {values[found[0]]:.4g} at "
-                f"{s.time_s[found[0]]:.4g} s",
+                f"{s.time_s[found[0]]:.4g} s; left out of what is compared",
             )
 
 
@@ -324,8 +332,24 @@ def _dropouts(time_s: FloatArray) -> IntArray:
     return found
 
 
-def _spikes(values: FloatArray) -> list[int]:
-    """Return the indices at which up to `_WIDEST` points leap out and the record comes back.
+def without_spikes(specimen: Specimen) -> Specimen:
+    """Return a specimen without the points that leap out of its force or travel."""
+    keep = np.ones(len(specimen.time_s), dtype=np.bool_)
+    spikes = (*_spikes(specimen.force_N), *_spikes(specimen.displacement_mm), *_stop(specimen))
+    for first, stop in spikes:
+        keep[first:stop] = False
+    if keep.all() or keep.sum() < MINIMUM_POINTS:
+        return specimen
+    return replace(
+        specimen,
+        time_s=specimen.time_s[keep],
+        displacement_mm=specimen.displacement_mm[keep],
+        force_N=specimen.force_N[keep],
+    )
+
+
+def _spikes(values: FloatArray) -> list[tuple[int, int]]:
+    """Return begin and end, as of slices, of up to `_WIDEST` points that leap out of a record.
 
     A turn of a triangle wave or a break is none: a spike leaps further than the record moves
     nearby on both sides, and ends where it began.
@@ -334,23 +358,43 @@ def _spikes(values: FloatArray) -> list[int]:
     low, high = np.quantile(values, [0.02, 0.98])  # without what leaps out
     least = max(_SPIKE_NOISE * noise_sd(values), _SPIKE_SHARE * float(high - low))
     moves = np.abs(np.diff(values))
-    found: list[int] = []
+    found: list[tuple[int, int]] = []
     for width in range(1, _WIDEST + 1):
-        before = np.arange(_AROUND, n - _AROUND - width)
+        before = np.arange(max(n - 1 - width, 0))
         rise = values[before + 1] - values[before]
         fall = values[before + width] - values[before + width + 1]
         leap = np.minimum(np.abs(rise), np.abs(fall))
         for i in before[(rise * fall > 0.0) & (leap > least)]:
-            if any(abs(i + 1 - f) <= _WIDEST for f in found):
+            if any(abs(i + 1 - f) <= _WIDEST for f, _ in found):
                 continue
-            near = np.concatenate([moves[i - _AROUND : i], moves[i + width + 1 : i + width + 6]])
+            behind = moves[i + width + 1 : i + width + _AROUND]
+            near = np.concatenate([moves[max(i - _AROUND, 0) : i], behind])
             back = abs(values[i + width + 1] - values[i])
             this = min(
                 abs(values[i + 1] - values[i]), abs(values[i + width + 1] - values[i + width])
             )
             if this > _SPIKE_STEP * float(np.max(near)) and back < 0.5 * this:
-                found.append(int(i) + 1)
+                found.append((int(i) + 1, int(i) + width + 1))
     return sorted(found)
+
+
+def _stop(s: Specimen) -> list[tuple[int, int]]:
+    """Return the last points if force leaps away from zero there, while the crosshead does not.
+
+    So it does where a crosshead or an over-stretched specimen meets a stop.
+    """
+    size, duration = np.abs(s.force_N), np.diff(s.time_s)
+    n = len(size)
+    least = max(_SPIKE_NOISE * noise_sd(s.force_N), _SPIKE_SHARE * float(np.ptp(size[:-_WIDEST])))
+    speed, rise = np.abs(np.diff(s.displacement_mm)) / duration, np.abs(np.diff(size)) / duration
+    for width in range(1, min(_WIDEST, n - _AROUND - 1) + 1):
+        i = n - 1 - width
+        before = slice(i - _AROUND, i)
+        leaps = rise[i] > _SPIKE_STEP * np.max(rise[before]) and size[i + 1] - size[i] > least
+        onwards = (np.diff(size[i:]) > 0.0).all()
+        if leaps and onwards and np.max(speed[i:]) < _SPIKE_STEP * np.max(speed[before]):
+            return [(i + 1, n)]
+    return []
 
 
 def _times(count: int, what: str) -> str:
@@ -375,10 +419,16 @@ _SLIPS = (
 
 def _rate(s: Specimen) -> _Problems:
     """Yield a crosshead that moved at another speed than declared."""
-    speed, declared = speed_mm_s(s.time_s, s.displacement_mm), s.rate_mm_s
-    if declared is None or speed <= 0.0 or abs(math.log(speed / declared)) <= _TOLERANCE:
+    speed, declared = speed_mm_s(s.time_s, s.travel_mm), s.rate_mm_s
+    if declared is None or speed <= 0.0:
         return
     off = abs(math.log(speed / declared))
+    # Rounded times make steps of a record too short or too long, but not the way to its end.
+    turn = _loaded(s) - 1
+    way = float(s.travel_mm[turn] - s.travel_mm[0])
+    mean = way / float(s.time_s[turn] - s.time_s[0]) if turn > 0 else 0.0
+    if off <= _TOLERANCE or (mean > 0.0 and abs(math.log(mean / declared)) <= _TOLERANCE):
+        return
     reasons = [words for factor, words in _SLIPS if abs(off - math.log(factor)) < _TOLERANCE]
     yield (
         "rate",
@@ -488,8 +538,8 @@ def _protocol(s: Specimen) -> _Problems:
 
 def hold_share(specimen: Specimen) -> float:
     """Return the share of the duration in which the crosshead rests on a loaded specimen."""
-    count = _resolving(specimen.displacement_mm, 200)
-    time, travel = _blocks(specimen.time_s, specimen.displacement_mm, count)
+    count = _resolving(specimen.travel_mm, 200)
+    time, travel = _blocks(specimen.time_s, specimen.travel_mm, count)
     _, force = _blocks(specimen.time_s, specimen.load_N, count)
     way, duration = np.abs(np.diff(travel)), np.diff(time)
     mean = float(np.sum(way)) / float(np.sum(duration))

@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.quality_records import speed_mm_s, turns
+from planner.gap.quality_records import speed_mm_s, turns, without_spikes
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
@@ -120,6 +120,7 @@ class Path:
 
 def path_of(specimen: Specimen) -> Path | None:
     """Return a specimen's path up to its break; None where it never loads over enough rows."""
+    specimen = without_spikes(specimen)
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
     spread = float(np.ptp(travel))
     noise = noise_sd(travel)
@@ -594,6 +595,8 @@ def _smooth(
         width = np.maximum(width, 1e-12)
         # Fading to nothing at the ends, so that no row's place decides all or nothing.
         weight = np.maximum(1.0 - (away / width[:, None]) ** 2, 0.0)
+        # Rows that all stand at one distance have none left of it.
+        weight = np.where(weight.any(axis=1, keepdims=True), weight, away <= width[:, None])
     else:
         width = np.maximum(away.max(axis=1), 1e-12)
         weight = np.ones_like(away)

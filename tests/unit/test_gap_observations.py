@@ -251,6 +251,38 @@ def test_only_what_came_before_a_break_counts():
     assert any("a: broke" in sentence for sentence in broken.limitations)
 
 
+@pytest.mark.parametrize("at", [1, 50, 120, 236, 238, 239])
+def test_a_spike_does_not_spoil_what_is_compared(at):
+    clean = specimen("a", rng=np.random.default_rng(0))
+    force = np.array(clean.force_N)
+    force[at] = 60.0
+    spoilt = observation_model(campaign(replace(clean, force_N=force)))
+    whole = observation_model(campaign(clean))
+    assert spoilt.limitations == ()
+    assert spoilt.table.step.tolist() == whole.table.step.tolist()
+    # Of the last row is missed what force rises in one step, 0.06 N.
+    np.testing.assert_allclose(spoilt.table.measured_raw, whole.table.measured_raw, atol=0.08)
+
+
+def test_what_breaks_before_a_stop_broke():
+    whole = specimen("a", rng=np.random.default_rng(0))
+    force = np.where(whole.time_s > 8.0, 0.0, whole.force_N)
+    force[-3:] = 3.0, 12.0, 25.0
+    path = path_of(replace(whole, force_N=force))
+    assert path.broken
+    assert 7.8 < path.segments[-1].end_mm <= 8.0
+
+
+def test_a_coarse_travel_is_one_loading():
+    fine = specimen("a", ((0.0, 0.0), (15.0, 0.25)), rng=np.random.default_rng(0))
+    coarse = replace(fine, displacement_mm=np.round(fine.displacement_mm / 0.005) * 0.005)
+    found, expected = (observation_model(campaign(one)) for one in (coarse, fine))
+    assert [segment.kind for segment in path_of(coarse).segments] == ["loading"]
+    # Half a digit of travel, in a force that rises by 47 N/mm near rest.
+    raw = expected.table.measured_raw
+    np.testing.assert_allclose(found.table.measured_raw, raw, atol=0.0025 * 47.0 + NOISE_N)
+
+
 def test_strain_beyond_the_laws_is_left_out():
     far = observation_model(campaign(specimen("a", ((0.0, 0.0), (48.0, 48.0)))))
     assert far.setup.travel_mm[0, -1] == pytest.approx(1.3 * 0.9 * GAUGE_MM)

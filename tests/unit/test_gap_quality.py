@@ -326,6 +326,78 @@ def test_lost_points_and_spikes_are_named() -> None:
     assert "in force_N, the first of 0 at" in kinds["spike"].problem
 
 
+def part(s: Specimen, rows: Any) -> Specimen:
+    return replace(s, time_s=s.time_s[rows], displacement_mm=s.displacement_mm[rows],
+                   force_N=s.force_N[rows])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        np.r_[0, 40:200],  # nothing for the first fifth
+        np.r_[0, 100:200],
+        np.r_[100:200],  # no first half
+        np.linspace(0, 199, 8).astype(int),
+        np.r_[0:7, 199],  # seven points, and the end
+        np.r_[0, 193:200],
+    ],
+)
+def test_sparse_and_uneven_records_are_no_outliers(rows: Any) -> None:
+    specimens = base()
+    specimens[1] = part(specimens[1], rows)
+    assert kinds_of(*specimens) <= {"dropout"}
+    assert kinds_of(*(part(s, rows) for s in base())) <= {"dropout"}
+
+
+@pytest.mark.parametrize(("digit_mm", "end_mm"), [(0.005, 0.1), (0.005, 0.25), (0.02, 0.25)])
+def test_a_coarse_travel_is_neither_held_nor_slow(digit_mm: float, end_mm: float) -> None:
+    """A rigid grade pulled by a quarter of a millimetre and less at 1 mm/min."""
+
+    def coarse(k: int) -> Specimen:
+        time = np.linspace(0.0, 60.0 * end_mm, 200)
+        s = specimen(k, "RGD8430", rate_mm_s=1.0 / 60.0)
+        force = 100.0 * time / time[-1] * (1.0 + 0.01 * k)
+        travel = np.round(time / 60.0 / digit_mm) * digit_mm
+        return replace(s, time_s=time, displacement_mm=travel, force_N=force)
+
+    one = coarse(1)
+    np.testing.assert_allclose(one.travel_mm, one.time_s / 60.0, atol=0.51 * digit_mm)
+    assert kinds_of(*(coarse(k) for k in range(3))) <= {"units"}
+
+
+@pytest.mark.parametrize("digit_s", [0.1, 1.0])
+def test_a_speed_within_what_rounded_times_allow_is_the_declared_one(digit_s: float) -> None:
+    """19 steps of 0.66 of the clock's."""
+    s = specimen(0, points=20)
+    factor = 0.66 * digit_s * 19.0 / s.time_s[-1]
+    times = np.round(factor * s.time_s / digit_s) * digit_s
+    first = np.flatnonzero(np.diff(times, prepend=-1.0))
+    one = part(replace(s, time_s=s.time_s, rate_mm_s=1.0 / factor), first)
+    assert kinds_of(replace(one, time_s=times[first])) == set()
+    assert kinds_of(replace(one, time_s=2.0 * times[first])) == {"rate"}
+
+
+@pytest.mark.parametrize("at", [1, 3, 60, 197, 198])
+def test_a_spike_is_named_as_such_and_nothing_else(at: int) -> None:
+    specimens = base()
+    force = specimens[1].force_N.copy()
+    force[at] = 5.0 * force.max()
+    specimens[1] = replace(specimens[1], force_N=force)
+    (problem,) = found(specimens, "spike")
+    assert f"of {force[at]:.4g} at" in problem.problem
+
+
+@pytest.mark.parametrize("broke", [False, True])
+def test_a_force_that_leaps_at_the_end_met_a_stop(broke: bool) -> None:
+    specimens = base()
+    force = specimens[1].force_N.copy()
+    force[90:] = 0.0 if broke else force[90:]
+    force[-3:] += [3.0, 12.0, 25.0]
+    specimens[1] = replace(specimens[1], force_N=force)
+    (problem,) = found(specimens, "spike")
+    assert "at its end" in problem.problem
+
+
 def test_turns_breaks_and_denser_sampling_are_neither_spikes_nor_gaps() -> None:
     def record(time: FloatArray, force: FloatArray) -> Specimen:
         travel = np.interp(time, [time[0], time[-1]], [0.0, 12.5])
