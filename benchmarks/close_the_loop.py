@@ -1,11 +1,14 @@
 """Close the loop from print to plan: design, measure, diagnose, correct, plan again, print again.
 
-python -m benchmarks.close_the_loop [--withheld COUNT] [--seed 1]
+python -m benchmarks.close_the_loop [--beyond] [--withheld COUNT] [--seed 1]
 
 Laboratories whose physics is written here by hand, by formulas that planner's library does not
 have, test the specimens that `planner gap design` asks for. What `planner gap diagnose` finds goes
 into a palette for the conditions of use (`planner gap correct`), and a dog-bone is planned with the
 first palette and with the corrected one. Printed with the true laws, how far off is each?
+
+With --beyond, how far off the corrected stress is beyond the tested conditions and materials, and
+how far off the correction says that it may be.
 
 With --withheld, campaigns of benchmarks/withheld as well: the specimens at the farthest level of
 the condition are kept from the diagnosis, and stand for the part in use.
@@ -15,7 +18,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +57,7 @@ class Laboratory:
     use: Reference
     hidden: Hidden
     budget: int = 30
+    beyond: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -100,12 +104,13 @@ def stretched(stress: FloatArray, s: Specimen, coordinate: float) -> FloatArray:
 
 LABORATORIES = (
     Laboratory("heat", ("rate", "temperature", "moisture"), Reference(temperature_C=33.0),
-               hyperbola),
-    Laboratory("water", ("rate", "temperature", "moisture"), Reference(soak_h=48.0), uptake),
+               hyperbola, beyond=(45.0, 60.0, 90.0)),
+    Laboratory("water", ("rate", "temperature", "moisture"), Reference(soak_h=48.0), uptake,
+               beyond=(200.0, 1000.0)),
     Laboratory("ageing", ("ageing", "moisture", "cross-section"), Reference(age_days=90.0),
-               hardening),
+               hardening, beyond=(300.0, 1000.0)),
     Laboratory("fast pull", ("rate", "temperature", "moisture"),
-               Reference(strain_rate_per_s=1.0), stretched),
+               Reference(strain_rate_per_s=1.0), stretched, beyond=(1.0, 10.0, 100.0)),
 )  # fmt: skip
 
 
@@ -200,16 +205,44 @@ def compared(
     )
 
 
-def close(lab: Laboratory, seed: int) -> Closed:
-    """Run one laboratory from the design to the part."""
+def tested(lab: Laboratory, seed: int) -> tuple[Campaign, dict[str, float]]:
+    """Return what a laboratory measures, and how far off its palette is."""
     rng = np.random.default_rng(seed)
     palette = load_printer("connex3").palette()
     bias = {m.id: CALIBRATION * rng.standard_normal() for m in palette.materials}
     plan = design(lab.suspected, lab.budget, palette=palette).campaign
-    campaign = measured(plan, lab.hidden, bias, rng)
-    return compared(
-        lab.name, campaign, lab.use, true_moduli_MPa(palette, lab.use, lab.hidden, bias)
-    )
+    return measured(plan, lab.hidden, bias, rng), bias
+
+
+def close(lab: Laboratory, seed: int) -> Closed:
+    """Run one laboratory from the design to the part."""
+    campaign, bias = tested(lab, seed)
+    true_MPa = true_moduli_MPa(campaign.palette, lab.use, lab.hidden, bias)
+    return compared(lab.name, campaign, lab.use, true_MPa)
+
+
+def beyond(lab: Laboratory, seed: int) -> list[str]:
+    """Return table rows: how far off a corrected factor is beyond the tests, and may be."""
+    campaign, bias = tested(lab, seed)
+    palette, found = campaign.palette, diagnose(campaign)
+    none = dict.fromkeys(bias, 0.0)
+    name = next(n for n, value in asdict(lab.use).items() if value is not None)
+    own = true_moduli_MPa(palette, Reference(), lab.hidden, none)
+    told = ", ".join(f"{level:.3g}" for level in found.tested.get(name, ()))
+    rows = []
+    for value in lab.beyond:
+        asked = {name.removeprefix("strain_"): value}
+        made = correct(found, palette=palette, **asked)
+        true = true_moduli_MPa(palette, Reference(**{name: value}), lab.hidden, none)
+        off = np.array([np.log(true[m] / own[m] / f) for m, f in made.factor.items()])
+        sd = np.array(list(made.log_sd.values()))
+        ends = (np.abs(off).max(), 1.96 * sd.max())
+        rows.append(
+            f"| {lab.name} | {found.verdict} | {told} | {value:g} | "
+            f"{np.exp(ends[0]):.2f} | {np.exp(ends[1]):.2f} | "
+            f"{int(np.sum(np.abs(off) < 1.96 * sd))} of {len(off)} | {'yes' if made.ok else 'no'} |"
+        )
+    return rows
 
 
 def kept_apart(campaign: Campaign, column: str) -> tuple[Campaign, tuple[Specimen, ...]] | None:
@@ -289,7 +322,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--withheld", type=int, default=0, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--beyond", action="store_true")
     options = parser.parse_args()
+    if options.beyond:
+        print("| laboratory | verdict | tested | used | off by a factor, at most | said, at most | "
+              "materials within | grades known |")  # fmt: skip
+        print("| --- " * 8 + "|")
+        for lab in LABORATORIES:
+            print(*beyond(lab, options.seed), sep="\n", flush=True)
+        return
     closed = [close(lab, options.seed) for lab in LABORATORIES]
     if options.withheld:
         closed += withheld(options.withheld, options.seed)

@@ -201,7 +201,7 @@ def _correct_report(made: "Correction", output: Path) -> None:
         title=f"Corrected for {' and '.join(made.corrected)}: secant modulus at strain 0.1",
         right=right,
     )
-    say("the modulus of rigid grades is at half their break")
+    say("(rigid grades: at half their break)")
     say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output})")
 
 

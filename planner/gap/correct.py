@@ -1,5 +1,6 @@
 """A palette for the conditions of use, from what a diagnosis has found."""
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -378,12 +379,11 @@ def _corrected(
     bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
     if bad:
         told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())
-        notes.append(f"laws that follow the correction by more than 1 % off: {told}")
-    notes += _beyond(palette, diagnosis, acting, own, use, log_sd)
+        notes.append(f"laws more than 1 % off the corrected curve: {told}")
     if tension_alone:
         notes.append(
-            f"{', '.join(tension_alone)}: the new law holds from rest to the break and not beyond "
-            "either: do not use it in compression"
+            f"{', '.join(tension_alone)}: the new law holds from rest to break only; do not use "
+            "it in compression"
         )
     made = _checked(
         replace(
@@ -394,9 +394,11 @@ def _corrected(
             source=_source(palette, diagnosis, applied, corrected, use, section[1]),
         )
     )
-    findings += (guesses := _guesses(made, forms))
+    notes += _beyond(made, diagnosis, acting, own, log_sd)
+    findings += (guesses := _guesses(made, diagnosis, forms))
+    notes += guesses
     return Correction(
-        made, palette, tuple(corrected), (*notes, *guesses), misfit, factor, log_sd,
+        made, palette, tuple(corrected), tuple(notes), misfit, factor, log_sd,
         tuple(left), tuple(findings),
     )  # fmt: skip
 
@@ -460,79 +462,95 @@ def _forms_sd(
     use: Reference,
     section: tuple[float, float],
 ) -> FloatArray:
-    """Return by how much forms that fit the tests as well differ in use, a material each."""
+    """Return by how much forms that fit the tests as well differ in use, a material each.
+
+    How an effect changes from mixture to mixture the forms know roughly. So for each material
+    those tests speak that are next to it on the palette, on either side; its own alone, where it
+    was tested.
+    """
     total = np.zeros(len(palette.materials))
     # The form found misses conditions left out by this much; one that is as near to it as that
     # at the tests is as good.
     missed = [e for e in (diagnosis.gap.after, diagnosis.gap.floor) if e is not None]
     sd = max(missed, default=USUAL.specimen) or USUAL.specimen
-    for one in effects:
-        tested = _tested_places(palette, diagnosis, one.effect.condition, own)
-        if tested:
-            places = [*tested, *((material, use) for material in palette.materials)]
+    materials, seen = palette.materials, _tested_grades(palette, diagnosis)
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for number in range(len(materials)):
+        groups.setdefault(_next_to(number, seen), []).append(number)
+    for one, (beside, numbers) in itertools.product(effects, groups.items()):
+        tests = _tests_of([materials[n] for n in beside], diagnosis, one.effect.condition, own)
+        if tests:
+            places = [*tests, *((materials[n], use) for n in numbers)]
             factors = Factors(palette, places, own, section, working_strain, _STEPS_TO_WORK)
-            total += forms_sd(factors, one, len(tested), sd) ** 2
+            total[numbers] += forms_sd(factors, one, len(tests), sd) ** 2
     return np.sqrt(total)
 
 
-def _tested_places(
-    palette: Palette, diagnosis: Diagnosis, condition: str | None, own: Reference
+def _next_to(number: int, seen: Sequence[int]) -> tuple[int, ...]:
+    """Return a place itself if it was seen, else the seen ones next to it."""
+    below, above = [n for n in seen if n <= number], [n for n in seen if n >= number]
+    return tuple(dict.fromkeys([*below[-1:], *above[:1]]))
+
+
+def _tests_of(
+    materials: Sequence[Material], diagnosis: Diagnosis, condition: str | None, own: Reference
 ) -> list[Place]:
-    """Return the materials tested, each at every level of a condition; none if it is not told."""
-    materials = [m for m in palette.materials if m.id in _tested_materials(diagnosis)]
+    """Return materials, each at every level of a condition that was tested."""
     if condition is None:
         return [(material, own) for material in materials]
     levels = [cast("Any", {condition: level}) for level in diagnosis.tested.get(condition, ())]
     return [(material, replace(own, **level)) for material in materials for level in levels]
 
 
-def _tested_materials(diagnosis: Diagnosis) -> tuple[str, ...]:
-    return tuple(map(str, diagnosis.tested.get("material", tuple(diagnosis.recalibration))))
+def _tested_grades(palette: Palette, diagnosis: Diagnosis) -> list[int]:
+    """Return the places on the palette of the materials that were tested, rising."""
+    ids = diagnosis.tested.get("material", tuple(diagnosis.recalibration))
+    return [number for number, material in enumerate(palette.materials) if material.id in ids]
 
 
 def _beyond(
-    palette: Palette,
+    made: Palette,
     diagnosis: Diagnosis,
     effects: Sequence[StatedEffect],
     own: Reference,
-    use: Reference,
     log_sd: Mapping[str, float],
 ) -> Iterator[str]:
     """Yield a sentence for each condition and for the materials that lie beyond the tests."""
+    use, ids, grades = made.reference, list(log_sd), _tested_grades(made, diagnosis)
     conditions = {one.effect.condition for one in effects} - {None}
-    untold = conditions - set(diagnosis.tested)
-    if untold:
+    if conditions - set(diagnosis.tested):
         yield (
-            "the diagnosis does not say at which conditions it was tested, so that nothing is said "
-            "of use beyond them: diagnose the campaign again"
+            "the diagnosis does not say what was tested, so that use beyond it is not told: "
+            "diagnose the campaign again"
         )
-    tested_ids = _tested_materials(diagnosis)
-    among = max((log_sd[id] for id in log_sd if id in tested_ids), default=0.0)
     for name in (*_CONDITIONS, "orientation"):
         tested = diagnosis.tested.get(name, ())
         if not tested or getattr(use, name) == getattr(own, name) or _among(use, name, tested):
             continue
         where = f"{_in_words(use, name)} lies beyond the tested {_range_in_words(name, tested)}"
         if name in conditions:
-            factor = math.exp(_SD_95 * among)
-            yield f"{where}: stress is known there to a factor of {factor:.2g} (95 %); test there"
+            factor = _factor_95([log_sd[ids[n]] for n in grades] or list(log_sd.values()))
+            yield f"{where}: stress is known there to a factor of {factor} (95 %); test there"
         else:
             yield f"{where}: whether it changes anything is not known; nothing was corrected for it"
-    places = [n for n, m in enumerate(palette.materials) if m.id in tested_ids]
-    if not places or not effects:
+    if not grades or not effects:
         return
-    new = [(n, m.id) for n, m in enumerate(palette.materials) if n not in places]
-    between = [id for n, id in new if places[0] < n < places[-1]]
-    outside = [id for n, id in new if not places[0] < n < places[-1]]
+    new = [(n, id) for n, id in enumerate(ids) if n not in grades]
+    between = [id for n, id in new if grades[0] < n < grades[-1]]
+    outside = [id for n, id in new if not grades[0] < n < grades[-1]]
     if between:
         yield f"{', '.join(between)}: not in the campaign, but between materials that were"
     if outside:
-        factor = math.exp(_SD_95 * max(log_sd[id] for id in outside))
-        ends = " to ".join(dict.fromkeys(palette.materials[n].id for n in (places[0], places[-1])))
+        ends = " to ".join(dict.fromkeys(ids[n] for n in (grades[0], grades[-1])))
+        factor = _factor_95([log_sd[id] for id in outside])
         yield (
-            f"{', '.join(outside)}: beyond the tested materials, {ends}; their stress is known to "
-            f"a factor of {factor:.2g} (95 %)"
+            f"{', '.join(outside)}: beyond what was tested ({ends}); stress is known there to a "
+            f"factor of {factor} (95 %)"
         )
+
+
+def _factor_95(log_sds: Sequence[float]) -> str:
+    return f"{math.exp(_SD_95 * max(log_sds)):.2g}"
 
 
 def _among(use: Reference, name: str, tested: Sequence[float | str]) -> bool:
@@ -556,21 +574,24 @@ def _range_in_words(name: str, tested: Sequence[float | str]) -> str:
     return f"{ends} {_CONDITIONS[name][1]}"
 
 
-def _guesses(made: Palette, forms: FloatArray) -> list[str]:
-    """Return a finding for the materials that may be as stiff as their neighbours.
+def _guesses(made: Palette, diagnosis: Diagnosis, forms: FloatArray) -> list[str]:
+    """Return a finding for the materials that may be as stiff as their neighbours in this use.
 
     A plan chooses grades. Where forms that fit the tests as well differ, with 95 %, by more than
-    the step to the nearest grade, which grade meets a target is a guess.
+    the step to the nearest grade, which grade meets a target is a guess. It is told of materials
+    that were tested, or lie between such: a plan may do without the others, which a note names.
     """
     model = CoefficientModel(made)
     steps = np.diff(np.log(model.grade_moduli_MPa(min(0.1, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
-    far = [m.id for m, off in zip(made.materials, _SD_95 * forms > nearest, strict=True) if off]
-    if not far:
+    far, grades = _SD_95 * forms > nearest, _tested_grades(made, diagnosis)
+    ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]
+    if not ids:
         return []
     return [
-        f"{', '.join(far)}: forms that fit the tests as well differ here by more than the step to "
-        "the next grade, so that a plan's choice of grade is a guess; test them in this use first"
+        f"{', '.join(ids)}: which grade meets a target here is a guess. Forms of the effect that "
+        "fit the tests as well differ by more than the step to the next grade. Test in this use "
+        "first"
     ]
 
 

@@ -211,23 +211,24 @@ def _spread_over(parameter: Parameter) -> list[float]:
 def _fitted(
     factors: Factors, one: StatedEffect, found: FloatArray, tests: int, sd: float
 ) -> _Fit | None:
-    """Return a form at the size that comes nearest to the tests; None where it has no stress.
+    """Return a form at the size that comes nearest to the tests.
 
-    ln factor is nearly proportional to the size, so that scaling it by the ratio of the two
-    sets of logarithms converges.
+    None where it does not show in them, or leaves no stress. ln factor is nearly proportional to
+    the size, so that scaling it by the ratio of the two sets of logarithms converges.
     """
     size = one.form.size
     lowest = -size.high if size.signed else 0.0
     for _ in range(_ROUNDS):
         log = _at_end(factors, one)
-        if not np.isfinite(log).all():
-            return None
         there, value = log[:tests], one.values[size.name]
         norm = float(there @ there)
-        if norm == 0.0:
-            break
+        if not (np.isfinite(log).all() and norm > 0.0):
+            return None
         better = min(max(value * float(there @ found[:tests]) / norm, lowest), size.high)
-        if better == 0.0 or abs(better - value) < 1e-4 * abs(value):
+        if abs(better - value) < 1e-4 * abs(value):
+            break
+        if better == 0.0:
+            log = np.zeros_like(log)
             break
         one = _with(one, size.name, better)
     chi2 = float(np.sum(((log[:tests] - found[:tests]) / sd) ** 2))

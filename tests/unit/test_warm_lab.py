@@ -1,6 +1,9 @@
 """The bundled campaign, diagnosed as a user's first one is: in a room warmer than the palette's."""
 
+import contextlib
+import io
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -11,9 +14,19 @@ from planner.cli import run
 SAMPLE = Path(__file__).parents[2] / "samples" / "warm-lab"
 
 
-def test_the_sample_is_warm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["gap", "diagnose", str(SAMPLE), "--json", "-o", str(tmp_path / "diagnosis")]) == 1
-    document = json.loads(capsys.readouterr().out)
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that the command writes, and in it what it prints."""
+    folder = tmp_path_factory.mktemp("warm-lab") / "diagnosis"
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert run(["gap", "diagnose", str(SAMPLE), "--json", "-o", str(folder)]) == 1
+    assert json.loads(printed.getvalue()) == json.loads((folder / "diagnosis.json").read_bytes())
+    return folder
+
+
+def test_the_sample_is_warm(diagnosis: Path) -> None:
+    document = json.loads((diagnosis / "diagnosis.json").read_bytes())
     assert document["verdict"] == "temperature"
     # The sample was made with 0.045 per kelvin; its own scatter of 3 % on four warm specimens
     # against fourteen others is worth 0.001 per kelvin.
@@ -21,9 +34,42 @@ def test_the_sample_is_warm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert low - 0.002 < 0.045 < high + 0.002
     assert document["where"][0]["axis"] == "temperature_C"
     assert document["gap"]["closed"] == pytest.approx(1.0, abs=0.1)
+    assert document["tested"]["temperature_C"] == [23.0, 40.0]
     assert {entry["id"] if isinstance(entry, dict) else entry
             for entry in document["not_testable"]} >= {"ageing", "orientation"}  # fmt: skip
-    assert (tmp_path / "diagnosis" / "report.html").is_file()
+    assert (diagnosis / "report.html").is_file()
+
+
+def test_the_loop_moves_the_cuts_of_the_finger(diagnosis: Path, tmp_path: Path, capsys) -> None:
+    """The commands of docs/how-to/close-the-loop.md, whose figures these are."""
+    finger = str(SAMPLE.parent / "finger.stl")
+    first, second, third = (str(tmp_path / name) for name in ("first", "second", "third"))
+    warm = str(tmp_path / "warm.toml")
+    correct = ["gap", "correct", str(diagnosis), "--palette", str(SAMPLE / "palette.toml")]
+    assert run([*correct, "--temperature-C", "33", "-o", warm, "-q"]) == 0
+    assert run(["grade", finger, "--from", "0.5MPa", "--to", "20MPa", "-o", first, "-q"]) == 0
+    like = ["grade", finger, "--like", first, "--palette", warm]
+    assert run([*like, "-o", second, "-q"]) == 0
+    before, after = planner.read_plan(first), planner.read_plan(second)
+    moved = {
+        r.material: 97.0 * (r.field[1] - next(
+            o.field[1] for o in before.regions if o.material == r.material
+        ))
+        for r in after.regions[:-1]
+    }  # fmt: skip
+    # 0.0435 per kelvin, known to 0.0015, over 10 K of a log target of ln 40 on 97 mm.
+    assert list(moved.values()) == pytest.approx([-97.0 * 0.435 / math.log(40.0)] * 5, rel=0.06)
+    targets = [plan.gradient.profile["moduli_MPa"] for plan in (before, after)]
+    assert targets == [[0.5, 20.0]] * 2
+    # Each material lies within half a step of its target, in the plan that knows the warmth.
+    assert max(abs(math.log1p(e)) for r in after.regions for e in r.error) < 0.59
+    # A stiffer end cannot be had there any more.
+    capsys.readouterr()
+    hard = tmp_path / "hard"
+    planner.grade(finger, from_="Tango", to="Vero", axis="x").write(hard)
+    assert run(["grade", finger, "--like", str(hard), "--palette", warm, "-o", third]) == 1
+    told = capsys.readouterr().err
+    assert "finding: target 222 .. 343 MPa at field 0.937 .. 1.000 is out of reach" in told
 
 
 def test_from_python_and_again_the_same() -> None:
