@@ -55,7 +55,7 @@ def diagnose(
         ),
     ] = None,
     without: Annotated[
-        list[str] | None, Option(help="Effect to leave out of the library; repeatable.")
+        list[str] | None, Option(help="Effect to leave out, as if it were not known; repeatable.")
     ] = None,
     unit_of: Annotated[
         list[str] | None,

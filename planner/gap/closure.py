@@ -322,8 +322,9 @@ class _Predictor:
             fits.append(_ridge(inner, cross, sd))
         best, _ = max(fits, key=lambda fit: fit[1])
         patterns = [a.columns for a in problem.unknown]
-        raw = np.concatenate([*patterns, problem.calibration, problem.noise.batch], axis=1)
-        predicted = table.transformed(problem.unpredicted) + raw @ best
+        # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
+        raw = np.concatenate([*patterns, problem.calibration], axis=1)
+        predicted = table.transformed(problem.unpredicted) + raw @ best[: raw.shape[1]]
         force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
         of = np.where(table.is_field, 0.0, 1.0 / self.peak[table.specimen, 0])
         after, before = (

@@ -45,8 +45,8 @@ def title(effect: str) -> str:
 
 
 def cause_words(name: str) -> str:
-    """Return a hypothesis in words: "no gap", "water uptake", "A and B"."""
-    return listed([title(e) for e in name.split("+")])
+    """Return a hypothesis in words: "no gap", "water uptake", "strain rate + water uptake"."""
+    return " + ".join(title(e) for e in name.split("+"))
 
 
 def axis_words(axis: str) -> str:
@@ -137,7 +137,7 @@ def _where(d: Diagnosis) -> str:
         detail = f": {place.detail}" if place.detail else ""
         what = "The clearest difference" if d.verdict == "none" else "The gap"
         if place.axis == "strain":  # what all specimens have in common, over strain
-            return sentence(f"{what} is common to all specimens{detail}")
+            return sentence(f"{what} shows on average over all specimens{detail}")
         return sentence(f"{what} goes with {axis_words(place.axis)}{detail}")
     if d.verdict == "none":
         return "No gap beyond chance goes with any condition that this campaign has."
@@ -151,10 +151,17 @@ def _where(d: Diagnosis) -> str:
 def _cause(d: Diagnosis) -> str:
     best, effects = best_of(d), d.verdict.split("+")
     chance = f"probability {probability(best.probability)}"
+    sure = next((words for least, words in _SURE if best.probability >= least), None)
     if d.verdict == "none":
         return (
-            f"It needs no cause ({chance}): what was measured agrees with the palette within the "
-            "scatter of specimens and the doubt about the palette's own calibration."
+            f"It {'needs' if sure else 'may need'} no cause ({chance}): what was measured agrees "
+            "with the palette within the scatter of specimens and the doubt about the palette's "
+            "own calibration."
+        )
+    if d.verdict == "unknown" and sure is None:
+        return (
+            f"No cause is sure; likeliest is one that none of the effects tested here stands for "
+            f"({chance})."
         )
     if d.verdict == "unknown":
         return (
@@ -162,7 +169,6 @@ def _cause(d: Diagnosis) -> str:
             "was measured, alone or with a second one."
         )
     clauses = "; and ".join(EFFECTS[e].clause if e in EFFECTS else e for e in effects)
-    sure = next((words for least, words in _SURE if best.probability >= least), None)
     if len(effects) == 1:
         cause = f"The cause is {sure}" if sure else "No cause is sure; the likeliest is"
         return f"{cause} that {clauses} ({d.verdict}, {chance})."

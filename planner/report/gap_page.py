@@ -80,7 +80,7 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 _FLUSH_RIGHT = {
     "probability", "with an unknown beside it", "value", "share", "p", "error",
-    "factor on the law's stress", "smallest seen", "no.", "mm/s", "°C", "soak h", "days", "strain",
+    "factor on the law's stress", "smallest seen", "no.", "mm/s", "°C", "soak h", "days", "pull to",
 }  # fmt: skip
 
 

@@ -265,9 +265,7 @@ def scope(diagnosis: Diagnosis) -> str:
 def _how_sure(diagnosis: Diagnosis) -> Iterator[str]:
     best = best_of(diagnosis)
     beside = best.probability * best.with_unknown
-    if diagnosis.verdict == "unknown":
-        yield "Look at where it lies before blaming any cause."
-    elif best.with_unknown >= _UNKNOWN_SHARE:
+    if diagnosis.verdict != "unknown" and best.with_unknown >= _UNKNOWN_SHARE:
         what = "it" if diagnosis.verdict != "none" else "the scatter"
         yield f"Something unknown may be at work beside {what} (probability {probability(beside)})."
     others = [
@@ -293,15 +291,18 @@ def _units(units: Sequence[UnitOf]) -> Iterator[str | tuple[str, ...]]:
 
 def _where(diagnosis: Diagnosis) -> Iterator[str]:
     clear = [diagnosis.where[k] for k in clear_places(diagnosis)]
-    for place in clear[:_PLACES]:
+    for number, place in enumerate(clear[:_PLACES]):
         low, high = place.share_interval
-        detail = f": {place.detail}" if place.detail else ""
+        # What the first one is in detail is the first sentence of all.
+        detail = f": {place.detail}" if place.detail and number else ""
         yield sentence(
             f"{axis_words(place.axis)}, {percent(place.share)} of the gap beyond scatter "
             f"({percent(low)} to {percent(high)}, {p_value(place.p)}){detail}"
         )
     if len(clear) > _PLACES:
         yield sentence(f"also along {listed([axis_words(p.axis) for p in clear[_PLACES:]])}")
+    if clear and diagnosis.verdict == "unknown":
+        yield "Look there before blaming any cause."
 
 
 def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
@@ -312,9 +313,11 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
     )
     yield errors_table(diagnosis)
     if gap.floor is not None:
+        below = any(error < gap.floor for _, error in errors_of(diagnosis))
         yield (
             "However good a prediction is, it misses a new specimen by about as much as "
-            "replicates scatter: an error near that is as good as can be."
+            "replicates scatter: an error near that"
+            f"{', even slightly below by chance,' if below else ''} is as good as can be."
         )
     if named and gap.extrapolated is not None and gap.extrapolated_before is not None:
         worse = gap.extrapolated > gap.extrapolated_before
@@ -412,8 +415,9 @@ def _next(
     if not experiments:
         return
     yield (
-        "Print and test these, the first being worth most for its hours; next-specimens.csv in "
-        "the folder of the report lists them as specimens.csv does."
+        "Print and test these, the first being worth most for its hours. Size is width x "
+        "thickness x gauge, and they are pulled to a strain; next-specimens.csv in the report "
+        "folder has them as rows of specimens.csv."
     )
     listed_alike = [x for x in experiments if x.row]
     if listed_alike:
@@ -421,26 +425,34 @@ def _next(
         columns = [name for name in rows[0] if any(row[name] for row in rows)]
         cells = tuple(tuple(row[name] for name in columns) for row in rows)
         yield Table(tuple(columns), cells)
-    yield tuple(_next_reason(number, x, verdict) for number, x in enumerate(experiments, start=1))
+    reasons: dict[str, list[str]] = {}
+    for number, x in enumerate(experiments, start=1):
+        words = [f"{axis_words(k)} {v} {unit_of(k)}".strip() for k, v in x.change.items()]
+        what = "" if x.row else f" ({listed(words)})"
+        reasons.setdefault(_next_reason(x, verdict), []).append(f"{number}{what}")
+    yield tuple(
+        f"Test{'s' if len(tests) > 1 else ''} {listed(tests)}: {reason}"
+        for reason, tests in reasons.items()
+    )
 
 
 _SPLITS = 2
 
 
 def _split_words(first: str, second: str) -> str:
-    """Return what is told by telling one hypothesis from another."""
+    """Return the question whose answer tells one hypothesis from another."""
     if "none" in (first, second):
         other = second if first == "none" else first
-        return f"whether it is {cause_words(other)} or nothing"
+        return f"is {cause_words(other)} at work at all"
     a, b = (set(name.split("+")) for name in (first, second))
     both, only_a, only_b = (
         cause_words("+".join(sorted(effects))) for effects in (a & b, a - b, b - a)
     )
     if not a & b:
-        return f"{only_a} from {only_b}"
-    if only_a and only_b:
-        return f"{only_a} from {only_b} beside {both}"
-    return f"whether there is {only_a or only_b} beside {both}"
+        return f"is it {only_a}, or {only_b}"
+    if a - b and b - a:
+        return f"is it {only_a}, or {only_b}, beside {both}"
+    return f"is {only_a or only_b} at work beside {both}"
 
 
 def _next_cells(number: str, x: Experiment) -> dict[str, str]:
@@ -450,7 +462,7 @@ def _next_cells(number: str, x: Experiment) -> dict[str, str]:
     sizes = (cell.get(name, "?") for name in ("width_mm", "thickness_mm", "gauge_mm"))
     conditions = {
         "mm/s": "rate_mm_s", "°C": "temperature_C", "soak h": "soak_h", "days": "age_days",
-        "along": "orientation", "protocol": "protocol", "strain": "to_strain",
+        "along": "orientation", "protocol": "protocol", "pull to": "to_strain",
     }  # fmt: skip
     return {
         "": f"{number}.",
@@ -461,12 +473,9 @@ def _next_cells(number: str, x: Experiment) -> dict[str, str]:
     }
 
 
-def _next_reason(number: int, x: Experiment, verdict: str) -> str:
+def _next_reason(x: Experiment, verdict: str) -> str:
     """Return what a test is good for, and its hours."""
-    of_verdict_first = sorted(x.splits, key=lambda pair: verdict not in pair)
-    told = listed([_split_words(*pair) for pair in of_verdict_first[:_SPLITS]])
-    tells = f"tells {told}" if told else "makes causes more or less likely, but settles none"
-    hours = f"; about {number_words(x.hours, 2)} h of work" if x.hours > 0.0 else ""
-    changes = (f"{axis_words(name)} {value} {unit_of(name)}" for name, value in x.change.items())
-    what = "" if x.row else f" ({listed([change.strip() for change in changes])})"
-    return f"Test {number}{what} {tells}{hours}."
+    of_verdict = [pair for pair in x.splits if verdict in pair] or x.splits
+    told = "; and ".join(_split_words(*pair) for pair in of_verdict[:_SPLITS])
+    asked = f"{told}?" if told else "shifts the odds between causes, but settles nothing alone."
+    return asked + (f" About {number_words(x.hours, 2)} h of work." if x.hours > 0.0 else "")

@@ -38,7 +38,7 @@ def test_what_the_verdict_says_of_each_case(examples: Examples) -> None:
     assert "12.3 s (90 % interval 8.00 s or more)" in said["rate"]
     assert "B: load 4.45 times its replicates': pounds-force?" in said["rate"]
     assert "crosshead speed 0.005 mm/s and column replicates 3" in said["rate"]
-    assert "tells whether there is compliance of the machine beside strain rate" in said["rate"]
+    assert "replicates 3): is compliance of the machine at work beside strain rate" in said["rate"]
     assert re.search(r"2\. +2 +soft-to-hard +6x3x20 +0\.5 +0 +cyclic +0\.15\n", said["rate"])
     assert "operator" not in said["rate"]  # p = 0.4
     assert "agrees with the palette" in said["none"]
