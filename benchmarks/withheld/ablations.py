@@ -15,10 +15,8 @@ from statistics import fmean
 from typing import Any
 
 from benchmarks.withheld.ablated import FULL, VARIANTS, ablated_answers
-from benchmarks.withheld.journal import Key, kept_outcomes
+from benchmarks.withheld.answers import Key, Outcome, Task, answer_all, kept_outcomes
 from benchmarks.withheld.method import method_sha256
-from benchmarks.withheld.pool import answer_all
-from benchmarks.withheld.results import Outcome, Task
 from benchmarks.withheld.scoring import NO_ANSWER, UNKNOWN, Score, Truth, named, read_answer, score
 from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
 from benchmarks.withheld.summary import Rate, expected_calibration_error, markdown

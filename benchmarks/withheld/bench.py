@@ -14,7 +14,8 @@ from planner.cli import run
 from planner.cli.output import AsJson, Quiet
 
 if TYPE_CHECKING:
-    from benchmarks.withheld.results import Outcome, Results
+    from benchmarks.withheld.answers import Outcome
+    from benchmarks.withheld.results import Results
 
 __all__ = ["app", "bench"]
 
@@ -95,7 +96,8 @@ def bench(
 
 
 def _written(documents: Path, folder: Path | None) -> "dict[str, Outcome]":
-    from benchmarks.withheld.results import Outcome, read_documents
+    from benchmarks.withheld.answers import Outcome
+    from benchmarks.withheld.results import read_documents
 
     found = read_documents(documents)
     names = found if folder is None else _campaigns(folder)
@@ -114,7 +116,8 @@ def _diagnosed(
     seed: int,
     stage: Callable[[str], None],
 ) -> "dict[str, Outcome]":
-    from benchmarks.withheld.results import Task, diagnose_all
+    from benchmarks.withheld.answers import Task
+    from benchmarks.withheld.results import diagnose_all
     from planner.errors import FileError
 
     names = _campaigns(folder)
@@ -124,10 +127,9 @@ def _diagnosed(
             f"{folder / stranger}: the truth knows nothing of this campaign; give the truth that "
             "was written with the campaigns"
         )
-    tasks = [Task(folder / name, without, seed) for name in names]
-    return {
-        task.folder.name: outcome for task, outcome in diagnose_all(tasks, jobs=jobs, stage=stage)
-    }
+    tasks = [Task(folder / name, without) for name in names]
+    answers = diagnose_all(tasks, jobs=jobs, stage=stage, seed=seed)
+    return {task.folder.name: outcome for task, outcome in answers}
 
 
 def _campaigns(folder: Path) -> list[str]:

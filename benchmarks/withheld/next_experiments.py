@@ -16,12 +16,10 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
-from benchmarks.withheld.journal import Key, kept_outcomes
+from benchmarks.withheld.answers import Key, Outcome, Task, answer_all, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.next_experiment import next_answers
-from benchmarks.withheld.pool import answer_all
 from benchmarks.withheld.reality.tiers import TIERS
-from benchmarks.withheld.results import Outcome, Task
 from benchmarks.withheld.scoring import Truth, read_answer, score
 from benchmarks.withheld.sealed import campaigns_in_turn, ended, options_of_runs, sealed_campaigns
 from benchmarks.withheld.summary import markdown

@@ -5,7 +5,8 @@ python -m benchmarks.withheld.quick DIR --jobs 2 --tiers library,none,left-out -
 
 DIR holds `campaigns/` and `truth.json`, as `reality make` writes them. Answers go into
 `quick-METHOD.jsonl` there, METHOD the hash of the sources of `planner/gap`: what a version has
-answered it is not asked again.
+answered it is not asked again. With `--oracle` the oracle answers in place of planner, once for all
+versions, into `oracle.jsonl`; where that is there, the sums of the tiers say what it reaches.
 """
 
 import argparse
@@ -15,12 +16,14 @@ from functools import partial
 from pathlib import Path
 from statistics import fmean, median
 
-from benchmarks.withheld.journal import Key, kept_outcomes, read_outcomes
+from benchmarks.withheld.answers import Key, Outcome, Task, kept_outcomes, read_outcomes
 from benchmarks.withheld.method import method_sha256
-from benchmarks.withheld.results import Outcome, Task, diagnose_all, scored
+from benchmarks.withheld.oracle import beside_oracle, oracle_outcomes
+from benchmarks.withheld.results import diagnose_all, scored
 from benchmarks.withheld.scoring import Effects, Score, Truth, read_truth
 from benchmarks.withheld.sealed import campaigns_in_turn, ended
 from benchmarks.withheld.targets import LEFT_OUT
+from planner.cli.output import progress
 
 __all__ = ["main"]
 
@@ -36,15 +39,24 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     truth = read_truth(folder / "truth.json")
-    former = {} if options.against is None else read_outcomes(options.against)
     names = campaigns_in_turn(folder / "truth.json", options.first)
     tasks = _tasks(truth, folder / "campaigns", names, options.tiers.split(","))
+    if options.oracle:
+        with progress(enabled=True) as stage:
+            oracle_outcomes(truth, tasks, folder / "truth.json", options.jobs, stage)
+    oracle = read_outcomes(folder / "oracle.jsonl")
+    former = {} if options.against is None else read_outcomes(options.against)
     journal = folder / f"quick-{method_sha256()[:12]}.jsonl"
     for key, outcome in read_outcomes(journal).items():
-        if key in {_key(t) for t in tasks}:
+        if key in {t.key for t in tasks}:
             print(_line(truth, key, outcome, former))
-    outcomes = kept_outcomes(tasks, journal, partial(_told, truth, options.jobs, former))
-    print(*_summary(truth, outcomes, former), f"answers in {journal}", sep="\n")
+    outcomes: Mapping[Key, Outcome] = read_outcomes(journal)
+    if options.oracle:
+        outcomes = {t.key: outcomes[t.key] for t in tasks if t.key in outcomes}
+    else:
+        outcomes = kept_outcomes(tasks, journal, partial(_told, truth, options.jobs, former))
+    print(*_summary(truth, outcomes, former), *_reached(truth, tasks, oracle), sep="\n")
+    print(f"answers in {journal}")
     return 0
 
 
@@ -62,15 +74,11 @@ def _tasks(truth: Truth, campaigns: Path, names: list[str], tiers: list[str]) ->
     return [tasks[i] for i in range(longest) for tasks in by_tier.values() if i < len(tasks)]
 
 
-def _key(task: Task) -> Key:
-    return task.folder.name, task.without
-
-
 def _told(
     truth: Truth, jobs: int, former: Mapping[Key, Outcome], tasks: Sequence[Task]
 ) -> Iterator[tuple[Task, Outcome]]:
     for task, outcome in diagnose_all(tasks, jobs=jobs, stage=lambda _: None):
-        print(_line(truth, _key(task), outcome, former), flush=True)
+        print(_line(truth, task.key, outcome, former), flush=True)
         yield task, outcome
 
 
@@ -116,6 +124,22 @@ def _summary(
                     yield f"  {word} {len(found)}: {' '.join(found)}"
 
 
+def _reached(truth: Truth, tasks: Sequence[Task], oracle: Mapping[Key, Outcome]) -> Iterator[str]:
+    """Return what the oracle reaches of the same campaigns, a line a tier."""
+    found: dict[str, list[Score]] = {}
+    for task in tasks:
+        outcome = oracle.get((task.folder.name, ()))
+        if outcome is not None:
+            plain = _score(truth, task.key, Outcome(None))
+            beside = beside_oracle(plain, outcome, left_out=bool(task.without))
+            found.setdefault(_tier(plain, task.key), []).append(beside)
+    for tier, scores in sorted(found.items()):
+        sure = [s.oracle_probability for s in scores if s.oracle_probability is not None]
+        yield f"oracle, {tier}: {sum(s.oracle or False for s in scores)} of {len(scores)}" + (
+            f", P(truth) {fmean(sure):.2f}" if sure else ""
+        )
+
+
 def _row(name: str, scores: Sequence[Score]) -> str:
     errors = [s.closure_error for s in scores if s.closure_error is not None]
     seconds = [s.seconds for s in scores if s.seconds is not None]
@@ -148,6 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--tiers", default=_TIERS, help=f"default {_TIERS}")
     parser.add_argument("--first", type=int, default=10**6, help="campaigns of each tier")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
+    parser.add_argument("--oracle", action="store_true", help="ask the oracle, not planner")
     parser.add_argument("--against", type=Path, help="answers of a former version")
     return parser
 

@@ -1,15 +1,13 @@
 """A bench: diagnoses of many campaigns, made in several processes or read, and scored."""
 
 import json
-import multiprocessing
-import os
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.withheld.answers import Outcome, Task, answer_all
 from benchmarks.withheld.scoring import (
     EFFECT_IDS,
     NO_ANSWER,
@@ -24,9 +22,7 @@ from planner.errors import FileError, UnknownNameError, nearest_names
 
 __all__ = [
     "Documents",
-    "Outcome",
     "Results",
-    "Task",
     "check_effects",
     "diagnose_all",
     "read_documents",
@@ -84,69 +80,21 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------------------------
-# Diagnose many campaigns in several processes, and take the time.
-
-
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One campaign to diagnose without some effects."""
-
-    folder: Path
-    without: tuple[str, ...] = ()
-    seed: int = 0
+# Diagnose many campaigns in several processes.
 
 
 def diagnose_all(
-    tasks: Sequence[Task], *, jobs: int, stage: Callable[[str], None]
-) -> Iterator[tuple[Task, "Outcome"]]:
-    """Diagnose campaigns and yield what became of each, in the order of the tasks.
-
-    What stops one diagnosis, a bug included, is its outcome's problem and stops no other.
-
-    Parameters
-    ----------
-    jobs
-        Processes; 1 stays in this one.
-    stage
-        Told how many are done.
-    """
-    total = len(tasks)
-    if jobs == 1 or total < 2:
-        for number, task in enumerate(tasks, start=1):
-            stage(f"diagnosing {task.folder.name}, {number} of {total}")
-            yield task, _diagnosed(task)
-        return
-    for name in _ONE_THREAD:  # the processes share the cores already
-        os.environ.setdefault(name, "1")
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, total), mp_context=context)
-    try:
-        for number, (task, outcome) in enumerate(
-            zip(tasks, pool.map(_diagnosed, tasks), strict=True), start=1
-        ):
-            stage(f"diagnosed {number} of {total} campaigns")
-            yield task, outcome
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    tasks: Sequence[Task], *, jobs: int, stage: Callable[[str], None], seed: int = 0
+) -> Iterator[tuple[Task, Outcome]]:
+    """Diagnose campaigns and yield what became of each; see `answer_all`."""
+    return answer_all(partial(_diagnosis, seed), tasks, jobs=jobs, stage=stage)
 
 
-def _diagnosed(task: Task) -> "Outcome":
-    from planner.errors import PlannerError
+def _diagnosis(seed: int, folder: Path, without: tuple[str, ...]) -> Mapping[str, Any]:
     from planner.gap.campaign_folder import read_campaign
     from planner.gap.diagnose import diagnose
 
-    started = time.perf_counter()
-    try:
-        campaign = read_campaign(task.folder)
-        document = diagnose(campaign, seed=task.seed, without=task.without).document()
-    except PlannerError as error:
-        return Outcome(None, None, str(error))
-    except Exception as error:  # counted as no answer; the other campaigns go on
-        return Outcome(None, None, f"a bug in planner: {type(error).__name__}: {error}")
-    return Outcome(document, time.perf_counter() - started)
+    return diagnose(read_campaign(folder), seed=seed, without=without).document()
 
 
 # ------------------------------------------------------------------------------------------------
@@ -161,15 +109,6 @@ _TIERS = {
     )
 }  # fmt: skip
 """The order of the rows; tiers of other benches follow by name of campaign."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What became of one campaign: a diagnosis' document, or the problem that prevented it."""
-
-    document: Mapping[str, Any] | None
-    seconds: float | None = None
-    problem: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +206,7 @@ def scored(
         truth.campaigns[name],
         without=without,
         seconds=outcome.seconds,
+        megabytes=outcome.megabytes,
     )
     return found, answer, problem
 

@@ -3,14 +3,14 @@
 python -m benchmarks.withheld.run --set development --seed 1 --count 18 --jobs 2 -o DIR
 
 DIR holds `campaigns/`, `truth.json` (its sha256 is printed before anything is diagnosed),
-`outcomes.jsonl` and `naive.jsonl` (each answer as it comes, so that `--resume` goes on from there),
+`outcomes.jsonl`, `naive.jsonl` and `oracle.jsonl` (each answer as it comes, so that `--resume` goes
+on from there),
 `results.json` and `results.md`. `--log` keeps a row of every run; the final set needs one, and is
 scored once for each version of the method. Exit code 1 when a target is missed or a diagnosis
 failed, 2 when nothing was scored.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,17 +19,22 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from benchmarks.withheld.answers import Key, Outcome, Task, answer_all, kept_outcomes
 from benchmarks.withheld.comparison import compare
-from benchmarks.withheld.journal import Key, kept_outcomes
 from benchmarks.withheld.leave_one_out import Case, by_effect
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.naive_bic import naive_answer
-from benchmarks.withheld.pool import answer_all
-from benchmarks.withheld.reality.__main__ import main as reality
-from benchmarks.withheld.results import Outcome, Task, diagnose_all, scored
+from benchmarks.withheld.oracle import beside_oracle, oracle_outcomes
+from benchmarks.withheld.reality.__main__ import at_most
+from benchmarks.withheld.results import diagnose_all, scored
 from benchmarks.withheld.run_log import MIXED, append_run, check_not_scored
-from benchmarks.withheld.scoring import Answer, Score, Truth, read_truth
-from benchmarks.withheld.sealed import ended, options_of_runs
+from benchmarks.withheld.scoring import Answer, Score, Truth
+from benchmarks.withheld.sealed import (
+    campaigns_in_turn,
+    ended,
+    options_of_runs,
+    sealed_campaigns,
+)
 from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
 from benchmarks.withheld.written import results_markdown
@@ -56,25 +61,12 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     folder: Path = options.output
     campaigns, truth_file = folder / "campaigns", folder / "truth.json"
-    if folder.exists() and not options.resume:
-        raise FileError(f"{folder} is already there; go on with --resume or name another")
     if options.log is not None:
         # Also keeps a page that is no log from being found out after an hour
         check_not_scored(options.log, method_sha256())
     elif options.set == "final":
         raise FileError("the final set is scored once for each method: name the log with --log")
-    if not (campaigns.exists() and truth_file.exists()):
-        code = _made(options, campaigns, truth_file)
-        if code:
-            return code
-    truth = read_truth(truth_file)
-    wanted = {name: getattr(options, name) for name in ("set", "count", "seed", "specimens")}
-    wanted_most = dict(CI) if options.subset == "ci" else None
-    if (
-        any(truth.made_by.get(name) != value for name, value in wanted.items())
-        or truth.made_by.get("at_most") != wanted_most
-    ):
-        raise FileError(f"{folder} was made with other options: {dict(truth.made_by)}")
+    truth = sealed_campaigns(options, CI if options.subset == "ci" else at_most(options.at_most))
     print(f"{truth.sha256}  {truth_file.name}", flush=True)
     begun = _method(folder)
     if options.set == "final" and begun == MIXED:
@@ -82,7 +74,7 @@ def _run(options: argparse.Namespace) -> int:
             f"{folder} was begun with another method; the final set is scored with one: undo the "
             "change of planner/gap, or begin anew with another seed"
         )
-    whole = [Task(campaigns / name) for name in _in_turn(truth_file)]
+    whole = [Task(campaigns / name) for name in campaigns_in_turn(truth_file)]
     tasks = whole + [
         replace(task, without=truth.campaigns[task.folder.name].effects)
         for task in whole
@@ -95,9 +87,13 @@ def _run(options: argparse.Namespace) -> int:
         if options.subset is None and not options.no_naive:
             theirs = partial(answer_all, naive_answer, jobs=options.jobs, stage=stage)
             naive = kept_outcomes(whole, folder / "naive.jsonl", theirs)
+        oracle: Mapping[Key, Outcome] = {}
+        if options.subset is None and not options.no_oracle:
+            oracle = oracle_outcomes(truth, whole, truth_file, options.jobs, stage)
     method = _method(folder)  # MIXED if it changed meanwhile
-    made_by = {**wanted, "subset": options.subset or "all"}
-    results = _results(truth, outcomes, naive, made_by) | {"method_sha256": method}
+    made_by = {name: getattr(options, name) for name in ("set", "count", "seed", "specimens")}
+    made_by |= {"subset": options.subset or "all"}
+    results = _results(truth, outcomes, naive, oracle, made_by) | {"method_sha256": method}
     (folder / "results.json").write_bytes(encode_document(results))
     text = results_markdown(results)
     (folder / "results.md").write_text(text, encoding="utf-8", newline="\n")
@@ -106,25 +102,6 @@ def _run(options: argparse.Namespace) -> int:
         append_run(options.log, results, method)
     missed = any(target["met"] is False for target in results["targets"])
     return 1 if missed or results["problems"] else 0
-
-
-def _made(options: argparse.Namespace, campaigns: Path, truth_file: Path) -> int:
-    """Make the campaigns that are asked for; return the exit code."""
-    at_most = CI if options.subset == "ci" else {}
-    return reality(
-        [
-            *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
-            *("--seed", str(options.seed), "--specimens", str(options.specimens)),
-            *(part for tier, n in at_most.items() for part in ("--at-most", f"{tier}={n}")),
-            *("--truth", str(truth_file), "-o", str(campaigns)),
-        ]
-    )
-
-
-def _in_turn(truth_file: Path) -> list[str]:
-    """Return campaigns in the order of tiers and their turns."""
-    entries = json.loads(truth_file.read_text(encoding="utf-8"))["campaigns"]
-    return sorted(entries, key=lambda name: int(entries[name]["index"]))
 
 
 def _method(folder: Path) -> str:
@@ -139,6 +116,7 @@ def _results(
     truth: Truth,
     outcomes: Mapping[Key, Outcome],
     naive: Mapping[Key, Outcome],
+    oracle: Mapping[Key, Outcome],
     made_by: Mapping[str, Any],
 ) -> dict[str, Any]:
     answers: dict[Key, Answer | None] = {}
@@ -149,6 +127,7 @@ def _results(
         found, answers[key], problem = scored(outcome, name, truth, without=without)
         if problem is not None:
             problems[name + (f" without {'+'.join(without)}" if without else "")] = problem
+        found = beside_oracle(found, oracle.get((name, ())), left_out=bool(without))
         scores[key] = replace(found, tier=LEFT_OUT) if without else found
     cases = [
         Case(
@@ -196,7 +175,11 @@ def _parser() -> argparse.ArgumentParser:
         "run", "Make sealed campaigns of every tier, diagnose and score them.", 18
     )
     parser.add_argument("--subset", choices=["ci"], help="ci: 2 minutes on 2 free cores")
+    parser.add_argument(
+        "--at-most", action="append", default=[], metavar="TIER=N", help="the first N of a tier"
+    )
     parser.add_argument("--no-naive", action="store_true", help="leave the naive BIC out")
+    parser.add_argument("--no-oracle", action="store_true", help="leave the oracle out")
     parser.add_argument("--log", type=Path, help="append a row to this log of runs (Markdown)")
     return parser
 

@@ -13,11 +13,11 @@ MIXED = "mixed"
 
 _HASH_DIGITS = 16
 _FIGURES = {
-    "library, SNR > 4": "library, SNR > 4: top-1",
-    "library, SNR 2-4": "library, SNR 2-4: top-1",
-    "P(truth)": "library: mean probability on the truth",
-    "other forms": "other forms: top-1",
+    "library, of the oracle's": "library: named, of what the oracle names",
+    "other forms, of the oracle's": "other forms: named, of what the oracle names",
+    "in the class": "one effect: truth in the class",
     "left out": "left out: unknown or a class",
+    "sure but wrong": "left out: sure but wrong",
     "false alarm": "none: false alarm",
     "both of two": "two effects: both",
     "where": "where: true axis among the first two",
@@ -25,20 +25,19 @@ _FIGURES = {
 }
 """Headings, and the targets whose figures stand below them."""
 
-_COLUMNS = (
-    *("planner", "method", "set", "seed", "count", "specimens", "subset", "truth", *_FIGURES),
-    *("log score", "naive log score", "targets met"),
-)
+_RUN = ("planner", "method", "set", "seed", "count", "specimens", "subset", "truth")
+_COLUMNS = (*_RUN, *_FIGURES, "log score", "naive log score", "targets met")
+_TABLE = f"""
+| {" | ".join(_COLUMNS)} |
+| {" | ".join(["---"] * len(_COLUMNS))} |
+"""
 _HEAD = f"""# Scoring runs of the diagnosis
 
 Every run of `python -m benchmarks.withheld.run` with `--log`, the latest last; rows are never taken
 out. The method is the sha256 over the sources of `planner/gap`, the truth that of the sealed file,
 {_HASH_DIGITS} digits of each. The final set is scored once for each method. Shares in per cent with
 Wilson's intervals at 95 %, log scores in nats, of the diagnoses with the whole library.
-
-| {" | ".join(_COLUMNS)} |
-| {" | ".join(["---"] * len(_COLUMNS))} |
-"""
+{_TABLE}"""
 
 
 def check_not_scored(log: Path, method: str) -> None:
@@ -59,8 +58,11 @@ def check_not_scored(log: Path, method: str) -> None:
 
 
 def append_run(log: Path, results: Mapping[str, Any], method: str) -> None:
-    """Append a run's row; a log that is not there begins with what it is."""
-    _rows(log)  # a page of another kind is left as it is
+    """Append a run's row; a log that is not there begins with what it is.
+
+    Where the figures are others than the log's last ones, a table of its own begins.
+    """
+    rows = _rows(log)  # a page of another kind is left as it is
     made_by = results["made_by"]
     targets = {t["name"]: t for t in results["targets"]}
     naive = results.get("naive")
@@ -76,6 +78,8 @@ def append_run(log: Path, results: Mapping[str, Any], method: str) -> None:
         f"{sum(held)} of {len(held)}",
     ]
     text = log.read_text(encoding="utf-8") if log.exists() else _HEAD
+    if rows and tuple(rows[-1]) != _COLUMNS:
+        text += _TABLE
     log.parent.mkdir(parents=True, exist_ok=True)
     row = f"| {' | '.join(cells)} |\n"
     log.write_text(text.rstrip("\n") + "\n" + row, encoding="utf-8", newline="\n")
@@ -88,10 +92,18 @@ def _rows(log: Path) -> list[dict[str, str]]:
         lines = log.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as error:
         raise FileError(f"{log}: cannot be read ({error}); name the log of runs") from error
-    table = [[c.strip() for c in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
-    if not table or tuple(table[0]) != _COLUMNS or not lines[-1].startswith("|"):
+    found: list[dict[str, str]] = []
+    head: tuple[str, ...] = ()
+    for line in lines:
+        cells = tuple(c.strip() for c in line.strip("|").split("|")) if line[:1] == "|" else ()
+        if not cells or set(cells) == {"---"}:
+            head = head if cells else ()
+        elif head:
+            found.append(dict(zip(head, cells, strict=True)))
+        else:
+            head = cells
+    if not head or not set(_RUN) <= set(head):
         raise FileError(
-            f"{log}: not a log of scoring runs, which ends with a table of {len(_COLUMNS)} "
-            "columns; name another file"
+            f"{log}: not a log of scoring runs, which ends with a table of them; name another file"
         )
-    return [dict(zip(_COLUMNS, row, strict=True)) for row in table[2:]]
+    return found

@@ -403,6 +403,13 @@ class Score:
         The same above that of a guess, even over all hypotheses that could be weighed.
     seconds
         As the caller took them.
+    megabytes
+        The most memory that the process had taken so far.
+    oracle
+        Whether who knows the bench's forms and noise has the right answer, or may say that the
+        effect is not in the library; None where it was not asked.
+    oracle_probability
+        The same's, on the truth.
     """
 
     campaign: str
@@ -431,6 +438,19 @@ class Score:
     log_score: float
     log_gain: float
     seconds: float | None = None
+    megabytes: float | None = None
+    oracle: bool | None = None
+    oracle_probability: float | None = None
+
+    @property
+    def beside_oracle(self) -> bool | None:
+        """Tell whether what the oracle was asked is reached: named, or declared open.
+
+        None where it was not asked.
+        """
+        if self.oracle is None:
+            return None
+        return self.top_1 if self.open is None else self.open
 
 
 def score(
@@ -440,6 +460,7 @@ def score(
     *,
     without: Collection[str] = (),
     seconds: float | None = None,
+    megabytes: float | None = None,
 ) -> Score:
     """Score one diagnosis.
 
@@ -488,6 +509,7 @@ def score(
         log_score=log_score,
         log_gain=log_gain,
         seconds=seconds,
+        megabytes=megabytes,
     )
 
 

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import get_args
 
@@ -34,18 +34,23 @@ def ended(run: Callable[[argparse.Namespace], int], options: argparse.Namespace)
     """Return the exit code of a run; what is wrong with its files goes to standard error."""
     try:
         return run(options)
-    except FileError as error:
+    except (FileError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
 
 
-def sealed_campaigns(options: argparse.Namespace) -> Truth:
+def sealed_campaigns(
+    options: argparse.Namespace, at_most: Mapping[str, int] | None = None
+) -> Truth:
     """Return the truth of the campaigns in a run's folder, made if they are not there.
 
     Parameters
     ----------
     options
         With `output`, `resume`, `set`, `seed`, `count` and `specimens`.
+    at_most
+        Campaigns of each tier, fewer than `count`. With None, a folder made with another count
+        and other limits will do.
 
     Raises
     ------
@@ -61,25 +66,29 @@ def sealed_campaigns(options: argparse.Namespace) -> Truth:
             [
                 *("make", "--set", options.set, "--tier", "all", "--count", str(options.count)),
                 *("--seed", str(options.seed), "--specimens", str(options.specimens)),
+                *(part for t, n in (at_most or {}).items() for part in ("--at-most", f"{t}={n}")),
                 *("--truth", str(truth_file), "-o", str(campaigns)),
             ]
         )
         if code:
             raise FileError(f"{folder}: the campaigns could not be made")
     truth = read_truth(truth_file)
-    if any(truth.made_by.get(n) != getattr(options, n) for n in ("set", "seed", "specimens")):
+    wanted: dict[str, object] = {n: getattr(options, n) for n in ("set", "seed", "specimens")}
+    if at_most is not None:
+        wanted |= {"count": options.count, "at_most": dict(at_most) or None}
+    if any(truth.made_by.get(name) != value for name, value in wanted.items()):
         raise FileError(f"{folder} was made with other options: {dict(truth.made_by)}")
     return truth
 
 
-def campaigns_in_turn(truth_file: Path, count: int) -> list[str]:
-    """Return the first campaigns of each tier, in the order of their turns."""
+def campaigns_in_turn(truth_file: Path, count: int | None = None) -> list[str]:
+    """Return the first campaigns of each tier, or all, in the order of their turns."""
     entries = json.loads(truth_file.read_text(encoding="utf-8"))["campaigns"]
     taken: dict[str, int] = {}
     chosen = []
     for name in sorted(entries, key=lambda name: int(entries[name]["index"])):
         tier = entries[name]["tier"]
         taken[tier] = taken.get(tier, 0) + 1
-        if taken[tier] <= count:
+        if count is None or taken[tier] <= count:
             chosen.append(name)
     return chosen

@@ -18,12 +18,14 @@ __all__ = [
     "DROPPABLE",
     "RATES",
     "STRATA",
+    "OracleShare",
     "Rate",
     "Row",
     "Summary",
     "area_under_curve",
     "expected_calibration_error",
     "markdown",
+    "of_oracle",
     "overall_lines",
     "summarise",
     "table_rows",
@@ -70,6 +72,34 @@ class Rate:
         return wilson(self.hits, self.of)
 
 
+@dataclass(frozen=True, slots=True)
+class OracleShare:
+    """How often we reach what was to be reached, over how often the oracle does.
+
+    The oracle's count is taken for what these campaigns allow: the interval is of our count alone.
+    """
+
+    ours: int
+    oracles: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        """Above 1 where we reach more than the oracle is sure of."""
+        return self.ours / self.oracles
+
+    @property
+    def text(self) -> str:
+        """Per cent, with Wilson's interval of our count."""
+        low, high = (100 * end * self.of / self.oracles for end in wilson(self.ours, self.of))
+        return f"{100 * self.value:.0f} % [{low:.0f}, {high:.0f}]"
+
+
+def of_oracle(ours: Rate, oracles: Rate) -> OracleShare | None:
+    """Return our share of the oracle's; None where it was not asked or reaches nothing."""
+    return OracleShare(ours.hits, oracles.hits, ours.of) if oracles.hits else None
+
+
 # ------------------------------------------------------------------------------------------------
 # Whether probabilities mean what they say.
 
@@ -110,9 +140,9 @@ def area_under_curve(scores: Sequence[float], positive: Sequence[bool]) -> float
 
 RATES = (
     *("top_1", "class_hit", "false_alarm", "missed", "misattributed", "partly", "companion"),
-    *("open", "honest", "where_hit", "covered", "answered"),
+    *("open", "honest", "where_hit", "covered", "answered", "oracle", "beside_oracle"),
 )
-"""Measures of `Score` that are true or false."""
+"""Measures of `Score` that are true or false; the last is what is held against the oracle."""
 
 STRATA: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {"snr": (1.0, 2.0, 4.0), "detectability": (4.0, 10.0)}
@@ -130,8 +160,8 @@ class Row:
         "all" and "all", or what was split by ("snr", "detectability") and the range.
     rates
         By the names in `RATES`; those that have no meaning here count nothing.
-    probability
-        Mean probability on the right answer.
+    probability, oracle_probability
+        Mean probability on the right answer, ours and the oracle's.
     closure_error
         Median.
     closures
@@ -146,6 +176,7 @@ class Row:
     campaigns: int
     rates: Mapping[str, Rate]
     probability: float
+    oracle_probability: float | None
     closure_error: float | None
     closures: int
     median_seconds: float | None
@@ -164,8 +195,8 @@ class Row:
             if rate.of
         }
         plain = (
-            *("tier", "by", "stratum", "campaigns", "probability", "closure_error", "closures"),
-            *("median_seconds", "longest_seconds"),
+            *("tier", "by", "stratum", "campaigns", "probability", "oracle_probability"),
+            *("closure_error", "closures", "median_seconds", "longest_seconds"),
         )
         return {name: getattr(self, name) for name in plain} | {"rates": rates}
 
@@ -250,6 +281,7 @@ def _row(tier: str, by: str, stratum: str, scores: Sequence[Score]) -> Row:
     }
     errors = [s.closure_error for s in scores if s.closure_error is not None]
     seconds = [s.seconds for s in scores if s.seconds is not None]
+    oracles = [s.oracle_probability for s in scores if s.oracle_probability is not None]
     return Row(
         tier=tier,
         by=by,
@@ -257,6 +289,7 @@ def _row(tier: str, by: str, stratum: str, scores: Sequence[Score]) -> Row:
         campaigns=len(scores),
         rates={name: Rate(sum(values), len(values)) for name, values in counted.items()},
         probability=fmean(s.probability for s in scores),
+        oracle_probability=fmean(oracles) if oracles else None,
         closure_error=median(errors) if errors else None,
         closures=len(errors),
         median_seconds=median(seconds) if seconds else None,
@@ -289,13 +322,18 @@ _RATES = {
     "honest class %": "honest",
     "where %": "where_hit",
     "covered %": "covered",
+    "oracle %": "oracle",
 }
 
-COLUMNS = ("tier", "stratum", "n", "P(truth)", *_RATES, "closure error", "s")
+COLUMNS = (
+    *("tier", "stratum", "n", "P(truth)", *_RATES, "of the oracle's", "oracle's P(truth)"),
+    *("closure error", "s"),
+)
 """Headings; those that name a share are in per cent with Wilson's interval at 95 %."""
 
 DROPPABLE = (
     *("missed %", "companion %", "one right %", "covered %", "in class %", "honest class %"),
+    *("oracle's P(truth)", "oracle %", "of the oracle's"),
     *("unknown or class %", "s", "closure error", "where %"),
 )
 """What a narrow terminal can do without, the first one first."""
@@ -337,7 +375,12 @@ def _texts(row: Row, tier: str) -> list[str]:
     error = "" if row.closure_error is None else f"{row.closure_error:.3f}"
     seconds = "" if row.median_seconds is None else f"{row.median_seconds:.1f}"
     rates = (_rate(row.rates[name]) for name in _RATES.values())
-    return [tier, stratum, str(row.campaigns), f"{row.probability:.2f}", *rates, error, seconds]
+    share = of_oracle(row.rates["beside_oracle"], row.rates["oracle"])
+    oracle = ["" if share is None else share.text.replace(" %", "")]
+    sure = row.oracle_probability
+    oracle.append("" if sure is None else f"{sure:.2f}")
+    ours = [tier, stratum, str(row.campaigns), f"{row.probability:.2f}"]
+    return [*ours, *rates, *oracle, error, seconds]
 
 
 def _rate(rate: Rate) -> str:

@@ -1,6 +1,7 @@
 """The runner of the withheld check, with a diagnosis that always gives one answer."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,24 +42,36 @@ def scored(verdict: str, hidden: CampaignTruth, **more: Any) -> Score:
     return score("c", read_answer(document(verdict), "c"), hidden, **more)
 
 
-def test_targets_are_held_by_tier_and_stratum() -> None:
+def test_targets_are_held_by_tier_and_beside_the_oracle() -> None:
     scores = [
-        scored("rate", truth("rate"), seconds=2.0),
-        scored("rate", truth("rate", snr=3.0), seconds=12.0),
-        scored("skin", truth("rate", snr=3.0)),
+        replace(scored("rate", truth("rate"), seconds=2.0, megabytes=400.0), oracle=True),
+        replace(scored("rate", truth("rate", snr=3.0), seconds=12.0), oracle=False),
+        replace(scored("skin", truth("rate", snr=3.0)), oracle=True),
+        scored("skin", truth("rate", snr=3.0)),  # the oracle was not asked
+        replace(scored("skin", truth("rate", tier="other")), oracle=True),
         scored("rate", truth(tier="none")),
         scored("rate+skin", truth("rate", "skin", tier="pair")),
+        replace(scored("unknown", truth("rate"), without=["rate"]), tier=LEFT_OUT, oracle=False),
     ]
     by_name = {t.name: t for t in targets(scores, 30)}
-    assert by_name["library, SNR > 4: top-1"].got == "100 % [21, 100] (1/1)"
-    assert by_name["library, SNR 2-4: top-1"].got == "50 % [9, 91] (1/2)"
-    assert by_name["library, SNR 2-4: top-1"].met is False
+    library = by_name["library: named, of what the oracle names"]
+    # ours 2 of 3, the oracle's 2 of 3; Wilson's 21 to 94 % of 3 are 31 to 141 % of 2
+    assert library.got == "100 % [31, 141] (2/2)"
+    assert library.met
+    assert by_name["other forms: named, of what the oracle names"].got == "0 % [0, 79] (0/1)"
+    assert by_name["one effect: truth in the class"].got == "40 % [12, 77] (2/5)"
+    assert by_name["left out: unknown or a class"].met
     assert by_name["none: false alarm"].met is False
     assert by_name["two effects: both"].met
-    assert by_name["other forms: top-1"].met is None
-    # one of 12 s; 10 s are allowed for 30 specimens, 60 s for 120
+    assert by_name["campaigns, the fewest of library, other, left out and none"].met is False
+    assert by_name["how far: median closure error"].met is None
+    # one of 12 s; 10 s are allowed for 30 specimens, 30 s for 120
     assert by_name["cost: longest of 30 specimens"].met is False
-    assert targets(scores, 120)[-1].met
+    assert by_name["cost: most memory of a process"].got == "400 MB"
+    assert targets(scores, 120)[-2].met
+    row = summarise(scores).row("library")
+    assert row is not None
+    assert (row.rates["oracle"].hits, row.rates["beside_oracle"].of) == (2, 3)
 
 
 def test_what_an_effect_left_out_leaves() -> None:
@@ -157,7 +170,18 @@ def test_a_method_is_scored_on_the_final_set_once(
     assert main([*command, "--log", str(log)]) == 2
     assert "scored on the final set already, with seed 4" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+    log.write_text(
+        log.read_text(encoding="utf-8").replace("| left out |", "| left out, as it was |"),
+        encoding="utf-8",
+    )
+    check_not_scored(log, "d" * 64)  # the log's last table has other figures
+    with pytest.raises(FileError, match="scored on the final set already"):
+        check_not_scored(log, method)
+    append_run(log, results("d" * 64), "d" * 64)
     lines = log.read_text(encoding="utf-8").splitlines()
+    assert sum(line.startswith("| planner") for line in lines) == 2
+    assert lines.pop().split(" | ")[1] == "d" * 16
+    lines = lines[:-3]  # without the second table's head and what is between
     assert [line.split(" | ")[1] for line in lines[-3:]] == ["c" * 16, method[:16], method[:16]]
     assert lines[-1].split(" | ")[-3:-1] == ["-0.25", "-13.82"]
     other = tmp_path / "page.md"

@@ -25,7 +25,7 @@ from benchmarks.withheld.reality.sealing import seal, sha256
 from benchmarks.withheld.reality.tiers import TIERS
 from benchmarks.withheld.reality.writing import write_campaign
 
-_PALETTE = Path(__file__).parents[3] / "printers/connex3/palettes/connex3-tango-vero.toml"
+PALETTE = Path(__file__).parents[3] / "printers/connex3/palettes/connex3-tango-vero.toml"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -65,7 +65,7 @@ def _make(options: argparse.Namespace) -> int:
     try:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
         tiers = list(TIERS) if options.tier == "all" else [options.tier]
-        most = _at_most(options.at_most)
+        most = at_most(options.at_most)
         camera = Camera(options.facet_mm, options.spacing_mm, options.states_facet)
         campaigns = [
             # Tiers of one set share no design and no noise
@@ -104,7 +104,14 @@ def _make(options: argparse.Namespace) -> int:
     return 0
 
 
-def _at_most(texts: list[str]) -> dict[str, int]:
+def at_most(texts: list[str]) -> dict[str, int]:
+    """Read what `--at-most` says.
+
+    Raises
+    ------
+    ValueError
+        It is not a tier and a count.
+    """
     most = {}
     for text in texts:
         tier, _, count = text.partition("=")
@@ -125,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     more.add_argument("--truth", type=Path, required=True, help="what was sealed with it")
     more.add_argument("--tests", type=Path, required=True, help="the tests, a JSON list")
     more.add_argument("--turn", type=int, default=1, help="another one scatters otherwise")
-    more.add_argument("--palette", type=Path, default=_PALETTE, help="that it was made with")
+    more.add_argument("--palette", type=Path, default=PALETTE, help="that it was made with")
     more.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     more.set_defaults(run=_more)
     make = commands.add_parser(
@@ -148,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument("--spacing-mm", type=float, metavar="MM",
                       help="from place to place (default 28 places a bar)")  # fmt: skip
     make.add_argument("--states-facet", action="store_true", help="write facet_mm into fields.csv")
-    make.add_argument("--palette", type=Path, default=_PALETTE, help="a palette file")
+    make.add_argument("--palette", type=Path, default=PALETTE, help="a palette file")
     make.add_argument("--truth", type=Path, help="default: DIR.truth.json beside DIR")
     make.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     return parser

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.withheld.reality.bench import Bench, FloatArray
 
-__all__ = ["FIELD_ROWS", "USUAL", "Camera", "field_detectability", "measured_strain"]
+__all__ = ["FIELD_ROWS", "USUAL", "Camera", "field_detectability", "measured_strain", "strain_sd"]
 
 FIELD_ROWS = np.arange(15, 121, 15)
 _PLACES = 28
@@ -75,7 +75,7 @@ def measured_strain(
     for i, (x, seen) in enumerate(
         zip(camera.positions_mm(bench), camera.seen(bench, strain), strict=True)
     ):
-        noisy = seen + rng.normal(size=seen.shape) * _sd(seen)
+        noisy = seen + rng.normal(size=seen.shape) * strain_sd(seen)
         found.append((bench.motion.time_s[i, FIELD_ROWS], x, np.round(noisy, 5)))
     return found
 
@@ -86,10 +86,12 @@ def field_detectability(
     """Return how many standard errors the camera's strains lie from those without an effect."""
     pairs = zip(camera.seen(bench, strain), camera.seen(bench, plain), strict=True)
     squares = [
-        np.sum(((with_effect - without) / _sd(without)) ** 2) for with_effect, without in pairs
+        np.sum(((with_effect - without) / strain_sd(without)) ** 2)
+        for with_effect, without in pairs
     ]
     return float(np.sqrt(np.sum(squares)))
 
 
-def _sd(strain: FloatArray) -> FloatArray:
+def strain_sd(strain: FloatArray) -> FloatArray:
+    """Return the standard deviation of the camera's noise."""
     return _SD + _RELATIVE_SD * np.abs(strain)

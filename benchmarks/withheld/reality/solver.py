@@ -61,7 +61,11 @@ class _Curves:
     def _place(self, strain: FloatArray) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
         """Return the entry at or below a strain, the share of its cell, and the cell's width."""
         strain = np.maximum(strain, 0.0)
-        cell = np.searchsorted(self._strains[1:-1], strain, side="right")
+        share = strain / self._strains[-1]
+        if self._strains is not STRAINS:
+            share = np.sqrt(share)  # as the cells of `_before_it_faded` grow
+        last = len(self._strains) - 2
+        cell = np.minimum((share * (last + 1)).astype(np.int64), last)
         width = self._strains[cell + 1] - self._strains[cell]
         return self._first + cell, (strain - self._strains[cell]) / width, width
 
