@@ -195,15 +195,16 @@ def _how_far(d: Diagnosis) -> str:
             "How far it closes cannot be checked, as no condition can be left out of the fit: "
             f"{before}, and {floor}."
         )
+    added = "it is" if len(d.verdict.split("+")) == 1 else "they are"
     missed = f"{percent(gap.after)} of a test's largest force"
     if gap.negative_transfer:
         return (
-            "Once it is added, tests that were left out of the fit are predicted worse, by "
+            f"Once {added} added, tests that were left out of the fit are predicted worse, by "
             f"{missed} in place of {percent(gap.before)}: do not use it."
         )
     change = "falls" if gap.after < gap.before else "changes"
     return (
-        f"Once it is added, the error on tests that were left out of the fit {change} from "
+        f"Once {added} added, the error on tests that were left out of the fit {change} from "
         f"{percent(gap.before)} to {missed}; {floor}{_closed(gap, gap.after)}."
     )
 

@@ -223,9 +223,10 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
     yield f"<title>{escape(d.campaign)}: {escape(d.verdict)}</title>"
     yield f"<style>{_STYLE}</style>\n</head>\n<body>"
-    yield f"<header>\n<h1>{escape(headline(d))}</h1>"
-    yield f'<p class="quiet">{escape(scope(d))}</p>\n</header>\n<main>'
+    yield f"<header>\n<h1>{escape(d.campaign)}</h1>"
     yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
+    yield f'<p class="quiet">{escape(headline(d))}</p>'
+    yield f'<p class="quiet">{escape(scope(d))}</p>\n</header>\n<main>'
     for section in verdict_sections(d):
         yield from _section(section)
     if figures:

@@ -214,9 +214,10 @@ def _table_lines(table: Table, width: int) -> list[str]:
     """Return a table's lines; a row as a sentence where it is too wide."""
     cells = (table.columns, *table.rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    if len(_INDENT) + sum(widths) + 2 * (len(widths) - 1) <= width:
-        rows = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in cells)
-        return [f"{_INDENT}{row}".rstrip() for row in rows]
+    for gap in ("  ", " "):
+        if len(_INDENT) + sum(widths) + len(gap) * (len(widths) - 1) <= width:
+            rows = (gap.join(map(str.ljust, row, widths)) for row in cells)
+            return [f"{_INDENT}{row}".rstrip() for row in rows]
     named = (zip(table.columns, row, strict=True) for row in table.rows)
     texts = (", ".join(f"{name} {cell}".strip() for name, cell in row if cell) for row in named)
     return [line for t in texts for line in _wrapped(t, width, f"{_INDENT}- ", f"{_INDENT}  ")]
@@ -474,8 +475,10 @@ def _next_cells(number: str, x: Experiment) -> dict[str, str]:
 
 
 def _next_reason(x: Experiment, verdict: str) -> str:
-    """Return what a test is good for, and its hours."""
+    """Return what a test is good for, and the hours of its specimens together."""
     of_verdict = [pair for pair in x.splits if verdict in pair] or x.splits
     told = "; and ".join(_split_words(*pair) for pair in of_verdict[:_SPLITS])
-    asked = f"{told}?" if told else "shifts the odds between causes, but settles nothing alone."
-    return asked + (f" About {number_words(x.hours, 2)} h of work." if x.hours > 0.0 else "")
+    asked = (
+        f"{told}?" if told else "the odds between causes shift, but no two are told apart for sure."
+    )
+    return asked + (f" About {number_words(x.hours, 2)} h of work each." if x.hours > 0.0 else "")
