@@ -599,7 +599,7 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
             SpecimenColumn(
                 "gauge_mm", "gauge length", "at a gauge of {} mm",
                 called=("gauge", "gauge length", "gage", "gage length"),
-                plausible=_GAUGES_MM, tolerance=(0.0, 0.02), is_size=True,
+                plausible=_GAUGES_MM, tolerance=(0.0, 0.1), is_size=True,
             ),
         )
     }

@@ -19,6 +19,7 @@ __all__ = [
     "Specimen",
     "StrainField",
     "axis_columns",
+    "condition_groups",
     "levels",
     "named",
     "replicate_groups",
@@ -244,13 +245,12 @@ def levels(
     return tuple(found)
 
 
-def _condition_keys(
-    specimens: Sequence[Specimen], *, with_batch: bool = False
-) -> tuple[Hashable, ...]:
+def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
     """Return a key for each specimen; equal keys mean made and tested alike.
 
     Material or design, nominal size, orientation, protocol, rate, temperature, soaking and age
     count, figures within `TOLERANCES`; further columns do not. Two unknowns count as alike.
+    Gauge lengths that were measured one by one differ by some per cent and are one length.
     """
     columns = [
         levels([getattr(s, name) for s in specimens], *tolerance)
@@ -263,18 +263,39 @@ def _condition_keys(
             s.orientation,
             s.protocol,
             s.pushed,
-            s.batch if with_batch else None,
             *(column[i] for column in columns),
         )
         for i, s in enumerate(specimens)
     )
 
 
+def condition_groups(specimens: Sequence[Specimen]) -> tuple[tuple[int, ...], ...]:
+    """Return the places of specimens of one prediction, in order of appearance, singles included.
+
+    Further columns, which no prediction knows, do not count.
+    """
+    return _grouped(_condition_keys(specimens))
+
+
 def replicate_groups(
     specimens: Sequence[Specimen], *, with_batch: bool = False
 ) -> tuple[tuple[int, ...], ...]:
-    """Return the places of specimens that are alike, in order of appearance, singles included."""
-    return _grouped(_condition_keys(specimens, with_batch=with_batch))
+    """Return the places of specimens that are alike, in order of appearance, singles included.
+
+    Further columns count where they are conditions: a laboratory, a treatment. A condition is
+    repeated, what is a specimen's own is not, a serial number or the humidity at its test. So a
+    column counts that leaves at least half of what there is to compare, as specimens less groups;
+    columns are asked in their order, each with those before that count.
+    """
+    keys: list[Hashable] = list(_condition_keys(specimens))
+    least = 0.5 * (len(keys) - len(set(keys)))
+    for name in dict.fromkeys(name for s in specimens for name in s.covariates):
+        finer = [(key, s.covariates.get(name)) for key, s in zip(keys, specimens, strict=True)]
+        if len(finer) - len(set(finer)) >= least:
+            keys = [*finer]
+    if with_batch:
+        keys = [(key, s.batch) for key, s in zip(keys, specimens, strict=True)]
+    return _grouped(keys)
 
 
 def _grouped(keys: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:

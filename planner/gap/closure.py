@@ -358,7 +358,7 @@ def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
     peaks = peak[:, 0]
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
-    for members in problem.model.tests:
+    for members in problem.model.replicates:
         if len(members) > 1:
             rows = np.array(members)
             # Relative to the group's mean peak: each one's own would hide its level.

@@ -257,7 +257,7 @@ def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
     bars: dict[tuple[int, bytes], list[FloatArray]] = {}
     for number in np.unique(table.specimen[table.is_field]).tolist():
         rows = np.flatnonzero(table.is_field & (table.specimen == number))
-        key = int(table.test[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
+        key = int(table.replicates[rows[0]]), np.round(table.x_mm[rows], 3).tobytes()
         bars.setdefault(key, []).append(y[rows])
     squares, freedom = 0.0, 0
     for alike in bars.values():
@@ -837,8 +837,8 @@ def _outlying_axes(case: _Case) -> Iterator[Axis]:
     """Specimens against their replicates: noise with stray specimens is drawn."""
     whitening = case.whitening
     level = _strain_shapes(case.table)[:, 0]
-    test = case.table.test[whitening.starts[:-1]]
-    found = outlying_replicates(whitening, level, case.residual, test, len(case.signs), case.rng)
+    alike = case.table.replicates[whitening.starts[:-1]]
+    found = outlying_replicates(whitening, level, case.residual, alike, len(case.signs), case.rng)
     if found is None:
         return
     basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))

@@ -541,7 +541,7 @@ def outlying_replicates(
     level : (N,)
         What a gap of one unit looks like in every force.
     test : (n,)
-        Of each specimen.
+        Number of each specimen's replicates.
     """
     phi = whitening.noise.whiten(level)
     information = whitening.summed(phi**2)

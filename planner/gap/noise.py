@@ -385,12 +385,12 @@ def _half_deviance(values: FloatArray, covariance: FloatArray) -> float:
 
 
 def _groups(table: FeatureTable) -> list[list[IntArray]]:
-    """Return, for each test with two specimens or more, the rows of each."""
+    """Return, for each two replicates or more, the rows of each."""
     found: dict[int, dict[int, list[int]]] = {}
-    for row, (test, specimen) in enumerate(
-        zip(table.test.tolist(), table.specimen.tolist(), strict=True)
+    for row, (alike, specimen) in enumerate(
+        zip(table.replicates.tolist(), table.specimen.tolist(), strict=True)
     ):
-        found.setdefault(test, {}).setdefault(specimen, []).append(row)
+        found.setdefault(alike, {}).setdefault(specimen, []).append(row)
     groups = []
     for specimens in found.values():
         lengths = {len(rows) for rows in specimens.values()}

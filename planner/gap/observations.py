@@ -7,7 +7,13 @@ import numpy as np
 
 from planner.errors import FileError
 from planner.gap.camera import BINS_MOST, FACET_LENGTHS, Bins, bins_of, frames_of
-from planner.gap.campaign import Campaign, Specimen, named, replicate_groups
+from planner.gap.campaign import (
+    Campaign,
+    Specimen,
+    condition_groups,
+    named,
+    replicate_groups,
+)
 from planner.gap.segments import (
     STEPS,
     Path,
@@ -65,6 +71,8 @@ class FeatureTable:
         Place in the campaign, rising.
     test : (N,)
         The test of the forward model that predicts it.
+    replicates : (N,)
+        Number of the specimens, of one test, that differ by scatter alone.
     step : (N,)
         Its step there.
     branch : (N,)
@@ -89,6 +97,7 @@ class FeatureTable:
 
     specimen: IntArray
     test: IntArray
+    replicates: IntArray
     step: IntArray
     branch: IntArray
     strain: FloatArray
@@ -171,6 +180,7 @@ _STRAIN_FLOOR = 0.01
 def _feature_table(
     specimens: Sequence[Specimen],
     tests: Sequence[ReplicateTest],
+    alike: IntArray,
     paths: Mapping[int, Path],
     setup: Setup,
     measured_N: FloatArray,
@@ -181,6 +191,8 @@ def _feature_table(
 
     Parameters
     ----------
+    alike : (n,)
+        Number of each specimen's replicates.
     peak_N
         Of each test, as the palette's laws predict it.
     """
@@ -228,6 +240,7 @@ def _feature_table(
     table = FeatureTable(
         specimen=specimen,
         test=of_test,
+        replicates=alike[specimen],
         step=step,
         branch=branch,
         strain=strain,
@@ -267,6 +280,8 @@ class ObservationModel:
         The palette's.
     tests
         Places in the campaign of each test's specimens.
+    replicates
+        The same, a test's specimens apart that a further column tells apart.
     test_of : (n,)
         The other way about; -1 for a specimen that is left out.
     table
@@ -287,6 +302,7 @@ class ObservationModel:
     setup: Setup
     laws: LawTables
     tests: tuple[tuple[int, ...], ...]
+    replicates: tuple[tuple[int, ...], ...]
     test_of: IntArray
     table: FeatureTable
     field_weights: FieldWeights
@@ -334,9 +350,11 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     """
     laws = law_tables(campaign.palette)
     specimens = campaign.specimens
-    found = {place: path_of(s) for place, s in enumerate(specimens)}
-    paths = {place: path for place, path in found.items() if path is not None}
-    limits = {place: _coupon_limit_mm(specimens[place], campaign.palette) for place in paths}
+    paths = _paths(specimens)
+    limits = {
+        place: path.gauge_mm * _coupon_limit(specimens[place], campaign.palette)
+        for place, path in paths.items()
+    }
     past: set[int] = set()
     for _ in range(_ROUNDS):
         short = {place: cut_path(path, limits[place]) for place, path in paths.items()}
@@ -358,16 +376,23 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         )
     measured = _measured(specimens, tests, paths)
     sensor = np.array([_sensor_sd_N(specimen.force_N) for specimen in specimens])
-    table, weights = _feature_table(
-        specimens, tests, paths, setup, measured, sensor, np.abs(prediction.force_N).max(axis=1)
-    )
-    test_of = np.full(len(specimens), -1)
+    test_of, alike = np.full((2, len(specimens)), -1)
     for number, test in enumerate(tests):
         test_of[list(test.places)] = number
+    replicates = tuple(
+        tuple(place for place in group if test_of[place] == number)
+        for group in replicate_groups(specimens)
+        for number in sorted({int(test_of[place]) for place in group} - {-1})
+    )
+    for number, places in enumerate(replicates):
+        alike[list(places)] = number
+    peaks = np.abs(prediction.force_N).max(axis=1)
+    table, weights = _feature_table(specimens, tests, alike, paths, setup, measured, sensor, peaks)
     return ObservationModel(
         setup=setup,
         laws=laws,
         tests=tuple(test.places for test in tests),
+        replicates=replicates,
         test_of=test_of,
         table=table,
         field_weights=weights,
@@ -377,20 +402,27 @@ def observation_model(campaign: Campaign) -> ObservationModel:
     )
 
 
+def _paths(specimens: Sequence[Specimen]) -> dict[int, Path]:
+    """Return the paths of specimens that load, those of one prediction on the first one's gauge."""
+    paths: dict[int, Path] = {}
+    for group in condition_groups(specimens):
+        found = {place: path_of(specimens[place]) for place in group}
+        loading = {place: path for place, path in found.items() if path is not None}
+        for place, path in loading.items():
+            paths[place] = path.on_gauge(next(iter(loading.values())).gauge_mm)
+    return dict(sorted(paths.items()))
+
+
 def _tests(specimens: Sequence[Specimen], paths: Mapping[int, Path]) -> list[ReplicateTest]:
-    """Gather replicates that went the same way; each with the first that it agrees with."""
+    """Gather specimens that went the same way; each with the first that it agrees with."""
     tests: list[ReplicateTest] = []
-    for group in replicate_groups(specimens):
+    for group in condition_groups(specimens):
         alike: list[list[int]] = []
         for place in group:
             if place not in paths:
                 continue
             for others in alike:
-                first = others[0]
-                same_gauge = np.isclose(
-                    specimens[place].gauge_mm, specimens[first].gauge_mm, rtol=2e-3
-                )
-                if same_gauge and same_path(paths[first], paths[place]):
+                if same_path(paths[others[0]], paths[place]):
                     others.append(place)
                     break
             else:
@@ -447,13 +479,14 @@ def _sensor_sd_N(force_N: FloatArray) -> float:
     return max(noise, digit / np.sqrt(12.0)) if rounded.all() else noise
 
 
-def _coupon_limit_mm(specimen: Specimen, palette: Palette) -> float:
+def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
+    """Return the largest strain up to which a specimen may be compared."""
     among = palette.materials
     if specimen.pushed:
-        return PUSHED_END * specimen.gauge_mm
+        return PUSHED_END
     if specimen.material is not None:
         among = (palette.resolve(specimen.material),)
-    return _BREAK_SHARE * max(m.elongation_at_break for m in among) * specimen.gauge_mm
+    return _BREAK_SHARE * max(m.elongation_at_break for m in among)
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:

@@ -102,6 +102,8 @@ class Path:
         What was taken off the record's time.
     broken
         Whether the segments end at the specimen's break.
+    gauge_mm
+        What travel over it is the nominal strain.
     """
 
     segments: tuple[Segment, ...]
@@ -110,12 +112,24 @@ class Path:
     force_N: FloatArray
     shift_s: float
     broken: bool
+    gauge_mm: float
 
     @property
     def speed_mm_s(self) -> float:
         """Of the first loading."""
         segment = self.segments[0]
         return (segment.end_mm - segment.begin_mm) / (segment.end_s - segment.begin_s)
+
+    def on_gauge(self, gauge_mm: float) -> "Path":
+        """Return the path to the same strains of another gauge length."""
+        ratio = gauge_mm / self.gauge_mm
+        if ratio == 1.0:
+            return self
+        segments = tuple(
+            replace(s, begin_mm=ratio * s.begin_mm, end_mm=ratio * s.end_mm) for s in self.segments
+        )
+        travel = ratio * self.travel_mm
+        return replace(self, segments=segments, travel_mm=travel, gauge_mm=gauge_mm)
 
 
 def path_of(specimen: Specimen) -> Path | None:
@@ -152,7 +166,15 @@ def path_of(specimen: Specimen) -> Path | None:
             continue
         segments.append(Segment(kind, first, last, begin_s, end_s, begin_mm, end_mm))
         begin_s, begin_mm = end_s, end_mm
-    return Path(_in_groups(segments), time - zero_s, travel, specimen.force_N, zero_s, broken)
+    return Path(
+        segments=_in_groups(segments),
+        time_s=time - zero_s,
+        travel_mm=travel,
+        force_N=specimen.force_N,
+        shift_s=zero_s,
+        broken=broken,
+        gauge_mm=specimen.gauge_mm,
+    )
 
 
 def _in_groups(segments: Sequence[Segment]) -> tuple[Segment, ...]:
@@ -648,12 +670,12 @@ def _mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
     return np.asarray(np.maximum.accumulate(times) + least * np.arange(len(times)))
 
 
-def _slice_bounds_mm(specimen: Specimen) -> FloatArray:
+def _slice_bounds_mm(specimen: Specimen, gauge_mm: float) -> FloatArray:
     """Return the edges of a specimen's slices along the drawn gauge."""
     if specimen.profile is None:
-        return np.array([0.0, specimen.gauge_mm])
+        return np.array([0.0, gauge_mm])
     edges = slice_edges_mm(specimen.profile)
-    return np.asarray(edges * (specimen.gauge_mm / edges[-1]))
+    return np.asarray(edges * (gauge_mm / edges[-1]))
 
 
 def assemble(
@@ -661,7 +683,11 @@ def assemble(
 ) -> Setup:
     """Return the setup: as printed, by the palette's laws, in a rigid machine."""
     groups = [[campaign.specimens[place] for place in test.places] for test in tests]
-    bounds = [_slice_bounds_mm(group[0]) for group in groups]
+    gauge = np.array([paths[test.places[0]].gauge_mm for test in tests])
+    bounds = [
+        _slice_bounds_mm(group[0], length)
+        for group, length in zip(groups, gauge.tolist(), strict=True)
+    ]
     counts = [len(b) - 1 for b in bounds]
     coordinate, area = [], []
     for group, b in zip(groups, bounds, strict=True):
@@ -684,7 +710,6 @@ def assemble(
     known["orientation"] = np.array([o is not None for o in orientations])
     always = np.ones(len(tests), dtype=np.bool_)
     known.update(rate_per_s=always, rate_mm_s=always, gauge_mm=always)
-    gauge = np.array([np.mean([s.gauge_mm for s in group]) for group in groups])
     rate = np.array([np.mean([paths[place].speed_mm_s for place in t.places]) for t in tests])
     first_slice = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return Setup(

@@ -131,7 +131,7 @@ def case_of(specimens: Sequence[Specimen], *, log_sd: float = 0.15) -> Case:
     n = len(of)
     big = np.full(n, 100.0)
     table = FeatureTable(
-        of, np.array(alike(specimens))[of], np.zeros(n, int), np.array(rows["branch"]),
+        of, *2 * [np.array(alike(specimens))[of]], np.zeros(n, int), np.array(rows["branch"]),
         np.array(rows["strain"]), np.array(rows["time"]), np.array(rows["x"]), np.ones(n),
         np.arcsinh(big / 2.0), big, np.zeros(n), np.zeros((n, 0)),
     )  # fmt: skip

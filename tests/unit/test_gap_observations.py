@@ -234,6 +234,54 @@ def test_another_pace_is_another_test():
     np.testing.assert_allclose(found.setup.rate_per_s * GAUGE_MM, [1.0, 0.5], rtol=1e-6)
 
 
+def test_measured_gauges_are_replicates_at_the_same_strains():
+    rng = np.random.default_rng(8)
+    gauges = (26.1, 25.7, 26.4)
+    whole = [specimen(f"{g}", rng=rng) for g in gauges]
+    specimens = [
+        replace(s, gauge_mm=g, displacement_mm=s.displacement_mm * g / GAUGE_MM)
+        for s, g in zip(whole, gauges, strict=True)
+    ]
+    found = observation_model(campaign(*specimens))
+    assert found.tests == ((0, 1, 2),)
+    assert found.setup.gauge_mm.tolist() == [26.1]
+    assert found.setup.travel_mm[0, -1] == pytest.approx(26.1 * 12.0 / GAUGE_MM)
+    # Local parabolas even out some noise; four deviations of the difference of two.
+    np.testing.assert_allclose(found.measured_N[1:], found.measured_N[[0, 0]], atol=5.7 * NOISE_N)
+    raw = found.predicted(predict(found.setup, LAWS))
+    assert np.abs(raw - found.table.measured_raw).max() < 4.5 * NOISE_N
+    other = replace(specimens[0], id="c", gauge_mm=30.0)
+    assert len(observation_model(campaign(*specimens, other)).tests) == 2
+
+
+def told(column, cells):
+    """Six specimens of each of two materials, and a further column."""
+    made = [specimen(f"{m}{k}", material=m) for m in ("soft", "firm") for k in range(6)]
+    return [replace(s, covariates={column: cell}) for s, cell in zip(made, cells, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("cells", "sizes"),
+    [
+        (["A", "B"] * 6, [3, 3, 3, 3]),  # a treatment
+        ([10.0, 20.0, 30.0] * 4, [2] * 6),  # a setting
+        (["A"] * 6 + ["B"] * 6, [6, 6]),  # goes with the material anyway
+        ([f"S{k}" for k in range(12)], [6, 6]),  # serial numbers
+        ([40.0 + 0.7 * k for k in range(12)], [6, 6]),  # humidity as it was
+        ([f"slot {k}" for k in range(6)] * 2, [6, 6]),  # one place of the tray each
+        (["A"] * 5 + ["B"] + ["A"] * 6, [5, 1, 6]),
+    ],
+)
+def test_a_further_column_that_was_repeated_tells_replicates_apart(cells, sizes):
+    found = observation_model(campaign(*told("column", cells)))
+    # What nothing predicts otherwise is one test of the forward model all the same.
+    assert [len(test) for test in found.tests] == [6, 6]
+    assert sorted(map(len, found.replicates)) == sorted(sizes)
+    alike = [np.unique(found.table.specimen[found.table.replicates == k]).tolist()
+             for k in range(len(sizes))]  # fmt: skip
+    assert [tuple(places) for places in alike] == list(found.replicates)
+
+
 def test_measured_sections_are_allowed_for():
     thick = specimen("b", factor=1.1, measured_width_mm=11.0, measured_thickness_mm=3.0)
     found = observation_model(campaign(specimen("a"), thick))

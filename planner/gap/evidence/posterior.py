@@ -289,7 +289,7 @@ def heterogeneity_caution(problem: Problem) -> str | None:
     """Return what to tell of replicates that are not alike; None where they are."""
     if not _heterogeneous(problem):
         return None
-    columns = _telling(problem.campaign, problem.model.tests)
+    columns = _telling(problem.campaign, problem.model.replicates)
     where = (
         f"they differ in column{'s' if len(columns) > 1 else ''} {', '.join(columns)}, which no "
         "effect claims"
