@@ -243,6 +243,27 @@ def test_frame_and_grips_take_travel_and_nothing_else() -> None:
         assert force[row] == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.parametrize(("kind", "set_name"), CASES)
+def test_slip_takes_its_travel_from_the_first_row_on(kind: str, set_name: str) -> None:
+    """Loaded, a specimen is stretched by travel less the slip of its own force."""
+    _, form = single("grip-slip", kind, set_name)
+    design, benches, _ = laboratory(set_name)
+    shape = form.draw(np.random.default_rng(3), design)
+    bench = form.apply(benches[0], form.high, shape)
+    assert bench.slip_mm is not None
+    response = solve(bench)
+    secant = bench.law.secant_MPa(bench.coordinate[:, 0])
+    for row in (1, 2, 20):  # loading in every protocol
+        force = response.force_N[:, row]
+        slipped, _ = bench.slip_mm(force)
+        strain = (bench.motion.displacement_mm[:, row] - slipped) / bench.design.gauge_mm
+        stress = strain * np.array(
+            [np.interp(e, STRAINS, s) for e, s in zip(strain, secant, strict=True)]
+        )
+        # The solver stops at 1e-9 mm of 0.07 mm travel or more
+        assert force == pytest.approx(stress * bench.area_mm2, rel=1e-6, abs=1e-7)
+
+
 def test_oversize_and_gain_and_unit_have_their_numbers() -> None:
     design, benches, plain = laboratory("development")
     effect, form = single("cross-section", "library", "development")

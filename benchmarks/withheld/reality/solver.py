@@ -213,10 +213,13 @@ def solve(bench: Bench) -> Response:
             damped = 1.0 if iteration < _FULL_STEPS else 0.5
             strain = strain + np.clip(damped * step, -_LARGEST_CORRECTION, _LARGEST_CORRECTION)
             force = force + damped * correction
-            if np.abs(bench.element_mm * step).max() < _TOLERANCE_MM:
+            # Strains may stand still while the force still moves, as where slip begins
+            moved = np.abs(bench.element_mm * step).max(axis=1)
+            moved = np.maximum(moved, np.abs(give.sum(axis=1) * correction))
+            if moved.max() < _TOLERANCE_MM:
                 break
         else:
-            open_ = ~(np.abs(bench.element_mm * step).max(axis=1) < _TOLERANCE_MM)
+            open_ = ~(moved < _TOLERANCE_MM)
             place = _Row(bench, history, scale, kept, past, largest_force)
             halved = equilibrium(place.bears_N, place.lost_mm, travel[:, row], bench.element_mm)
             force = np.where(open_, halved[0], force)
