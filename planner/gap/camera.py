@@ -12,8 +12,7 @@ from planner.simulation.bar_solver import Setup
 
 __all__ = [
     "BINS_MOST",
-    "FACET_LENGTHS",
-    "SHIFT_WEIGHT",
+    "SIDES",
     "Bins",
     "bins_of",
     "frames_of",
@@ -87,7 +86,7 @@ BINS_MOST = 16
 _PLACES_LEAST = 3
 """Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
 
-FACET_LENGTHS = 6
+_LENGTHS = 6
 """Equally likely lengths of a facet that nobody states, evenly from a point to the longest."""
 
 _LONGEST_SHARE = 0.1
@@ -98,8 +97,9 @@ _SHIFT_SHARE = 0.01
 """Standard deviation of where the gauge begins in the camera's picture, of the gauge: its ends are
 known no better than to twice that (see `campaign_folder`)."""
 
-SHIFT_WEIGHT = 1.0 / 6.0
-"""Of either side: a normal deviate stands at 0 and at -+sqrt(3), the latter with this weight."""
+SIDES = np.linspace(-2.0, 2.0, 7)
+"""Where places may lie, in such deviations: steps of 0.2 mm of a gauge of 32 mm, which is little
+beside a facet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,9 +112,9 @@ class Bins:
         Mean of the places in each.
     of_place : (p,)
         The bin of each place.
-    shares : (FACET_LENGTHS, 3, b, S)
-        What a bin sees of the slices' strains: with facets of each likely length, its places
-        where they are said to be, then to either side.
+    shares : (L, sides, b, S)
+        What a bin sees of the slices' strains: with facets of each likely length, or of the stated
+        one, and places aside from where they are said to be by each of `SIDES`.
     overlap : (b, b)
         Mean share of a facet that places of two bins have in common.
     """
@@ -172,21 +172,18 @@ def bins_of(field: StrainField, setup: Setup, number: int) -> Bins:
 
     if field.facet_mm is None:
         longest = max(_LONGEST_SHARE * gauge, float(np.median(np.diff(x))))
-        lengths = np.linspace(0.0, longest, FACET_LENGTHS).tolist()
+        lengths = np.linspace(0.0, longest, _LENGTHS).tolist()
     else:
         lengths = [field.facet_mm]
-    aside = np.sqrt(3.0) * _SHIFT_SHARE * gauge
-    shares = np.array(
-        [
-            [binned(seen_shares(setup, number, x + by, facet)) for by in (0.0, -aside, aside)]
-            for facet in lengths
-        ]
-    )
+    aside = x + _SHIFT_SHARE * gauge * SIDES[:, None]
+    of_length = [seen_shares(setup, number, aside.ravel(), facet) for facet in lengths]
+    places = np.reshape(of_length, (len(lengths), *aside.shape, -1))
+    shares = np.add.reduceat(places, first, axis=2) / size
     far = np.abs(np.subtract.outer(x, x))
     alike = np.mean([np.maximum(1.0 - far / max(w, _POINT_MM), 0.0) for w in lengths], axis=0)
     return Bins(
         x_mm=binned(x[:, None])[:, 0],
         of_place=of_place,
-        shares=np.broadcast_to(shares, (FACET_LENGTHS, *shares.shape[1:])),
+        shares=shares,
         overlap=binned(binned(alike).T),
     )

@@ -2,16 +2,18 @@
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
+import scipy.special
 
-from planner.gap.camera import FACET_LENGTHS, SHIFT_WEIGHT
+from planner.gap.camera import SIDES
 from planner.gap.campaign import Campaign
 from planner.gap.observations import FeatureTable
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.bar_solver import Setup
 
@@ -26,6 +28,7 @@ __all__ = [
     "estimate_scatter",
     "field_columns",
     "likeliest_facet",
+    "likeliest_sides",
     "seen_otherwise",
     "specimen_noise",
 ]
@@ -150,18 +153,12 @@ def _specimen_block(
     sensor_sd_N: FloatArray,
     rows: slice,
 ) -> FloatArray:
-    """Return the covariance of one specimen's rows, (d, d)."""
-    of_bar = np.flatnonzero(table.is_field[rows])
-    block = np.zeros((rows.stop - rows.start,) * 2)
-    if len(of_bar):
-        first = rows.start + int(of_bar[0])
-        block[of_bar[0] :, of_bar[0] :] = _field_block(
-            table, sensitivity, scatter, slice(first, rows.stop)
-        )
-        rows = slice(rows.start, first)
-    force = len(block) - len(of_bar)
-    block[:force, :force] = _force_block(table, sensitivity, scatter, sensor_sd_N, rows)
-    return block
+    """Return the covariance of one specimen's rows, (d, d): forces, then strains along a bar."""
+    stop = rows.stop - int(table.is_field[rows].sum())
+    return scipy.linalg.block_diag(
+        _force_block(table, sensitivity, scatter, sensor_sd_N, slice(rows.start, stop)),
+        _field_block(table, sensitivity, scatter, slice(stop, rows.stop)),
+    )
 
 
 def _force_block(
@@ -330,21 +327,20 @@ def estimate_scatter(
     residual : (N,)
         Transformed measurements less what the palette predicts, which knows what places each
         replicate was seen at.
-    aside : (N, 2)
-        Change of the features were places to either side of where they are said to be.
+    aside : (N,)
+        Change of the features were places to the side of where they are said to be.
     """
-    groups = _groups(table)
-    seen = _field_scatter(table, sensitivity, residual, aside, groups)
+    groups = _groups(table, ~table.is_field)
+    seen = _field_scatter(table, sensitivity, residual, aside)
     freedom = sum(len(g) - 1 for g in groups)
     if not freedom:
         return _with(np.zeros(len(_NAMES)), seen, USUAL.log_sd, 0)
-    forces = [[r[~table.is_field[r]] for r in rows] for rows in groups]
-    contrasts = [_contrasts(table, rows, batch_of, residual) for rows in forces]
+    contrasts = [_contrasts(table, rows, batch_of, residual) for rows in groups]
 
     def cost(logs: FloatArray) -> float:
         scatter = _with(logs, seen, 0.0, freedom)
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
-        for rows, (values, batch_share) in zip(forces, contrasts, strict=True):
+        for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
             own = _force_block(table, sensitivity, scatter, sensor_sd_N, first)
             h = scatter.batch * sensitivity[first]
@@ -384,12 +380,11 @@ def _half_deviance(values: FloatArray, covariance: FloatArray) -> float:
     return float(np.log(np.diagonal(factor)).sum() + 0.5 * whitened @ whitened)
 
 
-def _groups(table: FeatureTable) -> list[list[IntArray]]:
-    """Return, for each two replicates or more, the rows of each."""
+def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
+    """Return, for each two replicates or more, the rows of each among some, (N,)."""
     found: dict[int, dict[int, list[int]]] = {}
-    for row, (alike, specimen) in enumerate(
-        zip(table.replicates.tolist(), table.specimen.tolist(), strict=True)
-    ):
+    for row in np.flatnonzero(of).tolist():
+        alike, specimen = int(table.replicates[row]), int(table.specimen[row])
         found.setdefault(alike, {}).setdefault(specimen, []).append(row)
     groups = []
     for specimens in found.values():
@@ -418,14 +413,12 @@ def _field_scatter(
     sensitivity: FloatArray,
     residual: FloatArray,
     aside: FloatArray,
-    groups: list[list[IntArray]],
 ) -> Scatter:
     """Return `USUAL` with the camera's own figures.
 
     Where replicates differ because their places lie to the side, it is not scatter.
     """
-    bars = [[r[table.is_field[r]] for r in rows] for rows in groups]
-    bars = [rows for rows in bars if len(rows[0])]
+    bars = _groups(table, table.is_field)
     contrasts = [scipy.linalg.helmert(len(rows)) @ residual[np.stack(rows)] for rows in bars]
 
     def scatter(logs: FloatArray) -> Scatter:
@@ -442,7 +435,7 @@ def _field_scatter(
         for rows, differences in zip(bars, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
             own = _field_block(table, sensitivity, scatter(logs), first)
-            own += aside[first] @ aside[first].T
+            own += np.outer(aside[first], aside[first])
             total += sum(_half_deviance(difference, own) for difference in differences)
         return total
 
@@ -492,59 +485,96 @@ def discrepancy_columns(
     return np.concatenate([force, *(force * of_it[:, None] for of_it in each)], axis=1)
 
 
-def likeliest_facet(table: FeatureTable, seen: FloatArray) -> int:
-    """Return which of the likely lengths of facets makes most of the local strains, by number.
+def likeliest_sides(table: FeatureTable, seen: FloatArray) -> IntArray:
+    """Return where a specimen's places seem to lie for each likely length of facets, (L, F).
+
+    An index into `SIDES`. No effect puts steps aside: the palette alone is asked.
 
     Parameters
     ----------
-    seen : (FACET_LENGTHS, 3, N)
-        As the palette alone predicts it, see `ObservationModel.seen`.
+    seen : (L, sides, F)
+        Strains of bins, by `FieldWeights.weight`, as the palette alone predicts them.
     """
-    field = table.is_field
-    costs = []
-    for k in range(len(seen) if np.ptp(seen[:, 0], axis=0).any() else 0):
-        strain = seen[k, 0]
-        residual = table.measured - table.transformed(strain)
-        sensitivity = table.sensitivity(np.maximum(np.abs(table.measured_raw), np.abs(strain)))
-        contrast = np.log(np.maximum(np.abs(strain), 1e-6))
-        off = _ROUGHLY * sensitivity * np.stack([np.ones_like(strain), contrast])
-        aside = seen_otherwise(table, seen, k)[1].T
-        cost = 0.0
-        for specimen in np.unique(table.specimen[field]):
-            at = np.flatnonzero(field & (table.specimen == specimen))
-            rows = slice(int(at[0]), int(at[-1]) + 1)
-            columns = np.concatenate([off[:, rows], aside[:, rows]])
-            block = _field_block(table, sensitivity, USUAL, rows) + columns.T @ columns
-            cost += _half_deviance(residual[rows], block)
-        costs.append(cost)
-    return int(np.argmin(costs)) if costs else 0
+    measured = table.measured[table.is_field]
+    half = 2.0 * table.floor[table.is_field]
+    sides = np.zeros((len(seen), len(half)), dtype=np.int64)
+    for side, of_length in zip(sides, seen, strict=True):
+        residual = measured - np.arcsinh(of_length / half)
+        for at, factor in _rough(table, of_length[len(SIDES) // 2]):
+            white = scipy.linalg.solve_triangular(factor, residual[:, at].T, lower=True)
+            side[at] = np.argmin(SIDES**2 + np.sum(white**2, axis=0))
+    return sides
+
+
+def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
+    """Return which of the likely lengths of facets makes most of the local strains, by number.
+
+    A boundary that bled looks like a longer facet. So that no length stands for what an effect
+    does, effects count for as much as none.
+
+    Parameters
+    ----------
+    strains : (K, L, F)
+        Strains of bins without an effect, then with one at a time.
+    """
+    if strains.shape[1] == 1:
+        return 0
+    measured = table.measured[table.is_field]
+    half = 2.0 * table.floor[table.is_field]
+    logs = []
+    for of_length in np.moveaxis(strains, 1, 0):
+        residual = measured - np.arcsinh(of_length / half)
+        log = np.zeros(len(residual))
+        for at, factor in _rough(table, of_length[0]):
+            white = scipy.linalg.solve_triangular(factor, residual[:, at].T, lower=True)
+            log -= np.log(np.diagonal(factor)).sum() + 0.5 * np.sum(white**2, axis=0)
+        effects = scipy.special.logsumexp(log[1:]) - math.log(max(len(log) - 1, 1))
+        logs.append(np.logaddexp(log[0], effects))
+    return int(np.argmax(logs))
+
+
+def _rough(table: FeatureTable, strain: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the rows of each specimen's strains, and their covariance's lower Cholesky factor.
+
+    As it is before anything is known of camera and bar.
+    """
+    field = np.flatnonzero(table.is_field)
+    larger = np.zeros(len(table))
+    larger[field] = np.maximum(np.abs(table.measured_raw[field]), np.abs(strain))
+    sensitivity = table.sensitivity(larger)
+    contrast = np.log(np.maximum(np.abs(strain), 1e-6))
+    off = _ROUGHLY * sensitivity[field] * np.stack([np.ones_like(strain), contrast])
+    for one in np.unique(table.specimen[field]):
+        at = np.flatnonzero(table.specimen[field] == one)
+        rows = slice(int(field[at[0]]), int(field[at[-1]]) + 1)
+        block = _field_block(table, sensitivity, USUAL, rows) + off[:, at].T @ off[:, at]
+        yield at, np.linalg.cholesky(block)
 
 
 def seen_otherwise(
-    table: FeatureTable, seen: FloatArray, facet: int
+    table: FeatureTable, seen: FloatArray, sides: IntArray, facet: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how features change with a camera's facets, as parts of their prior deviation.
+    """Return how features change with a camera's facets and places, (N,) each.
 
-    Products of the columns with themselves add up to the second moments that likely lengths and
-    places give, however bent the features are in them.
+    By standard deviations: a step from one of the likely lengths to the next, or of `SIDES`, as
+    they are known no better. Finite differences, as strain at a boundary has no slope.
 
     Parameters
     ----------
-    seen : (FACET_LENGTHS, 3, N)
-        Of `ObservationModel.seen`.
-    facet
-        Which of the lengths is predicted with.
-
-    Returns
-    -------
-    facets : (N, FACET_LENGTHS)
-        Were facets of each likely length; alike for all bars.
-    aside : (N, 2)
-        Were places to either side of where they are said to be; each specimen for itself.
+    seen : (L, sides, F)
+        Strains of bins, by `FieldWeights.weight`, as the palette alone predicts them.
+    sides, facet
+        What is predicted with: see `likeliest_sides` and `likeliest_facet`.
     """
-    transformed = np.where(table.is_field, table.transformed(seen), 0.0)
-    facets = (transformed[:, 0] - transformed[facet, 0]).T / math.sqrt(FACET_LENGTHS)
-    aside = (transformed[facet, 1:] - transformed[facet, 0]).T * math.sqrt(SHIFT_WEIGHT)
+    field = table.is_field
+    facets, aside = np.zeros((2, len(table)))
+    features, each = np.arcsinh(seen / (2.0 * table.floor[field])), np.arange(int(field.sum()))
+    side, length = sides[facet], np.full(len(each), facet)
+    below, above = np.maximum(length - 1, 0), np.minimum(length + 1, len(seen) - 1)
+    change = features[above, side, each] - features[below, side, each]
+    facets[field] = change / np.maximum(above - below, 1)
+    below, above = np.maximum(side - 1, 0), np.minimum(side + 1, len(SIDES) - 1)
+    aside[field] = (features[facet, above, each] - features[facet, below, each]) / (above - below)
     return facets, aside
 
 
@@ -562,8 +592,8 @@ def field_columns(
     ]
     return np.stack(
         [
-            *facets[:, facets.any(axis=0)].T,
-            *(side * of_it for of_it in bars.T for side in aside.T),
+            *([facets] if facets.any() else []),
+            *(aside[:, None] * bars).T,
             *(sensitivity * of_it for of_it in places),
         ],
         axis=1,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import FileError
-from planner.gap.camera import BINS_MOST, FACET_LENGTHS, Bins, bins_of, frames_of
+from planner.gap.camera import BINS_MOST, SIDES, Bins, bins_of, frames_of
 from planner.gap.campaign import (
     Campaign,
     Specimen,
@@ -160,13 +160,30 @@ class FieldWeights:
     ----------
     feature, slice_ : (m,)
         Row of the feature table, and slice of the setup.
-    weight : (FACET_LENGTHS, 3, m)
+    weight : (L, sides, m)
         Of a feature's all sum to 1, for facets of each likely length and places: see `Bins.shares`.
+        L is 1 where all lengths are stated.
     """
 
     feature: IntArray
     slice_: IntArray
     weight: FloatArray
+
+    @property
+    def begins(self) -> IntArray:
+        """Where the entries of each feature begin, (F,)."""
+        return np.flatnonzero(np.diff(self.feature, prepend=-1))
+
+    def at_sides(self, sides: IntArray) -> FloatArray:
+        """Return the weights for each length with places where they seem to lie, (L, m).
+
+        Parameters
+        ----------
+        sides : (L, F)
+            Of each feature: see `Bins.shares`.
+        """
+        of_entry = np.repeat(sides, np.diff(self.begins, append=len(self.feature)), axis=1)
+        return np.take_along_axis(self.weight, of_entry[:, None], axis=1)[:, 0]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -197,8 +214,7 @@ def _feature_table(
         Of each test, as the palette's laws predict it.
     """
     rows: list[tuple[float, ...]] = []
-    weights: list[FloatArray] = [np.zeros((0, 2 + 3 * FACET_LENGTHS))]
-    seen_at: list[tuple[int, Bins]] = []
+    seen_at: list[tuple[int, int, Bins]] = []
     for place, number in sorted((p, k) for k, test in enumerate(tests) for p in test.places):
         test, travel, gauge = tests[number], setup.travel_mm[number], setup.gauge_mm[number]
         floor = max(_FORCE_SHARE * float(peak_N[number]), 2.0 * float(sensor_sd_N[place]))
@@ -215,24 +231,18 @@ def _feature_table(
         if seen is None or setup.designs[number] is None:
             continue
         bins = bins_of(seen, setup, number)
-        of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
-        made_up = np.column_stack([
-            of_bin, slice_ + setup.first_slice[number],
-            bins.shares[:, :, of_bin, slice_].reshape(-1, len(of_bin)).T,
-        ])  # fmt: skip
         for step in (test.grid.step_at(0, fraction) for fraction in test.frames):
             means = bins.means(seen, paths[place], float(travel[step]))
             if means is None:
                 continue
-            weights.append(made_up + np.array([len(rows), *[0] * (made_up.shape[1] - 1)]))
-            seen_at.append((len(rows), bins))
+            seen_at.append((len(rows), int(setup.first_slice[number]), bins))
             rows += [
                 (place, number, step, BRANCHES.index("field"), travel[step] / gauge,
                  test.time_s[step], x, _STRAIN_FLOOR, mean)
                 for x, mean in zip(bins.x_mm, means, strict=True)
             ]  # fmt: skip
     places, overlap = np.zeros(len(rows)), np.zeros((len(rows), BINS_MOST if seen_at else 0))
-    for row, bins in seen_at:
+    for row, _, bins in seen_at:
         here = slice(row, row + len(bins.x_mm))
         places[here], overlap[here, : len(bins.x_mm)] = bins.places, bins.overlap
     *at, strain, time, x, floors, raw = np.array(rows).T
@@ -252,10 +262,22 @@ def _feature_table(
         places=places,
         overlap=overlap,
     )
-    made_up = np.concatenate(weights)
-    feature, slice_ = made_up[:, :2].astype(np.int64).T
-    weight = np.ascontiguousarray(made_up[:, 2:].T).reshape(FACET_LENGTHS, 3, -1)
-    return table, FieldWeights(feature, slice_, weight)
+    return table, _field_weights(seen_at)
+
+
+def _field_weights(seen_at: Sequence[tuple[int, int, Bins]]) -> FieldWeights:
+    """Return the weights of bins: of each frame the first row, the bar's first slice, its bins."""
+    features, slices = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    lengths = max((len(bins.shares) for *_, bins in seen_at), default=1)
+    weights = [np.zeros((lengths, len(SIDES), 0))]
+    for row, first, bins in seen_at:
+        of_bin, slice_ = np.nonzero(np.any(bins.shares != 0.0, axis=(0, 1)))
+        features.append(row + of_bin)
+        slices.append(first + slice_)
+        own = bins.shares[:, :, of_bin, slice_]
+        weights.append(np.broadcast_to(own, (lengths, *own.shape[1:])))
+    weight = np.concatenate(weights, axis=2)
+    return FieldWeights(np.concatenate(features), np.concatenate(slices), weight)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -295,8 +317,8 @@ class ObservationModel:
         Noise of the force, point to point.
     limitations
         What was left out, a sentence each.
-    facet
-        Which of the likely lengths of facets strains are predicted for; the stated one is all.
+    weight : (m,)
+        Those of `field_weights` that strains are predicted with.
     """
 
     setup: Setup
@@ -309,31 +331,21 @@ class ObservationModel:
     measured_N: FloatArray
     sensor_sd_N: FloatArray
     limitations: tuple[str, ...]
-    facet: int = FACET_LENGTHS // 2
+    weight: FloatArray
 
     def predicted(self, prediction: Prediction) -> FloatArray:
         """Return what a prediction says of every feature, in N or as a strain, (N,)."""
-        table, weights = self.table, self.field_weights
+        table = self.table
         raw = prediction.force_N[table.test, table.step]
-        if len(weights.feature):
-            seen = self._strains(prediction, weights.weight[self.facet, 0])
-            raw = np.where(table.is_field, seen, raw)
+        if len(self.weight):
+            raw[table.is_field] = self.seen(prediction, self.weight)
         return np.asarray(raw)
 
-    def seen(self, prediction: Prediction) -> FloatArray:
-        """Return strains of bins for all likely facets and places, (FACET_LENGTHS, 3, N).
-
-        See `Bins.shares`; 0 for forces.
-        """
-        weight = self.field_weights.weight
-        return np.array([[self._strains(prediction, w) for w in of_length] for of_length in weight])
-
-    def _strains(self, prediction: Prediction, weight: FloatArray) -> FloatArray:
+    def seen(self, prediction: Prediction, weight: FloatArray) -> FloatArray:
+        """Return strains of bins, (..., rows of fields), by some of `field_weights`, (..., m)."""
         feature = self.field_weights.feature
         strain = prediction.strain[self.table.step[feature], self.field_weights.slice_]
-        return np.asarray(
-            np.bincount(feature, weight * strain, minlength=len(self.table)), np.float64
-        )
+        return np.asarray(np.add.reduceat(weight * strain, self.field_weights.begins, axis=-1))
 
 
 def observation_model(campaign: Campaign) -> ObservationModel:
@@ -396,6 +408,7 @@ def observation_model(campaign: Campaign) -> ObservationModel:
         test_of=test_of,
         table=table,
         field_weights=weights,
+        weight=weights.weight[len(weights.weight) // 2, len(SIDES) // 2],
         measured_N=measured,
         sensor_sd_N=sensor,
         limitations=tuple(_limitations(specimens, paths, past)),

@@ -1,16 +1,18 @@
 """A camera on graded bars: what its facets see, and that campaigns without any effect show none."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.errors import FileError
-from planner.gap.camera import bins_of, seen_shares
+from planner.gap.camera import SIDES, bins_of, seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.noise import likeliest_facet, likeliest_sides
 from planner.gap.observations import observation_model
 from planner.gap.virtual import single_tests, synthetic_campaign, virtual_specimen
 from planner.numerics import FloatArray
@@ -30,6 +32,7 @@ LAMELLAE = ProfileDesign(
 BLOCKS = ProfileDesign(
     "blocks", [0.0, 10.0, 10.0, 22.0, 22.0, 32.0], [SOFT, SOFT, HARD, HARD, SOFT, SOFT]
 )
+SAID = len(SIDES) // 2  # places where they are said to be
 RAMP = ProfileDesign("ramp", [0.0, GAUGE_MM], [SOFT, HARD])
 
 
@@ -66,6 +69,7 @@ def with_fields(campaign: Campaign, changed) -> Campaign:
     )
 
 
+@cache
 def clean(spacing_mm: float, facet_mm: float, *, stated: bool, seed: int = 1) -> Campaign:
     """A campaign without any effect, by planner's own model."""
     rng = np.random.default_rng(seed)
@@ -102,6 +106,42 @@ def test_a_clean_campaign_has_no_bias_at_steps(spacing_mm, facet_mm, stated) -> 
     scatter = problem.scatter
     assert 0.002 < scatter.field < 0.0045
     assert 0.01 < scatter.field_relative < 0.035
+
+
+@pytest.mark.parametrize(("facet_mm", "number"), [(0.0, 0), (0.6, 1), (1.2, 2), (3.0, 5)])
+def test_the_likeliest_facet_is_the_nearest(facet_mm, number) -> None:
+    """Of six lengths to 3.2 mm; laws are exact here, so that steps tell."""
+    model = observation_model(clean(0.7, facet_mm, stated=False))
+    weight, table = model.field_weights.weight, model.table
+    prediction = predict(model.setup, model.laws)
+    strains = model.seen(prediction, weight[:, SAID])
+    stiffer = 1.1 * strains
+    assert likeliest_facet(table, np.stack([strains, stiffer])) == number
+    sides = likeliest_sides(table, model.seen(prediction, weight))
+    assert np.abs(sides[number] - SAID).max() <= 1  # 0.2 mm, where facets blur steps over 3 mm
+
+
+def test_places_on_steps_are_seen_on_the_side_where_they_lie() -> None:
+    """Half a millimetre to the left, of the first bar's places alone."""
+    campaign = clean(1.0, 1.2, stated=True)
+    first, *others = campaign.specimens
+    moved = replace(first.strain_field, x_mm=first.strain_field.x_mm + 0.5)
+    aside = replace(campaign, specimens=(replace(first, strain_field=moved), *others))
+    model = observation_model(aside)
+    seen = model.seen(predict(model.setup, model.laws), model.field_weights.weight)
+    sides = likeliest_sides(model.table, seen)[0]
+    of_first = model.table.specimen[model.table.is_field] == 0
+    aside_mm = 0.01 * GAUGE_MM * SIDES[sides]
+    np.testing.assert_allclose(aside_mm[of_first], -0.5, atol=0.11)
+    np.testing.assert_allclose(aside_mm[~of_first], 0.0, atol=0.01)
+
+
+def test_a_replicate_without_camera_counts_for_the_forces() -> None:
+    campaign = clean(1.0, 1.2, stated=True)
+    first, *others = campaign.specimens
+    blind = replace(campaign, specimens=(replace(first, strain_field=None), *others))
+    freedom = [problem_of(c).scatter.degrees_of_freedom for c in (campaign, blind)]
+    assert freedom == [6, 6]
 
 
 def setup_of(design: ProfileDesign) -> Setup:
@@ -141,7 +181,7 @@ def test_shares_of_a_bin_add_up_to_one_and_bins_are_means_of_places(facet_mm) ->
     assert bins.places.tolist() == [4, 4, 3]
     np.testing.assert_allclose(bins.x_mm, [np.mean(x[:4]), np.mean(x[4:8]), np.mean(x[8:])])
     of_places = seen_shares(setup, 0, x[4:8], facet_mm or 0.0)
-    np.testing.assert_allclose(bins.shares[0, 0, 1], of_places.mean(axis=0))
+    np.testing.assert_allclose(bins.shares[0, SAID, 1], of_places.mean(axis=0))
 
 
 def test_places_that_lie_aside_are_no_scatter_of_the_camera() -> None:

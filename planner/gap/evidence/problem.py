@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.gap.camera import SIDES
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, levels
 from planner.gap.effect import Effect, Stage
 from planner.gap.evidence.surrogate import Candidate, SignedForm, Whitened, signed_forms
@@ -18,6 +19,7 @@ from planner.gap.noise import (
     estimate_scatter,
     field_columns,
     likeliest_facet,
+    likeliest_sides,
     seen_otherwise,
     specimen_noise,
 )
@@ -367,13 +369,24 @@ def set_up(
         setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
     table = model.table
     raw = np.empty((len(setups), len(table)))
+    field, weights = table.is_field, model.field_weights
+    seen = np.zeros((*weights.weight.shape[:2], int(field.sum())))
+    sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
+    likely = weights.weight[:, len(SIDES) // 2]
+    strains = np.zeros((len(setups), *sides.shape))
     for k, prediction in enumerate(predict_all(setups, model.laws)):
-        if k == 0:
-            seen = model.seen(prediction)
-            model = replace(model, facet=likeliest_facet(table, seen))
         raw[k] = model.predicted(prediction)
+        if field.any():
+            if k == 0:
+                seen = model.seen(prediction, weights.weight)
+                sides = likeliest_sides(table, seen)
+                likely = weights.at_sides(sides)
+            strains[k] = model.seen(prediction, likely)
         if progress is not None and k % 20 == 0:
             progress(k, len(setups), "forward model")
+    facet = likeliest_facet(table, strains)
+    model = replace(model, weight=likely[facet])
+    raw[:, field] = strains[:, facet]
     unpredicted = raw[0].copy()
     transformed = table.transformed(raw)
     changes = transformed[1:] - transformed[0]
@@ -382,7 +395,7 @@ def set_up(
         np.where(np.abs(table.measured_raw) > np.abs(unpredicted), table.measured_raw, unpredicted)
     )
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
-    facets, aside = seen_otherwise(table, seen, model.facet)
+    facets, aside = seen_otherwise(table, seen, sides, facet)
     scatter = estimate_scatter(table, sensitivity, *noise_inputs, residual, aside)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = np.concatenate(
