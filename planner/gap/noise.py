@@ -500,9 +500,8 @@ def likeliest_sides(table: FeatureTable, seen: FloatArray) -> IntArray:
     sides = np.zeros((len(seen), len(half)), dtype=np.int64)
     for side, of_length in zip(sides, seen, strict=True):
         residual = measured - np.arcsinh(of_length / half)
-        for at, factor in _rough(table, of_length[len(SIDES) // 2]):
-            white = scipy.linalg.solve_triangular(factor, residual[:, at].T, lower=True)
-            side[at] = np.argmin(SIDES**2 + np.sum(white**2, axis=0))
+        for at, root in _rough(table, of_length[len(SIDES) // 2]):
+            side[at] = np.argmin(SIDES**2 + np.sum((residual[:, at] @ root.T) ** 2, axis=1))
     return sides
 
 
@@ -525,18 +524,18 @@ def likeliest_facet(table: FeatureTable, strains: FloatArray) -> int:
     for of_length in np.moveaxis(strains, 1, 0):
         residual = measured - np.arcsinh(of_length / half)
         log = np.zeros(len(residual))
-        for at, factor in _rough(table, of_length[0]):
-            white = scipy.linalg.solve_triangular(factor, residual[:, at].T, lower=True)
-            log -= np.log(np.diagonal(factor)).sum() + 0.5 * np.sum(white**2, axis=0)
+        for at, root in _rough(table, of_length[0]):
+            white = residual[:, at] @ root.T
+            log += np.log(np.diagonal(root)).sum() - 0.5 * np.einsum("ki,ki->k", white, white)
         effects = scipy.special.logsumexp(log[1:]) - math.log(max(len(log) - 1, 1))
         logs.append(np.logaddexp(log[0], effects))
     return int(np.argmax(logs))
 
 
 def _rough(table: FeatureTable, strain: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the rows of each specimen's strains, and their covariance's lower Cholesky factor.
+    """Yield the places of each specimen's strains, and what whitens them: an inverse root.
 
-    As it is before anything is known of camera and bar.
+    Of their covariance as it is before anything is known of camera and bar.
     """
     field = np.flatnonzero(table.is_field)
     larger = np.zeros(len(table))
@@ -548,7 +547,7 @@ def _rough(table: FeatureTable, strain: FloatArray) -> Iterator[tuple[IntArray, 
         at = np.flatnonzero(table.specimen[field] == one)
         rows = slice(int(field[at[0]]), int(field[at[-1]]) + 1)
         block = _field_block(table, sensitivity, USUAL, rows) + off[:, at].T @ off[:, at]
-        yield at, np.linalg.cholesky(block)
+        yield at, np.linalg.inv(np.linalg.cholesky(block))
 
 
 def seen_otherwise(

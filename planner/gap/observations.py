@@ -163,16 +163,14 @@ class FieldWeights:
     weight : (L, sides, m)
         Of a feature's all sum to 1, for facets of each likely length and places: see `Bins.shares`.
         L is 1 where all lengths are stated.
+    begins : (F,)
+        Where the entries of each feature begin.
     """
 
     feature: IntArray
     slice_: IntArray
     weight: FloatArray
-
-    @property
-    def begins(self) -> IntArray:
-        """Where the entries of each feature begin, (F,)."""
-        return np.flatnonzero(np.diff(self.feature, prepend=-1))
+    begins: IntArray
 
     def at_sides(self, sides: IntArray) -> FloatArray:
         """Return the weights for each length with places where they seem to lie, (L, m).
@@ -277,7 +275,9 @@ def _field_weights(seen_at: Sequence[tuple[int, int, Bins]]) -> FieldWeights:
         own = bins.shares[:, :, of_bin, slice_]
         weights.append(np.broadcast_to(own, (lengths, *own.shape[1:])))
     weight = np.concatenate(weights, axis=2)
-    return FieldWeights(np.concatenate(features), np.concatenate(slices), weight)
+    feature = np.concatenate(features)
+    begins = np.flatnonzero(np.diff(feature, prepend=-1))
+    return FieldWeights(feature, np.concatenate(slices), weight, begins)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -375,7 +375,7 @@ def set_up(
     likely = weights.weight[:, len(SIDES) // 2]
     strains = np.zeros((len(setups), *sides.shape))
     for k, prediction in enumerate(predict_all(setups, model.laws)):
-        raw[k] = model.predicted(prediction)
+        raw[k] = prediction.force_N[table.test, table.step]
         if field.any():
             if k == 0:
                 seen = model.seen(prediction, weights.weight)
