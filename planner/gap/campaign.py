@@ -1,5 +1,6 @@
 """A campaign: what a lab measured, on which specimens, under which conditions."""
 
+from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -283,19 +284,30 @@ def replicate_groups(
     """Return the places of specimens that are alike, in order of appearance, singles included.
 
     Further columns count where they are conditions: a laboratory, a treatment. A condition is
-    repeated, what is a specimen's own is not, a serial number or the humidity at its test. So a
-    column counts that leaves at least half of what there is to compare, as specimens less groups;
-    columns are asked in their order, each with those before that count.
+    repeated, what is a specimen's own is not: a serial number, the humidity at its test, or who
+    happened to test it. So a column counts that leaves `_KEEPING` of the specimens that have a
+    replicate with one; columns are asked in their order, each with those before that count.
     """
     keys: list[Hashable] = list(_condition_keys(specimens))
-    least = 0.5 * (len(keys) - len(set(keys)))
+    least = _KEEPING * _repeated(keys)
     for name in dict.fromkeys(name for s in specimens for name in s.covariates):
         finer = [(key, s.covariates.get(name)) for key, s in zip(keys, specimens, strict=True)]
-        if len(finer) - len(set(finer)) >= least:
+        if _repeated(finer) >= least:
             keys = [*finer]
     if with_batch:
         keys = [(key, s.batch) for key, s in zip(keys, specimens, strict=True)]
     return _grouped(keys)
+
+
+_KEEPING = 0.8
+"""Share of specimens with a replicate that keep one where a column is a condition. Of pairs whose
+column was drawn by chance from two levels half do, of threes three quarters, of fours seven
+eighths, whose other comparisons suffice."""
+
+
+def _repeated(keys: Sequence[Hashable]) -> int:
+    """Return how many have an equal."""
+    return sum(count for count in Counter(keys).values() if count > 1)
 
 
 def _grouped(keys: Iterable[Hashable]) -> tuple[tuple[int, ...], ...]:

@@ -7,10 +7,11 @@ import numpy as np
 
 from planner.gap.campaign import TOLERANCES, Specimen, levels
 from planner.gap.diagnosis import Gap
-from planner.gap.evidence.posterior import UNKNOWN, posterior
+from planner.gap.evidence.posterior import UNKNOWN
 from planner.gap.evidence.problem import Problem, own_axes, specimen_forces_N
+from planner.gap.evidence.settle import resettled
 from planner.gap.evidence.surrogate import Candidate
-from planner.gap.evidence.weigh import Effects, Priors, weigh
+from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = ["closure", "refutes", "without_effect"]
@@ -156,6 +157,7 @@ own doubt, they held the closure of the true effect in 87 % of 70 campaigns of t
 def closure(
     problem: Problem,
     priors: Priors,
+    weighed: Weighed,
     verdict: Effects,
     rng: np.random.Generator,
     progress: Callable[[int, int, str], None] | None = None,
@@ -164,11 +166,14 @@ def closure(
 
     Parameters
     ----------
+    weighed
+        What was weighed on the whole campaign: the folds choose among it anew.
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
     specimens, nothing = problem.campaign.specimens, verdict in ((), UNKNOWN)
-    predictor = _Predictor(problem, replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR))
+    priors = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
+    predictor = _Predictor(problem, priors, weighed)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
     floor = _floor(problem, predictor.peak)
     if not folds:
@@ -259,8 +264,8 @@ class _Predictor:
         Of the palette alone.
     """
 
-    def __init__(self, problem: Problem, priors: Priors) -> None:
-        self._problem, self._priors = problem, priors
+    def __init__(self, problem: Problem, priors: Priors, weighed: Weighed) -> None:
+        self._problem, self._priors, self._weighed = problem, priors, weighed
         self._measured = problem.model.measured_N
         self.peak = np.maximum(np.abs(self._measured).max(axis=1, keepdims=True), 1e-12)
         self.before = self._squared(specimen_forces_N(problem, Candidate(()), problem.model.setup))
@@ -272,17 +277,24 @@ class _Predictor:
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
         """By forces averaged over what may be the cause, as the weighted specimens say."""
         problem = self._problem
-        weighed = weigh(problem, self._priors, weight, quick=True)
-        likely = [h for h in posterior([weighed.log_odds]) if h.probability > _LEAST_PROBABILITY]
-        total = sum(h.probability for h in likely)
+        world, odds = reweigh(problem, self._priors, self._weighed, weight)
+        shares = np.exp(np.array([value for value, _ in odds]) - max(value for value, _ in odds))
+        shares /= shares.sum()
+        likely = [
+            (share, candidate)
+            for share, (_, candidate) in zip(shares.tolist(), odds, strict=True)
+            if share > _LEAST_PROBABILITY
+        ]
+        total = sum(share for share, _ in likely)
         expected = np.zeros_like(self._measured)
-        for h in likely:
-            chosen = weighed.best[h.effects]
+        for share, chosen in likely:
             everyone = replace(chosen, members=None)
+            if everyone.branches:
+                everyone = resettled(world, everyone)
             forces = specimen_forces_N(problem, everyone, problem.model.setup)
             if chosen.members is not None:
                 forces = self._with_own_gain(forces, chosen.log_gain)
-            expected += h.probability / total * forces
+            expected += share / total * forces
         return self._squared(expected)
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:

@@ -66,8 +66,7 @@ def _places_of(
 
 def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
     """Return what the chosen effects change of the features, (N,)."""
-    nodes = problem.node_features
-    change: FloatArray = chosen.combination(len(nodes)) @ nodes
+    change: FloatArray = problem.changes([chosen])[0]
     if chosen.members is not None:
         force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
         change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force
@@ -312,13 +311,14 @@ def _diagnose(
     rng = np.random.default_rng(seed)
     ranking = ranking_of(problem, weighed)
     verdict = ranking[0].effects
-    gap = closure(problem, priors, verdict, rng, progress)
+    gap = closure(problem, priors, weighed, verdict, rng, progress)
     refuted = verdict if refutes(gap) else None
     if refuted is not None:
         ranking, gap = without_refuted(ranking), without_effect(gap)
         verdict = ranking[0].effects
     chosen = weighed.best.get(verdict, Candidate(()))
-    nominal = weighed.nominal
+    whitened = problem.whitened.columns
+    nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
     same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)
@@ -339,11 +339,11 @@ def _diagnose(
         not_testable=reasons,
         where=where,
         gap=gap,
-        effect=found_effects(problem, nominal, chosen),
+        effect=found_effects(problem, weighed, chosen),
         remainder=remainder,
         data_quality=data_quality,
         next_experiments=next_experiments(problem, weighed, ranking, rng),
-        detectable=detectable_sizes(problem, nominal, priors),
+        detectable=detectable_sizes(problem, nodes, priors),
         limitations=(
             *campaign.limitations,
             *model.limitations,
@@ -365,7 +365,7 @@ def _units_of(
     """Yield the units that the hypotheses of a class say the numbers are in."""
     for effects in same_class:
         if _OF_UNITS & set(effects):
-            found = found_effects(problem, weighed.nominal, weighed.best[effects])
+            found = found_effects(problem, weighed, weighed.best[effects])
             yield from suggested_units(found, problem.campaign.specimens)
 
 

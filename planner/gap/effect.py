@@ -96,6 +96,9 @@ class Form:
         As the documentation shows them.
     weight
         How usual the form is beside the effect's others.
+    details
+        Names of further values that make the form rich enough for real data: each normal with
+        deviation 1 before any data, 0 where it is not given.
     """
 
     name: str
@@ -104,6 +107,7 @@ class Form:
     equation: str
     source: str
     weight: float = 1.0
+    details: tuple[str, ...] = ()
 
     @property
     def size(self) -> Parameter:

@@ -51,7 +51,7 @@ end of a loading; "field" is strain along a bar, from image correlation, during 
 """
 
 
-_CLEAR = 5.0
+_CLEAR = 1.0
 """Of the floor: above it a feature is not noise."""
 
 _SAME = 1e-3
@@ -131,6 +131,13 @@ class FeatureTable:
         half = raw / (2.0 * self.floor)
         return half / np.sqrt(1.0 + half**2)
 
+    def test_means(self, values: FloatArray) -> FloatArray:
+        """Return values of these rows, (N,), as means over replicates."""
+        keys = np.stack([self.test, self.step, self.branch, np.nan_to_num(self.x_mm, nan=-1.0)])
+        _, of = np.unique(keys, axis=1, return_inverse=True)
+        of = of.ravel()
+        return np.asarray((np.bincount(of, values) / np.bincount(of))[of])
+
     def chord(self, raw: FloatArray) -> FloatArray:
         """Return the mean of `sensitivity` from `raw` to what was measured.
 
@@ -188,7 +195,7 @@ class FieldWeights:
 # From curves on steps to the table of features.
 
 
-_FORCE_SHARE = 0.02
+_FORCE_SHARE = 0.1
 _STRAIN_FLOOR = 0.01
 
 

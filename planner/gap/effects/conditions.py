@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import erf, expit, rgamma
@@ -290,7 +291,7 @@ _LOG10_TIMES: FloatArray = np.log10(RELAXATION_TIMES_s)
 _TIME_STEP = float(np.log(RELAXATION_TIMES_s[1] / RELAXATION_TIMES_s[0]))
 
 _RISE = Parameter("rise", 0.02, 0.8, "of ln stress per decade of strain rate")
-_SHARE = Parameter("share", 0.04, 0.8, "of the instantaneous stress that relaxes")
+_SHARE = Parameter("share", 0.04, 0.95, "of the instantaneous stress that relaxes")
 _CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s")
 
 
@@ -354,6 +355,59 @@ def _fractional(setup: Setup, values: Values) -> Setup:
     return _relaxing(setup, spectrum_at)
 
 
+_ROUGHNESS = 1.0
+"""Deviation of the spectrum's logarithm from a log-normal one."""
+
+_SMOOTH_DECADES = 0.7
+"""Over which that deviation keeps its sign: an exponential is half a decade to either side wide."""
+
+_WAVES = 7
+"""Patterns of it, the smoothest first, that hold 95 % of its variance over the middle decades."""
+
+
+@lru_cache(maxsize=1)
+def _waves() -> FloatArray:
+    """Return patterns over the relaxation times, (K, waves), of a Gaussian process."""
+    away = np.subtract.outer(_LOG10_TIMES, _LOG10_TIMES) / _SMOOTH_DECADES
+    values, vectors = np.linalg.eigh(np.exp(-0.5 * away**2))
+    # Signs as a first rise, so that they are the same on every machine.
+    rising = np.sign(vectors[-1] - vectors[0] + 1e-9)
+    return np.asarray(
+        _ROUGHNESS * (vectors * rising * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :_WAVES]
+    )
+
+
+_TREND = 1.0
+"""Of the logit of the share, from the softest mixture to the hardest, and half-way."""
+
+_TILT = 0.1
+"""Of ln stress from small strains to large: relaxation is not quite the same at all strains."""
+
+
+def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
+    """Relax with any smooth spectrum, mixtures to their own degree."""
+    details = np.array([values.get(f"wave_{k}", 0.0) for k in range(1, _WAVES + 1)])
+    parts = _spectrum(values["centre"], values["breadth"]) * np.exp(_waves() @ details)
+    parts /= parts.sum()
+
+    def spectrum_at(places: FloatArray) -> FloatArray:
+        u = 2.0 * places - 1.0
+        more = values.get("trend", 0.0) * u + values.get("bend", 0.0) * (1.5 * u * u - 0.5)
+        share = values["share"] * np.exp(_TREND * more)
+        # Never more than all of the stress.
+        share = share / (1.0 + (share / _MOST_RELAXING) ** 8) ** 0.125
+        return np.asarray(share[:, None] * parts)
+
+    return _tilted(_relaxing(setup, spectrum_at), _TILT * values.get("tilt", 0.0))
+
+
+def _tilted(setup: Setup, log_tilt: float) -> Setup:
+    return setup.with_(log_tilt=setup.log_tilt + log_tilt) if log_tilt else setup
+
+
+_MOST_RELAXING = 0.98
+
+
 RATE = Effect(
     "rate",
     "strain rate and relaxation",
@@ -398,6 +452,14 @@ RATE = Effect(
             _fractional,
             "G(t) = (1 + t / t_0)^(-n w(m)), as exponentials",
             "Bagley & Torvik, J. Rheol. 27, 1983, 201",
+        ),
+        Form(
+            "spectrum",
+            (_SHARE, _CENTRE, Parameter("breadth", 0.5, 2.0, "of the times", "decade")),
+            _smooth_spectrum,
+            "G(t) = 1 - g(m) sum p_k (1 - exp(-t / tau_k)), p smooth over ln tau",
+            "Honerkamp & Weese, Rheol. Acta 32, 1993, 65 (smooth relaxation spectra)",
+            details=(*(f"wave_{k}" for k in range(1, _WAVES + 1)), "trend", "bend", "tilt"),
         ),
     ),
     where=("rate_mm_s", "time", "branch"),

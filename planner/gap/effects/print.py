@@ -342,9 +342,21 @@ def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Floa
     return setup.on_slices(found if known is None else np.where(known, found, 0.0))
 
 
+_GROWTH = 0.5
+"""Of a change with strain, of itself: from small strains to large ones it may double or vanish."""
+
+
 def _stiffer_along(axis: str) -> Apply:
-    """Return the form of one direction against the other two."""
-    return lambda setup, values: setup.stiffened(_along(setup, **{axis: values["change"]}))
+    """Return the form of one direction against the other two, perhaps growing with strain."""
+
+    def apply(setup: Setup, values: Values) -> Setup:
+        change = _along(setup, **{axis: values["change"]})
+        growth = _GROWTH * values.get("growth", 0.0)
+        return setup.with_(
+            log_factor=setup.log_factor + change, log_tilt=setup.log_tilt + growth * change
+        )
+
+    return apply
 
 
 def _three_way(setup: Setup, values: Values) -> Setup:
@@ -373,6 +385,7 @@ ORIENTATION = Effect(
             _stiffer_along("z"),
             "ln stress += a along z",
             _ORIENTATION_SOURCE,
+            details=("growth",),
         ),
         Form(
             "head-direction",
@@ -380,6 +393,7 @@ ORIENTATION = Effect(
             _stiffer_along("x"),
             "ln stress += a cos^2 of the angle to x",
             _PARTS,
+            details=("growth",),
         ),
         Form(
             "swath-direction",
@@ -387,6 +401,7 @@ ORIENTATION = Effect(
             _stiffer_along("y"),
             "ln stress += a along y",
             _PARTS,
+            details=("growth",),
         ),
         Form(
             "three-way",

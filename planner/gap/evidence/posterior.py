@@ -1,24 +1,21 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
-from planner.gap.evidence.problem import Problem
+from planner.gap.evidence.problem import Problem, specimen_forces_N
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
-    InnerProducts,
     SignedForm,
     node_weights,
 )
-from planner.gap.evidence.weigh import Effects, Priors, Refiner, Weighed
-from planner.gap.noise import USUAL
+from planner.gap.evidence.weigh import Effects, Priors, Weighed
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -67,10 +64,9 @@ def posterior(runs: Sequence[_LogOdds]) -> tuple[Hypothesis, ...]:
 
 def _signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
     """Return the cosine of two candidates' whitened patterns, nuisances projected out."""
-    first, second = problem.combination(a), problem.combination(b)
-    m = weighed.nominal.products[: len(first), : len(first)]
-    ma, mb = m @ first, m @ second
-    return float(first @ mb / np.sqrt(max(float((first @ ma) * (second @ mb)), 1e-300)))
+    columns = np.stack([problem.signature(a), problem.signature(b)], axis=1)
+    m = weighed.plain.products(columns)
+    return float(m[0, 1] / np.sqrt(max(float(m[0, 0] * m[1, 1]), 1e-300)))
 
 
 def class_of(
@@ -190,77 +186,32 @@ _LEAST_PROBABILITY = 0.01
 """Hypotheses below it are left as they are."""
 
 
-def _goodness_of_fit(
-    problem: Problem, inner: InnerProducts, candidate: Candidate
-) -> tuple[float, float]:
-    """Return the mean square of what a candidate with effects leaves, 1 if it is right.
-
-    Parameters
-    ----------
-    inner
-        The problem's inner products.
-
-    Returns
-    -------
-    as_it_is, departing
-        Without and with what its forms may depart by; the second is never larger.
-    """
-    if candidate.branches:
-        refiner = Refiner(problem, inner, candidate, None, unknown=True)
-        found = [refiner.left(e) / inner.rows for e in refiner.eliminate(1.0)]
-        return min(found[:-1]), min(found)
-    # A gain of some specimens alone, which has no form to depart from.
-    vector = -problem.combination(candidate)
-    vector[0] = 1.0
-    kept = inner.eliminate().products[: len(vector), : len(vector)]
-    left = float(vector @ kept @ vector) / inner.rows
-    return left, left
-
-
-def _largest_expected(problem: Problem, rows: float) -> float:
-    """Return the mean square that a right hypothesis hardly exceeds.
-
-    Without replicates scatter may be three times the usual, 9 %, and mean squares nine times.
-    """
-    doubt = max(problem.scatter.log_sd - _MEASURED_LOG_SD, 0.0) / (USUAL.log_sd - _MEASURED_LOG_SD)
-    found = (_ALLOWED + _DEVIATIONS * np.sqrt(2.0 / rows)) * np.exp(2.0 * doubt * np.log(3.0))
-    return float(found)
+def _force_error(problem: Problem, candidate: Candidate) -> float:
+    """Return the root mean square error of force over each test's largest, a candidate applied."""
+    measured = problem.model.measured_N
+    peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
+    forces = specimen_forces_N(problem, candidate, problem.model.setup)
+    return float(np.sqrt(np.mean(((measured - forces) / peak) ** 2)))
 
 
 def _without_poor_fits(
     problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
-    """Return the ranking, the probability of named hypotheses that do not fit given to unknown.
+    """Return the ranking, the probability of what is named and closes little given to the unknown.
 
-    Of those that fit only by departing from every form they are known in, a part is: the data ask
-    for a form that nobody knows, or for something else. What explains nearly all of a large gap is
-    judged one step more mildly.
+    Only where the data ask for more beside it, a discrepancy or a pattern along an axis: a small
+    gap may not close for scatter.
     """
-    inner = problem.whitened.inner_products()
-    limit = _largest_expected(problem, inner.rows)
-    before = float(weighed.nominal.products[0, 0]) / inner.rows
+    before, floor = _force_error(problem, Candidate(())), problem.scatter.specimen
     share = {}
     for h in _named(ranking):
         if h.probability >= _LEAST_PROBABILITY:
-            left = _goodness_of_fit(problem, inner, weighed.best[h.effects])
-            share[h.effects] = _share_given_up(before, *left, limit)
+            after = _force_error(problem, weighed.best[h.effects])
+            closed = 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-12)
+            missing = np.clip((_EXPLAINED - closed) / (_EXPLAINED - _HALF), 0.0, 1.0)
+            exact = (1.0 - h.with_unknown) * (1.0 - weighed.inexact(h.effects))
+            share[h.effects] = (1.0 - exact) * float(missing) ** 2
     return _given_to_unknown(ranking, share)
-
-
-def _share_given_up(before: float, as_it_is: float, departing: float, limit: float) -> float:
-    """Return the share of a hypothesis' probability that what it leaves gives to the unknown.
-
-    Parameters
-    ----------
-    before, as_it_is, departing
-        Mean squares without it, with its forms, and with their departures.
-    """
-    if as_it_is <= limit:
-        return 0.0
-    explained = 1.0 - (as_it_is - 1.0) / max(before - 1.0, 1e-12)
-    if explained >= _EXPLAINED:
-        return 0.0 if departing <= limit else _FORMLESS
-    return _FORMLESS if explained >= _HALF and departing <= limit else 1.0
 
 
 def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
@@ -353,27 +304,28 @@ def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 # How well a candidate's parameters are known.
 
 
-_POINTS = 13
-_DROP = 4.5
-"""Places whose log likelihood is lower than the best one's by this do not count."""
-
-_LEVEL = 0.90
+_TAIL = 1.645
+"""Deviations of a normal coordinate to either side that hold 90 % of it."""
 
 
 def found_effects(
-    problem: Problem, nominal: Elimination, candidate: Candidate
+    problem: Problem, weighed: Weighed, candidate: Candidate
 ) -> tuple[FoundEffect, ...]:
-    """Return each effect's form and parameters with 90 % intervals, the other's held at its best.
+    """Return each effect's form and parameters with 90 % intervals.
 
-    Intervals are the posterior's under the form's own prior, on a grid around the best place.
+    Intervals are the posterior's, normal about its mode in coordinates in which the prior is.
     """
     found = []
     if candidate.branches:
-        refiner = Refiner(problem, problem.whitened.inner_products(), candidate, None)
-        products = refiner.likelier(nominal.none).products
-        found = [_found(products, candidate, k) for k in range(len(candidate.branches))]
+        one = weighed.settled_as(candidate)
+        at, sd = one.coordinates, one.deviations()
+        first = 0
+        for branch, place in zip(candidate.branches, candidate.places, strict=True):
+            own = slice(first, first + len(branch.coordinates(place)))
+            found.append(_found(branch, at[own], sd[own]))
+            first = own.stop
     if candidate.members is not None:
-        h = nominal.products[problem.gains, problem.gains]
+        h = weighed.plain.products(problem.whitened.columns[:, problem.gains])
         found.append(_gain_found(problem, h, candidate.members, candidate.log_gain))
     return tuple(sorted(found, key=lambda effect: effect.id))
 
@@ -393,66 +345,13 @@ def _gain_found(
     )
 
 
-def _found(products: FloatArray, candidate: Candidate, number: int) -> FoundEffect:
-    branch, place = candidate.branches[number], candidate.places[number]
-    # Inner products of the branch's nodes with what the other effect leaves, and their own.
-    ends = np.cumsum([1, *[b.nodes for b in candidate.branches]])
-    own = slice(int(ends[number]), int(ends[number + 1]))
-    b, g = products[own, 0].copy(), products[own, own]
-    for k, weights in enumerate(candidate.node_weights()):
-        if k != number:
-            b -= products[own, ends[k] : ends[k + 1]] @ weights
-
-    def log_likelihood(places: ArrayLike) -> FloatArray:
-        weights = node_weights(branch, places)
-        return np.asarray(weights @ b - 0.5 * np.sum((weights @ g) * weights, axis=-1))
-
-    axes = [np.linspace(*_reach(log_likelihood, place, d, low), _POINTS)
-            for d, low in enumerate(branch.lows)]  # fmt: skip
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    # The prior of a size is uniform in its logarithm: ds / s.
-    log = log_likelihood(grid) - np.log(grid[..., 0])
-    mass = np.exp(log - log.max())
-    interval: dict[str, tuple[float, float]] = {}
-    for d, parameter in enumerate(branch.form.parameters):
-        marginal = mass.sum(axis=tuple(k for k in range(len(axes)) if k != d))
-        ends_at = ((*place[:d], at, *place[d + 1 :]) for at in _quantiles(axes[d], marginal))
-        low, high = sorted(branch.values(p)[parameter.name] for p in ends_at)
-        interval[parameter.name] = (low, high)
+def _found(branch: SignedForm, at: FloatArray, sd: FloatArray) -> FoundEffect:
+    ends = [branch.values(branch.place(at + step * sd)) for step in (-_TAIL, 0.0, _TAIL)]
+    low, middle, high = ends
+    interval = {name: (min(low[name], high[name]), max(low[name], high[name])) for name in middle}
     units = {p.name: p.unit for p in branch.form.parameters}
-    return FoundEffect(branch.effect.id, branch.form.name, branch.values(place), interval, units)
-
-
-def _reach(
-    log_likelihood: Callable[[ArrayLike], FloatArray], place: Sequence[float], d: int, low: float
-) -> tuple[float, float]:
-    """Return how far along one direction the likelihood has not dropped by `_DROP`."""
-
-    def drop(x: float) -> float:
-        return best - float(log_likelihood((*place[:d], x, *place[d + 1 :])))
-
-    best = float(log_likelihood(place))
-    ends = []
-    for end in (low, 1.0):
-        inside, outside = place[d], end
-        for _ in range(20 if drop(end) > _DROP else 0):
-            middle = 0.5 * (inside + outside)
-            inside, outside = (middle, outside) if drop(middle) <= _DROP else (inside, middle)
-        ends.append(outside)
-    # Other parameters move along: the reach at held ones is too short by up to this.
-    widen = 1.0 if len(place) == 1 else 2.5
-    return (
-        max(low, place[d] + widen * (ends[0] - place[d])),
-        min(1.0, place[d] + widen * (ends[1] - place[d])),
-    )
-
-
-def _quantiles(at: FloatArray, mass: FloatArray) -> tuple[float, float]:
-    share = np.cumsum(mass)
-    share = (share - 0.5 * mass) / share[-1]
-    tail = 0.5 * (1.0 - _LEVEL)
-    low, high = np.interp([tail, 1.0 - tail], share, at).tolist()
-    return low, high
+    units |= dict.fromkeys(branch.form.details, "1")
+    return FoundEffect(branch.effect.id, branch.form.name, middle, interval, units)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.gap.camera import SIDES
-from planner.gap.campaign import TOLERANCES, Campaign, axis_columns, levels
-from planner.gap.effect import Effect, Stage
+from planner.gap.campaign import TOLERANCES, Campaign, axis_columns
+from planner.gap.effect import Effect
 from planner.gap.evidence.surrogate import Candidate, SignedForm, Whitened, signed_forms
 from planner.gap.noise import (
     Calibration,
@@ -31,92 +31,41 @@ __all__ = ["AMPLITUDES", "Problem", "applied", "own_axes", "set_up", "specimen_f
 
 
 # ------------------------------------------------------------------------------------------------
-# No form is exact: by how much a real effect may depart from one that is named rightly.
-#
-# Whatever a form changes, it may change some more on one branch of the path, at one level of a
-# covariate, in one material. Without this, what a strong effect's form leaves would be
-# taken for a second effect.
-#
-# What belongs to the test (geometry, boundary, sensor) departs along the path alone: grips do not
-# know how warm it is. A form that could depart at every level of every covariate would explain
-# anything, if only it is large enough.
+# What every model misses: a course along each test, which its replicates share.
 
 
-_SD = 0.15
-"""Of an effect's size from branch to branch and from level to level."""
-
-_MATERIAL_SD = 0.40
-"""Of its size from material to material: how effects go with the mixture is hardly known."""
-
-_SHAPE_SD = 0.45
-"""Of its change from the beginning of a path to its end."""
-
-_TEST_SD = 0.06
-"""Of its size from test to test and branch to branch, whatever they are."""
+_COURSE = 0.25
+"""Share of a path over which a discrepancy keeps its sign."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Factors:
-    """What multiplies an effect's change of the features, of prior deviation 1.
+def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArray:
+    """Return courses of deviation 1 over each test's largest force, (N, r).
 
-    Attributes
-    ----------
-    path : (N, k)
-        Along each test's path.
-    conditions : (N, m)
-        From condition to condition, material to material.
+    Local strains are missed by as much of themselves.
     """
-
-    path: FloatArray
-    conditions: FloatArray
-
-    def of(self, stage: Stage) -> FloatArray:
-        """Return those of an effect of a stage."""
-        if stage in ("composition", "law"):
-            return np.concatenate([self.path, self.conditions], axis=1)
-        return self.path
-
-
-def _discrepancy_factors(campaign: Campaign, table: FeatureTable) -> Factors:
-    """Return what any effect's form may depart by in a campaign."""
-    specimens = campaign.specimens
-    branch = table.branch[:, None] == np.arange(len(BRANCHES))
-    travel = 2.0 * _share_of_peak(table) - 1.0
-    path = [_SD * branch, _SHAPE_SD * travel[:, None] * branch]
-    path.append(_SHAPE_SD * (2.0 * travel[:, None] ** 2 - 1.0))
-    hold = branch[:, [BRANCHES.index("hold")]]
-    if hold.any():
-        decades = np.log10(np.maximum(table.time_s, 0.1) / 10.0)[:, None]
-        path += [_SHAPE_SD * hold * decades, _SHAPE_SD * hold * (decades**2 - 0.5)]
+    raw = np.maximum(np.abs(table.measured_raw), np.abs(unpredicted))
+    # The derivative of asinh(F / 2 s) by F.
+    by_raw = 1.0 / np.hypot(2.0 * table.floor, raw)
+    columns = []
     for test in np.unique(table.test).tolist():
-        of_test = branch & (table.test == test)[:, None]
-        path.append(_TEST_SD * of_test[:, of_test.any(axis=0)])
-    cells: list[tuple[float, Sequence[object]]] = [
-        (_SD, levels([getattr(s, name) for s in specimens], *tolerance))
-        for name, tolerance in TOLERANCES.items()
-        if name != "gauge_mm"
-    ]
-    pieces = [s.material if s.profile is None else s.profile.name for s in specimens]
-    cells += [(_MATERIAL_SD, pieces), (_SD, [s.orientation for s in specimens])]
-    conditions = [np.zeros((len(table), 0))]
-    for sd, cell in cells:
-        indicators = _indicators(cell, list(dict.fromkeys(cell)))
-        if 1 < indicators.shape[1] <= 8:
-            conditions.append(sd * indicators[table.specimen])
-    return Factors(np.concatenate(path, axis=1), np.concatenate(conditions, axis=1))
-
-
-def _share_of_peak(table: FeatureTable) -> FloatArray:
-    """Return each feature's strain over the largest of its specimen, (N,)."""
-    peak = np.zeros(int(table.specimen.max()) + 1)
-    np.maximum.at(peak, table.specimen, table.strain)
-    share: FloatArray = table.strain / np.maximum(peak[table.specimen], 1e-12)
-    return share
-
-
-def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
-    """Return 1 where a cell is a value and 0 elsewhere, (cells, values)."""
-    return np.array([[float(cell == value) for value in values] for cell in cells])
+        for kind in np.unique(
+            np.where(table.is_field, table.step, -1)[table.test == test]
+        ).tolist():
+            fields = kind >= 0
+            rows = np.flatnonzero(
+                (table.test == test)
+                & (table.is_field == fields)
+                & (np.where(fields, table.step, -1) == kind)
+            )
+            at = table.x_mm[rows] / table.x_mm[rows].max() if fields else table.path[rows]
+            size = raw[rows] if fields else np.full(len(rows), raw[rows].max())
+            places, of = np.unique(at, return_inverse=True)
+            courses = np.exp(-np.abs(np.subtract.outer(places, places)) / _COURSE)
+            root = np.linalg.cholesky(courses + 1e-9 * np.eye(len(places)))
+            own = np.zeros((len(table), len(places)))
+            own[rows] = (size * by_raw[rows])[:, None] * root[of]
+            columns.append(own)
+    return np.concatenate(columns, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -137,6 +86,19 @@ _CURVED = 0.4
 
 _CHANGING = 0.4
 """Size of what changes along a path, relative to what multiplies the whole of it."""
+
+
+def _share_of_peak(table: FeatureTable) -> FloatArray:
+    """Return each feature's strain over the largest of its specimen, (N,)."""
+    peak = np.zeros(int(table.specimen.max()) + 1)
+    np.maximum.at(peak, table.specimen, table.strain)
+    share: FloatArray = table.strain / np.maximum(peak[table.specimen], 1e-12)
+    return share
+
+
+def _indicators(cells: Sequence[object], values: Sequence[object]) -> FloatArray:
+    """Return 1 where a cell is a value and 0 elsewhere, (cells, values)."""
+    return np.array([[float(cell == value) for value in values] for cell in cells])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -273,8 +235,8 @@ class Problem:
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     whitened
         The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
-    factors
-        What an effect's form may depart by.
+    discrepancy : (N, r)
+        Whitened: what all models miss together, of deviation 1 over each test's largest force.
     """
 
     campaign: Campaign
@@ -289,8 +251,8 @@ class Problem:
     node_features: FloatArray
     calibration: FloatArray
     whitened: Whitened
-    factors: Factors
     unknown: tuple[UnknownAxis, ...]
+    discrepancy: FloatArray
 
     @property
     def table(self) -> FeatureTable:
@@ -307,52 +269,63 @@ class Problem:
         """Columns of the specimens' own gains."""
         return slice(self.nodes.stop, self.nodes.stop + len(self.campaign.specimens))
 
+    @property
+    def unknown_span(self) -> slice:
+        """Columns of all axes of the unknown."""
+        return slice(self.gains.stop, self.whitened.columns.shape[1] - self.whitened.nuisances)
+
     def unknown_columns(self, number: int) -> slice:
         """Return the columns of an axis of the unknown."""
         first = self.gains.stop + sum(a.columns.shape[1] for a in self.unknown[:number])
         return slice(first, first + self.unknown[number].columns.shape[1])
 
-    def combination(self, candidate: Candidate) -> FloatArray:
-        """Return a candidate's change as weights of residual, nodes and gains; of the first 0."""
-        gains = np.zeros(len(self.campaign.specimens))
-        if candidate.members is not None:
-            gains = candidate.log_gain * candidate.members
-        nodes = candidate.combination(len(self.node_features))
-        return np.concatenate([[0.0], nodes, gains])
+    def changes(self, candidates: Sequence[Candidate]) -> FloatArray:
+        """Return what candidates change of the transformed features, (k, N), by the forward model.
+
+        Gains of some specimens are left out.
+        """
+        setups = [applied(candidate, self.model.setup) for candidate in candidates]
+        raw = np.stack([self.model.predicted(p) for p in predict_all(setups, self.model.laws)])
+        table = self.table
+        return np.asarray(table.transformed(raw) - table.transformed(self.unpredicted))
+
+    def gain_of(self, candidate: Candidate) -> FloatArray:
+        """Return the whitened change by a candidate's gain of some specimens, (N,)."""
+        if candidate.members is None:
+            return np.zeros(len(self.table))
+        return self.whitened.columns[:, self.gains] @ (candidate.log_gain * candidate.members)
+
+    def signature(self, candidate: Candidate) -> FloatArray:
+        """Return the whole whitened change by a candidate, (N,)."""
+        gain = self.gain_of(candidate)
+        if not candidate.branches:
+            return gain
+        return np.asarray(self.noise.whiten(self.changes([candidate])[0]) + gain)
 
     def nuisances_beside(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the nuisances' posterior mean and covariance, the candidate being right."""
         j = self.whitened.nuisance_columns
-        head = self.whitened.columns[:, : self.gains.stop]
-        left = head[:, 0] - head @ self.combination(candidate)
+        left = self.whitened.columns[:, 0] - self.signature(candidate)
         covariance = np.asarray(np.linalg.inv(j.T @ j + np.eye(j.shape[1])), dtype=np.float64)
         return covariance @ (j.T @ left), covariance
 
-    def departures(self, candidate: Candidate) -> tuple[FloatArray, int, IntArray]:
-        """Return what a candidate may depart by at its place.
-
-        Returns
-        -------
-        columns : (N, k)
-            Whitened patterns of prior deviation 1.
-        own
-            How many of them, the first ones, are of specimens' own sizes.
-        branch : (k,)
-            Which of the candidate's branches each belongs to: it grows as that one's size.
-        """
+    def own_sizes(self, candidate: Candidate) -> FloatArray:
+        """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
         specimens = table.specimen[:, None] == np.unique(table.specimen)
-        own, form = [], []
-        for k, (branch, weights) in enumerate(
-            zip(candidate.branches, candidate.node_weights(), strict=True)
-        ):
-            change = (weights @ self.node_features[branch.own])[:, None]
-            form.append((k, change * self.factors.of(branch.effect.stage)))
-            if branch.effect.individual > 0.0:
-                own.append((k, branch.effect.individual * change * specimens))
-        columns = np.concatenate([part for _, part in (*own, *form)], axis=1)
-        of = np.concatenate([np.full(part.shape[1], k) for k, part in (*own, *form)])
-        return self.noise.whiten(columns), sum(part.shape[1] for _, part in own), of
+        alone = [
+            (branch.effect.individual, replace(candidate, branches=(branch,), places=(place,)))
+            for branch, place in zip(candidate.branches, candidate.places, strict=True)
+            if branch.effect.individual > 0.0
+        ]
+        if not alone:
+            return np.zeros((len(table), 0))
+        changes = self.changes([one for _, one in alone])
+        parts = [
+            individual * change[:, None] * specimens
+            for (individual, _), change in zip(alone, changes, strict=True)
+        ]
+        return self.noise.whiten(np.concatenate(parts, axis=1))
 
 
 def set_up(
@@ -391,9 +364,9 @@ def set_up(
     transformed = table.transformed(raw)
     changes = transformed[1:] - transformed[0]
     residual = table.measured - transformed[0]
-    sensitivity = table.sensitivity(
-        np.where(np.abs(table.measured_raw) > np.abs(unpredicted), table.measured_raw, unpredicted)
-    )
+    # By replicates' mean: each one's own would weigh those that came out low more than the others.
+    typical = table.test_means(np.abs(table.measured_raw))
+    sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
     scatter = estimate_scatter(table, sensitivity, *noise_inputs, residual, aside)
@@ -430,8 +403,8 @@ def set_up(
         node_features=changes[len(ways) :],
         calibration=calibration,
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
-        factors=_discrepancy_factors(campaign, table),
         unknown=unknown,
+        discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )
 
 

@@ -8,6 +8,7 @@ from math import prod
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
+from scipy.special import ndtr, ndtri
 
 from planner.gap.effect import Effect, Form, Parameter, Values
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
@@ -40,6 +41,9 @@ _NODES = np.array(
         [-0.85, 0.0, 0.85, np.nan, np.nan],  # and of a second: nearly Chebyshev's
     ]
 )
+_FAR = 4.0
+"""Deviations beyond which no parameter is looked for."""
+
 _FIRST, _STOP = (1, 0, 0), (5, 5, 3)
 _MOST = 60
 """Nodes of a form."""
@@ -112,12 +116,36 @@ class SignedForm:
         return slice(self.first, self.first + self.nodes)
 
     def values(self, place: Sequence[float]) -> dict[str, float]:
-        """Return the parameters at a place: s, then shapes in -1 to 1."""
+        """Return the parameters at a place: s, then shapes in -1 to 1, then perhaps details."""
         size = self.form.size
         values = {size.name: self.sign * size.high * place[0] ** 2}
-        for parameter, at in zip(self.form.parameters[1:], place[1:], strict=True):
+        for parameter, at in zip(self.form.parameters[1:], place[1:], strict=False):
             values[parameter.name] = _value_at(parameter, at)
+        values.update(zip(self.form.details, place[1 + self.shapes :], strict=False))
         return values
+
+    def coordinates(self, place: Sequence[float]) -> FloatArray:
+        """Return a place in coordinates that are normal with deviation 1 before any data.
+
+        Sizes are uniform in their logarithm, shapes over their range.
+        """
+        share = [1.0 - np.log(max(place[0], self.least)) / np.log(self.least)]
+        share += [0.5 * (at + 1.0) for at in place[1 : 1 + self.shapes]]
+        found = np.zeros(1 + self.shapes + len(self.form.details))
+        found[: len(share)] = ndtri(np.clip(share, *ndtr([-_FAR, _FAR])))
+        found[len(share) : len(place)] = place[len(share) :]
+        return found
+
+    def place(self, coordinates: FloatArray) -> tuple[float, ...]:
+        """Return the place at coordinates; see `coordinates`."""
+        at = np.clip(coordinates, -_FAR, _FAR)
+        share = ndtr(at[: 1 + self.shapes])
+        size = float(self.least ** (1.0 - share[0]))
+        return (size, *(2.0 * share[1:] - 1.0).tolist(), *at[1 + self.shapes :].tolist())
+
+    def shape_place(self, place: Sequence[float]) -> tuple[float, ...]:
+        """Return a place without its details."""
+        return tuple(place[: 1 + self.shapes])
 
     def node_places(self) -> list[tuple[float, ...]]:
         """Return the places of its nodes, sizes slowest."""
@@ -180,7 +208,7 @@ class Candidate:
     effects
         Ids, sorted; () for none.
     branches, places
-        Of each effect, in that order; a place is (s, shapes...).
+        Of each effect, in that order; a place is (s, shapes..., details...).
     gain
         Log likelihood above that of no effect.
     log_evidence
@@ -211,7 +239,8 @@ class Candidate:
 
     def node_weights(self) -> list[FloatArray]:
         """Return the weights of each branch's nodes."""
-        return [node_weights(b, p) for b, p in zip(self.branches, self.places, strict=True)]
+        pairs = zip(self.branches, self.places, strict=True)
+        return [node_weights(b, b.shape_place(p)) for b, p in pairs]
 
     def combination(self, nodes: int) -> FloatArray:
         """Return the weights of all nodes: its change is that combination of theirs."""

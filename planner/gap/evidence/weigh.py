@@ -1,18 +1,18 @@
 """Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import logsumexp
 
 from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
 from planner.gap.evidence.search import Search, weigh_subset
-from planner.gap.evidence.surrogate import Candidate, Elimination, InnerProducts, climbed
+from planner.gap.evidence.settle import Settled, World, joined, settle
+from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.numerics import FloatArray
 
-__all__ = ["Effects", "Priors", "Refiner", "Weighed", "weigh"]
+__all__ = ["Effects", "Priors", "Weighed", "reweigh", "weigh"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -49,143 +49,6 @@ class Priors:
 
 
 # ------------------------------------------------------------------------------------------------
-# Weigh one candidate on its own columns, with what its form may depart by.
-
-
-_ROUNDS = 4
-_SETTLED = 0.1
-"""Change of the logarithm of a size that no longer matters."""
-
-_LEAST_GROWTH = 1e-4
-
-
-class Refiner:
-    """One candidate's columns: the residual, its nodes, perhaps the unknown's, and all nuisances.
-
-    Its form is right and its size the same for all, or each specimen's own where that is usual, or
-    the form departs as `Problem.departures` says: with equal probability. Departures are as large
-    as the effect that is found with them, so that no large effect bends into a small gap.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        inner: InnerProducts,
-        candidate: Candidate,
-        weight: FloatArray | None,
-        *,
-        unknown: bool = False,
-    ) -> None:
-        self.candidate = candidate
-        self._scatter = problem.scatter
-        start, total = problem.nodes.start, len(inner.products)
-        nodes = [np.arange(start + b.own.start, start + b.own.stop) for b in candidate.branches]
-        self._firsts = np.cumsum([0, *map(len, nodes)])[:-1].tolist()
-        self._head = 1 + sum(map(len, nodes))
-        first = problem.gains.start if unknown else total - inner.nuisances
-        columns = np.concatenate([[0], *nodes, np.arange(first, total)]).astype(np.int64)
-        self._shift = self._head - problem.gains.start
-        self._gains = slice(self._head, problem.gains.stop + self._shift)
-        self._inner = replace(inner, products=inner.products[np.ix_(columns, columns)])
-        patterns, own, self._branch = problem.departures(candidate)
-        weighted = patterns
-        if weight is not None:
-            weighted = patterns * problem.whitened.on_rows(weight)[:, None]
-        self._cross = weighted.T @ problem.whitened.columns[:, columns]
-        self._within = weighted.T @ patterns
-        self._counts = sorted({0, own, patterns.shape[1]})
-        self._growth = [np.ones(len(candidate.branches)) for _ in self._counts]
-        self._settled = [self._settle(number) for number in range(len(self._counts))]
-
-    def _settle(self, number: int) -> Elimination:
-        """Find the size at which departures are as large as the effect itself."""
-        elimination = self._eliminate(number, 1.0)
-        if not self._counts[number]:
-            return elimination
-        for round_ in range(_ROUNDS):
-            sizes = self._at_best(elimination, 0.0).sizes
-            growth = np.maximum((sizes / self.candidate.sizes) ** 2, _LEAST_GROWTH)
-            if round_:
-                # Where small departures ask for a large effect and large ones for a small one.
-                growth = np.minimum(growth, self._growth[number])
-            if np.all(np.abs(np.log(growth / self._growth[number])) < _SETTLED):
-                break
-            self._growth[number] = growth
-            elimination = self._eliminate(number, 1.0)
-        return elimination
-
-    def _eliminate(self, number: int, scale: float) -> Elimination:
-        count = self._counts[number]
-        if not count:
-            return self._inner.eliminate(scale)
-        size = self._growth[number][self._branch[:count]]
-        own = self._within[:count, :count] * np.outer(size, size)
-        return self._inner.eliminate(scale, (self._cross[:count] * size[:, None], own))
-
-    def eliminate(self, scale: float) -> list[Elimination]:
-        """Integrate over nuisances: with the form as it is, and with each kind of departure."""
-        if scale == 1.0:
-            return self._settled
-        return [self._eliminate(number, scale) for number in range(len(self._counts))]
-
-    def weigh(self, eliminations: list[Elimination], none: float) -> Candidate:
-        """Return the candidate at its best, weighed; `none` is ln p of no effect at that scale."""
-        return _averaged([self._at_best(e, none) for e in eliminations])
-
-    def likelier(self, none: float) -> Elimination:
-        """Return the inner products, at the nominal scatter, under which it weighs more."""
-        return max(self._settled, key=lambda e: self._at_best(e, none).log_evidence)
-
-    def _at_best(self, elimination: Elimination, none: float) -> Candidate:
-        a = elimination.products
-        found = climbed(
-            self.candidate, a[0, 1 : self._head], a[1 : self._head, 1 : self._head], self._firsts
-        )
-        shift = elimination.none - none
-        return replace(found, gain=found.gain + shift, log_evidence=found.log_evidence + shift)
-
-    def left(self, elimination: Elimination) -> float:
-        """Return the sum of squares that the candidate leaves at its best place.
-
-        Needs the unknown's columns, with which the gains' are.
-        """
-        nodes = self._at_best(elimination, 0.0).node_weights()
-        gains = np.zeros(self._gains.stop - self._gains.start)
-        if self.candidate.members is not None:
-            gains = self.candidate.log_gain * self.candidate.members
-        vector = np.concatenate([[1.0], *[-n for n in nodes], -gains])
-        kept = elimination.products[: len(vector), : len(vector)]
-        return float(vector @ kept @ vector)
-
-    def subset(self, scale: float, none: float) -> Candidate:
-        """Return the candidate with some specimens' force off by a factor beside it.
-
-        Needs the unknown's columns, with which the gains' are.
-        """
-        found = []
-        # Each specimen's own size of the effect would take up its gain: with and without these.
-        for elimination in self.eliminate(scale):
-            best = self._at_best(elimination, none)
-            gains = elimination.products[self._gains]
-            left = gains[:, 0] - gains[:, 1 : self._head] @ np.concatenate(best.node_weights())
-            found.append(weigh_subset(left, gains[:, self._gains], best, self._scatter))
-        return _averaged(found)
-
-    def beside(
-        self, eliminations: list[Elimination], axis: slice, amplitude: float
-    ) -> list[Elimination]:
-        """Add an unknown along one axis, given by its columns in the problem."""
-        at = slice(axis.start + self._shift, axis.stop + self._shift)
-        return [e.with_random(at, amplitude, self._head) for e in eliminations]
-
-
-def _averaged(found: list[Candidate]) -> Candidate:
-    """Return the likeliest of equally probable candidates, with the evidence of them all."""
-    total = float(np.logaddexp.reduce([c.log_evidence for c in found]) - np.log(len(found)))
-    return replace(max(found, key=lambda c: c.log_evidence), log_evidence=total)
-
-
-# ------------------------------------------------------------------------------------------------
 # Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown.
 #
 # Marginal likelihoods by Laplace's method over the parameters of each form, forms averaged within
@@ -197,14 +60,11 @@ Effects = tuple[str, ...]
 _Hypothesis = tuple[Effects, str]
 _Key = TypeVar("_Key", bound=Hashable)
 
-_FORMS = 3
-"""Forms of a single effect that are weighed in full."""
+_SINGLES = 24
+"""Forms of single effects, and as many pairs as half of them, that are settled."""
 
-_QUICK = 6
-"""Hypotheses of one effect, and of two, that a quick weighing looks at in full."""
-
-_WORTH_NATS = 15.0
-"""Hypotheses this far below the best are not weighed at other scales of scatter."""
+_BESIDE = 3
+"""Effects, the best ones once settled, beside which every other one is looked for anew."""
 
 _WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them."""
@@ -212,14 +72,18 @@ _WITH_UNKNOWN = 8
 _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does."""
 
-_UNEVEN = 0.3
-"""Prior share, of nothing at work, of specimens that scatter along some effect's pattern."""
+_AXES = 0.5
+"""Prior share, of an unknown alone, of patterns along one axis; the rest goes along every test."""
 
-_MOST_UNEVEN = 15.0
-"""Log evidence that such scatter gains at most: above it, it would be an effect of a kind."""
+_ANY = "every test"
 
 _FREE = 0.15
 """Prior share, of an effect with a covariate of its own, of patterns along it that no form has."""
+
+
+_DISCREPANCIES = {0.0: 0.4, 0.01: 0.2, 0.025: 0.2, 0.06: 0.2}
+"""Of a model with effects: how far it may be off, over each test's largest force, with its prior
+probability. What has no effects is either exact or unknown."""
 
 
 @dataclass(slots=True, eq=False)
@@ -228,19 +92,30 @@ class Weighed:
 
     Attributes
     ----------
+    worlds
+        Of the scatter as estimated and of models that are exact, then of larger discrepancies.
     log_prior, log_evidence
         By effects and the axis of an unknown beside them ("" without).
+    exact
+        Of each set of effects: its evidence where models are exact.
     best
-        The best form and parameters of each set of effects, at the nominal scatter.
-    nominal
-        Inner products at the nominal scatter.
+        The best form and parameters of each set of effects.
+    settled
+        Every candidate that was weighed on the forward model.
     """
 
-    nominal: Elimination
+    worlds: tuple[World, ...]
     coarseness_nats: float
     log_prior: dict[_Hypothesis, float] = field(default_factory=dict)
     log_evidence: dict[_Hypothesis, float] = field(default_factory=dict)
+    exact: dict[Effects, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
+    settled: list[Settled] = field(default_factory=list)
+
+    @property
+    def plain(self) -> World:
+        """The world of the scatter as estimated and of models that are exact."""
+        return self.worlds[0]
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
@@ -249,14 +124,27 @@ class Weighed:
 
     @property
     def log_odds(self) -> dict[_Hypothesis, float]:
-        """By hypothesis, priors included, evidence coarsened."""
-        none = self.log_evidence[(), ""]
+        """By hypothesis, priors included, evidence coarsened.
+
+        By what the best one gains over no effects, exact or with a discrepancy.
+        """
+        none = max(self.log_evidence.get(((), axis), -np.inf) for axis in ("", _ANY))
         most = max(max(self.log_evidence.values()) - none, 0.0)
         share = 1.0 / (1.0 + most / self.coarseness_nats)
         return {
             key: self.log_prior[key] + share * (value - none)
             for key, value in self.log_evidence.items()
         }
+
+    def inexact(self, effects: Effects) -> float:
+        """Return the share of effects' evidence that asks for a discrepancy."""
+        exact = self.exact.get(effects, -np.inf) - self.log_evidence[effects, ""]
+        return float(-np.expm1(min(exact, 0.0)))
+
+    def settled_as(self, candidate: Candidate) -> Settled:
+        """Return the settled candidate of the same forms, but for a gain of some specimens."""
+        forms = [b.number for b in candidate.branches]
+        return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
     def offer(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its effects."""
@@ -265,92 +153,94 @@ class Weighed:
             self.best[candidate.effects] = candidate
 
 
-def weigh(
-    problem: Problem, priors: Priors, weight: FloatArray | None = None, *, quick: bool = False
-) -> Weighed:
-    """Weigh all hypotheses on a campaign, specimens weighted by `weight` (n,).
-
-    Parameters
-    ----------
-    quick
-        Take the scatter as estimated, and leave out the unknown.
-    """
-    inner = problem.whitened.inner_products(weight)
-    nominal = inner.eliminate()
-    result = Weighed(nominal, priors.coarseness_nats)
+def weigh(problem: Problem, priors: Priors) -> Weighed:
+    """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
-    candidates = _candidates(Search.on(problem.branches, nominal, problem.nodes), logs)
-    if quick:
-        candidates = _first(candidates, logs)
-    refiners = [Refiner(problem, inner, c, weight) for c in candidates]
-    result.offer(Candidate(()))
     spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
-    scales = ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
-    chosen: list[tuple[Refiner, float]] = []
-    totals: dict[Effects, float] = {}
-    at_nominal: dict[Effects, float] = {}
-    for scale, share in scales[: 1 if quick else 3]:
-        plain = nominal if scale == 1.0 else inner.eliminate(scale)
-        offset = plain.none - nominal.none + float(np.log(share))
-        ours: dict[Effects, float] = {}
-        uneven: dict[Effects, float] = {}
-        for refiner in refiners:
-            eliminations = refiner.eliminate(scale)
-            found = refiner.weigh(eliminations, plain.none)
-            if len(found.effects) == 1:
-                most = max(0.0, *(e.none - plain.none for e in eliminations))
-                uneven[found.effects] = max(uneven.get(found.effects, 0.0), most)
+    plain = World(problem)
+    scaled = [
+        (plain, 2.0 / 3.0),
+        *((World(problem, scale=s), 1.0 / 6.0) for s in (1.0 / spread, spread)),
+    ]
+    off = [
+        (World(problem, discrepancy=size), share) for size, share in _DISCREPANCIES.items() if size
+    ]
+    result = Weighed((plain, *(world for world, _ in off)), priors.coarseness_nats)
+    # Weighed relative to no effect in the plain world.
+    exact = [(w, float(np.log(_DISCREPANCIES[0.0] * share))) for w, share in scaled]
+    inexact = [(w, float(np.log(share))) for w, share in off]
+    result.settled = _settled(problem, result.worlds, logs)
+    result.offer(Candidate(()))
+    for world, share in scaled:
+        result.add((), "", logs.none, world.none - plain.none + float(np.log(share)))
+    for world, share in inexact:
+        _add_any(world.none - plain.none + share, logs, result)
+    if logs.some:
+        gains = problem.whitened.columns[:, problem.gains]
+        for world, share in (*exact, *inexact):
+            e = world.elimination(problem.whitened.columns[:, 0], kept=gains)
+            subset = _subset(problem, e, Candidate(()), world)
+            _offer(result, subset, world, share + np.log(_OF_SOME), logs)
+    for one in result.settled:
+        for world, share in (*exact, *inexact):
+            found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
-            _add(ours, found.effects, found.log_evidence)
-            if scale == 1.0:
-                result.offer(found)
-        if logs.some:
-            gains = plain.products[problem.gains]
-            subset = weigh_subset(
-                gains[:, 0], gains[:, problem.gains], Candidate(()), problem.scatter
-            )
-            if scale == 1.0:
-                result.offer(subset)
-            _add(ours, subset.effects, subset.log_evidence + np.log(_OF_SOME))
-        result.add((), "", logs.none, offset + _nothing(uneven))
-        for effects, value in ours.items():
-            result.add(effects, "", logs.of(effects), offset + value)
-            _add(totals, effects, offset + value)
-        if scale == 1.0:
-            refiners = _worth(refiners, result, logs)
-        if quick or not problem.unknown:
-            continue
-        if scale == 1.0:
-            chosen = _best(problem, inner, weight, result, ours, logs)
-            at_nominal = dict(totals)
-        _add_unknown(problem, plain, offset, logs, result)
-        for refiner, _ in chosen:
-            if logs.some and len(refiner.candidate.effects) == 1:
-                _add_subset(refiner, scale, plain.none, offset, logs, result)
-    for refiner, others in chosen:
-        # What an unknown adds is weighed at the nominal scatter alone: it hardly differs at others.
-        effects = refiner.candidate.effects
-        offset = float(np.log(scales[0][1])) + others + totals[effects] - at_nominal[effects]
-        _add_beside(problem, refiner, nominal.none, offset, logs, result)
+            _offer(result, found, world, share, logs)
+    for world, share in ((plain, float(np.log(_DISCREPANCIES[0.0]))), *inexact):
+        _add_unknown(problem, world, share, logs, result)
+    for one in _chosen(result, logs):
+        _add_beside(problem, one, logs, result)
+        if logs.some and len(one.candidate.effects) == 1:
+            _add_subset(problem, one, (*exact, *inexact), logs, result)
     return result
+
+
+def _offer(
+    result: Weighed, found: Candidate, world: World, log_share: float, logs: "_LogPriors"
+) -> None:
+    """Add a candidate without an unknown, weighed in one world."""
+    evidence = found.log_evidence + world.none - result.plain.none + log_share
+    result.add(found.effects, "", logs.of(found.effects), evidence)
+    if not world.discrepancy:
+        _add(result.exact, found.effects, evidence)
+    result.offer(replace(found, log_evidence=evidence))
+
+
+def _subset(problem: Problem, e: Elimination, beside: Candidate, world: World) -> Candidate:
+    """Return a candidate with a gain of some specimens; `e` keeps the gains after the target."""
+    scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
+    return weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+
+
+def reweigh(
+    problem: Problem, priors: Priors, weighed: Weighed, weight: FloatArray
+) -> tuple[World, list[tuple[float, Candidate]]]:
+    """Weigh settled candidates, and none, on specimens weighted by `weight` (n,).
+
+    By the model linear about where they settled on all specimens, where they stay.
+
+    Returns
+    -------
+    world
+        Of these weights, with the discrepancy that is likeliest on all specimens.
+    odds
+        Log odds and candidate each.
+    """
+    logs = _LogPriors(problem, priors)
+    likeliest = max(weighed.settled, key=lambda one: one.eliminated(one.world).none, default=None)
+    size = 0.0 if likeliest is None else likeliest.world.discrepancy
+    world = World(problem, discrepancy=size, weight=weight)
+    found = [(logs.none, Candidate(()))]
+    settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
+    values = [c.log_evidence + logs.forms(c) for c in settled]
+    share = 1.0 / (1.0 + max([0.0, *values]) / priors.coarseness_nats)
+    found += [(logs.of(c.effects) + share * v, c) for v, c in zip(values, settled, strict=True)]
+    return world, found
 
 
 def _add(logs: dict[_Key, float], key: _Key, value: float) -> None:
     """Add to a sum that is kept as a logarithm."""
     logs[key] = float(np.logaddexp(logs.get(key, -np.inf), value))
-
-
-def _nothing(uneven: dict[Effects, float]) -> float:
-    """Return the log evidence of nothing at work over that at the plain scatter.
-
-    A form with departures, but of size 0, is no effect: it is scatter along a pattern, such as of
-    one grade's specimens at small strains. What it gains must not speak for the effect.
-    """
-    if not uneven:
-        return 0.0
-    gains = [min(gain, _MOST_UNEVEN) for gain in uneven.values()]
-    of_one = logsumexp(gains) - np.log(len(gains))
-    return float(np.logaddexp(np.log1p(-_UNEVEN), np.log(_UNEVEN) + of_one))
 
 
 class _LogPriors:
@@ -363,7 +253,8 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
-        self.unknown = _of_axes(problem, priors.unknown, priors.claimed)
+        self.unknown = _of_axes(problem, _AXES * priors.unknown, priors.claimed)
+        self.any = float(np.log((1.0 - _AXES) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
         self.branch = np.log([b.weight for b in problem.branches])
         self.owner = own_axes(list(effects.values()))
@@ -399,79 +290,93 @@ def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
     return shares
 
 
-def _candidates(search: Search, logs: _LogPriors) -> list[Candidate]:
-    """Return the best forms of every effect, and the pairs that passed the scan."""
+def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> list[Settled]:
+    """Return candidates settled: the best forms of every effect, and the pairs worth weighing."""
+    nodes = problem.whitened.columns[:, problem.nodes]
+    residual = problem.whitened.columns[:, 0]
+
+    def value(candidate: Candidate) -> float:
+        return candidate.log_evidence + logs.forms(candidate) + logs.of(candidate.effects)
+
+    # Surrogates are compared where models may be off by as much as surrogates are.
+    world = max(worlds, key=lambda w: w.none)
+    search = Search.on(problem.branches, world.elimination(residual, kept=nodes), slice(1, None))
     singles = search.singles()
-    of: dict[Effects, list[Candidate]] = {}
-    for single in singles:
-        value = single.log_evidence + logs.forms(single)
-        of.setdefault(single.effects, []).append(replace(single, log_evidence=value))
-    ranked = (sorted(forms, key=lambda c: -c.log_evidence)[:_FORMS] for forms in of.values())
-    return [*(c for forms in ranked for c in forms), *search.pairs(singles)]
+    ranked = sorted(singles, key=lambda c: -value(c))
+    first: dict[Effects, Candidate] = {}
+    for c in ranked:
+        first.setdefault(c.effects, c)
+    chosen = list(first.values())
+    # Forms with details fit more than their surrogate shows.
+    chosen += [c for c in ranked if c.branches[0].form.details and c not in chosen]
+    chosen += [c for c in ranked if c not in chosen][: max(_SINGLES - len(chosen), 0)]
+    settled = [settle(worlds, c, world) for c in chosen]
+    ordered = sorted(settled, key=lambda s: -(s.eliminated(s.world).none + logs.forms(s.candidate)))
+    best: dict[Effects, Settled] = {}
+    for one in ordered:
+        best.setdefault(one.candidate.effects, one)
+    pairs = {c.effects: c for c in sorted(search.pairs(singles), key=value)[-_SINGLES // 2 :]}
+    for one in list(best.values())[:_BESIDE]:
+        for c in _partners(problem, one, logs)[: _SINGLES // 4]:
+            pairs[c.effects] = c
+    return [*settled, *(settle(worlds, c, world) for c in pairs.values())]
 
 
-def _first(candidates: list[Candidate], logs: _LogPriors) -> list[Candidate]:
-    """Return the best candidate of each of the best hypotheses of one effect and of two."""
+def _partners(problem: Problem, one: Settled, logs: _LogPriors) -> list[Candidate]:
+    """Return pairs of a settled candidate and each other effect, the best ones first."""
+    found = Search.on(problem.branches, one.conditional(), slice(1, None)).singles()
+    own = one.candidate
     best: dict[Effects, Candidate] = {}
-    for c in sorted(candidates, key=lambda c: -(c.log_evidence + logs.of(c.effects))):
-        best.setdefault(c.effects, c)
-    sizes = ([c for c in best.values() if len(c.effects) == size] for size in (1, 2))
-    return [c for of_size in sizes for c in of_size[:_QUICK]]
+    for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
+        if c.effects != own.effects:
+            best.setdefault(c.effects, c)
+    return [joined(own, c) for c in best.values()]
 
 
-def _worth(refiners: list[Refiner], result: Weighed, logs: _LogPriors) -> list[Refiner]:
-    """Return those of hypotheses that another scatter could still make the best."""
-    odds = {e: c.log_evidence + logs.of(e) for e, c in result.best.items()}
-    least = max(odds.values()) - _WORTH_NATS
-    return [r for r in refiners if odds[r.candidate.effects] > least]
+def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
+    """Return the best hypotheses' best forms."""
+    odds = {
+        e: result.log_evidence[e, ""] + logs.of(e) for e, c in result.best.items() if c.branches
+    }
+    ranked = sorted(odds, key=lambda e: -odds[e])[:_WITH_UNKNOWN]
+    return [result.settled_as(result.best[e]) for e in ranked]
 
 
-def _best(
-    problem: Problem,
-    inner: InnerProducts,
-    weight: FloatArray | None,
-    result: Weighed,
-    ours: dict[Effects, float],
-    logs: _LogPriors,
-) -> list[tuple[Refiner, float]]:
-    """Return the best hypotheses' best forms, and what their other forms add, in nats."""
-    ranked = sorted(ours, key=lambda e: -(ours[e] + logs.of(e)))[:_WITH_UNKNOWN]
-    chosen = []
-    for effects in ranked:
-        best = result.best[effects]
-        if best.branches:
-            others = max(ours[effects] - best.log_evidence, 0.0)
-            chosen.append((Refiner(problem, inner, best, weight, unknown=True), others))
-    return chosen
+def _add_any(evidence: float, logs: _LogPriors, result: Weighed) -> None:
+    """Add a model without effects that is off along every test."""
+    result.add((), _ANY, logs.any, evidence)
 
 
 def _add_unknown(
-    problem: Problem, plain: Elimination, offset: float, logs: _LogPriors, result: Weighed
+    problem: Problem, world: World, log_share: float, logs: _LogPriors, result: Weighed
 ) -> None:
-    """Add the unknown alone, along each axis."""
+    """Add the unknown alone, along each axis, in one world."""
+    columns, span = problem.whitened.columns, problem.unknown_span
+    e = world.elimination(columns[:, 0], kept=columns[:, span])
     for number in range(len(problem.unknown)):
+        at = problem.unknown_columns(number)
+        own = slice(at.start - span.start + 1, at.stop - span.start + 1)
         for amplitude in AMPLITUDES:
-            left = plain.with_random(problem.unknown_columns(number), amplitude, 1)
-            evidence = offset + left.none - plain.none - np.log(len(AMPLITUDES))
+            left = e.with_random(own, amplitude, 1)
+            evidence = log_share + left.none - result.plain.none - np.log(len(AMPLITUDES))
             _add_axis(problem, (), number, evidence, logs, result)
 
 
-def _add_beside(
-    problem: Problem,
-    refiner: Refiner,
-    none: float,
-    offset: float,
-    logs: _LogPriors,
-    result: Weighed,
-) -> None:
-    """Add a candidate with the unknown beside it, along each axis, at the nominal scatter."""
-    context = refiner.eliminate(1.0)
-    forms = logs.forms(refiner.candidate) - np.log(len(AMPLITUDES))
+def _add_beside(problem: Problem, one: Settled, logs: _LogPriors, result: Weighed) -> None:
+    """Add a candidate with the unknown beside it, along each axis, in the world it settled in."""
+    effects = one.candidate.effects
+    columns = problem.whitened.columns
+    e = one.eliminated(one.world, columns[:, problem.unknown_span])
+    alone = result.log_evidence[effects, ""]
     for number in range(len(problem.unknown)):
+        at = problem.unknown_columns(number)
+        own = slice(
+            at.start - problem.unknown_span.start + 1, at.stop - problem.unknown_span.start + 1
+        )
         for amplitude in AMPLITUDES:
-            left = refiner.beside(context, problem.unknown_columns(number), amplitude)
-            evidence = offset + forms + refiner.weigh(left, none).log_evidence
-            _add_axis(problem, refiner.candidate.effects, number, evidence, logs, result)
+            left = e.with_random(own, amplitude, 1)
+            evidence = alone + left.none - e.none - np.log(len(AMPLITUDES))
+            _add_axis(problem, effects, number, evidence, logs, result)
 
 
 def _add_axis(
@@ -494,14 +399,18 @@ def _add_axis(
 
 
 def _add_subset(
-    refiner: Refiner, scale: float, none: float, offset: float, logs: _LogPriors, result: Weighed
+    problem: Problem,
+    one: Settled,
+    worlds: Sequence[tuple[World, float]],
+    logs: _LogPriors,
+    result: Weighed,
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
-    if refiner.candidate.effects == ("force-scale",):
+    if one.candidate.effects == ("force-scale",):
         return
-    both = refiner.subset(scale, none)
-    both = replace(both, log_evidence=both.log_evidence + logs.forms(refiner.candidate))
-    if scale == 1.0:
-        result.offer(both)
-    evidence = offset + both.log_evidence + np.log(_OF_SOME)
-    result.add(both.effects, "", logs.of(both.effects), evidence)
+    gains = problem.whitened.columns[:, problem.gains]
+    for world, share in worlds:
+        e = one.eliminated(world, gains)
+        both = _subset(problem, e, one.weighed(world, e), world)
+        value = both.log_evidence + logs.forms(one.candidate) + np.log(_OF_SOME)
+        _offer(result, replace(both, log_evidence=value), world, share, logs)

@@ -11,7 +11,7 @@ from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.posterior import without_refuted
 from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.evidence.weigh import Priors
+from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.observations import observation_model
 
 
@@ -20,7 +20,8 @@ def ready(campaign: Campaign, *effects: str) -> Problem:
 
 
 def closed(problem: Problem, *verdict: str) -> Gap:
-    return closure(problem, Priors(), verdict, np.random.default_rng(0))
+    weighed = weigh(problem, Priors())
+    return closure(problem, Priors(), weighed, verdict, np.random.default_rng(0))
 
 
 def scaled(campaign: Campaign, factors: list[float]) -> Campaign:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from planner.gap.evidence.posterior import UNKNOWN, posterior
-from planner.gap.evidence.surrogate import Elimination
 from planner.gap.evidence.weigh import Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
@@ -15,7 +14,7 @@ PRIOR = {
 
 
 def weighed(evidence: dict[tuple[tuple[str, ...], str], float], coarse: float = 400.0) -> Weighed:
-    result = Weighed(Elimination(np.zeros((1, 1)), 0.0), coarse)
+    result = Weighed((), coarse)
     for (effects, axis), value in evidence.items():
         result.add(effects, axis, PRIOR[effects, axis], value)
     return result
