@@ -16,6 +16,8 @@ __all__ = ["Grade", "PaletteFile", "read_palette"]
 
 FloatArray = NDArray[np.float64]
 
+_PLASTIC = re.compile(r'(?m)^deformation *= *"plastic"')
+
 
 @dataclass(frozen=True)
 class Grade:
@@ -46,8 +48,15 @@ class PaletteFile:
     text: str
 
     def calibrated(self, sd: float) -> str:
-        """Return the file's text with every `modulus_log_sd` at the lab's own calibration."""
-        return re.sub(r"(?m)^modulus_log_sd *=.*$", f"modulus_log_sd = {sd:.4f}", self.text)
+        """Return the file's text with every `modulus_log_sd` at the lab's own calibration.
+
+        Without the rigid grades, which the bench cannot print: a mixture harder than its hardest
+        grade is that grade, here as in the file.
+        """
+        head, *materials = self.text.split("[[material]]")
+        elastic = [m for m in materials if not _PLASTIC.search(m)]
+        text = "[[material]]".join([head, *elastic])
+        return re.sub(r"(?m)^modulus_log_sd *=.*$", f"modulus_log_sd = {sd:.4f}", text)
 
 
 def read_palette(text: str) -> PaletteFile:
