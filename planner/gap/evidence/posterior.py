@@ -25,6 +25,7 @@ __all__ = [
     "found_effects",
     "heterogeneity_caution",
     "needed_nats",
+    "open_to_others",
     "posterior",
     "ranking_of",
     "without_refuted",
@@ -289,6 +290,17 @@ def ranking_of(problem: Problem, weighed: Weighed) -> tuple[Hypothesis, ...]:
     evened = _evened_out(problem, weighed, fitting)
     ranking = _tempered(evened, len(problem.campaign.specimens))
     return _given_to_unknown(ranking, {(): 1.0}) if _heterogeneous(problem) else ranking
+
+
+_IMITATED = 0.1
+"""Share of what is named that goes to the unknown: what is in no library is imitated by what is. Of
+40 development campaigns (a quarter with their effect taken out) it raises the mean log score by two
+nats, and a twentieth by less."""
+
+
+def open_to_others(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the ranking with room for causes that the library does not have."""
+    return _given_to_unknown(ranking, {h.effects: _IMITATED for h in _named(ranking)})
 
 
 def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:

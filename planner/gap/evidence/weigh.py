@@ -174,7 +174,12 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     for world, share in scaled:
         result.add((), "", logs.none, world.none - plain.none + float(np.log(share)))
     for world, share in inexact:
-        _add_any(world.none - plain.none + share, logs, result)
+        evidence = world.none - plain.none + share
+        # What the palette's own fit leaves of its tests is no gap.
+        if world.discrepancy <= _fit_error(problem):
+            result.add((), "", logs.none, evidence)
+        else:
+            result.add((), _ANY, logs.any, evidence)
     if logs.some:
         gains = problem.whitened.columns[:, problem.gains]
         for world, share in (*exact, *inexact):
@@ -342,9 +347,14 @@ def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
     return [result.settled_as(result.best[e]) for e in ranked]
 
 
-def _add_any(evidence: float, logs: _LogPriors, result: Weighed) -> None:
-    """Add a model without effects that is off along every test."""
-    result.add((), _ANY, logs.any, evidence)
+def _fit_error(problem: Problem) -> float:
+    """Return the largest error that a law of the campaign's materials left in its own tests.
+
+    A share of their largest stress, 0 where the palette does not say.
+    """
+    names = {way.material for way in problem.ways}
+    stated = [m.uncertainty for m in problem.campaign.palette.materials if m.id in names]
+    return max((u.nrmse for u in stated if u is not None and u.nrmse is not None), default=0.0)
 
 
 def _add_unknown(
