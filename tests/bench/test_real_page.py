@@ -146,7 +146,6 @@ def test_figures_that_contradict_each_other_are_seen() -> None:
             assert_consistent(wrong)
 
 
-@pytest.mark.xfail(reason="the page is of the time before its table had shares", strict=True)
 def test_the_published_page_does_not_contradict_itself() -> None:
     assert_consistent(PAGE.read_text(encoding="utf-8"))
 

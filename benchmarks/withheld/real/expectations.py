@@ -278,8 +278,7 @@ EXPECTATIONS: Mapping[str, Expectation] = MappingProxyType(
             "rate",
             "Rate; places: crosshead speed and time.",
             lambda d: _rate(d, ()),
-            "Relaxation at large strains: a diagnosis compares up to 2.5, and of the holds one set "
-            "is at a strain of 3.3. Figures of the rate: three monotonic tests have a time that is "
+            "Figures of the rate: three monotonic tests have a time that is "
             "even in a generalised strain and not in travel (the data "
             "to look at say so), so that their speeds are not to be relied on. Shear is "
             "equivalent to tension for energies of the first invariant alone.",
