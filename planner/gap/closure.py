@@ -207,7 +207,7 @@ def closure(
         recalibration_only=_rms(recalibrated),
         generic=_rms(generic),
         held_out=held_out,
-        negative_transfer=_rms(after) > _NEGATIVE * _rms(before),
+        negative_transfer=_rms(after) > _NEGATIVE * max(_rms(before), floor_rms or 0.0),
     )
     if not beyond:
         return gap
@@ -222,8 +222,11 @@ def _rms(squares: FloatArray) -> float:
 
 
 def refutes(gap: Gap) -> bool:
-    """Tell whether what is named makes predictions of held-out conditions clearly worse."""
-    return gap.after is not None and gap.after > _REFUTED * gap.before
+    """Tell whether what is named makes predictions of held-out conditions clearly worse.
+
+    Worse than the palette's, and than replicates' scatter: below that, errors are chance.
+    """
+    return gap.after is not None and gap.after > _REFUTED * max(gap.before, gap.floor or 0.0)
 
 
 def without_effect(gap: Gap) -> Gap:
