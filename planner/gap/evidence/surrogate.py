@@ -143,10 +143,6 @@ class SignedForm:
         size = float(self.least ** (1.0 - share[0]))
         return (size, *(2.0 * share[1:] - 1.0).tolist(), *at[1 + self.shapes :].tolist())
 
-    def shape_place(self, place: Sequence[float]) -> tuple[float, ...]:
-        """Return a place without its details."""
-        return tuple(place[: 1 + self.shapes])
-
     def node_places(self) -> list[tuple[float, ...]]:
         """Return the places of its nodes, sizes slowest."""
         axes = [_NODES[d, _FIRST[d] : _STOP[d]].tolist() for d in range(1 + self.shapes)]
@@ -236,18 +232,6 @@ class Candidate:
         """Return the branches with their parameters' values."""
         pairs = zip(self.branches, self.places, strict=True)
         return [(branch, branch.values(place)) for branch, place in pairs]
-
-    def node_weights(self) -> list[FloatArray]:
-        """Return the weights of each branch's nodes."""
-        pairs = zip(self.branches, self.places, strict=True)
-        return [node_weights(b, b.shape_place(p)) for b, p in pairs]
-
-    def combination(self, nodes: int) -> FloatArray:
-        """Return the weights of all nodes: its change is that combination of theirs."""
-        weights = np.zeros(nodes)
-        for branch, own in zip(self.branches, self.node_weights(), strict=True):
-            weights[branch.own] = own
-        return weights
 
 
 # ------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import pytest
 
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Candidate, SignedForm, node_weights, signed_forms
+from planner.gap.evidence.surrogate import SignedForm, node_weights, signed_forms
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import predict_all
 
@@ -83,10 +83,7 @@ def test_nodes_are_exact(everything: Problem) -> None:
     for effect, form in (("rate", "prony"), ("interface-bleed", "gaussian")):
         (branch,) = named(everything, effect, form)
         place = branch.node_places()[-2]
-        weights = Candidate((effect,), (branch,), (place,)).combination(
-            len(everything.node_features)
-        )
-        by_nodes = weights @ everything.node_features
+        by_nodes = node_weights(branch, place) @ everything.node_features[branch.own]
         exact = change(everything, branch, [list(place)])[0]
         assert by_nodes == pytest.approx(exact, rel=1e-9, abs=1e-9)
 

@@ -1,0 +1,84 @@
+"""Candidates at their mode on the forward model, in worlds of scatter and discrepancy."""
+
+import numpy as np
+import pytest
+
+from planner.gap.campaign import Campaign
+from planner.gap.effects import EFFECTS
+from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.settle import World, settle
+from planner.gap.evidence.surrogate import Candidate
+from planner.gap.observations import observation_model
+
+RISE = 0.12
+
+
+@pytest.fixture(scope="module")
+def plan(planned) -> Campaign:
+    """Two materials at three rates, two of each."""
+    return planned(2, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.085, 0.85, 8.5])
+
+
+@pytest.fixture(scope="module")
+def problem(plan, imitated) -> Problem:
+    campaign = imitated(plan, f"rate:rise={RISE},form=power-law")
+    return set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+
+
+def candidate(problem: Problem, form: str, size: float = 0.6) -> Candidate:
+    branch = next(b for b in problem.branches if b.form.name == form)
+    return Candidate(("rate",), (branch,), ((size, *[0.0] * branch.shapes),))
+
+
+def test_a_world_integrates_its_nuisances_out(problem: Problem) -> None:
+    """As the normal density with the covariance that noise and nuisances make together."""
+    world = World(problem, scale=1.3, discrepancy=0.02)
+    columns = problem.whitened.columns
+    j = np.concatenate([problem.whitened.nuisance_columns, 0.02 * problem.discrepancy], axis=1)
+    covariance = 1.3**2 * np.eye(len(columns)) + j @ j.T
+    residual = columns[:, 0]
+    expected = -0.5 * (
+        np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual)
+    )
+    assert world.none == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_mode_is_found_and_flat(problem: Problem) -> None:
+    world = World(problem)
+    settled = settle((world,), candidate(problem, "power-law"), world)
+    branch, place = settled.candidate.branches[0], settled.candidate.places[0]
+    low, high = (
+        branch.values(branch.place(settled.coordinates + k * settled.deviations()))["rise"]
+        for k in (-3.0, 3.0)
+    )
+    assert low < RISE < high
+    # The target is the whole residual, for a form that is nearly linear in its size.
+    left = settled.target - settled.slopes @ settled.coordinates
+    change = problem.noise.whiten(problem.residual - problem.changes([settled.candidate])[0])
+    assert left == pytest.approx(change, abs=1e-9)
+    gradient = world.products(np.stack([left, settled.slopes[:, 0]], axis=1))[1, 0]
+    # An iteration that gains 0.05 nats is the last: half a squared step over the curvature.
+    curvature = world.products(settled.slopes)[0, 0] + 1.0
+    assert 0.5 * (gradient - settled.coordinates[0]) ** 2 / curvature < 0.05
+    assert branch.values(place)["rise"] == pytest.approx(RISE, rel=0.2)
+
+
+@pytest.mark.parametrize("form", ["prony", "spectrum", "graded-power-law"])
+def test_coordinates_and_places_are_one_to_one(problem: Problem, form: str) -> None:
+    branch = next(b for b in problem.branches if b.form.name == form)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        at = rng.standard_normal(1 + branch.shapes + len(branch.form.details))
+        assert branch.coordinates(branch.place(at)) == pytest.approx(at, abs=1e-6)
+
+
+def test_a_discrepancy_is_asked_for_where_no_form_fits(plan, imitated) -> None:
+    """Force off by 5 % along the path, alike in replicates: no scatter, and no rate."""
+    campaign = imitated(plan, "softening")
+    problem = set_up(campaign, observation_model(campaign), [EFFECTS["rate"]])
+    bent = np.sin(np.linspace(0.0, 6.0, len(problem.table))) * 0.05
+    exact, off = World(problem), World(problem, discrepancy=0.06)
+    residual = problem.whitened.columns[:, 0]
+    whitened = residual + problem.noise.whiten(bent)
+    gained = off.elimination(whitened).none - exact.elimination(whitened).none
+    assert gained > off.none - exact.none
