@@ -20,7 +20,8 @@ its boundary (grips and machine), the sensor.
 An effect has several forms, as nobody knows its true one, and of every form a size first: 0 is
 off, below the lower bound it is not worth naming, above the upper one it is not physical. Sizes
 marked ± may have either sign. Bounds marked log stand for equal ratios being equally likely. At
-most two parameters more give a form its shape.
+most two parameters more give a form its shape. Some forms have details beside: values that are
+normal with deviation 1 before any data, and 0 unless the data ask for more.
 
 Everything is told relative to the palette's reference: at its rate, temperature, soaking, age and
 direction an effect of these changes nothing. Where a palette does not name one of them,
@@ -85,7 +86,10 @@ def page() -> str:
 
 def _row(form: Form) -> str:
     equation = form.equation.replace("|", r"\|")
-    parameters = "<br>".join(_bounds(p) for p in form.parameters)
+    described = [_bounds(p) for p in form.parameters]
+    if form.details:
+        described.append(f"details: {', '.join(form.details)}")
+    parameters = "<br>".join(described)
     return f"| {form.name} | `{equation}` | {parameters} | {form.source} |"
 
 
