@@ -294,6 +294,10 @@ GRIP_SLIP = Effect(
 # Machine compliance: frame, load cell and grips stretch with the specimen.
 
 
+_STIFFEST_mm_N = 0.0005
+"""Of a floor-standing frame of 2 kN/mm with its load cell and grips."""
+
+
 def _in_series(setup: Setup, values: Values) -> Setup:
     """Add a spring in series, the stiffer the more it bears where there is a power below 1."""
     if values["compliance"] == 0.0:
@@ -312,7 +316,7 @@ MACHINE_COMPLIANCE = Effect(
     (
         Form(
             "linear",
-            (Parameter("compliance", 0.002, 0.1, "of machine and grips", "mm/N"),),
+            (Parameter("compliance", _STIFFEST_mm_N, 0.1, "of machine and grips", "mm/N"),),
             _in_series,
             "lost = C F",
             "Kalidindi, Abusafieh & El-Danaf, Exp. Mech. 37, 1997, 210",
@@ -320,7 +324,7 @@ MACHINE_COMPLIANCE = Effect(
         Form(
             "stiffening",
             (
-                Parameter("compliance", 0.003, 0.4, "without load", "mm/N"),
+                Parameter("compliance", _STIFFEST_mm_N, 0.4, "without load", "mm/N"),
                 Parameter("power", 0.2, 0.9, "of the load", log=False),
             ),
             _in_series,
