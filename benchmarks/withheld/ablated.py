@@ -39,17 +39,20 @@ def _as_it_is(problem: Problem, priors: Priors) -> _Part:
 
 def _without_specimens(problem: Problem, priors: Priors) -> _Part:
     """Every figure differs by the sensor alone: no specimen, batch, slope or wandering."""
-    scatter = replace(problem.scatter, specimen=_NONE, batch=_NONE, slope=_NONE, wander=_NONE)
+    none = dict.fromkeys(("specimen", "batch", "slope", "wander"), _NONE)
+    scatter = replace(problem.scatter, **none, field_shared=0.0)
     unknown = np.full(len(problem.campaign.specimens), -1)
     noise = specimen_noise(
         problem.table, problem.sensitivity, scatter, problem.model.sensor_sd_N, unknown
     )
     batches = problem.noise.batch.shape[1]
-    columns = _unwhitened(problem)
+    columns = _unwhitened(problem, problem.whitened.columns)
     columns = columns[:, : columns.shape[1] - batches]
+    courses = noise.whiten(_unwhitened(problem, problem.discrepancy))
     nuisances = problem.whitened.nuisances - batches
     whitened = Whitened(noise.whiten(columns), noise.first_row, nuisances)
-    return replace(problem, scatter=scatter, noise=noise, whitened=whitened), priors
+    changed = {"scatter": scatter, "noise": noise, "whitened": whitened, "discrepancy": courses}
+    return replace(problem, **changed), priors
 
 
 def _without_calibration(problem: Problem, priors: Priors) -> _Part:
@@ -132,9 +135,9 @@ def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -
     }
 
 
-def _unwhitened(problem: Problem) -> FloatArray:
-    """Return the columns as they were before whitening, (N, X)."""
-    columns = np.empty_like(problem.whitened.columns)
+def _unwhitened(problem: Problem, whitened: FloatArray) -> FloatArray:
+    """Return columns as they were before whitening, (N, X)."""
+    columns = np.empty_like(whitened)
     for rows, block in zip(problem.noise.rows, problem.noise.blocks, strict=True):
-        columns[rows] = np.linalg.cholesky(block) @ problem.whitened.columns[rows]
+        columns[rows] = np.linalg.cholesky(block) @ whitened[rows]
     return columns
