@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from planner.gap.design import next_experiments
+from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, set_up
@@ -88,3 +89,11 @@ def test_diagnoses_ask_for_three(of_rate: Diagnosis, of_nothing: Diagnosis) -> N
             assert 0.0 <= x.expected_gain_nats <= np.log(6.0)
             assert x.change
             assert x.detail
+
+
+def test_rigid_materials_alone_have_a_diagnosis_and_no_test_to_propose(rate_campaign) -> None:
+    palette = rate_campaign.palette
+    rigid = tuple(replace(m, deformation="plastic") for m in palette.materials)
+    found = diagnose(replace(rate_campaign, palette=replace(palette, materials=rigid)))
+    assert "rate" in found.verdict
+    assert found.next_experiments == ()
