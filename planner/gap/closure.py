@@ -8,7 +8,7 @@ import numpy as np
 from planner.gap.campaign import TOLERANCES, Specimen, levels
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.posterior import UNKNOWN
-from planner.gap.evidence.problem import Problem, own_axes, specimen_forces_N
+from planner.gap.evidence.problem import Problem, own_axes, specimen_forces_N, squared_errors
 from planner.gap.evidence.settle import resettled
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
@@ -175,7 +175,7 @@ def closure(
     priors = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
     predictor = _Predictor(problem, priors, weighed)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
-    floor = _floor(problem, predictor.peak)
+    floor = _floor(problem)
     if not folds:
         return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out)
 
@@ -270,12 +270,9 @@ class _Predictor:
     def __init__(self, problem: Problem, priors: Priors, weighed: Weighed) -> None:
         self._problem, self._priors, self._weighed = problem, priors, weighed
         self._measured = problem.model.measured_N
-        self.peak = np.maximum(np.abs(self._measured).max(axis=1, keepdims=True), 1e-12)
-        self.before = self._squared(specimen_forces_N(problem, Candidate(()), problem.model.setup))
-
-    def _squared(self, forces: FloatArray) -> FloatArray:
-        found: FloatArray = np.mean(((self._measured - forces) / self.peak) ** 2, axis=1)
-        return found
+        self.before = squared_errors(
+            problem, specimen_forces_N(problem, Candidate(()), problem.model.setup)
+        )
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
         """By forces averaged over what may be the cause, as the weighted specimens say."""
@@ -298,7 +295,7 @@ class _Predictor:
             if chosen.members is not None:
                 forces = self._with_own_gain(forces, chosen.log_gain)
             expected += share / total * forces
-        return self._squared(expected)
+        return squared_errors(self._problem, expected)
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:
         """Return forces with each specimen's gain, told from its own curve's level alone.
@@ -320,7 +317,7 @@ class _Predictor:
         setup = problem.model.setup
         for way, size in zip(problem.ways, best.tolist(), strict=True):
             setup = way.applied(setup, size * way.sd)
-        return self._squared(specimen_forces_N(problem, Candidate(()), setup))
+        return squared_errors(self._problem, specimen_forces_N(problem, Candidate(()), setup))
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.
@@ -341,7 +338,7 @@ class _Predictor:
         raw = np.concatenate([*patterns, problem.calibration], axis=1)
         predicted = table.transformed(problem.unpredicted) + raw @ best[: raw.shape[1]]
         force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
-        of = np.where(table.is_field, 0.0, 1.0 / self.peak[table.specimen, 0])
+        of = np.where(table.is_field, 0.0, 1.0 / problem.model.peaks_N[table.specimen, 0])
         after, before = (
             np.bincount(table.specimen, (of * (table.measured_raw - found)) ** 2)
             for found in (force, problem.unpredicted)
@@ -363,12 +360,13 @@ def _ridge(inner: FloatArray, cross: FloatArray, sd: FloatArray) -> tuple[FloatA
     return sd * solution, evidence
 
 
-def _floor(problem: Problem, peak: FloatArray) -> FloatArray | None:
+def _floor(problem: Problem) -> FloatArray | None:
     """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
 
     What replicates differ by, and what they share as specimens of one batch. It is known from few
     replicates, so that an error may come out slightly below it.
     """
+    peak = problem.model.peaks_N
     measured = problem.model.measured_N / peak
     peaks = peak[:, 0]
     floor = np.full(len(measured), np.nan)

@@ -340,6 +340,11 @@ class ObservationModel:
     limitations: tuple[str, ...]
     weight: FloatArray
 
+    @property
+    def peaks_N(self) -> FloatArray:
+        """The size of each specimen's largest force, (n, 1)."""
+        return np.asarray(np.maximum(np.abs(self.measured_N).max(axis=1, keepdims=True), 1e-12))
+
     def predicted(self, prediction: Prediction) -> FloatArray:
         """Return what a prediction says of every feature, in N or as a strain, (N,)."""
         table = self.table

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
-from planner.gap.evidence.problem import Problem, specimen_forces_N
+from planner.gap.evidence.problem import Problem, specimen_forces_N, squared_errors
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
@@ -156,29 +156,16 @@ def _named(ranking: Sequence[Hypothesis]) -> list[Hypothesis]:
 # ------------------------------------------------------------------------------------------------
 # Whether a named hypothesis fits at all: the best of several wrong ones is still wrong.
 #
-# The residual that is left, whitened by replicates' noise, the laws' uncertainty and what forms may
-# depart by, has a mean square of 1 under the right hypothesis. One that leaves clearly more is no
-# explanation, and its probability goes to the unknown.
+# One that fits only with more beside it, a discrepancy or a pattern along an axis, and yet closes
+# little of the gap is no explanation, and its probability goes to the unknown.
 
-
-_ALLOWED = 1.1
-"""Mean square that noise, estimated from few replicates, may show: what campaigns without any gap
-do not exceed by more than chance."""
-
-_DEVIATIONS = 2.5
-
-_MEASURED_LOG_SD = 0.2
-"""Of the scatter's logarithm: below it replicates have measured it."""
-
-_FORMLESS = 0.3
-"""Share that goes to the unknown where no known form fits as it is."""
 
 _EXPLAINED = 0.85
-"""Share of the excess mean square that stands for an effect even if its form is not exact: where an
-effect is a hundred times the noise, a form that is right to a few per cent leaves much."""
+"""Share of the gap that stands for an effect even if its form is not exact: where an effect is a
+hundred times the noise, a form that is right to a few per cent leaves much."""
 
 _HALF = 0.5
-"""Share below which departures do more than the effect that they are of."""
+"""Share below which what stands beside an effect does more than the effect."""
 
 _ENOUGH_SPECIMENS = 6
 _LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
@@ -189,10 +176,8 @@ _LEAST_PROBABILITY = 0.01
 
 def _force_error(problem: Problem, candidate: Candidate) -> float:
     """Return the root mean square error of force over each test's largest, a candidate applied."""
-    measured = problem.model.measured_N
-    peak = np.maximum(np.abs(measured).max(axis=1, keepdims=True), 1e-12)
     forces = specimen_forces_N(problem, candidate, problem.model.setup)
-    return float(np.sqrt(np.mean(((measured - forces) / peak) ** 2)))
+    return float(np.sqrt(np.mean(squared_errors(problem, forces))))
 
 
 def _without_poor_fits(

@@ -27,7 +27,15 @@ from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
 from planner.numerics import FloatArray, IntArray
 from planner.simulation.bar_solver import Setup, predict, predict_all
 
-__all__ = ["AMPLITUDES", "Problem", "applied", "own_axes", "set_up", "specimen_forces_N"]
+__all__ = [
+    "AMPLITUDES",
+    "Problem",
+    "applied",
+    "own_axes",
+    "set_up",
+    "specimen_forces_N",
+    "squared_errors",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -442,3 +450,10 @@ def specimen_forces_N(problem: Problem, candidate: Candidate, setup: Setup) -> F
     if candidate.members is not None:
         forces = forces * np.exp(candidate.log_gain * candidate.members)[:, None]
     return forces
+
+
+def squared_errors(problem: Problem, forces: FloatArray) -> FloatArray:
+    """Return the mean squared error of predicted forces, (n, T), over each largest one's, (n,)."""
+    measured = problem.model.measured_N
+    found: FloatArray = np.mean(((measured - forces) / problem.model.peaks_N) ** 2, axis=1)
+    return found

@@ -29,6 +29,11 @@ class World:
         `Problem.discrepancy`.
     weight : (n,)
         Of specimens; 1 each by default.
+
+    Attributes
+    ----------
+    none, left
+        ln p of the campaign without any effect, and the sum of squares that it leaves.
     """
 
     def __init__(
@@ -52,7 +57,8 @@ class World:
         self._factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
         log_det = 2.0 * float(np.log(np.diagonal(self._factor)).sum())
         self._offset = -float(rows.sum()) * float(np.log(scale)) - 0.5 * log_det
-        self.none = self.elimination(whitened.columns[:, 0]).none
+        alone = self.elimination(whitened.columns[:, 0])
+        self.none, self.left = alone.none, float(alone.products[0, 0])
 
     def _half(self, columns: FloatArray) -> FloatArray:
         cross = self._nuisances.T @ columns
@@ -225,8 +231,7 @@ class Settled:
 
     def weighed(self, world: World, elimination: Elimination) -> Candidate:
         """Return the candidate with its gain and evidence over no effect in a world."""
-        none = world.products(world.problem.whitened.columns[:, :1])
-        gain = 0.5 * (float(none[0, 0]) - float(elimination.products[0, 0]))
+        gain = 0.5 * (world.left - float(elimination.products[0, 0]))
         return replace(self.candidate, gain=gain, log_evidence=elimination.none - world.none)
 
     def deviations(self) -> FloatArray:

@@ -1,6 +1,6 @@
 """Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -102,6 +102,8 @@ class Weighed:
         The best form and parameters of each set of effects.
     settled
         Every candidate that was weighed on the forward model.
+    discrepancy
+        Of the world in which the likeliest of these settled; 0 without any.
     """
 
     worlds: tuple[World, ...]
@@ -111,6 +113,7 @@ class Weighed:
     exact: dict[Effects, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
     settled: list[Settled] = field(default_factory=list)
+    discrepancy: float = 0.0
 
     @property
     def plain(self) -> World:
@@ -170,6 +173,9 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     exact = [(w, float(np.log(_DISCREPANCIES[0.0] * share))) for w, share in scaled]
     inexact = [(w, float(np.log(share))) for w, share in off]
     result.settled = _settled(problem, result.worlds, logs)
+    if result.settled:
+        likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none)
+        result.discrepancy = likeliest.world.discrepancy
     result.offer(Candidate(()))
     for world, share in scaled:
         result.add((), "", logs.none, world.none - plain.none + float(np.log(share)))
@@ -232,9 +238,7 @@ def reweigh(
         Log odds and candidate each.
     """
     logs = _LogPriors(problem, priors)
-    likeliest = max(weighed.settled, key=lambda one: one.eliminated(one.world).none, default=None)
-    size = 0.0 if likeliest is None else likeliest.world.discrepancy
-    world = World(problem, discrepancy=size, weight=weight)
+    world = World(problem, discrepancy=weighed.discrepancy, weight=weight)
     found = [(logs.none, Candidate(()))]
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     values = [c.log_evidence + logs.forms(c) for c in settled]
@@ -357,36 +361,40 @@ def _fit_error(problem: Problem) -> float:
     return max((u.nrmse for u in stated if u is not None and u.nrmse is not None), default=0.0)
 
 
+def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, float]]:
+    """Yield each axis of the unknown and what a pattern along it gains, for each amplitude.
+
+    Parameters
+    ----------
+    target
+        Keeps the columns of the unknown after the target.
+    """
+    first = problem.unknown_span.start - 1
+    for number in range(len(problem.unknown)):
+        at = problem.unknown_columns(number)
+        for amplitude in AMPLITUDES:
+            left = target.with_random(slice(at.start - first, at.stop - first), amplitude, 1)
+            yield number, left.none - target.none - float(np.log(len(AMPLITUDES)))
+
+
 def _add_unknown(
     problem: Problem, world: World, log_share: float, logs: _LogPriors, result: Weighed
 ) -> None:
     """Add the unknown alone, along each axis, in one world."""
-    columns, span = problem.whitened.columns, problem.unknown_span
-    e = world.elimination(columns[:, 0], kept=columns[:, span])
-    for number in range(len(problem.unknown)):
-        at = problem.unknown_columns(number)
-        own = slice(at.start - span.start + 1, at.stop - span.start + 1)
-        for amplitude in AMPLITUDES:
-            left = e.with_random(own, amplitude, 1)
-            evidence = log_share + left.none - result.plain.none - np.log(len(AMPLITUDES))
-            _add_axis(problem, (), number, evidence, logs, result)
+    columns = problem.whitened.columns
+    e = world.elimination(columns[:, 0], kept=columns[:, problem.unknown_span])
+    alone = log_share + e.none - result.plain.none
+    for number, gain in _along_axes(problem, e):
+        _add_axis(problem, (), number, alone + gain, logs, result)
 
 
 def _add_beside(problem: Problem, one: Settled, logs: _LogPriors, result: Weighed) -> None:
     """Add a candidate with the unknown beside it, along each axis, in the world it settled in."""
     effects = one.candidate.effects
-    columns = problem.whitened.columns
-    e = one.eliminated(one.world, columns[:, problem.unknown_span])
+    e = one.eliminated(one.world, problem.whitened.columns[:, problem.unknown_span])
     alone = result.log_evidence[effects, ""]
-    for number in range(len(problem.unknown)):
-        at = problem.unknown_columns(number)
-        own = slice(
-            at.start - problem.unknown_span.start + 1, at.stop - problem.unknown_span.start + 1
-        )
-        for amplitude in AMPLITUDES:
-            left = e.with_random(own, amplitude, 1)
-            evidence = alone + left.none - e.none - np.log(len(AMPLITUDES))
-            _add_axis(problem, effects, number, evidence, logs, result)
+    for number, gain in _along_axes(problem, e):
+        _add_axis(problem, effects, number, alone + gain, logs, result)
 
 
 def _add_axis(
