@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from planner.gap.evidence.problem import Problem
-from planner.gap.evidence.surrogate import Candidate, Elimination
+from planner.gap.evidence.surrogate import Candidate, Elimination, integrated
 from planner.numerics import FloatArray
 
 __all__ = ["Settled", "World", "joined", "resettled", "settle"]
@@ -81,7 +81,7 @@ class World:
         weighted = self._root[:, None] * columns
         half = self._half(weighted)
         m = weighted.T @ weighted - half.T @ half
-        return np.asarray(m) if own is None else _integrated(m, count)[0]
+        return np.asarray(m) if own is None else _without_last(m, count)[0]
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None
@@ -97,15 +97,13 @@ class World:
         """
         parts = [target[:, None], *(part for part in (kept, slopes) if part is not None)]
         m = self.products(np.concatenate(parts, axis=1))
-        m, log_det = _integrated(m, len(m) - (0 if slopes is None else slopes.shape[1]))
+        m, log_det = _without_last(m, len(m) - (0 if slopes is None else slopes.shape[1]))
         return Elimination(m, self._offset - 0.5 * (float(m[0, 0]) + log_det))
 
 
-def _integrated(m: FloatArray, head: int) -> tuple[FloatArray, float]:
+def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
     """Return inner products of the first `head` columns, the others integrated out, prior 1."""
-    inner = m[head:, head:] + np.eye(len(m) - head)
-    left = m[:head, :head] - m[:head, head:] @ np.linalg.solve(inner, m[head:, :head])
-    return left, float(np.linalg.slogdet(inner)[1])
+    return integrated(m[:head, :head], m[head:, :head], m[head:, head:] + np.eye(len(m) - head))
 
 
 # ------------------------------------------------------------------------------------------------

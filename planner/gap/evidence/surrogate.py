@@ -20,6 +20,7 @@ __all__ = [
     "SignedForm",
     "Whitened",
     "climbed",
+    "integrated",
     "node_weights",
     "signed_forms",
 ]
@@ -464,7 +465,7 @@ class InnerProducts:
             more, own = extra[0] / scale**2, extra[1] / scale**2
             cross = np.concatenate([cross, more[:, :kept]])
             inner = np.block([[inner, more[:, kept:].T], [more[:, kept:], own]])
-        left, log_det = _integrated(m[:kept, :kept], cross, inner + np.eye(len(inner)))
+        left, log_det = integrated(m[:kept, :kept], cross, inner + np.eye(len(inner)))
         none = -self.rows * float(np.log(scale)) - 0.5 * (float(left[0, 0]) + log_det)
         return Elimination(left, none)
 
@@ -480,13 +481,13 @@ class Elimination:
         """Integrate over columns with coefficients of deviation `amplitude`; keep `head` others."""
         a = self.products
         inner = a[columns, columns] + np.eye(columns.stop - columns.start) / amplitude**2
-        left, log_det = _integrated(a[:head, :head], a[columns, :head], inner)
+        left, log_det = integrated(a[:head, :head], a[columns, :head], inner)
         log_det += 2.0 * len(inner) * float(np.log(amplitude))
         gain = 0.5 * (float(a[0, 0]) - float(left[0, 0])) - 0.5 * log_det
         return Elimination(left, self.none + gain)
 
 
-def _integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
+def integrated(kept: FloatArray, cross: FloatArray, inner: FloatArray) -> tuple[FloatArray, float]:
     """Return Schur's complement of `inner`, and the logarithm of its determinant."""
     factor = scipy.linalg.cholesky(inner, lower=True, check_finite=False)
     half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
