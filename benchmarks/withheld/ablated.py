@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from planner.gap.campaign import Campaign
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import LEAST_PROBABILITY, RANKED, prepared
-from planner.gap.evidence.posterior import class_of, ranking_of
+from planner.gap.evidence.posterior import class_of, evidence_of, ranking_of
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import Whitened
 from planner.gap.evidence.weigh import Priors, weigh
@@ -114,7 +114,7 @@ def problem_of(
 def weighed_answer(problem: Problem, priors: Priors, reasons: tuple[str, ...]) -> dict[str, Any]:
     """Weigh all hypotheses and return the scored part of a document, cut as a diagnosis is."""
     weighed = weigh(problem, priors)
-    ranking = ranking_of(problem, weighed)
+    ranking = ranking_of(evidence_of(problem, weighed), priors.coarseness_nats)
     verdict = ranking[0].effects
     alike = class_of(problem, weighed, ranking, verdict)
     return {

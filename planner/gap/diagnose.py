@@ -20,9 +20,9 @@ from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
     class_of,
     detectable_sizes,
+    evidence_of,
     found_effects,
     heterogeneity_caution,
-    open_to_others,
     ranking_of,
     without_refuted,
 )
@@ -310,20 +310,18 @@ def _diagnose(
     campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    weighing = ranking_of(problem, weighed)
-    ranking = open_to_others(weighing)
+    ranking = ranking_of(evidence_of(problem, weighed), priors.coarseness_nats)
     verdict = ranking[0].effects
     gap = closure(problem, priors, weighed, verdict, rng, progress)
     refuted = verdict if refutes(gap) else None
     if refuted is not None:
-        weighing, gap = without_refuted(weighing), without_effect(gap)
-        ranking = weighing
+        ranking, gap = without_refuted(ranking), without_effect(gap)
         verdict = ranking[0].effects
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
-    same_class = class_of(problem, weighed, weighing, verdict)
+    same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)
     mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
     found = Diagnosis(

@@ -1,10 +1,11 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
@@ -15,17 +16,19 @@ from planner.gap.evidence.surrogate import (
     SignedForm,
     node_weights,
 )
-from planner.gap.evidence.weigh import Effects, Priors, Weighed
+from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed, coarsened
 from planner.numerics import FloatArray
 
 __all__ = [
     "UNKNOWN",
+    "Doubt",
+    "Evidence",
     "class_of",
     "detectable_sizes",
+    "evidence_of",
     "found_effects",
     "heterogeneity_caution",
     "needed_nats",
-    "open_to_others",
     "posterior",
     "ranking_of",
     "without_refuted",
@@ -103,25 +106,24 @@ def _fit_of_same_pattern(
     return b.gain - a.gain
 
 
-def _evened_out(
-    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
-) -> tuple[Hypothesis, ...]:
+def _evened_out(ranking: Sequence[Hypothesis], evidence: "Evidence") -> tuple[Hypothesis, ...]:
     """Return the ranking, the leading effect's probability shared with those that look the same.
 
     Where patterns and fits are the same, what is left of evidence is how wide priors are, and the
     data have no say in that: shares are by fit alone.
     """
     leading = ranking[0].effects
-    alike, fits = [], []
-    for h in ranking:
-        fit = _fit_of_same_pattern(problem, weighed, leading, h.effects, _SAME_COSINE)
-        if fit is not None and abs(fit) < _ALIKE_NATS:
-            alike.append(h)
-            fits.append(fit)
-    if not alike:
+    fits = {leading: 0.0} | {
+        other: fit
+        for (one, other), fit in evidence.same.items()
+        if one == leading and abs(fit) < _ALIKE_NATS
+    }
+    alike = [h for h in ranking if h.effects in fits]
+    if len(alike) < 2:
         return tuple(ranking)
-    shares = np.exp(np.array(fits) - logsumexp(fits)) * sum(h.probability for h in alike)
-    changed = dict(zip([h.effects for h in alike], shares.tolist(), strict=True))
+    together = logsumexp([fits[h.effects] for h in alike])
+    whole = sum(h.probability for h in alike)
+    changed = {h.effects: whole * float(np.exp(fits[h.effects] - together)) for h in alike}
     return _sorted(replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking)
 
 
@@ -154,24 +156,67 @@ def _named(ranking: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 
 # ------------------------------------------------------------------------------------------------
-# Whether a named hypothesis fits at all: the best of several wrong ones is still wrong.
-#
-# One that fits only with more beside it, a discrepancy or a pattern along an axis, and yet closes
-# little of the gap is no explanation, and its probability goes to the unknown.
+# What a ranking goes by: numbers that the calibration of the last step keeps of each campaign.
 
 
-_EXPLAINED = 0.85
-"""Share of the gap that stands for an effect even if its form is not exact: where an effect is a
-hundred times the noise, a form that is right to a few per cent leaves much."""
+_LOOKED_AT = 12
+"""Effects, the best ones by evidence, of which is known how much of the gap they leave open."""
 
-_HALF = 0.5
-"""Share below which what stands beside an effect does more than the effect."""
 
-_ENOUGH_SPECIMENS = 6
-_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All that a campaign's ranking goes by.
 
-_LEAST_PROBABILITY = 0.01
-"""Hypotheses below it are left as they are."""
+    Attributes
+    ----------
+    log_prior, log_evidence
+        Of each hypothesis.
+    inexact
+        Of effects: the share of their evidence that asks for a discrepancy.
+    missing
+        Of effects: the share of the gap that they leave open, 0 to 1.
+    same
+        Of pairs of single effects whose patterns are the same: how much better the other fits, in
+        nats.
+    specimens
+        How many.
+    heterogeneous
+        Whether replicates differ by more than prints scatter.
+    """
+
+    log_prior: Mapping[HypothesisKey, float]
+    log_evidence: Mapping[HypothesisKey, float]
+    inexact: Mapping[Effects, float]
+    missing: Mapping[Effects, float]
+    same: Mapping[tuple[Effects, Effects], float]
+    specimens: int
+    heterogeneous: bool
+
+
+def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
+    """Return what a campaign's ranking goes by."""
+    named = [e for e, axis in weighed.log_evidence if e and not axis]
+    named.sort(key=lambda e: -weighed.log_evidence[e, ""])
+    looked_at = named[:_LOOKED_AT]
+    before, floor = _force_error(problem, Candidate(())), problem.scatter.specimen
+    missing = {}
+    for effects in looked_at:
+        left = max(_force_error(problem, weighed.best[effects]) - floor, 0.0)
+        missing[effects] = float(np.clip(left / max(before - floor, 1e-12), 0.0, 1.0))
+    same: dict[tuple[Effects, Effects], float] = {}
+    for one, other in permutations([e for e in looked_at if len(e) == 1], 2):
+        fit = _fit_of_same_pattern(problem, weighed, one, other, _SAME_COSINE)
+        if fit is not None:
+            same[one, other] = fit
+    return Evidence(
+        log_prior=weighed.log_prior,
+        log_evidence=weighed.log_evidence,
+        inexact={e: weighed.inexact(e) for e in named},
+        missing=missing,
+        same=same,
+        specimens=len(problem.campaign.specimens),
+        heterogeneous=_heterogeneous(problem),
+    )
 
 
 def _force_error(problem: Problem, candidate: Candidate) -> float:
@@ -180,24 +225,48 @@ def _force_error(problem: Problem, candidate: Candidate) -> float:
     return float(np.sqrt(np.mean(squared_errors(problem, forces))))
 
 
-def _without_poor_fits(
-    problem: Problem, weighed: Weighed, ranking: Sequence[Hypothesis]
-) -> tuple[Hypothesis, ...]:
-    """Return the ranking, the probability of what is named and closes little given to the unknown.
+# ------------------------------------------------------------------------------------------------
+# Whether a named hypothesis is to be believed: the best of several wrong ones is still wrong.
+#
+# One that fits only with more beside it, a discrepancy or a pattern along an axis, and yet closes
+# little of the gap is no explanation; and what is in no library is imitated by what is. The share
+# of its probability that goes to the unknown is logistic in both.
 
-    Only where the data ask for more beside it, a discrepancy or a pattern along an axis: a small
-    gap may not close for scatter.
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Log odds that what is named is a cause out of the library, beyond what evidence says.
+
+    The sum of `always`, of `missing` times the share of the gap that is left open, of `inexact`
+    times the share of the evidence that asks for more beside, of `both` times their product, and
+    of `pair` for two effects.
     """
-    before, floor = _force_error(problem, Candidate(())), problem.scatter.specimen
-    share = {}
-    for h in _named(ranking):
-        if h.probability >= _LEAST_PROBABILITY:
-            after = _force_error(problem, weighed.best[h.effects])
-            closed = 1.0 - max(after - floor, 0.0) / max(before - floor, 1e-12)
-            missing = np.clip((_EXPLAINED - closed) / (_EXPLAINED - _HALF), 0.0, 1.0)
-            exact = (1.0 - h.with_unknown) * (1.0 - weighed.inexact(h.effects))
-            share[h.effects] = (1.0 - exact) * float(missing) ** 2
-    return _given_to_unknown(ranking, share)
+
+    always: float = -2.2
+    missing: float = 0.0
+    inexact: float = 0.0
+    both: float = 8.0
+    pair: float = 0.0
+
+    def share(self, hypothesis: Hypothesis, evidence: Evidence) -> float:
+        """Return the share of a hypothesis' probability that goes to the unknown."""
+        missing = evidence.missing.get(hypothesis.effects, 0.0)
+        exact = 1.0 - evidence.inexact.get(hypothesis.effects, 0.0)
+        inexact = 1.0 - (1.0 - hypothesis.with_unknown) * exact
+        pair = float(len(hypothesis.effects) == 2)
+        return float(
+            expit(
+                self.always
+                + self.missing * missing
+                + self.inexact * inexact
+                + self.both * missing * inexact
+                + self.pair * pair
+            )
+        )
+
+
+_ENOUGH_SPECIMENS = 6
+_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
 
 
 def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
@@ -264,28 +333,23 @@ _GIVEN_UP = 0.7
 """Share of what is named that an explanation gives up which does not predict."""
 
 
-def ranking_of(problem: Problem, weighed: Weighed) -> tuple[Hypothesis, ...]:
+def ranking_of(
+    evidence: Evidence, coarseness_nats: float, doubt: Doubt | None = None
+) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
-    What does not fit gives way to the unknown, what looks the same shares its probability, and few
+    What looks the same shares its probability, what is in doubt gives way to the unknown, and few
     specimens name little. A gap no larger than what replicates differ by is no gap, unless they
     differ by what no print scatters: then it lies between them, and "none" gives way.
     """
-    fitting = _without_poor_fits(problem, weighed, posterior([weighed.log_odds]))
-    evened = _evened_out(problem, weighed, fitting)
-    ranking = _tempered(evened, len(problem.campaign.specimens))
-    return _given_to_unknown(ranking, {(): 1.0}) if _heterogeneous(problem) else ranking
-
-
-_IMITATED = 0.1
-"""Share of what is named that goes to the unknown: what is in no library is imitated by what is. Of
-40 development campaigns (a quarter with their effect taken out) it raises the mean log score by two
-nats, and a twentieth by less."""
-
-
-def open_to_others(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the ranking with room for causes that the library does not have."""
-    return _given_to_unknown(ranking, {h.effects: _IMITATED for h in _named(ranking)})
+    doubt = Doubt() if doubt is None else doubt
+    odds = coarsened(evidence.log_prior, evidence.log_evidence, coarseness_nats)
+    evened = _evened_out(posterior([odds]), evidence)
+    fitting = _given_to_unknown(
+        evened, {h.effects: doubt.share(h, evidence) for h in _named(evened)}
+    )
+    ranking = _tempered(fitting, evidence.specimens)
+    return _given_to_unknown(ranking, {(): 1.0}) if evidence.heterogeneous else ranking
 
 
 def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:

@@ -1,6 +1,6 @@
 """Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -12,7 +12,7 @@ from planner.gap.evidence.settle import Settled, World, joined, settle
 from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.numerics import FloatArray
 
-__all__ = ["Effects", "Priors", "Weighed", "reweigh", "weigh"]
+__all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", "reweigh", "weigh"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -31,6 +31,8 @@ class Priors:
         A pattern that no effect explains, alone.
     beside
         Of any hypothesis with effects, the share that has an unknown beside it.
+    axes
+        Of an unknown alone, the share of patterns along one axis; the rest goes along every test.
     claimed
         Of an unknown, the share along axes that some effect of the library claims.
     coarseness_nats
@@ -44,6 +46,7 @@ class Priors:
     pair: float = 0.0017
     unknown: float = 0.2843
     beside: float = 0.05
+    axes: float = 0.5
     claimed: float = 0.2
     coarseness_nats: float = 400.0
 
@@ -57,7 +60,9 @@ class Priors:
 
 
 Effects = tuple[str, ...]
-_Hypothesis = tuple[Effects, str]
+HypothesisKey = tuple[Effects, str]
+"""Effects, and the axis of an unknown beside them, "" without."""
+
 _Key = TypeVar("_Key", bound=Hashable)
 
 _SINGLES = 24
@@ -72,10 +77,8 @@ _WITH_UNKNOWN = 8
 _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does."""
 
-_AXES = 0.5
-"""Prior share, of an unknown alone, of patterns along one axis; the rest goes along every test."""
-
-_ANY = "every test"
+ANY = "every test"
+"""In place of an axis, of an unknown that goes along every test."""
 
 _FREE = 0.15
 """Prior share, of an effect with a covariate of its own, of patterns along it that no form has."""
@@ -108,8 +111,8 @@ class Weighed:
 
     worlds: tuple[World, ...]
     coarseness_nats: float
-    log_prior: dict[_Hypothesis, float] = field(default_factory=dict)
-    log_evidence: dict[_Hypothesis, float] = field(default_factory=dict)
+    log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
+    log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
     exact: dict[Effects, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
     settled: list[Settled] = field(default_factory=list)
@@ -126,18 +129,9 @@ class Weighed:
         self.log_prior[effects, axis] = log_prior
 
     @property
-    def log_odds(self) -> dict[_Hypothesis, float]:
-        """By hypothesis, priors included, evidence coarsened.
-
-        By what the best one gains over no effects, exact or with a discrepancy.
-        """
-        none = max(self.log_evidence.get(((), axis), -np.inf) for axis in ("", _ANY))
-        most = max(max(self.log_evidence.values()) - none, 0.0)
-        share = 1.0 / (1.0 + most / self.coarseness_nats)
-        return {
-            key: self.log_prior[key] + share * (value - none)
-            for key, value in self.log_evidence.items()
-        }
+    def log_odds(self) -> dict[HypothesisKey, float]:
+        """By hypothesis, priors included, evidence coarsened."""
+        return coarsened(self.log_prior, self.log_evidence, self.coarseness_nats)
 
     def inexact(self, effects: Effects) -> float:
         """Return the share of effects' evidence that asks for a discrepancy."""
@@ -154,6 +148,21 @@ class Weighed:
         known = self.best.get(candidate.effects)
         if known is None or candidate.log_evidence > known.log_evidence:
             self.best[candidate.effects] = candidate
+
+
+def coarsened(
+    log_prior: Mapping[HypothesisKey, float],
+    log_evidence: Mapping[HypothesisKey, float],
+    coarseness_nats: float,
+) -> dict[HypothesisKey, float]:
+    """Return log odds of hypotheses, priors included.
+
+    Evidence is coarsened by what the best one gains over no effects, exact or with a discrepancy.
+    """
+    none = max(log_evidence.get(((), axis), -np.inf) for axis in ("", ANY))
+    most = max(max(log_evidence.values()) - none, 0.0)
+    share = 1.0 / (1.0 + most / coarseness_nats)
+    return {key: log_prior[key] + share * (value - none) for key, value in log_evidence.items()}
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
@@ -185,7 +194,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         if world.discrepancy <= _fit_error(problem):
             result.add((), "", logs.none, evidence)
         else:
-            result.add((), _ANY, logs.any, evidence)
+            result.add((), ANY, logs.any, evidence)
     if logs.some:
         gains = problem.whitened.columns[:, problem.gains]
         for world, share in (*exact, *inexact):
@@ -262,8 +271,8 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
-        self.unknown = _of_axes(problem, _AXES * priors.unknown, priors.claimed)
-        self.any = float(np.log((1.0 - _AXES) * priors.unknown))
+        self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
+        self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
         self.branch = np.log([b.weight for b in problem.branches])
         self.owner = own_axes(list(effects.values()))

@@ -1,16 +1,21 @@
 """From evidence to probabilities and a verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from planner.gap.evidence.posterior import UNKNOWN, posterior
-from planner.gap.evidence.weigh import Weighed
+from planner.gap.evidence.posterior import UNKNOWN, Doubt, Evidence, posterior, ranking_of
+from planner.gap.evidence.weigh import Effects, Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
 PRIOR = {
     ((), ""): np.log(0.6), (RATE, ""): np.log(0.1), (SLIP, ""): np.log(0.1),
     (BOTH, ""): np.log(0.02), ((), "operator"): np.log(0.1), (RATE, "operator"): np.log(0.01),
 }  # fmt: skip
+
+
+CERTAIN = Doubt(always=-50.0)
 
 
 def weighed(evidence: dict[tuple[tuple[str, ...], str], float], coarse: float = 400.0) -> Weighed:
@@ -80,3 +85,48 @@ def test_adding_evidence_adds_probabilities_not_logarithms() -> None:
         result.add(RATE, "", PRIOR[RATE, ""], value + float(np.log(0.5)))
     expected = np.log(0.5 * (np.exp(3.0) + np.exp(5.0)))
     assert result.log_evidence[RATE, ""] == pytest.approx(expected)
+
+
+def evidence(gain: float, **changed: object) -> Evidence:
+    """Return evidence of which the rate gains so many nats."""
+    log_evidence = {**dict.fromkeys(PRIOR, 0.0), (RATE, ""): gain}
+    plain = Evidence(
+        log_prior=PRIOR, log_evidence=log_evidence, inexact={}, missing={}, same={}, specimens=30,
+        heterogeneous=False,
+    )  # fmt: skip
+    return replace(plain, **changed)  # type: ignore[arg-type]
+
+
+def probabilities(found: Evidence, doubt: Doubt = CERTAIN) -> dict[Effects, float]:
+    return {h.effects: h.probability for h in ranking_of(found, 1e9, doubt)}
+
+
+def test_without_doubt_the_ranking_is_the_posterior() -> None:
+    odds = weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 3.0}, 1e9).log_odds
+    plain = {h.effects: h.probability for h in posterior([odds])}
+    assert probabilities(evidence(3.0)) == pytest.approx(plain)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.5, 1.0])
+def test_what_leaves_the_gap_open_gives_way_to_the_unknown(missing: float) -> None:
+    """By the logistic share that its coefficients say, and nothing else moves."""
+    found = evidence(30.0, missing={RATE: missing}, inexact={RATE: 1.0})
+    before = probabilities(found)
+    after = probabilities(found, Doubt(always=-2.0, missing=1.0, inexact=0.5, both=3.0, pair=0.0))
+    share = 1.0 / (1.0 + np.exp(2.0 - missing - 0.5 - 3.0 * missing))
+    assert after[RATE] == pytest.approx((1.0 - share) * before[RATE])
+    assert after[()] == pytest.approx(before[()])
+    assert sum(after.values()) == pytest.approx(1.0)
+
+
+def test_two_effects_may_be_doubted_more() -> None:
+    found = evidence(0.0)
+    before, after = probabilities(found), probabilities(found, Doubt(-50.0, 0.0, 0.0, 0.0, 100.0))
+    assert BOTH not in after
+    assert after[RATE] == pytest.approx(before[RATE])
+
+
+def test_effects_of_the_same_pattern_share_by_fit_alone() -> None:
+    same = {(RATE, SLIP): -1.0, (SLIP, RATE): 1.0}
+    found = probabilities(evidence(20.0, same=same))
+    assert found[SLIP] / found[RATE] == pytest.approx(np.exp(-1.0))

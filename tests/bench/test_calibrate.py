@@ -1,0 +1,69 @@
+"""The calibration of the diagnosis' last step finds what made the cases."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from benchmarks.withheld.calibrate import Case, Coefficients, calibrated, mean_log_score
+from benchmarks.withheld.scoring import UNKNOWN
+from planner.gap.evidence.posterior import Doubt, Evidence
+from planner.gap.evidence.weigh import Priors
+
+SHOWN = 3.0
+NAMES = ("rate", "skin", "moisture", "ageing")
+
+
+def cases(present: Coefficients, shares: dict[str, float], count: int) -> Iterator[Case]:
+    """Yield campaigns of kinds in these shares, with evidence as a Bayesian would find it.
+
+    Each hypothesis with a cause has a figure of its own, normal about 0, about `SHOWN` where it is
+    the truth.
+    """
+    rng = np.random.default_rng(5)
+    p = present.priors
+    log_prior = {((), ""): p.none} | {((n,), ""): p.single * (1 - p.beside) / 4 for n in NAMES}
+    log_prior |= {((), "every test"): (1 - p.axes) * p.unknown}
+    log_prior = {key: float(np.log(value)) for key, value in log_prior.items()}
+    for number in range(count):
+        kind = rng.choice(list(shares), p=list(shares.values()))
+        name = str(rng.choice(NAMES))
+        truth = {"none": (), "unknown": UNKNOWN}.get(kind, (name,))
+        shown = ((), "") if kind == "none" else ((), "every test")
+        shown = ((name,), "") if kind == "single" else shown
+        figures = {key: float(rng.normal()) for key in log_prior}
+        figures[shown] += SHOWN
+        gains = {key: SHOWN * (x - 0.5 * SHOWN) for key, x in figures.items()}
+        gains[(), ""] = 0.0
+        evidence = Evidence(
+            log_prior=log_prior, log_evidence=gains, inexact={}, missing={}, same={}, specimens=30,
+            heterogeneous=False,
+        )  # fmt: skip
+        yield Case(f"c{number}", "all", truth, evidence, frozenset())
+
+
+def test_coefficients_are_the_vector_that_they_came_from() -> None:
+    start = Coefficients(Priors(), Doubt(-2.0, 0.3, 0.1, 4.0, 0.2))
+    again = Coefficients.of(start.vector())
+    total = sum(getattr(start.priors, k) for k in ("none", "single", "pair", "unknown"))
+    for name in ("none", "single", "pair", "unknown"):
+        assert getattr(again.priors, name) == pytest.approx(getattr(start.priors, name) / total)
+    assert again.vector() == pytest.approx(start.vector())
+
+
+def test_shares_of_kinds_are_found() -> None:
+    """From priors a tenth of which are single effects, of cases half of which are."""
+    start = Coefficients(Priors(coarseness_nats=1e6), Doubt(always=-8.0))
+    made = list(cases(start, {"none": 0.25, "single": 0.5, "unknown": 0.25}, 300))
+    found = calibrated(made, start)
+    assert mean_log_score(made, found) > mean_log_score(made, start) + 0.1
+    # Odds of 150 to 75 are known to a seventh
+    assert found.priors.single / found.priors.none == pytest.approx(2.0, rel=0.3)
+
+
+def test_what_is_right_already_stays() -> None:
+    start = Coefficients(Priors(coarseness_nats=1e6), Doubt(always=-8.0))
+    shares = {"none": 0.66, "single": 0.055, "unknown": 0.285}  # the priors' own, without pairs
+    found = calibrated(list(cases(start, shares, 400)), start)
+    # 22 single effects among 400: known to a fifth
+    assert found.priors.none == pytest.approx(start.priors.none, rel=0.25)
