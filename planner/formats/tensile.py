@@ -496,6 +496,9 @@ def _data_rows(layout: _Layout, wanted: set[int], where: str) -> tuple[list[Text
 _Orientation = Literal["x", "y", "z"]
 _Protocol = Literal["monotonic", "cyclic", "relaxation"]
 
+_MODES = frozenset({"tension", "tensile", "compression", "compressive"})
+"""Ways of loading that may stand beside a protocol."""
+
 
 @dataclass(frozen=True, slots=True)
 class SpecimenColumn:
@@ -642,6 +645,8 @@ class ListedSpecimen(SpecimenConditions):
     ----------
     material, profile
         Exactly one is given: a material of one piece, or the file of a graded bar's design.
+    mode
+        How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
     covariates
         Further columns as the lab wrote them, by name.
     """
@@ -651,6 +656,7 @@ class ListedSpecimen(SpecimenConditions):
     profile: str = ""
     file: str = ""
     gauge_mm: float | None = None
+    mode: str = ""
     covariates: Mapping[str, str] = field(default_factory=dict)
 
     def conditions(self) -> dict[str, Any]:
@@ -718,13 +724,26 @@ def _listed(record: Mapping[str, str], separator: str, where: str) -> ListedSpec
             f"{where}: give exactly one of 'material' and 'profile' (got "
             f"{texts['material']!r} and {texts['profile']!r})"
         )
+    record, mode = _without_mode(record)
     conditions: dict[str, Any] = {
         column.name: _condition(record.get(column.name, ""), column, separator, where)
         for column in SPECIMEN_COLUMNS.values()
     }
     known = {*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS, ""}
     others = {name: value for name, value in record.items() if name not in known}
-    return ListedSpecimen(**texts, **conditions, covariates=MappingProxyType(others))
+    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
+
+
+def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
+    """Return a row whose protocol does not say how the specimen was loaded, and what it said.
+
+    Nothing more of a protocol is a monotonic test.
+    """
+    words = record.get("protocol", "").casefold().split()
+    mode = next((word for word in words if word in _MODES), "")
+    if not mode:
+        return record, ""
+    return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
 
 
 def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) -> str | float | None:

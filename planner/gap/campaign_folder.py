@@ -7,7 +7,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from pathlib import Path
@@ -31,8 +31,10 @@ from planner.formats.tensile import (
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.diagnosis import UnitOf
+from planner.gap.loading_direction import Mode, said_mode, turned
 from planner.gap.unit_of import QUANTITIES, factor_of, stated_units
 from planner.materials.characterise import MINIMUM_POINTS
+from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
 from planner.printers import load_printer, palette_of
@@ -134,12 +136,22 @@ def _alike(known: str, heading: str) -> bool:
 _START_SHARE = 0.02
 """Below this share of its largest value a first force is none, and a first travel is rest."""
 
-_TURNED_RATIO = 5.0
+_PRELOAD_SHARE = 0.1
+"""Below it a first force is a preload. At a travel beyond half of its largest, as far off as what
+starts there would be, even a law that stiffens bears more."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """A specimen's table, and what turns strain and stress into travel and force, where known."""
+    """A specimen's table, and what turns strain and stress into travel and force, where known.
+
+    Attributes
+    ----------
+    said
+        How it was loaded, as its row says; None where it does not.
+    stress_MPa
+        Its material's law, nominal stress of stretches; None for a bar.
+    """
 
     where: str
     table: TensileTable
@@ -147,6 +159,8 @@ class _Source:
     area_mm2: float | None
     rate_mm_s: float | None
     units: Mapping[str, UnitOf]
+    said: Mode | None
+    stress_MPa: Callable[[FloatArray], FloatArray] | None
     notes: list[str]
     """What was corrected, without naming the specimen."""
 
@@ -154,10 +168,9 @@ class _Source:
 def _record_of(source: _Source) -> dict[str, Any]:
     """Take time, travel and force of a table, and whether the time was recorded.
 
-    Force or travel that alone counts negative is turned, as it does so in tension; where both do,
-    the specimen is compressed. Travel counts from its unloaded start,
-    points of one time are averaged, and a time that was not recorded is counted from travel and
-    rate; each is noted.
+    Force and travel count positive in tension and negative in compression (see `turned`). Travel
+    counts from its unloaded start, points of one time are averaged, and a time that was not
+    recorded is counted from travel and rate; each is noted.
 
     Raises
     ------
@@ -173,19 +186,22 @@ def _record_of(source: _Source) -> dict[str, Any]:
         )
     force, force_unit_N = _force(source)
     travel, travel_unit_mm = _travel(source)
-    pushed = _is_negative(force) and _is_negative(travel)
-    if pushed:
-        notes.append("travel and force are negative; it is compared as compressed")
-    else:
-        force, travel = _upright(force, "force", notes), _upright(travel, "travel", notes)
-    if not pushed and not np.any(force > 0.0):
-        raise FileError(f"{where}: no force above 0; check the load cell, its sign and the column")
     if not np.any(travel):
         raise FileError(f"{where}: the crosshead never moves; check the column of travel")
-    unloaded = abs(force[0]) < _START_SHARE * float(np.max(-force if pushed else force))
-    if unloaded and abs(travel[0]) > _START_SHARE * float(np.ptp(travel)):
-        notes.append("travel counts from its unloaded start, not from 0 as recorded")
+    if not np.any(force):
+        raise FileError(f"{where}: the force is 0 all along; check the load cell and the column")
+    start = abs(force[0]) / float(np.max(np.abs(force)))
+    reach = float(np.ptp(travel))
+    # Under a preload, a travel that starts farther off than it goes is a crosshead's place.
+    unloaded, placed = start < _START_SHARE, start < _PRELOAD_SHARE and abs(travel[0]) > reach
+    if placed or (unloaded and abs(travel[0]) > _START_SHARE * reach):
+        kind = "unloaded start" if unloaded else "start under a preload"
+        notes.append(f"travel counts from its {kind}, not from 0 as recorded")
         travel = travel - travel[0]
+    force, travel = turned(
+        force, travel, said=source.said, gauge_mm=source.gauge_mm, area_mm2=source.area_mm2,
+        stress_MPa=source.stress_MPa, notes=notes,
+    )  # fmt: skip
     time, recorded = _time(source, travel)
     starts = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
     if len(starts) < points:
@@ -256,18 +272,6 @@ def _no_unit_stated(source: _Source, quantity: str) -> None:
             f"{source.where}: its file has no column of {quantity}, so it cannot be read as "
             f"{stated.quantity}={stated.unit}; name other specimens"
         )
-
-
-def _is_negative(values: FloatArray) -> bool:
-    return float(-values.min()) > _TURNED_RATIO * abs(float(values.max()))
-
-
-def _upright(values: FloatArray, what: str, notes: list[str]) -> FloatArray:
-    """Turn a channel that counts negative in tension."""
-    if not _is_negative(values):
-        return values
-    notes.append(f"{what} is negative in tension; its sign was turned")
-    return -values
 
 
 def _time(source: _Source, travel: FloatArray) -> tuple[FloatArray, bool]:
@@ -667,7 +671,14 @@ def _specimen(
     gauge = known.pop("gauge_mm")
     area = SpecimenConditions(**known).area_mm2
     units = place.units[row.specimen]
-    record = _record_of(_Source(where, table, gauge, area, known["rate_mm_s"], units, notes))
+    said = said_mode([row.mode, *covariates.values()])
+    law = None if material is None else make_law(place.palette.resolve(material).law)
+    record = _record_of(
+        _Source(
+            where, table, gauge, area, known["rate_mm_s"], units, said,
+            None if law is None else law.nominal_stress_MPa, notes,
+        )
+    )  # fmt: skip
     notes += table.notes
     if measured_field is not None and measured_field.note:
         notes.append(measured_field.note)

@@ -763,24 +763,28 @@ class Trial:
 
     @property
     def row(self) -> dict[str, str | float]:
-        """What specimens.csv says of each specimen, and how far to pull it."""
+        """What specimens.csv says of each specimen, and how far to pull or push it."""
         s = self.specimen
         file = "" if s.profile is None else f"profiles/{s.profile.name}.csv"
         cells: dict[str, Any] = {"material": s.material, "profile": file}
         cells |= {name: getattr(s, name) for name in SPECIMEN_COLUMNS}
+        cells["protocol"] = f"{s.protocol} compression" if s.pushed else s.protocol
         cells["to_strain"] = _rounded(float(s.strain.max()))
         return {name: cell for name, cell in cells.items() if cell not in (None, "")}
 
 
 def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
-    """Return the candidate tests of a campaign, each of `_COPIES` specimens.
+    """Return the candidate tests of a campaign, each of `_COPIES` specimens, loaded as most of its.
 
     Raises
     ------
     PaletteError
         The palette has no elastic material.
     """
-    palette, reference = campaign.palette, _usual_coupon(campaign, setup.reference)
+    pushed = 2 * sum(s.pushed for s in campaign.specimens) > len(campaign.specimens)
+    alike = tuple(s for s in campaign.specimens if s.pushed is pushed)
+    palette = campaign.palette
+    reference = _usual_coupon(replace(campaign, specimens=alike), setup.reference)
     _, (soft, middle, hard) = _elastic(palette)
     own = stated(setup.reference)
     known = {k: v for k, v in asdict(own).items() if k in reference}
@@ -788,7 +792,8 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
         *_NEXT,
         *({"material": m.id} for m in (soft, middle, hard)),
         *({"material": m.id, "protocol": "cyclic"} for m in (soft, hard)),
-        {"profile": f"{soft.id}-to-{hard.id}"},
+        # A bar of two materials is pulled: pushed, its soft end gives way sideways.
+        *([] if pushed else [{"profile": f"{soft.id}-to-{hard.id}"}]),
     ]
     assert own.age_days is not None
     trials = []
@@ -803,12 +808,13 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
             bar = _step_bar(change["profile"], reference["gauge_mm"], *ends)
             strain, fields = virtual_strain(palette, ()), {"profile": bar}
         specimen = _specimen(
-            palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100
-        )
+            palette, reference, fields, id=f"trial-{number:02d}", strain=strain, steps=100,
+            pushed=pushed,
+        )  # fmt: skip
         area = (specimen.width_mm or 1.0) * (specimen.thickness_mm or 1.0)
         at = np.maximum(specimen.strain, 1e-9)
         force = predicted_stress_MPa(specimen, palette, at) * area
-        specimen = replace(specimen, force_N=force)
+        specimen = replace(specimen, force_N=-force if pushed else force)
         trials.append(Trial(change, specimen, _hours(specimen, own.age_days)))
     return tuple(trials)
 
@@ -980,8 +986,9 @@ def _information(
 
 def _detail(trial: Trial) -> str:
     what = ", ".join(f"{name} {value}" for name, value in trial.change.items())
+    how = "compressed specimens" if trial.specimen.pushed else "specimens"
     return (
-        f"{_COPIES} specimens with {what}, all else as where the palette was measured; about "
+        f"{_COPIES} {how} with {what}, all else as where the palette was measured; about "
         f"{trial.hours:.1f} h"
     )
 

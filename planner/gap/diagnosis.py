@@ -200,7 +200,8 @@ class Experiment:
     count
         How many specimens to print and test.
     row
-        Of each, columns of specimens.csv and ``to_strain``, how far to pull it.
+        Of each, columns of specimens.csv and ``to_strain``, how far to pull it; a protocol that
+        ends in "compression" is of one that is pushed.
     design
         Of a graded bar, the columns of the file that its row names as its profile.
     """

@@ -23,6 +23,7 @@ from planner.gap.campaign_folder import (
 )
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
+from planner.gap.loading_direction import said_mode
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -85,6 +86,7 @@ def virtual_specimen(
     hold_s: float = HOLD_S,
     camera: bool = False,
     steps: int | None = None,
+    pushed: bool = False,
     **fields: Any,
 ) -> Specimen:
     """Return a specimen with the time and travel of its test; its force is a stand-in.
@@ -99,6 +101,8 @@ def virtual_specimen(
         Whether a bar's strain is seen along its axis.
     steps
         Of each leg of its path; 160 in all by default.
+    pushed
+        Whether it is compressed so far, not pulled.
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
@@ -120,11 +124,12 @@ def virtual_specimen(
         rows = np.unique(np.linspace(1, last, _FRAMES).astype(np.int64))
         local = np.repeat(path.displacement_mm[rows, None] / gauge_mm, len(x), axis=1)
         seen = StrainField(path.time_s[rows], x, local, _FACET_mm)
+    travel = -path.displacement_mm if pushed else path.displacement_mm
     return Specimen(
         id=id,
         time_s=path.time_s,
-        displacement_mm=path.displacement_mm,
-        force_N=path.displacement_mm / gauge_mm,
+        displacement_mm=travel,
+        force_N=travel / gauge_mm,
         gauge_mm=gauge_mm,
         strain_field=seen,
         **fields,
@@ -239,7 +244,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
     time = np.concatenate([np.zeros(1), *parts])
     corners_s = np.array([0.0, *(s.end_s for s in path.segments)])
     corners_mm = np.array([0.0, *(s.end_mm for s in path.segments)])
-    travel = np.interp(time, corners_s, corners_mm)
+    travel = np.interp(time, corners_s, corners_mm) * (-1.0 if specimen.pushed else 1.0)
     seen = specimen.strain_field
     return replace(
         specimen,
@@ -279,6 +284,7 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
                 / share,
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
+                pushed=said_mode([row.mode, *own.values()]) == "compression",
                 material=palette.resolve(row.material).id if row.material else None,
                 profile=design,
                 covariates=own,

@@ -415,9 +415,10 @@ def _next(
 ) -> Iterator[str | tuple[str, ...] | Table]:
     if not experiments:
         return
+    how = "compressed" if _pushed(experiments[0]) else "pulled"
     yield (
         "Print and test these, the first being worth most for its hours. Size is width x "
-        "thickness x gauge, and they are pulled to a strain; next-specimens.csv in the report "
+        f"thickness x gauge, and they are {how} to a strain; next-specimens.csv in the report "
         "folder has them as rows of specimens.csv."
     )
     listed_alike = [x for x in experiments if x.row]
@@ -461,9 +462,10 @@ def _next_cells(number: str, x: Experiment) -> dict[str, str]:
     cell = {name: v if isinstance(v, str) else f"{v:.4g}" for name, v in x.row.items()}
     bar = cell.get("profile", "").rpartition("/")[2].removesuffix(".csv")
     sizes = (cell.get(name, "?") for name in ("width_mm", "thickness_mm", "gauge_mm"))
+    to = "push to" if _pushed(x) else "pull to"
     conditions = {
         "mm/s": "rate_mm_s", "°C": "temperature_C", "soak h": "soak_h", "days": "age_days",
-        "along": "orientation", "protocol": "protocol", "pull to": "to_strain",
+        "along": "orientation", "protocol": "protocol", to: "to_strain",
     }  # fmt: skip
     return {
         "": f"{number}.",
@@ -472,6 +474,10 @@ def _next_cells(number: str, x: Experiment) -> dict[str, str]:
         "size mm": "x".join(sizes),
         **{words: cell.get(name, "") for words, name in conditions.items()},
     }
+
+
+def _pushed(x: Experiment) -> bool:
+    return f"{x.row.get('protocol', '')}".endswith("compression")
 
 
 def _next_reason(x: Experiment, verdict: str) -> str:

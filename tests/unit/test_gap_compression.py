@@ -1,6 +1,7 @@
 """Compressed specimens: negative travel and force, from the record to the diagnosis."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from planner.gap.diagnose import diagnose
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.quality import examine
 from planner.gap.segments import path_of
+from planner.gap.virtual import read_design
 from planner.materials.laws import make_law
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar_solver import predict
@@ -111,6 +113,91 @@ def test_a_folder_of_compression_is_read_as_such(tmp_path) -> None:
     assert "are negative; it is compared as compressed" in again.limitations[0]
 
 
+def written(
+    folder: Path,
+    specimen: Specimen,
+    *,
+    force: float,
+    travel: float,
+    column: str = "",
+    cell: str = "",
+) -> Path:
+    """A folder of one button, `force` and `travel` being the signs that its channels get."""
+    turned = replace(
+        specimen,
+        force_N=force * specimen.force_N,
+        displacement_mm=travel * specimen.displacement_mm,
+    )
+    write_campaign(campaign(turned), folder)
+    if column:
+        first, row = (folder / "specimens.csv").read_text().splitlines()
+        heads, cells = first.split(","), row.split(",")
+        if column in heads:
+            cells[heads.index(column)] = cell
+        else:
+            heads, cells = [*heads, column], [*cells, cell]
+        (folder / "specimens.csv").write_text(f"{','.join(heads)}\n{','.join(cells)}\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("force", "travel", "column", "cell"),
+    [
+        (1.0, 1.0, "", ""),
+        (-1.0, 1.0, "", ""),
+        (1.0, -1.0, "", ""),
+        (-1.0, -1.0, "mode", "compression"),
+        (-1.0, 1.0, "test", "Uniaxial compression"),
+        (-1.0, -1.0, "protocol", "compression"),
+        (-1.0, -1.0, "protocol", "monotonic compression"),
+    ],
+)
+@pytest.mark.parametrize("preload", [False, True])
+def test_each_convention_of_compression_is_read_alike(
+    tmp_path: Path, force: float, travel: float, column: str, cell: str, preload: bool
+) -> None:
+    one = button("a", rng=np.random.default_rng(0))
+    if preload:
+        one = replace(one, force_N=one.force_N - 0.05 * np.abs(one.force_N).max())
+    folder = written(tmp_path / "c", one, force=force, travel=travel, column=column, cell=cell)
+    (read,) = read_campaign(folder).specimens
+    assert read.pushed
+    assert read.protocol == "monotonic"
+    # Files hold 9 digits.
+    np.testing.assert_allclose(read.force_N, one.force_N, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(read.displacement_mm, one.displacement_mm, rtol=1e-7, atol=1e-7)
+
+
+def test_a_place_of_the_platen_that_goes_down_is_compression(tmp_path: Path) -> None:
+    one = button("a", rng=np.random.default_rng(0))
+    placed = replace(one, displacement_mm=one.displacement_mm + 55.0)
+    (read,) = read_campaign(written(tmp_path / "c", placed, force=1.0, travel=1.0)).specimens
+    np.testing.assert_allclose(read.displacement_mm, one.displacement_mm, atol=1e-7)
+
+
+@pytest.mark.parametrize(("force", "travel"), [(1.0, -1.0), (-1.0, 1.0)])
+def test_a_pull_with_one_channel_turned_stays_a_pull(
+    tmp_path: Path, force: float, travel: float
+) -> None:
+    one = button("a", rng=np.random.default_rng(0), strain=0.4)
+    again = read_campaign(written(tmp_path / "c", one, force=force, travel=travel))
+    assert not again.specimens[0].pushed
+    assert "is negative in tension; its sign was turned" in again.limitations[0]
+
+
+def test_a_push_that_counts_as_a_pull_is_doubted(tmp_path: Path) -> None:
+    one = button("a", rng=np.random.default_rng(0))
+    again = read_campaign(written(tmp_path / "c", one, force=-1.0, travel=-1.0))
+    assert not again.specimens[0].pushed
+    assert "the curve bends as in compression" in again.limitations[0]
+
+
+def test_what_is_said_to_be_pulled_is_pulled(tmp_path: Path) -> None:
+    one = button("a", rng=np.random.default_rng(0), strain=0.4)
+    folder = written(tmp_path / "c", one, force=-1.0, travel=-1.0, column="mode", cell="tension")
+    assert not read_campaign(folder).specimens[0].pushed
+
+
 def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:
     rng = np.random.default_rng(1)
     specimens = [
@@ -127,6 +214,10 @@ def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:
     assert found.where[0].axis == "rate_mm_s"
     assert "above prediction at 3 mm/s" in found.where[0].detail
     assert found.data_quality == ()
+    assert found.next_experiments
+    for next_test in found.next_experiments:
+        assert str(next_test.row["protocol"]).endswith("compression")
+        assert "compressed specimens" in next_test.detail
     assert found.traces is not None
     assert found.traces.label[0].startswith("A40, compressed")
     assert np.nanmin(found.traces.measured_N[:, -1]) > 0.0
@@ -134,3 +225,14 @@ def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:
         np.corrcoef(found.traces.residual_before, np.log([s.rate_mm_s for s in specimens]))[0, 1]
         > 0.9
     )
+
+
+def test_a_list_of_compression_is_planned_as_such(tmp_path: Path) -> None:
+    one = button("a", rng=np.random.default_rng(0))
+    cell = "cyclic compression"
+    folder = written(tmp_path / "c", one, force=1.0, travel=1.0, column="protocol", cell=cell)
+    (planned,) = read_design(folder / "specimens.csv", PALETTE).specimens
+    assert planned.pushed
+    assert planned.protocol == "cyclic"
+    # With curves they go the way that these went.
+    assert all(s.pushed for s in read_design(folder, PALETTE).specimens)
