@@ -48,7 +48,8 @@ from benchmarks.withheld.scoring import Score, Truth
 
 __all__ = ["OracleScore", "beside_oracle", "oracle_answer", "oracle_outcomes", "oracle_score"]
 
-_TIERS = ("library", "other", "none", "pair")
+_TIERS = ("library", "other", "pair")
+"""Where nothing is hidden, there is nothing to name; other tiers are no question of evidence."""
 
 _NATS = 5.0
 """A hypothesis is told from another where its evidence is better by this: odds of 150 to 1."""

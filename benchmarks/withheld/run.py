@@ -37,7 +37,7 @@ from benchmarks.withheld.sealed import (
 )
 from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
-from benchmarks.withheld.written import results_markdown
+from benchmarks.withheld.written import put_into_page, results_markdown
 from planner import __version__
 from planner.cli.output import progress
 from planner.errors import FileError
@@ -89,7 +89,9 @@ def _run(options: argparse.Namespace) -> int:
             naive = kept_outcomes(whole, folder / "naive.jsonl", theirs)
         oracle: Mapping[Key, Outcome] = {}
         if options.subset is None and not options.no_oracle:
-            oracle = oracle_outcomes(truth, whole, truth_file, options.jobs, stage)
+            asked = campaigns_in_turn(truth_file, options.oracle_first)
+            known = [task for task in whole if task.folder.name in set(asked)]
+            oracle = oracle_outcomes(truth, known, truth_file, options.jobs, stage)
     method = _method(folder)  # MIXED if it changed meanwhile
     made_by = {name: getattr(options, name) for name in ("set", "count", "seed", "specimens")}
     made_by |= {"subset": options.subset or "all"}
@@ -98,6 +100,8 @@ def _run(options: argparse.Namespace) -> int:
     text = results_markdown(results)
     (folder / "results.md").write_text(text, encoding="utf-8", newline="\n")
     print(text)
+    if options.page is not None:
+        put_into_page(options.page, text)
     if options.log is not None:
         append_run(options.log, results, method)
     missed = any(target["met"] is False for target in results["targets"])
@@ -180,6 +184,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-naive", action="store_true", help="leave the naive BIC out")
     parser.add_argument("--no-oracle", action="store_true", help="leave the oracle out")
+    parser.add_argument(
+        "--oracle-first", type=int, metavar="N", help="ask the oracle of the first N of a tier"
+    )
+    parser.add_argument("--page", type=Path, help="put the results into this page (Markdown)")
     parser.add_argument("--log", type=Path, help="append a row to this log of runs (Markdown)")
     return parser
 

@@ -1,6 +1,7 @@
 """The results of a run as a section of Markdown."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from benchmarks.withheld.comparison import COLUMNS as NAIVE_COLUMNS
@@ -17,8 +18,11 @@ from benchmarks.withheld.summary import (
     overall_lines,
     table_rows,
 )
+from planner.errors import FileError
 
-__all__ = ["results_markdown"]
+__all__ = ["put_into_page", "results_markdown"]
+
+_BEGIN, _END = "<!-- results -->\n", "<!-- end of results -->\n"
 
 _MET = {True: "yes", False: "no", None: ""}
 
@@ -62,6 +66,23 @@ def results_markdown(results: Mapping[str, Any]) -> str:
         lines = (f"- {name}: {problem}\n" for name, problem in results["problems"].items())
         parts += ["### Diagnoses that failed, counted as wrong", "".join(lines)]
     return "\n".join(part if part.endswith("\n") else part + "\n" for part in parts)
+
+
+def put_into_page(page: Path, text: str) -> None:
+    """Put a section in place of what stands between a page's two comments.
+
+    Raises
+    ------
+    FileError
+        The page has no such place.
+    """
+    before, found, rest = page.read_text(encoding="utf-8").partition(_BEGIN)
+    _, ended, after = rest.partition(_END)
+    if not found or not ended:
+        raise FileError(
+            f"{page}: no place for results; mark it by {_BEGIN.strip()} and {_END.strip()}"
+        )
+    page.write_text(f"{before}{_BEGIN}\n{text}\n{_END}{after}", encoding="utf-8", newline="\n")
 
 
 def _campaigns(made_by: Mapping[str, Any]) -> str:

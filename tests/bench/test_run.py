@@ -16,7 +16,7 @@ from benchmarks.withheld.run_log import append_run, check_not_scored
 from benchmarks.withheld.scoring import NO_ANSWER, CampaignTruth, Score, read_answer, score
 from benchmarks.withheld.summary import summarise
 from benchmarks.withheld.targets import LEFT_OUT, targets
-from benchmarks.withheld.written import results_markdown
+from benchmarks.withheld.written import put_into_page, results_markdown
 from planner.errors import FileError
 
 
@@ -208,3 +208,16 @@ def test_the_page_has_both_sides_of_the_comparison() -> None:
     # one campaign: ours certain of the truth, the naive one of another effect; 173 hypotheses
     assert "| all | 1 | 100 [21, 100] | 0 [0, 79] | 0 [0, 79] | 100 [21, 100] |" in text
     assert "0.00 | -13.82 | -5.15 |" in text
+
+
+def test_results_go_into_a_page_where_it_has_room(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# A\n<!-- results -->\nold\n<!-- end of results -->\nB\n", encoding="utf-8")
+    for text in ("new", "newer"):
+        put_into_page(page, text)
+    expected = "# A\n<!-- results -->\n\nnewer\n<!-- end of results -->\nB\n"
+    assert page.read_text(encoding="utf-8") == expected
+    page.write_text("# A\n", encoding="utf-8")
+    with pytest.raises(FileError, match="no place for results"):
+        put_into_page(page, "new")
+    assert page.read_text(encoding="utf-8") == "# A\n"
