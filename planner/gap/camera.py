@@ -25,7 +25,8 @@ __all__ = [
 
 
 _POINT_MM = 1e-3
-"""Length for a facet of none: a point on a step sees half of either side."""
+"""Length for a facet of none: a point on a step sees half of either side. Numerical: less than any
+slice or pixel."""
 
 
 def seen_shares(setup: Setup, number: int, x_mm: FloatArray, facet_mm: float) -> FloatArray:
@@ -82,24 +83,27 @@ def seen_shares(setup: Setup, number: int, x_mm: FloatArray, facet_mm: float) ->
 
 
 BINS_MOST = 16
+"""Of a camera's places. Chosen: a sixteenth of the gauge is less than the longest facet that is
+believed."""
 
 _PLACES_LEAST = 3
-"""Of a camera in a bin: its facets overlap, so that a place tells of its neighbours too."""
+"""Of a camera in a bin. Chosen: its facets overlap, so that a place tells of its neighbours too."""
 
 _LENGTHS = 6
-"""Equally likely lengths of a facet that nobody states, evenly from a point to the longest."""
+"""Equally likely lengths of a facet that nobody states, evenly from a point to the longest.
+Numerical: steps of 2 % of the gauge, twice what places may be off by."""
 
 _LONGEST_SHARE = 0.1
-"""Of the gauge: a facet that averages over more shows no gradient. Facets that stand farther apart
-may be as long as that."""
+"""Longest facet that is believed, of the gauge; facets that stand farther apart may be as long as
+that. Chosen: one that averages over more shows no gradient."""
 
 _SHIFT_SHARE = 0.01
-"""Standard deviation of where the gauge begins in the camera's picture, of the gauge: its ends are
-known no better than to twice that (see `campaign_folder`)."""
+"""Standard deviation of where the gauge begins in the camera's picture, of the gauge. Chosen: half
+of how far beyond the gauge places may be said to lie (see `campaign_folder`)."""
 
 SIDES = np.linspace(-2.0, 2.0, 7)
-"""Where places may lie, in such deviations: steps of 0.2 mm of a gauge of 32 mm, which is little
-beside a facet."""
+"""Where places may lie, in such deviations. Numerical: steps of 0.2 mm of a gauge of 32 mm, which
+is little beside a facet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +152,8 @@ class Bins:
 
 
 _NEAR = 0.1
-"""A frame this much of its travel away from an instant still counts, its strains scaled."""
+"""A frame this much of its travel away from an instant still counts, its strains scaled. Chosen:
+over a tenth more travel, strains along a bar grow nearly in proportion to it."""
 
 
 def frames_of(field: StrainField, path: Path) -> tuple[FloatArray, FloatArray]:

@@ -187,8 +187,12 @@ class Specimen(SpecimenConditions):
 
 
 _FEWEST_LEVELS = 5
+"""Levels of travel without which there is no pace of stairs. Chosen: a pull between two holds has
+fewer."""
+
 _STAIRS = 0.25
-"""Share of levels on which a coarse travel stands for two rows or more; holds are few."""
+"""Share of levels on which a coarse travel stands for two rows or more. Chosen: holds and turns are
+far fewer, coarse travel stands on nearly all."""
 
 
 def _without_stairs(time_s: FloatArray, travel_mm: FloatArray) -> FloatArray:
@@ -300,8 +304,8 @@ def replicate_groups(
 
 
 _KEEPING = 0.8
-"""Share of specimens with a replicate that keep one where a column is a condition. Of pairs whose
-column was drawn by chance from two levels half do, of threes three quarters, of fours seven
+"""Share of specimens with a replicate that keep one where a column is a condition. Chosen: of pairs
+whose column was drawn by chance from two levels half do, of threes three quarters, of fours seven
 eighths, whose other comparisons suffice."""
 
 

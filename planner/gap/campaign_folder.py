@@ -134,11 +134,12 @@ def _alike(known: str, heading: str) -> bool:
 
 
 _START_SHARE = 0.02
-"""Below this share of its largest value a first force is none, and a first travel is rest."""
+"""Below this share of its largest value a first force is none, and a first travel is rest. Chosen:
+above a load cell's zero and noise, below any load that was meant."""
 
 _PRELOAD_SHARE = 0.1
-"""Below it a first force is a preload. At a travel beyond half of its largest, as far off as what
-starts there would be, even a law that stiffens bears more."""
+"""Below it a first force is a preload. Chosen: at a travel beyond half of its largest, as far off
+as what starts there would be, even a law that stiffens bears more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,9 +312,9 @@ _FACET = frozenset({"facet_mm"})
 
 _SLACK_SHARE = 0.02
 _FACET_SHARE = 0.05
-"""Of the gauge: how far beyond its ends a place may lie. Its ends are known no better than to the
-first, and a facet whose middle is beyond may still touch it; no useful facet is above the second.
-"""
+"""Of the gauge: how far beyond its ends a place may lie, whatever its facet, and at most. Chosen:
+ends are marked to half a millimetre of 25; half a facet of a tenth of the gauge, the longest that
+is useful, may still touch it from beyond."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

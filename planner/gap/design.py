@@ -89,7 +89,8 @@ _STEPS: Mapping[str, tuple[_Change, ...]] = MappingProxyType(
         ),
     }
 )
-"""Steps of a campaign, by what an effect may ask for; ``materials`` and ``bars`` are apart."""
+"""Steps of a campaign, by what an effect may ask for; ``materials`` and ``bars`` are apart. Chosen:
+what a lab can set on one machine within days and weeks, wide enough for an effect of usual size."""
 
 _CROSSED = (
     ("rate", "temperature"), ("temperature", "soak"), ("age", "soak"), ("rate", "cyclic"),
@@ -112,7 +113,8 @@ _NEXT: tuple[_Change, ...] = (
     {"protocol": "cyclic"},
     {"protocol": "relaxation"},
 )
-"""Steps that a lab could do next; those of materials and a bar are apart."""
+"""Steps that a lab could do next; those of materials and a bar are apart. Chosen: of each column
+the step that shows most and is soon done."""
 
 
 def _changed(step: _Change, reference: Mapping[str, Any]) -> dict[str, Any]:
@@ -168,7 +170,7 @@ def _elastic(palette: Palette) -> tuple[list[Material], list[Material]]:
 
 @dataclass(frozen=True, slots=True)
 class SpecimenSize:
-    """Of the usual specimen's gauge section."""
+    """Of the usual specimen's gauge section. Convention: some 6 by 25 mm, as ASTM D412's die C."""
 
     width_mm: float = 6.0
     thickness_mm: float = 3.0
@@ -254,6 +256,8 @@ _ALIKE = 0.95
 """Cosine of patterns above which two effects are one to the diagnosis."""
 
 _SHAPES = (-1.0, 0.0, 1.0)
+"""Of a rival's shapes, in its prior's range. Numerical: ends and middle hold a smooth pattern's
+nearest to any other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -411,7 +415,8 @@ def _cosines(
 
 
 _ROUNDS = 2
-"""A condition is chosen so often at most."""
+"""A condition is chosen so often at most. Chosen: four specimens of it in two batches; further ones
+tell of the scatter alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -513,9 +518,11 @@ def _one_more(counts: IntArray, most: int) -> list[IntArray]:
 
 
 _BATCHES = 2
-"""Every condition is printed once a batch, so that no condition goes with a batch."""
+"""In which every condition is printed once, so that none goes with a batch. Chosen: the fewest that
+tell batches from scatter."""
 
 _MOST = 400
+"""Specimens of a budget. Convention: months of a lab's work, to catch slips."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -744,13 +751,14 @@ def _instructions(specimens: Sequence[Specimen], strain: float) -> str:
 
 
 _PREPARATION_H = 0.5
-"""Printing, cleaning, mounting: of a person's time, a specimen."""
+"""A person's time for a specimen. Chosen: printing, cleaning, mounting."""
 
 _WAITING_SHARE = 0.02
-"""Of an hour in which a specimen soaks or ages, what it costs."""
+"""What an hour costs in which a specimen soaks or ages. Chosen: a day of waiting counts as half an
+hour of work."""
 
 _COPIES = 2
-"""Specimens of a test: with one alone, a bad print or a slipped grip would pass unseen."""
+"""Specimens of a test. Chosen: with one alone, a bad print or a slipped grip would pass unseen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -860,12 +868,19 @@ def _hours(specimen: Specimen, least_days: float) -> float:
 
 
 _HYPOTHESES = 6
+"""The most probable, between which tests are to tell. Chosen: what follows is hardly ever the
+cause, and would be run for every test."""
+
 _DRAWS = 64
+"""Samples a hypothesis. Numerical: information, whose samples deviate by about a nat, is known to a
+tenth; the same samples serve every test."""
+
 _TOLD_APART = 2.0
-"""Standard deviations between what two hypotheses predict, at which a test splits them."""
+"""Standard deviations between what two hypotheses predict, at which a test splits them. Convention:
+the usual level."""
 
 _LEAST_SHARE = 0.02
-"""No hypothesis among those weighed is taken to be less probable than this: a test that would
+"""No hypothesis among those weighed is taken to be less probable. Chosen: a test that would
 overturn the verdict is worth something."""
 
 

@@ -48,7 +48,8 @@ __all__ = ["LEAST_PROBABILITY", "RANKED", "diagnose", "prepared"]
 
 
 _SIGNIFICANT = 0.01
-"""Family-wise: a remainder is named only where it is hardly chance."""
+"""Level of a remainder, family-wise. Convention: 1 %, as a remainder is named beside a cause that
+has explained the gap."""
 
 
 def _places_of(
@@ -237,6 +238,7 @@ _OF_UNITS = frozenset({"force-scale", "strain-scale"})
 _Progress = Callable[[int, int, str], None]
 RANKED = 12
 LEAST_PROBABILITY = 1e-4
+"""Hypotheses that are shown, and the least that each must have. Convention: what is shown."""
 
 
 def diagnose(

@@ -16,6 +16,7 @@ from planner.formats.files import encode_document
 from planner.numerics import FloatArray
 
 __all__ = [
+    "SIGNIFICANT",
     "Detectable",
     "Diagnosis",
     "Experiment",
@@ -60,6 +61,10 @@ class Hypothesis:
     def name(self) -> str:
         """As a verdict is written."""
         return name_of(self.effects)
+
+
+SIGNIFICANT = 0.05
+"""Family-wise p-value below which the gap varies along an axis. Convention: the usual level."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,9 +379,11 @@ class Diagnosis:
 
 
 _SIGNIFICANT_DIGITS = 6
-"""Finer than any figure of a diagnosis is known, coarser than what machines disagree in."""
+"""Of figures in the file. Convention: finer than any figure of a diagnosis is known, coarser than
+what machines disagree in."""
 
 _MOST = 1.0 + 1e-6
+"""Of a probability, and of a sum of them. Numerical: what rounding to that many digits adds."""
 
 _ALIKE = (
     "campaign", "specimens", "tests", "tested", "seed", "verdict", "summary", "where", "gap",

@@ -302,7 +302,8 @@ STANDARD = Reference(
     **{name: c.usual for name, c in SPECIMEN_COLUMNS.items() if c.usual is not None},
     orientation="x",
 )
-"""What stands in where a palette does not say at which conditions it was measured."""
+"""What stands in where a palette does not say at which conditions it was measured. Convention: a
+tensile test at some 50 mm/min on a 25 mm gauge, in a laboratory."""
 
 
 def stated(*references: Reference) -> Reference:

@@ -24,7 +24,11 @@ __all__ = ["Factors", "Place", "breaks_share", "forms_sd", "intervals_sd", "work
 
 
 _GAUGE_mm = 25.0
+"""Of what is pulled. Convention: any would do, as pace and path are those of strain."""
+
 _BREAK_SHARE = 0.95
+"""How far a law is followed, of the elongation at break. Chosen: near the break, with no step
+beyond it."""
 
 Place: TypeAlias = tuple[Material, Reference]
 """A material, and the conditions it is pulled at, all of them known."""
@@ -117,12 +121,15 @@ def _pulled(
 
 
 _INTERVAL_SD = 2.0 * 1.645
-"""Width of a 90 % interval in standard deviations."""
+"""Width of a 90 % interval in standard deviations. Convention: of a normal distribution."""
 
 _GRID = 7
-"""Values of each parameter of shape: a seventh of its prior is finer than tests resolve."""
+"""Values of each parameter of shape. Numerical: a seventh of its prior is finer than tests
+resolve."""
 
 _ROUNDS = 4
+"""In which a size is scaled to the tests, at most. Numerical: ln factor is nearly proportional to
+the size, so that each round leaves a small share of the error; 1e-4 ends them."""
 
 
 def intervals_sd(

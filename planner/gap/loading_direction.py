@@ -29,6 +29,8 @@ def said_mode(cells: Iterable[object]) -> Mode | None:
 
 
 _TURNED_RATIO = 5.0
+"""Largest value below zero over the largest above, of what was recorded with its sign turned.
+Chosen: a way back past zero is small beside the pull, so that anything well above 1 does."""
 
 
 def turned(
@@ -97,8 +99,10 @@ def _is_negative(values: FloatArray) -> bool:
 
 
 _PLACES = 40
+"""Strains at which a curve is looked at. Numerical: laws are straight over a fortieth of them."""
+
 _FARTHEST = 0.6
-"""Strain up to which a curve is looked at: a law in compression ends soon after."""
+"""Strain up to which a curve is looked at. Chosen: a law in compression ends soon after."""
 
 
 def _kind(

@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
-from planner.gap.diagnosis import Location
+from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.localise_tests import (
     FEWEST_TO_FLIP,
     Column,
@@ -39,6 +39,9 @@ __all__ = ["localise"]
 
 
 _SMALLEST_STRAIN = 0.01
+"""Strains far below it count as one on the logarithmic axis. Chosen: below 1 % little force was
+measured, and slack and zeros decide."""
+
 _HOLD = BRANCHES.index("hold")
 
 
@@ -96,7 +99,12 @@ def _hold_columns(table: FeatureTable) -> FloatArray:
 
 
 _DEGREE = 2
+"""Of polynomials along a column of numbers. Chosen: a trend and a bend; a step or a peak still
+shows in these."""
+
 _MOST_COORDINATES = 8
+"""Levels of a column of text that count by themselves, the commonest. Chosen: each costs a degree
+of freedom, and rare levels show little."""
 
 
 def _campaign_columns(campaign: Campaign) -> tuple[Column, ...]:
@@ -177,12 +185,16 @@ def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) ->
 
 
 _KNOTS = 6
-"""Of the smooth pattern along a bar."""
+"""Of the smooth pattern along a bar. Chosen: a fifth of the gauge apart; what is narrower shows at
+steps or as a cluster."""
 
 _HIGH = 2.0
-"""Standard deviations above which neighbouring places join a cluster."""
+"""Standard deviations above which neighbouring places join a cluster. Convention: as usual for
+clusters; the p-value is of draws that are treated alike, whatever it is."""
 
 _STEEP_PER_MM = 0.15
+"""Change of a design's coordinate from which it is a step. Chosen: a ramp over a whole gauge of 25
+mm has at most 0.04, materials side by side have far more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +386,8 @@ class Axis:
 
 
 _CLAIM = 3.0
-"""The square of the mean of a ramp from zero, over its variance."""
+"""How much of the gap in common an axis may claim, over what varies along it. Physical: the square
+of the mean of a ramp from zero, over its variance; an effect in proportion to a column is such."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -472,15 +485,16 @@ def _beyond_noise(basis: FloatArray, y: FloatArray, cost: float = 1.0) -> float:
 # one that explains nothing.
 
 
-_SIGNIFICANT = 0.05
 _ALONE = 0.3
+"""What an axis explains alone, beside what it adds to the first, in the order of axes. Chosen: so
+that what merely goes along with the first ranks behind what does not, and before nothing."""
 
 
 def _ranked(axes: Sequence[Axis], p: FloatArray, excess: Excess) -> tuple[list[int], list[float]]:
     """Return the order of axes, and what each adds to the first as a share of its own."""
     cost = math.log(max(len(excess.whitening.starts) - 1, 2))
     alone = [max(excess.explained(a) - (cost - 1.0) * a.basis.shape[1], 0.0) for a in axes]
-    found = [i for i in range(len(axes)) if p[i] <= _SIGNIFICANT]
+    found = [i for i in range(len(axes)) if p[i] <= SIGNIFICANT]
     if not found:
         return sorted(range(len(axes)), key=lambda i: (p[i], -alone[i])), [1.0] * len(axes)
     first = max(found, key=lambda i: (alone[i], -p[i]))
@@ -504,8 +518,13 @@ def _added(axis: Axis, first: Axis, excess: Excess, cost: float) -> float:
 
 
 _MOST_LEVELS = 6
-_ALIKE = 0.01
 _NAMED = 4
+"""Levels of a column, from more of which thirds are told, and outlying specimens that are named.
+Convention: what is shown."""
+
+_ALIKE = 0.01
+"""Difference of ln force below which levels are told as one. Convention: what is shown in whole
+per cents."""
 
 _Part = tuple[BoolArray, str, int]
 """Rows, what to call them, and of how many specimens they are; 0 not to tell."""
@@ -670,8 +689,16 @@ def _off(log: float, what: str = "prediction") -> str:
 
 
 _BOOTSTRAPS = 200
+"""Resamples behind the interval of a share. Convention: ends of a 90 % interval are then known to
+5 % of its width."""
+
 _FEWEST_KNOWN = 4
+"""Specimens whose value of a column is known, for it to be an axis. Numerical: three have six
+orders at most, of which none is rarer than 1/6."""
+
 _ADDS_LITTLE = 0.25
+"""Share of what an axis explains that is left beside the first, below which that is said. Chosen:
+three quarters of it are the first's then."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -761,7 +788,7 @@ def localise(
     places = []
     for i in order:
         sentence = axes[i].detail
-        if i != order[0] and p[i] <= _SIGNIFICANT and adds[i] < _ADDS_LITTLE:
+        if i != order[0] and p[i] <= SIGNIFICANT and adds[i] < _ADDS_LITTLE:
             sentence += f"; little of it beyond what goes with {axes[order[0]].name}"
         share, interval = excess.share(axes[i]), excess.interval(axes[i], weights)
         places.append(Location(axes[i].name, share, interval, float(p[i]), sentence))

@@ -117,7 +117,8 @@ def orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> Float
 
 
 _ENOUGH = 2000.0
-"""Arrangements within batches, that those alone are drawn."""
+"""Arrangements within batches, that those alone are drawn. Numerical: twice the thousand draws, so
+that few of them repeat."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,9 +215,10 @@ def _log_arrangements(column: Column, batch: IntArray) -> float:
 
 
 _SMALLEST = 1e-12
-"""A tail fitted to a thousand draws says nothing about less."""
+"""Of a p-value. Convention: a tail fitted to a thousand draws says nothing about less."""
 
 _TIES = 1e-9
+"""Relative difference below which a draw is as large as what is seen. Numerical: rounding."""
 
 
 def family_wise(p: FloatArray, drawn: FloatArray, least: FloatArray) -> FloatArray:
@@ -293,6 +295,8 @@ def tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
 _RIDGE = 1e-7
 _SAME = 1e-6
 _WHOLE = 1e-6
+"""Share below which a direction is none, two draws are the same, or nothing is left of a score.
+Numerical: above rounding, below anything that shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -425,9 +429,12 @@ class SpecimenScores:
 
 
 FEWEST_TO_FLIP = 11.0
-"""2**10 arrangements of signs."""
+"""Specimens, for signs to be drawn. Numerical: 2**10 arrangements of signs, for a thousand
+draws."""
 
 _SMALLEST_WEIGHT = 1e-2
+"""Weight, of the largest, below which a specimen tells nothing of an axis. Numerical: it
+tells a hundredth as much."""
 
 
 def within_p(
@@ -497,9 +504,11 @@ def _drawn(
 
 
 _TAIL_FREEDOM = 5.0
-"""Specimens are drawn from Student's t: a stray one is no rarity."""
+"""Of Student's t, from which specimens are drawn. Chosen: a stray one is no rarity, and yet the
+variance and the kurtosis are finite."""
 
 _NORMAL_MAD = 0.6745
+"""Median absolute deviation over the standard one. Convention: of a normal distribution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -80,7 +80,8 @@ class Scatter:
 
 
 _MODEL_SD = 0.003
-"""No prediction is truer than this: of discretisation and of reading a curve at a place."""
+"""No prediction is truer than this, in transformed units. Chosen: above what discretisation and
+reading a curve at a place leave, a tenth of the usual scatter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,15 +216,20 @@ def _by_raw(table: FeatureTable, sensitivity: FloatArray, rows: slice) -> FloatA
 
 
 _UNKNOWN_LOG_SD = 0.05
-"""Of a grade's modulus where the palette does not say."""
+"""Of ln modulus of a grade where the palette does not say. Chosen: what the mean of two or three
+tests is off by, of specimens that scatter by 3 to 9 %."""
 
 _TILT_SD = 0.01
-"""Of the logarithm of stress, from small strains to large ones: laws follow their tests to 1 %."""
+"""Of the logarithm of stress, from small strains to large ones. Chosen: laws follow their tests to
+1 %."""
 
 _BETWEEN_SD = 0.03
-"""Of the logarithm of stress half-way between two grades: nobody measured it."""
+"""Of the logarithm of stress half-way between two grades. Chosen: nobody measured it; as much as
+specimens scatter by."""
 
 _STEP = 0.02
+"""Of the differences by which columns are made. Numerical: what is not linear in it stays below a
+hundredth of the column."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,16 +306,20 @@ USUAL = Scatter(
     specimen=0.03, batch=0.012, slope=0.012, wander=0.006, wander_length=0.15, sensor=1.0,
     field=0.004, field_relative=0.03, field_shared=0.5, log_sd=0.5, degrees_of_freedom=0,
 )  # fmt: skip
-"""Jetted specimens scatter by 1 to 9 % within a print, local strains along them alike; facets of
-image correlation by some thousandths of strain."""
+"""Without replicates, and the centre of the priors with them. Physical: jetted specimens scatter by
+1 to 9 % within a print, local strains along them alike; facets of image correlation by some
+thousandths of strain. Of the parts of it the shares are chosen: most of a curve goes together."""
 
 _PRIOR_SD = {"specimen": 0.6, "batch": 0.5, "slope": 0.5, "wander": 0.5, "wander_length": 0.4,
              "sensor": 0.4}  # fmt: skip
+"""Of their logarithms, before replicates are seen. Physical: 3 % times or by e^(2 * 0.6) holds the
+1 to 9 % of jetted specimens; the others alike."""
+
 _NAMES = tuple(_PRIOR_SD)
 
 _FIELD_PRIOR_SD = np.array([1.0, 1.0, 1.5])
-"""Of the logarithms of a camera's deviations, cameras differing more than specimens do, and of the
-log odds of what facets share: anything from nothing to all."""
+"""Of the logarithms of a camera's deviations, and of the log odds of what facets share. Chosen:
+cameras differ more than specimens do; facets share anything from nothing to all."""
 
 
 def estimate_scatter(
@@ -455,16 +465,21 @@ def _field_scatter(
 
 
 _DISCREPANCY_SD = 0.02
-"""Of the logarithm of stress: how a law departs from its test along the curve."""
+"""Of the logarithm of stress: how a law departs from its test along the curve. Chosen: twice
+the 1 % that laws follow their tests to, at rest, from where each of `_DECAYS` lets it fade."""
 
 _FIELD_SD = 0.012
-"""Of the logarithm of a local strain: the same, seen along a bar."""
+"""Of the logarithm of a local strain: the same, seen along a bar. Chosen: about the 1 % that laws
+follow their tests to."""
 
 _ROUGHLY = 0.1
 """Of the logarithm of local strains, and of how they differ along a bar: what they may be off by
-before any effect is known."""
+before any effect is known. Chosen: wide, so that what facets are likeliest is told by how strains
+go near steps, and not by how large they are."""
 
 _DECAYS = (0.01, 0.03, 0.09, 0.27)
+"""Strains over which laws' departures fade. Chosen: each three times the one before, up to
+about a usual pull's end."""
 
 
 def discrepancy_columns(

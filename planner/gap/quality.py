@@ -24,6 +24,11 @@ __all__ = ["examine", "predicted_stress_MPa"]
 # First loading of a specimen, and its load in proportion to what the palette predicts.
 
 
+_GRID = np.linspace(0.3, 0.9, 13)
+"""Where loads are compared, of a first loading. Chosen: past slack and zeros, before the break; 13
+make a median that no stray point moves."""
+
+
 def _first_loading(specimen: Specimen) -> tuple[FloatArray, FloatArray]:
     """Return strain and mean nominal stress of the first loading, to its turn or peak load."""
     load = specimen.load_N
@@ -95,7 +100,7 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
     strain, stress = _first_loading(specimen)
     strain = strain * stretched
     end = min(float(strain[-1]), _law_end(specimen, palette))
-    at = end * np.linspace(0.3, 0.9, 13)
+    at = end * _GRID
     at = at[(at > 0.0) & (at >= strain[0])]
     if len(at) < 3:
         return None
@@ -137,21 +142,25 @@ def _slices(specimen: Specimen) -> FloatArray:
 
 
 _FAMILY_WISE = 0.003
-"""Chance of any false outlier in a clean campaign, over specimens and figures."""
+"""Chance of any false outlier in a clean campaign, over specimens and figures. Convention: that of
+three standard deviations."""
 
 _LEAST_SHIFT = 0.08
-"""A load within 8 % of its replicates' is no fault of the data, however small their scatter."""
+"""ln load within which of its replicates' no fault of the data is seen, however small their
+scatter. Physical: jetted specimens scatter by up to 9 %."""
 
 _USUAL_SCATTER, _USUAL_WEIGHT = 0.06, 4.0
-"""Jetted specimens of one print scatter by 1 to 9 %: a standard deviation and its weight as
-degrees of freedom."""
+"""Standard deviation where the campaign tells none, and its weight as degrees of freedom. Physical:
+jetted specimens of one print scatter by 1 to 9 %; four degrees leave it open by as much."""
 
-_GRID = np.linspace(0.3, 0.9, 13)
 _NEAR, _FEWEST = 0.1, 4
 """A strain without a point within a tenth of the shortest loading was not recorded; of a specimen
-of which most were not, and from fewer strains, nothing is said."""
+of which most were not, and from fewer strains, nothing is said. Chosen: a line over a tenth of a
+loading is good to a per cent, and a growth with strain needs four."""
 
 _SHORT = 0.3
+"""A first loading shorter than this share of its replicates' is not compared. Chosen: it has not
+come to where theirs are compared (`_GRID`)."""
 
 
 _Groups = list[tuple[tuple[int, ...], FloatArray]]
@@ -303,6 +312,8 @@ def _outliers(
 
 _ROUNDS = 60
 _SMALLEST = 1e-4
+"""Iterations of the fit of least absolute deviations, and the residual below which it goes over to
+squares. Numerical: of ln load, a hundredth of any scatter."""
 
 
 def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> FloatArray | None:
@@ -360,6 +371,7 @@ class _Slip:
 
 
 _INCH, _FORCES_N = QUANTITY_UNITS["length"]["in"], QUANTITY_UNITS["force"]
+
 _SLIPS = (
     _Slip(_FORCES_N["lbf"], "N taken for lbf", "lbf taken for N"),
     _Slip(_FORCES_N["kgf"], "N taken for kgf", "kgf taken for N"),
@@ -370,26 +382,35 @@ _SLIPS = (
     _Slip(_INCH**2, "width and thickness in inches taken for mm",
           "width and thickness in mm taken for inches"),
 )  # fmt: skip
+"""Physical: factors between units by their definitions."""
 
 _FORCE_FACTORS = frozenset(slip.factor for slip in (*_SLIPS[:3], _SLIPS[4]))
 """Of slips that another unit of force mends."""
 
 _AMONG_REPLICATES = 0.25
-"""Log distance from a slip's factor; replicates scatter by up to 9 %, so 0.13 between two."""
+"""Log distance from a slip's factor. Physical: jetted specimens scatter by up to 9 %, so that two
+differ by 0.13; twice that."""
 
 _AGAINST_LAW = 0.35
-"""The same for a whole campaign against the laws: they may be off by a third and more."""
+"""The same for a whole campaign against the laws. Chosen: laws and conditions may be off by a third
+and more."""
 
 _BEYOND_EFFECTS = 1.9
-"""No effect of test or print softens or stiffens a whole campaign e^1.9 = 6.7 times."""
+"""Log load of a whole campaign from which a slip may be twice as far off. Chosen: no effect of test
+or print softens or stiffens all of it e^1.9 = 6.7 times."""
 
 _NEAR_K = 5.0
+"""Kelvin about the reference within which specimens tell of the whole campaign. Physical: at some 5
+% per kelvin, where elastomers pass their transition, a load is off by a quarter, within
+`_AGAINST_LAW`."""
 
 _SPLIT = 1.0
-"""Replicates whose loads differ by a factor of e differ by more than scatter."""
+"""Log gap that splits replicates. Physical: ten times what jetted specimens scatter by, and less
+than the smallest factor between units, ln 4.4."""
 
 _STEADY = 0.15
-"""Robust log deviation of the others from a trend in the conditions, for a single to be judged."""
+"""Robust log deviation of the others from a trend in the conditions, for a single to be judged.
+Chosen: the nearest factor, ln 4.4, is ten of these away."""
 
 
 def _unit_problems(specimens: Sequence[Specimen], palette: Palette) -> list[QualityProblem]:

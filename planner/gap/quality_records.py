@@ -80,11 +80,12 @@ def _shared(
 
 
 _SHORTEST = 5
-"""Fewer equal points than this may be chance."""
+"""Points of a plateau. Chosen: fewer equal ones may be chance."""
 
 _RISE, _RISE_SHARE = 4.0, 0.01
 """The force should have risen by so many times noise and resolution, and by so much of its peak,
-along the plateau: a material that yields levels off before."""
+along the plateau. Chosen: four deviations are no noise; a material that yields levels off before
+its force stands still."""
 
 
 def _clipping(s: Specimen) -> _Problems:
@@ -138,14 +139,17 @@ def _longest_run(flags: np.ndarray) -> tuple[int, int]:
 
 
 _BLOCKS, _BLOCKS_A_WAY = 60, 10
-"""A record is looked at in about so many steps, over which noise of the travel evens out, and so
-many at least from one turn to the next: the one that holds a turn shows less than the speed."""
+"""A record is looked at in about so many steps, and so many at least from one turn to the next.
+Chosen: over a step noise of the travel evens out; the one that holds a turn shows less than the
+speed, and must be one of ten."""
 
 _TURN_SHARE = 0.05
-"""A way back of less than this share of the range of travel is no turn."""
+"""A way back of less than this share of the range of travel is no turn. Chosen: wider than in
+`segments`, as here noise has not been judged yet."""
 
 _BEARING_SHARE = 0.2
-"""A specimen bears load above this share of its largest load so far."""
+"""A specimen bears load above this share of its largest load so far. Chosen: a broken one bears
+next to nothing."""
 
 
 def turns(values: FloatArray, least: float) -> IntArray:
@@ -242,14 +246,25 @@ def unloading_share(specimen: Specimen) -> float:
 
 
 _STEADY_SHARE = 0.02
-"""A load that starts at rest rises by all of its peak; one that changes by less is none."""
+"""Change over its middle below which a load stands still. Chosen: a load that starts at rest rises
+by all of its peak."""
 
 _NOISE = 6.0
-"""Means of noise alone, a score of them, spread over 3.7 of their deviations on average, and over
-6 of them once in thousands."""
+"""Spread of means below which a load stands still, in their deviations. Physical: a score of means
+of noise alone spread over 3.7 on average, and over 6 once in 300."""
 
-_LEAST_STRAIN, _ARRIVED = 0.01, 0.98
-_MEANS, _FEWEST = 20, 5
+_MEANS = 20
+"""Of a first loading. Chosen: what `_NOISE` is reckoned with."""
+
+_LEAST_STRAIN = 0.01
+"""From which a load should show. Chosen: below 1 % slack may take up the travel."""
+
+_ARRIVED = 0.98
+"""Share of the way to its turn at which a loading ends. Chosen: a crosshead slows down before a
+hold."""
+
+_FEWEST = 5
+"""Points of a loading that is judged. Chosen: fewer may all lie in the zero."""
 
 
 def _dead_cell(s: Specimen) -> _Problems:
@@ -282,14 +297,17 @@ def _loaded(s: Specimen) -> int:
 
 
 _GAP = 5.0
-"""A step of so many times those before and behind it is a gap; adaptive sampling changes less."""
+"""A step of so many times those before and behind it is a gap. Chosen: adaptive sampling changes
+less at once."""
 
 _SPIKE_NOISE, _SPIKE_SHARE, _SPIKE_STEP = 12.0, 0.03, 5.0
-"""A spike leaps by so many noise deviations, so much of the range, so many steps nearby."""
+"""A spike leaps by so many noise deviations, so much of the range, so many steps nearby. Chosen:
+noise never does, and what leaps by less than the scatter of specimens does no harm."""
 
 _WIDEST = 3
 _AROUND = 6
-"""Points looked at on either side, fewer at an end."""
+"""Points that a spike has at most, and that are looked at on either side, fewer at an end. Chosen:
+what lasts longer is an event; twice as many beside it tell how the record goes."""
 
 
 def _timing(s: Specimen) -> _Problems:
@@ -406,7 +424,8 @@ def _times(count: int, what: str) -> str:
 
 
 _TOLERANCE = 0.1
-"""Machines hold a speed to 1 %; what is 10 % off is another speed."""
+"""Log ratio from which the crosshead's speed is another than declared. Chosen: machines hold a
+speed to 1 %, rounded times may hide a few per cent."""
 
 _MINUTE, _INCH = QUANTITY_UNITS["time"]["min"], QUANTITY_UNITS["length"]["in"]
 _SLIPS = (
@@ -415,6 +434,7 @@ _SLIPS = (
     (_INCH * _MINUTE, "mm/s and in/min were mixed up"),
     (1.0 / QUANTITY_UNITS["time"]["ms"], "s and ms were mixed up"),
 )
+"""Physical: factors between units by their definitions."""
 
 
 def _rate(s: Specimen) -> _Problems:
@@ -442,6 +462,8 @@ def _rate(s: Specimen) -> _Problems:
 
 
 _SIGNIFICANT_DIGITS = 7
+"""In which two curves are the same. Convention: more than a load cell resolves, so that no two
+measurements agree, and fewer than files lose."""
 
 
 def _duplicates(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
@@ -468,9 +490,9 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 
 
 _DEVIATION = 0.25
-"""Jetted parts print up to 0.3 mm oversize; a quarter of a size is none of that."""
-
 _SLACK_MM = 0.4
+"""Measured from nominal size, as a share and in millimetres, above the larger of which it is told.
+Physical: jetted parts print up to 0.3 mm oversize."""
 
 
 def _sizes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
@@ -513,9 +535,12 @@ def _off_nominal(s: Specimen, name: str) -> _Problems:
 
 UNLOADS = 0.1
 HOLDS = 0.3
-"""Shares of range and of duration from which unloading and holding are on purpose."""
+"""Shares of range and of duration from which unloading and holding are on purpose. Chosen: machines
+settle by less at a turn, and wait for less before and after a pull."""
 
 _AMPLITUDE_TOLERANCE = 0.1
+"""Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
+and a start that is not at zero take a few per cent."""
 _STRAINS = ("to_strain", "amplitude_strain", "strain_amplitude", "peak_strain", "hold_strain")
 _TRAVELS = ("amplitude_mm", "peak_mm", "hold_mm", "to_mm")
 

@@ -37,25 +37,34 @@ __all__ = [
 SegmentKind = Literal["loading", "unloading", "reloading", "hold", "rest"]
 
 _TURN_SHARE = 0.02
-"""A way back of less than this share of the range of travel is no turn."""
+"""A way back of less than this share of the range of travel is no turn. Chosen: machines settle and
+overshoot by less, no cycle that is meant is so small."""
 
 _REST_SHARE = 0.004
 _REST_LENGTH = 10.0
 """At rest is what moves less than `_REST_SHARE` of the range in `_REST_LENGTH` times the time
-that the crosshead takes for it."""
+that the crosshead takes for it. Chosen: a tenth of its pace is none that was meant, and the time
+for it, 4 % of a pull, is less than holds last."""
 
 _LOOKS = np.linspace(0.125, 1.0, 8)
+"""Shares of that time ahead at which travel is looked at. Numerical: every eighth, so that no way
+there and back passes for a rest."""
+
 _MINIMUM_ROWS = 4
-"""Of a first loading, unless it is but the way to a hold."""
+"""Of a first loading, unless it is but the way to a hold. Numerical: what a parabola has to be laid
+through, and one more."""
 
 _MOST_SEGMENTS = 24
-"""Of more, `STEPS` would leave fewer than two to some."""
+"""Of a path; more cycles are compared in groups. Numerical: of more, `STEPS` would leave fewer than
+two to some."""
 
 _BACK_SHARE = 0.5
-"""A fall of the load is no rupture if so much of the load comes back later."""
+"""A fall of the load is no rupture if so much of the load comes back later. Chosen: a broken
+specimen bears next to nothing, one that was unloaded nearly all."""
 
 _SAME_TRAVEL = 0.95
-"""Of the largest travel so far: there a softened specimen bears again about what it bore."""
+"""Of the largest travel so far: from there on a reloaded specimen may be broken. Physical: there a
+softened one bears again about what it bore (Mullins effect)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,13 +356,29 @@ def _last_before_break(force: FloatArray) -> int:
 
 
 STEPS = 64
-"""Of every test, the first at rest included."""
+"""Of every test, the first at rest included. Numerical: a pull's strains lie 1/64 apart, over which
+laws, and what relaxes, are close to straight."""
 
 _LEAST = 6
+"""Steps of a segment, where there is room. Numerical: relaxation over a segment is followed in
+sixths of it."""
+
 _HOLD_DECADES = 1000.0
+"""How long a hold is, over the time from which its steps lie evenly in the logarithm of time.
+Numerical: three decades; of a hold of 240 s from 0.24 s on, when machines
+have stopped."""
+
 _TRAVEL_TOLERANCE = 0.03
+"""Of the longest travel, between ends of segments of one test. Chosen: machines turn to within 1 %;
+as much as jetted specimens scatter by."""
+
 _TIME_TOLERANCE = 0.1
+"""Relative difference of speeds and of times of segments of one test. Physical: a tenth of a rate
+changes a polymer's stress by less than 1 % (at 20 % a decade)."""
+
 _SHORTEST_SHARE = 0.6
+"""Shortest over longest pull of one test, which is compared up to the shortest. Chosen: so most of
+each curve is used; a specimen that broke earlier has a test of its own."""
 
 _FRACTIONS: Mapping[SegmentKind, tuple[tuple[float, ...], ...]] = {
     "loading": (
@@ -366,10 +391,15 @@ _FRACTIONS: Mapping[SegmentKind, tuple[tuple[float, ...], ...]] = {
     "hold": ((0.2, 0.4, 0.6, 0.8, 1.0), (0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 0.75, 1.0)),
     "rest": ((), (), ()),
 }
-"""Places of features along a segment, three lists each: the fewer the more segments."""
+"""Places of features along a segment, three lists each: the fewer the more segments. Chosen: closer
+at small strains, where laws bend; not at the turn itself, where an unloading begins."""
 
 _FEATURES_MOST = 18
+"""Of a test, else shorter lists are taken. Chosen: points of one curve are no witnesses of their
+own, and cost grows with them."""
+
 _ROWS_LEAST = 5
+"""Of a segment, for more features than its end. Numerical: fewer rows do not carry a parabola."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -545,9 +575,11 @@ def _filled(places: Sequence[float], count: int) -> FloatArray:
 
 
 _FEWEST = 7
-"""Rows that a parabola is laid through at least, so that it evens out some noise."""
+"""Rows that a parabola is laid through at least. Numerical: so that it evens out some noise."""
 
 _MANY = 200
+"""Points of a segment, from twice of which runs are averaged before. Numerical: several a step
+still."""
 
 
 def _step_times_s(path: Path, grid: TimeGrid) -> FloatArray:
@@ -636,6 +668,7 @@ def _smooth(
 
 
 _ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
+"""Convention: how a setup tells them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
+from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
 
 __all__ = [
@@ -108,8 +108,9 @@ def sentence(words: str) -> str:
 # Three sentences: where the gap lies, what causes it, how far it closes once that is added.
 
 
-_SIGNIFICANT = 0.05
 _SURE = ((0.97, "almost certainly"), (0.85, "very likely"), (0.6, "probably"))
+"""From which probability on a cause is told in which words. Convention: words for what is shown
+beside as a figure."""
 
 
 def summary_of(diagnosis: Diagnosis) -> tuple[str, str, str]:
@@ -119,7 +120,7 @@ def summary_of(diagnosis: Diagnosis) -> tuple[str, str, str]:
 
 def clear_places(diagnosis: Diagnosis) -> list[int]:
     """Return which entries of `where` are beyond chance."""
-    return [k for k, place in enumerate(diagnosis.where) if place.p < _SIGNIFICANT]
+    return [k for k, place in enumerate(diagnosis.where) if place.p < SIGNIFICANT]
 
 
 def best_of(diagnosis: Diagnosis) -> Hypothesis:

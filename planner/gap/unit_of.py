@@ -100,7 +100,8 @@ def stated_units(
 
 
 _OWN = 0.03
-"""What a load cell may be off besides: as much as the effect's forms of known units allow."""
+"""ln factor that a load cell may be off besides. Chosen: as much as the effect's forms of known
+units allow."""
 
 _GAINS: Mapping[tuple[str, str], tuple[str, float]] = MappingProxyType(
     {
@@ -109,7 +110,8 @@ _GAINS: Mapping[tuple[str, str], tuple[str, float]] = MappingProxyType(
         ("strain-scale", "log_factor"): ("travel", 1.0),
     }
 )
-"""By effect and parameter: the quantity, and the power of true over recorded."""
+"""By effect and parameter: the quantity, and the power of true over recorded. Convention: how the
+effects define their sizes."""
 
 
 def suggested_units(

@@ -24,6 +24,7 @@ from planner.gap.campaign_folder import (
 from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.loading_direction import said_mode
+from planner.gap.noise import USUAL
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -49,17 +50,28 @@ __all__ = [
 
 
 HOLD_S = 240.0
-"""How long relaxation holds."""
+"""How long relaxation holds. Chosen: some minutes, over which two to three decades of time are
+seen."""
 
 _FACET_mm = 1.0
-"""Of a camera that is yet to see a bar's strain, one beside the other."""
+"""Of a camera that is yet to see a bar's strain, one beside the other. Chosen: some 20 pixels,
+where a thousand see a gauge and its grips."""
 
 _PLANNED_ROWS = 160
+"""Of a pull that is planned. Numerical: several a step of its test."""
+
 _FRAMES = 8
+"""That a camera takes of a pull. Chosen: two are compared, the last and the one nearest half
+its travel."""
+
 _STRAIN = 0.3
 _BREAK_SHARE = 0.6
+"""How far coupons are pulled, and at most of the smallest elongation at break. Chosen: where laws
+bend, and specimens weaker than the mean hold."""
+
 BAR_SHARE = 0.5
-"""A bar is pulled less far than coupons: its soft end strains more than the bar does."""
+"""How far a bar is pulled beside coupons. Chosen: its soft half strains up to twice as much as the
+bar does."""
 
 
 def virtual_strain(
@@ -141,6 +153,7 @@ def virtual_specimen(
 
 
 _LONE_ROWS = 200
+"""Of a record that is followed alone. Numerical: several a step of its test."""
 
 
 def single_tests(
@@ -407,18 +420,16 @@ def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
 # every file says where it comes from.
 
 
-_SCATTER = 0.03
+_SCATTER = USUAL.specimen
 """Standard deviation of specimens' levels, of the logarithm of force; the rest goes with it."""
-
-_BATCH = 0.4
-_SLOPE = 0.4
-_WANDER = 0.2
-_WANDER_LENGTH = 0.15
-"""Of a path. Batches, slopes and wandering in shares of the specimens' scatter."""
 
 _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002
+"""Noise of force, of the largest and at least. Chosen: a good load cell's."""
+
 _FIELD, _FIELD_RELATIVE = 0.003, 0.02
+"""Noise of local strains, absolute and of the strain. Chosen: a good camera's, below what is usual
+(`noise.USUAL`)."""
 
 
 def synthesise_campaign(
@@ -517,7 +528,7 @@ def synthetic_campaign(
         raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to 0.3")
     laws = law_tables(plan.palette)
     batches = {
-        name: _BATCH * scatter * float(rng.standard_normal())
+        name: USUAL.batch / USUAL.specimen * scatter * float(rng.standard_normal())
         for name in dict.fromkeys(s.batch for s in plan.specimens)
     }
     told = ", ".join(e.text for e in effects) or "no effect"
@@ -561,11 +572,12 @@ def _course(specimen: Specimen, scatter: float, rng: np.random.Generator) -> Flo
     level, slope = rng.standard_normal(2)
     travel = specimen.travel_mm / float(specimen.travel_mm.max())
     place = np.arange(len(travel)) / (len(travel) - 1)
-    kept = np.exp(-np.diff(place) / _WANDER_LENGTH)
+    kept = np.exp(-np.diff(place) / USUAL.wander_length)
     wander = rng.standard_normal(len(travel))
     for k, share in enumerate(kept):
         wander[k + 1] = share * wander[k] + np.sqrt(1.0 - share**2) * wander[k + 1]
-    course: FloatArray = scatter * (level + _SLOPE * slope * (travel - 0.5) + _WANDER * wander)
+    tilt, rough = USUAL.slope / USUAL.specimen, USUAL.wander / USUAL.specimen
+    course: FloatArray = scatter * (level + tilt * slope * (travel - 0.5) + rough * wander)
     return course
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces
-from planner.gap.summary import axis_words, p_value, percent, probability
+from planner.gap.summary import axis_words, clear_places, p_value, percent, probability
 from planner.numerics import FloatArray
 from planner.report.gap_text import errors_of, unit_of
 from planner.report.svg import (
@@ -288,7 +288,6 @@ _SHOWN, _ACROSS = 4, 2
 _SHIFT = 5.0
 _CHARACTER = 7.0
 _NAMES = 14
-_SIGNIFICANT = 0.05
 _OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
@@ -298,7 +297,7 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
     traces = diagnosis.traces
     if traces is None:
         return None
-    places = [p for p in diagnosis.where if p.p < _SIGNIFICANT] or list(diagnosis.where[:1])
+    places = [diagnosis.where[k] for k in clear_places(diagnosis)] or list(diagnosis.where[:1])
     if len(places) < _ACROSS and all(p.axis != "material" for p in places):
         places.append(_OVERALL)
     found = [(place, points_along(traces, place.axis)) for place in places]
