@@ -81,7 +81,11 @@ def test_sensors_show_another_force_or_strain(coupons: Make, applied: Apply) -> 
     before = coupons()
     gain = applied("force-scale", "gain", before, log_gain=0.1)
     np.testing.assert_allclose(gain.gain, np.exp(0.1))
-    pounds = EFFECTS["force-scale"].forms[1].size
+    warm = applied("force-scale", "warming", before, log_gain=0.1, time=3.0).gain
+    np.testing.assert_allclose(warm, 1.0 + np.expm1(0.1) * (1.0 - np.exp(-before.time_s / 3.0)))
+    form = EFFECTS["force-scale"].form("pound-force")
+    assert form is not None
+    pounds = form.size
     assert pounds.low < np.log(4.4482216) < pounds.high
     drift = applied("force-offset", "drifting", before, drift=0.6)
     np.testing.assert_allclose(drift.offset_N, 0.01 * before.time_s)
