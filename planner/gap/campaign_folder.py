@@ -123,10 +123,15 @@ def _quantity(heading: str) -> str | None:
     return _QUANTITIES.get(words) or (_QUANTITIES.get(stem) if len(unit) <= 6 else None)
 
 
+_ALIKE = 0.85
+"""Share of letters in common from which a heading is asked about. Chosen: one wrong letter in
+seven."""
+
+
 def _alike(known: str, heading: str) -> bool:
     """Say whether two names differ by a letter or two, or by case."""
     a, b = known.casefold(), heading.casefold()
-    return abs(len(a) - len(b)) <= 2 and SequenceMatcher(None, a, b).ratio() > 0.85
+    return abs(len(a) - len(b)) <= 2 and SequenceMatcher(None, a, b).ratio() > _ALIKE
 
 
 # ------------------------------------------------------------------------------------------------

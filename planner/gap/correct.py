@@ -16,6 +16,7 @@ from planner.gap.diagnosis import Diagnosis, FoundEffect, name_of, read_diagnosi
 from planner.gap.effect import Effect, StatedEffect, stated
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.factors import (
+    WORKING_STRAIN,
     Factors,
     Place,
     breaks_share,
@@ -594,7 +595,7 @@ def _guesses(made: Palette, diagnosis: Diagnosis, forms: FloatArray) -> list[str
     that were tested, or lie between such: a plan may do without the others, which a note names.
     """
     model = CoefficientModel(made)
-    steps = np.diff(np.log(model.grade_moduli_MPa(min(0.1, model.strain_limit))))
+    steps = np.diff(np.log(model.grade_moduli_MPa(min(WORKING_STRAIN, model.strain_limit))))
     nearest = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
     far, grades = _SD_95 * forms > nearest, _tested_grades(made, diagnosis)
     ids = [m.id for n, m in enumerate(made.materials) if far[n] and grades[0] <= n <= grades[-1]]

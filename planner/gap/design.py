@@ -255,9 +255,10 @@ def _bars(
 _ALIKE = 0.95
 """Cosine of patterns above which two effects are one to the diagnosis."""
 
+_SIZE = 0.3
 _SHAPES = (-1.0, 0.0, 1.0)
-"""Of a rival's shapes, in its prior's range. Numerical: ends and middle hold a smooth pattern's
-nearest to any other."""
+"""Smallest size of a rival, as the root of its share of the largest, and its shapes, in their
+prior's range. Numerical: patterns change smoothly, and little below a tenth of the largest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,7 +389,7 @@ def _combinations(problem: Problem, id: str) -> FloatArray:
             _on_nodes(problem, b, [size, *shape])
             for b in problem.branches
             if b.effect.id == id
-            for size in (max(b.least, 0.3), _usual_place(b)[0], 1.0)
+            for size in (max(b.least, _SIZE), _usual_place(b)[0], 1.0)
             for shape in product(_SHAPES, repeat=b.shapes)
         ]
     )
@@ -520,6 +521,9 @@ def _one_more(counts: IntArray, most: int) -> list[IntArray]:
 _BATCHES = 2
 """In which every condition is printed once, so that none goes with a batch. Chosen: the fewest that
 tell batches from scatter."""
+
+_SMALLEST_mm, _LARGEST_mm = 0.1, 1000.0
+"""Of a specimen's size. Convention: no tensile specimen is beyond, to catch slips of units."""
 
 _MOST = 400
 """Specimens of a budget. Convention: months of a lab's work, to catch slips."""
@@ -655,8 +659,10 @@ def _check(asked: Sequence[str], budget: int, size: SpecimenSize) -> None:
         raise ArgumentError(f"`budget` {budget}: it must be at most {_MOST} specimens")
     for name in ("width_mm", "thickness_mm", "gauge_mm"):
         value = getattr(size, name)
-        if not 0.1 <= value <= 1000.0:
-            raise ArgumentError(f"`{name}` {value:g}: it must be from 0.1 to 1000")
+        if not _SMALLEST_mm <= value <= _LARGEST_mm:
+            raise ArgumentError(
+                f"`{name}` {value:g}: it must be from {_SMALLEST_mm:g} to {_LARGEST_mm:g}"
+            )
 
 
 def _designed(
@@ -827,6 +833,11 @@ def trials_of(campaign: Campaign, setup: Setup) -> tuple[Trial, ...]:
     return tuple(trials)
 
 
+_OTHER_RATE = 0.3
+"""Log ratio of rates from which a coupon is not at the palette's own. Physical: a third more pace
+changes a polymer's stress by some 2 % (at 20 % a decade)."""
+
+
 def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
     """Return the coupon nearest to the palette's conditions, most usual in size, as at these."""
     coupons = [s for s in campaign.specimens if s.profile is None] or list(campaign.specimens)
@@ -837,7 +848,7 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
     def departures(s: Specimen) -> int:
         apart = sum(getattr(s, name) not in (None, getattr(own, name)) for name in conditions)
         if s.rate_mm_s is not None and own.strain_rate_per_s is not None:
-            apart += abs(np.log(s.rate_mm_s / s.gauge_mm / own.strain_rate_per_s)) >= 0.3
+            apart += abs(np.log(s.rate_mm_s / s.gauge_mm / own.strain_rate_per_s)) >= _OTHER_RATE
         return apart + ((s.width_mm, s.thickness_mm, s.gauge_mm) != usual)
 
     best = min(coupons, key=departures)

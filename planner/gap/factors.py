@@ -16,7 +16,15 @@ from planner.numerics import FloatArray
 from planner.palette import Material, Palette, Reference
 from planner.simulation.bar_solver import LawTables, Setup, law_tables, predict
 
-__all__ = ["Factors", "Place", "breaks_share", "forms_sd", "intervals_sd", "working_strain"]
+__all__ = [
+    "WORKING_STRAIN",
+    "Factors",
+    "Place",
+    "breaks_share",
+    "forms_sd",
+    "intervals_sd",
+    "working_strain",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -39,9 +47,14 @@ def breaks_share(material: Material) -> float:
     return _BREAK_SHARE * material.elongation_at_break
 
 
+WORKING_STRAIN = 0.1
+"""At which a factor is told, or at half the break of rigid grades. Convention: as the ladder of
+stiffness is."""
+
+
 def working_strain(material: Material) -> float:
-    """Return the strain at which a factor is told: 0.1, or half the break of rigid grades."""
-    return min(0.1, 0.5 * material.elongation_at_break)
+    """Return the strain at which a factor is told."""
+    return min(WORKING_STRAIN, 0.5 * material.elongation_at_break)
 
 
 class Factors:

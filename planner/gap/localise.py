@@ -102,6 +102,10 @@ _DEGREE = 2
 """Of polynomials along a column of numbers. Chosen: a trend and a bend; a step or a peak still
 shows in these."""
 
+_MANYFOLD = 20.0
+"""Largest over smallest value of an unknown column, from which it is taken in logarithms. Chosen:
+over more than a decade, who sets a column goes by ratios."""
+
 _MOST_COORDINATES = 8
 """Levels of a column of text that count by themselves, the commonest. Chosen: each costs a degree
 of freedom, and rare levels show little."""
@@ -170,7 +174,7 @@ def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) ->
     centre = np.array([values[level[known] == k].mean() for k in range(count)])
     if name in SPECIMEN_COLUMNS:
         centre = SPECIMEN_COLUMNS[name].scale(centre)
-    elif centre.min() > 0.0 and centre.max() > 20.0 * centre.min():
+    elif centre.min() > 0.0 and centre.max() > _MANYFOLD * centre.min():
         centre = np.log(centre)
     x = np.zeros(len(level))
     x[known] = centre[level[known]]
@@ -526,6 +530,14 @@ _ALIKE = 0.01
 """Difference of ln force below which levels are told as one. Convention: what is shown in whole
 per cents."""
 
+_TELLS = 0.05
+"""Sensitivity below which a force tells no per cents. Numerical: it is a hundredth of the test's
+largest, and would weigh 1/400."""
+
+_STEP_REACH, _STEP_REACH_mm = 0.06, 1.0
+"""How far off a step of the bar is still told as the place, of its length and at least. Convention:
+one bin of a camera's places."""
+
 _Part = tuple[BoolArray, str, int]
 """Rows, what to call them, and of how many specimens they are; 0 not to tell."""
 
@@ -545,8 +557,8 @@ class Gaps:
 
     def __init__(self, table: FeatureTable, residual: FloatArray) -> None:
         h = table.sensitivity(table.measured_raw)
-        self.log = residual / np.where(np.abs(h) > 0.05, h, 1.0)
-        self.weight = np.where(np.abs(h) > 0.05, h**2, 0.0)
+        self.log = residual / np.where(np.abs(h) > _TELLS, h, 1.0)
+        self.weight = np.where(np.abs(h) > _TELLS, h**2, 0.0)
 
     def mean(self, rows: BoolArray) -> float | None:
         """Return the mean gap over rows, a logarithm; None where nothing is told."""
@@ -648,7 +660,7 @@ def _position_sentence(
     mean = gaps.mean(near if near.any() else rows)
     off = "off" if mean is None else _off(mean)
     sentence = f"strain {off} near {cluster.peak_mm:.3g} mm along bar {cluster.design.name}"
-    reach = max(0.06 * cluster.design.length_mm, 1.0)
+    reach = max(_STEP_REACH * cluster.design.length_mm, _STEP_REACH_mm)
     steps = _steps_of(cluster.design)
     step = min(steps, key=lambda s: abs(s.x_mm - cluster.peak_mm), default=None)
     if step is not None and cluster.from_mm - reach <= step.x_mm <= cluster.to_mm + reach:
@@ -691,6 +703,11 @@ def _off(log: float, what: str = "prediction") -> str:
 _BOOTSTRAPS = 200
 """Resamples behind the interval of a share. Convention: ends of a 90 % interval are then known to
 5 % of its width."""
+
+_THINNEST_CLUSTER, _THINNEST_OUTLIER = 0.3, 0.1
+"""Mean excess, over a high threshold, of the heaviest cluster and of the logarithm of the farthest
+specimen, that is believed at least. Chosen: a third of a deviation and a tenth of the distance, so
+that a few draws that lie close together promise no certainty."""
 
 _FEWEST_KNOWN = 4
 """Specimens whose value of a column is known, for it to be an axis. Numerical: three have six
@@ -854,7 +871,7 @@ def _position_axes(case: _Case) -> Iterator[Axis]:
         freedom = whitening.degrees_of_freedom
         noise *= np.sqrt(freedom / case.rng.chisquare(freedom, len(noise)))[:, None]
     masses = _cluster_draws(case.campaign, table, noise)
-    of_cluster = tail_p(0.0 if found is None else found.mass, masses, 0.3)
+    of_cluster = tail_p(0.0 if found is None else found.mass, masses, _THINNEST_CLUSTER)
     either = 2.0 * np.minimum(drawn, rank_p(masses))
     sentence = _position_sentence(found, case.campaign.palette, table, case.gaps)
     yield Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)
@@ -870,6 +887,6 @@ def _outlying_axes(case: _Case) -> Iterator[Axis]:
         return
     basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))
     ids = [case.campaign.specimens[i].id for i in found.named]
-    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), 0.1)
+    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), _THINNEST_OUTLIER)
     sentence = _outliers_sentence(ids, found.shift)
     yield Axis("specimen", basis, p, rank_p(found.drawn), sentence)

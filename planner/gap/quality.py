@@ -10,7 +10,13 @@ from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem, UnitOf
-from planner.gap.quality_records import first_turn, record_problems, speed_mm_s, without_spikes
+from planner.gap.quality_records import (
+    RATE_TOLERANCE,
+    first_turn,
+    record_problems,
+    speed_mm_s,
+    without_spikes,
+)
 from planner.gap.unit_of import QUANTITIES, unit_near
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
@@ -596,7 +602,7 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> QualityPr
         return None
     speed = speed_mm_s(specimen.time_s, specimen.travel_mm)
     ratio = math.log(speed / specimen.rate_mm_s) if speed > 0.0 else 0.0
-    if abs(abs(ratio) - math.log(_INCH)) > 0.1:
+    if abs(abs(ratio) - math.log(_INCH)) > RATE_TOLERANCE:
         return None
     corrected = _log_load(specimen, palette, stretched=_INCH if ratio < 0.0 else 1.0 / _INCH)
     if corrected is None or abs(corrected) > abs(load) - _SPLIT:
@@ -611,6 +617,11 @@ def _travel_slip(specimen: Specimen, palette: Palette, load: float) -> QualityPr
     )
 
 
+_HUNDREDFOLD = (30.0, 300.0)
+"""Mean local strain over travel by gauge length, of a field in per cent. Chosen: a hundred, or a
+third or three times as much, for what slips in the grips or lies beyond the gauge."""
+
+
 def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
     for s in specimens:
         if s.strain_field is None:
@@ -618,7 +629,8 @@ def _fields_in_percent(specimens: Sequence[Specimen]) -> Iterator[QualityProblem
         mean = np.mean(s.strain_field.strain, axis=1)
         travel = np.interp(s.strain_field.time_s, s.time_s, s.strain)
         at = int(np.argmax(travel))
-        if travel[at] > 0.0 and 30.0 < abs(mean[at]) / travel[at] < 300.0:
+        low, high = _HUNDREDFOLD
+        if travel[at] > 0.0 and low < abs(mean[at]) / travel[at] < high:
             words = (
                 f"the strain field reaches {mean[at]:.3g} on average, travel over gauge length "
                 f"{travel[at]:.3g}; per cent taken for fractions"

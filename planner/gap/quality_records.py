@@ -16,7 +16,9 @@ from planner.materials.characterise import MINIMUM_POINTS, noise_sd
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
+    "BEARING_SHARE",
     "HOLDS",
+    "RATE_TOLERANCE",
     "UNLOADS",
     "first_turn",
     "hold_share",
@@ -147,7 +149,7 @@ _TURN_SHARE = 0.05
 """A way back of less than this share of the range of travel is no turn. Chosen: wider than in
 `segments`, as here noise has not been judged yet."""
 
-_BEARING_SHARE = 0.2
+BEARING_SHARE = 0.2
 """A specimen bears load above this share of its largest load so far. Chosen: a broken one bears
 next to nothing."""
 
@@ -235,7 +237,7 @@ def unloading_share(specimen: Specimen) -> float:
             continue
         back = travel[at] - travel[at + 1 : after + 1]
         near = load[at + 1 : at + 1 + max(1, int(np.argmax(back > _TURN_SHARE * spread)))]
-        least = _BEARING_SHARE * float(np.max(load[: at + 1]))
+        least = BEARING_SHARE * float(np.max(load[: at + 1]))
         if load[at] >= least and float(np.median(near)) >= least:
             longest = fall
     return longest / spread
@@ -423,7 +425,7 @@ def _times(count: int, what: str) -> str:
 # The declared rate against travel and time.
 
 
-_TOLERANCE = 0.1
+RATE_TOLERANCE = 0.1
 """Log ratio from which the crosshead's speed is another than declared. Chosen: machines hold a
 speed to 1 %, rounded times may hide a few per cent."""
 
@@ -447,9 +449,9 @@ def _rate(s: Specimen) -> _Problems:
     turn = _loaded(s) - 1
     way = float(s.travel_mm[turn] - s.travel_mm[0])
     mean = way / float(s.time_s[turn] - s.time_s[0]) if turn > 0 else 0.0
-    if off <= _TOLERANCE or (mean > 0.0 and abs(math.log(mean / declared)) <= _TOLERANCE):
+    if off <= RATE_TOLERANCE or (mean > 0.0 and abs(math.log(mean / declared)) <= RATE_TOLERANCE):
         return
-    reasons = [words for factor, words in _SLIPS if abs(off - math.log(factor)) < _TOLERANCE]
+    reasons = [words for factor, words in _SLIPS if abs(off - math.log(factor)) < RATE_TOLERANCE]
     yield (
         "rate",
         f"the crosshead moves at {speed:.3g} mm/s by its time channel, {declared:.3g} mm/s "
@@ -538,6 +540,13 @@ HOLDS = 0.3
 """Shares of range and of duration from which unloading and holding are on purpose. Chosen: machines
 settle by less at a turn, and wait for less before and after a pull."""
 
+_PACE_SHARE, _LOAD_SHARE = 0.05, 0.1
+"""Of the mean pace, below which a crosshead rests, and of the largest load, above which a specimen
+is loaded. Chosen: a creeping crosshead is no test, and an unloaded specimen shows its zero only."""
+
+_AGREEING = 0.02
+"""Relative spread of replicates' amplitudes that agree. Chosen: machines turn to within half of it."""
+
 _AMPLITUDE_TOLERANCE = 0.1
 """Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
 and a start that is not at zero take a few per cent."""
@@ -568,7 +577,7 @@ def hold_share(specimen: Specimen) -> float:
     _, force = _blocks(specimen.time_s, specimen.load_N, count)
     way, duration = np.abs(np.diff(travel)), np.diff(time)
     mean = float(np.sum(way)) / float(np.sum(duration))
-    rests = (way < 0.05 * mean * duration) & (force[1:] > 0.1 * float(np.max(force)))
+    rests = (way < _PACE_SHARE * mean * duration) & (force[1:] > _LOAD_SHARE * float(np.max(force)))
     return float(np.sum(duration[rests])) / float(np.sum(duration))
 
 
@@ -594,7 +603,7 @@ def _amplitudes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
             continue
         middle = float(np.median(peaks))
         off = np.abs(peaks / middle - 1.0) > _AMPLITUDE_TOLERANCE
-        if off.sum() == 1 and np.ptp(peaks[~off]) < 0.02 * middle:
+        if off.sum() == 1 and np.ptp(peaks[~off]) < _AGREEING * middle:
             at = int(np.argmax(off))
             yield _amplitude(members[at], float(peaks[at]), middle, "is its replicates'")
 

@@ -10,7 +10,7 @@ import numpy as np
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
-from planner.gap.quality_records import speed_mm_s, turns, without_spikes
+from planner.gap.quality_records import BEARING_SHARE, speed_mm_s, turns, without_spikes
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar import slice_edges_mm
@@ -45,6 +45,15 @@ _REST_LENGTH = 10.0
 """At rest is what moves less than `_REST_SHARE` of the range in `_REST_LENGTH` times the time
 that the crosshead takes for it. Chosen: a tenth of its pace is none that was meant, and the time
 for it, 4 % of a pull, is less than holds last."""
+
+_LEAST_SPREAD, _REST_NOISE, _TURN_NOISE = 10.0, 5.0, 6.0
+"""Range of travel, motion in a rest and way back of a turn, in deviations of the travel's noise,
+below which there is none. Physical: the difference of two rows, 1.4 deviations of its own, passes 5
+once in 2,500 and 6 once in 45,000; ten deviations are no pull."""
+
+_HELD_SHARE, _HELD_NOISE = 0.0005, 3.0
+"""How far from its middle a rest's rows lie, of the range and in deviations of noise. Chosen: an
+eighth of what counts as rest; three deviations hold nearly all rows."""
 
 _LOOKS = np.linspace(0.125, 1.0, 8)
 """Shares of that time ahead at which travel is looked at. Numerical: every eighth, so that no way
@@ -147,7 +156,7 @@ def path_of(specimen: Specimen) -> Path | None:
     time, travel, load = specimen.time_s, specimen.travel_mm, specimen.load_N
     spread = float(np.ptp(travel))
     noise = noise_sd(travel)
-    if spread <= 10.0 * noise:
+    if spread <= _LEAST_SPREAD * noise:
         return None
     spans = _spans(time, travel, spread, noise)
     while spans and (spans[0][0] == "rest" or travel[spans[0][2]] < travel[spans[0][1]]):
@@ -236,8 +245,8 @@ def _spans(
     time: FloatArray, travel: FloatArray, spread: float, noise: float
 ) -> list[tuple[str, int, int]]:
     """Return ("rest" or "move", first, last) one after the other, each from the last one's end."""
-    resting = _resting(time, travel, max(_REST_SHARE * spread, 5.0 * noise))
-    turn = max(_TURN_SHARE * spread, 6.0 * noise)
+    resting = _resting(time, travel, max(_REST_SHARE * spread, _REST_NOISE * noise))
+    turn = max(_TURN_SHARE * spread, _TURN_NOISE * noise)
     edges = np.flatnonzero(np.diff(resting.astype(np.int8))) + 1
     spans: list[tuple[str, int, int]] = []
     for first, stop in zip([0, *edges], [*edges, len(time)], strict=True):
@@ -292,7 +301,7 @@ def _held_rows(
     rows = travel[first : last + 1]
     away = np.abs(rows - np.median(rows))
     # The median of an even number may lie between two rows, far from both.
-    near = away <= max(0.0005 * spread, 3.0 * noise, float(away.min()))
+    near = away <= max(_HELD_SHARE * spread, _HELD_NOISE * noise, float(away.min()))
     inside = np.flatnonzero(near)
     return first + int(inside[0]), first + int(inside[-1])
 
@@ -332,7 +341,7 @@ def _unbroken(
                 end = last
         elif kind == "hold":
             none = np.flatnonzero(part < 0.5 * BROKEN_SHARE * float(part[0]))
-            end = first + int(none[0]) - 1 if len(none) and part[0] > 0.2 * peak else last
+            end = first + int(none[0]) - 1 if len(none) and part[0] > BEARING_SHARE * peak else last
         peak = max(peak, float(np.max(part)))
         farthest = max(farthest, float(travel[last]))
         if end - first >= 1:

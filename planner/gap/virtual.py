@@ -21,7 +21,7 @@ from planner.gap.campaign_folder import (
     read_campaign_file,
     read_list,
 )
-from planner.gap.effect import Effect, Form, Parameter, StatedEffect, with_effects
+from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, with_effects
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
@@ -118,7 +118,11 @@ def virtual_specimen(
     fields
         Of `Specimen`. Without `rate_mm_s` it is pulled at the palette's own strain rate.
     """
-    rate = fields.get("rate_mm_s") or (palette.reference.strain_rate_per_s or 0.03) * gauge_mm
+    rate = fields.get("rate_mm_s")
+    if not rate:
+        own_per_s = stated(palette.reference).strain_rate_per_s
+        assert own_per_s is not None
+        rate = own_per_s * gauge_mm
     design: ProfileDesign | None = fields.get("profile")
     protocol = fields.get("protocol") or "monotonic"
     end_mm = strain * gauge_mm * (1.0 if design is None else BAR_SHARE)
@@ -423,6 +427,9 @@ def _value(parameter: Parameter, text: str, size: bool, whole: str) -> float:
 _SCATTER = USUAL.specimen
 """Standard deviation of specimens' levels, of the logarithm of force; the rest goes with it."""
 
+_MOST_SCATTER = 0.3
+"""Chosen: three times and more what jetted specimens scatter by, to catch slips."""
+
 _SENSOR = 0.001
 _SENSOR_LEAST_N = 0.002
 """Noise of force, of the largest and at least. Chosen: a good load cell's."""
@@ -524,8 +531,8 @@ def synthetic_campaign(
     PaletteError
         A law that nothing can be predicted with.
     """
-    if not 0.0 <= scatter <= 0.3:
-        raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to 0.3")
+    if not 0.0 <= scatter <= _MOST_SCATTER:
+        raise ArgumentError(f"`scatter` {scatter:g}: it must be from 0 to {_MOST_SCATTER:g}")
     laws = law_tables(plan.palette)
     batches = {
         name: USUAL.batch / USUAL.specimen * scatter * float(rng.standard_normal())
