@@ -545,7 +545,8 @@ _PACE_SHARE, _LOAD_SHARE = 0.05, 0.1
 is loaded. Chosen: a creeping crosshead is no test, and an unloaded specimen shows its zero only."""
 
 _AGREEING = 0.02
-"""Relative spread of replicates' amplitudes that agree. Chosen: machines turn to within half of it."""
+"""Relative spread of replicates' amplitudes that agree. Chosen: machines turn to within half
+of it."""
 
 _AMPLITUDE_TOLERANCE = 0.1
 """Relative, of the travel declared or the replicates'. Chosen: machines turn to within 1 %; slack
