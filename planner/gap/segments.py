@@ -773,9 +773,33 @@ def assemble(
         **covariates,
         **(
             unaltered(first_slice, len(tests[0].time_s))
-            | {"pushed": np.array([group[0].pushed for group in groups])}
+            | {
+                "pushed": np.array([group[0].pushed for group in groups]),
+                "reloads": np.stack([_reloads(test.grid) for test in tests]),
+            }
         ),
     )  # fmt: skip
+
+
+_MET_AGAIN = 20.0
+"""A reload meets the first loading again some per cent beyond the farthest travel so far: 10 %
+beyond, a seventh of the reloads is felt."""
+
+
+def _reloads(grid: TimeGrid) -> FloatArray:
+    """Return how often a test was loaded again by each step; see `PulledBars.reloads`."""
+    found = np.zeros(len(grid.segment))
+    travel = grid.travel_mm.tolist()
+    farthest, count = 0.0, 0.0
+    for step in range(1, len(found)):
+        now, before = travel[step], travel[step - 1]
+        if farthest > 0.0:
+            up = max(min(now, farthest) - min(before, farthest), 0.0)
+            count += grid.segments[grid.segment[step]].cycles * up / farthest
+            count *= (farthest / max(now, farthest)) ** _MET_AGAIN
+        farthest = max(farthest, now)
+        found[step] = count
+    return found
 
 
 def mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:

@@ -326,9 +326,15 @@ class PulledBars:
         Below its largest strain so far, a slice's stress is multiplied by
         ``1 - softening * table(strain / largest, largest)``, the table on `SOFTENING_SHARES` and
         `SOFTENING_PEAKS`, its last row 0.
-    set_share : (S,), set_table : (21,)
-        Below its largest strain so far, a slice bears no stress up to
-        ``set_share * table(largest)``, the table on `SOFTENING_PEAKS` a strain below the peak.
+    set_share : (S,), set_table : (21,), set_growth
+        Below its largest strain so far, a slice bears no stress up to ``set_share * table(largest)
+        * (1 + set_growth ln(1 + reloads))``, the table on `SOFTENING_PEAKS` a strain below the
+        peak.
+    reloads : (P, T)
+        How often each test was loaded again by then: ways up below the farthest travel so far,
+        over it. No more than a few per cent beyond, it counts anew.
+    fatigue : (S,)
+        The stress is multiplied by ``(1 + reloads) ** -fatigue``.
     pushed : (P,)
         Which bars are compressed: travel and what is lost of it count that way, laws are those of
         compression; force and strains come out negative.
@@ -338,8 +344,9 @@ class PulledBars:
         Travel that never reaches the specimen.
     slip_mm_N, slip_from_N, slip_power : (P,)
         Travel lost for good: ``slip_mm_N max(F_max - slip_from_N, 0) ** slip_power``.
-    compliance_mm_N, compliance_power : (P,)
-        Travel lost in the machine: ``compliance_mm_N ((1 + F)**p - 1) / p`` with F in N.
+    compliance_mm_N, joint_share, joint_N : (P,)
+        Travel lost in the machine:
+        ``compliance_mm_N (F + joint_share joint_N ln(1 + F / joint_N))``.
     gain, offset_N : (P, T)
         Of the load cell: it shows ``gain F + offset``.
     """
@@ -355,6 +362,8 @@ class PulledBars:
     relaxing: FloatArray
     softening: FloatArray
     set_share: FloatArray
+    reloads: FloatArray
+    fatigue: FloatArray
     pushed: BoolArray
     travel_factor: FloatArray
     lost_mm: FloatArray
@@ -362,7 +371,8 @@ class PulledBars:
     slip_from_N: FloatArray
     slip_power: FloatArray
     compliance_mm_N: FloatArray
-    compliance_power: FloatArray
+    joint_share: FloatArray
+    joint_N: FloatArray
     gain: FloatArray
     offset_N: FloatArray
     reference_relaxing: FloatArray = field(
@@ -371,6 +381,7 @@ class PulledBars:
     reference_rate_per_s: float = 1.0
     softening_table: FloatArray = field(default_factory=lambda: np.zeros((21, 21)))
     set_table: FloatArray = field(default_factory=lambda: np.zeros(21))
+    set_growth: float = 0.0
 
 
 def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
@@ -378,12 +389,12 @@ def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
     tests, slices = len(first_slice) - 1, int(first_slice[-1])
     none, still, one = np.zeros(slices), np.zeros(tests), np.ones(tests)
     return {
-        **dict.fromkeys(("log_factor", "log_tilt", "softening", "set_share"), none),
+        **dict.fromkeys(("log_factor", "log_tilt", "softening", "set_share", "fatigue"), none),
         "relaxing": np.zeros((slices, len(RELAXATION_TIMES_s))),
         "pushed": np.zeros(tests, dtype=np.bool_),
-        **dict.fromkeys(("slip_mm_N", "slip_from_N", "compliance_mm_N"), still),
-        **dict.fromkeys(("travel_factor", "slip_power", "compliance_power"), one),
-        **dict.fromkeys(("lost_mm", "offset_N"), np.zeros((tests, steps))),
+        **dict.fromkeys(("slip_mm_N", "slip_from_N", "compliance_mm_N", "joint_share"), still),
+        **dict.fromkeys(("travel_factor", "slip_power", "joint_N"), one),
+        **dict.fromkeys(("lost_mm", "offset_N", "reloads"), np.zeros((tests, steps))),
         "gain": np.ones((tests, steps)),
     }
 
@@ -467,8 +478,8 @@ _SLICE = np.dtype(
         *((name, np.int64) for name in ("lower", "upper")),
         *((name, np.float64) for name in (
             "length_mm", "area_mm2", "fraction", "log_factor", "log_tilt", "softening", "set_share",
-            "strain", "former", "largest", "left", "stress", "stress_before", "share", "rest",
-            "alone", "stiffness",
+            "fatigue", "strain", "former", "largest", "left", "stress", "stress_before", "share",
+            "rest", "alone", "stiffness",
         )),
     ]
 )  # fmt: skip
@@ -576,14 +587,17 @@ _BISECTIONS = 100
 _LONGEST = 0.25
 
 
-_LOSSES = ("slip_mm_N", "slip_from_N", "slip_power", "compliance_mm_N", "compliance_power")
+_LOSSES = (
+    "slip_mm_N", "slip_from_N", "slip_power", "compliance_mm_N", "joint_share", "joint_N",
+)  # fmt: skip
 _TEST = np.dtype(
     [("first", np.int64), ("stop", np.int64), *((name, np.float64) for name in _LOSSES)]
 )
 """A test: its slices, and what grips and machine take of its travel; see `PulledBars`."""
 
-_STEP = np.dtype([(name, np.float64) for name in ("time_s", "travel_mm", "force_N")])
-"""A step of a test: its travel is what reaches specimen, grips and machine."""
+_STEP = np.dtype([(name, np.float64) for name in ("time_s", "travel_mm", "worn", "force_N")])
+"""A step of a test: its travel is what reaches specimen, grips and machine; `worn` is ln(1 + n) of
+n reloads so far."""
 
 _TERM = np.dtype([(name, np.float64) for name in ("time_s", "leaves", "adds")])
 """A relaxing exponential: a step leaves so much of its stress, and adds so much of what is new."""
@@ -596,16 +610,11 @@ _RELAXING = np.dtype([(name, np.float64) for name in ("share", "stress")])
 def _lost_travel(force: float, largest_N: float, test: _Record) -> tuple[float, float]:
     """Return what slip and the machine take of the travel at a force, and its derivative."""
     lost, slope = 0.0, 0.0
-    compliance, power = test.compliance_mm_N, test.compliance_power
+    compliance = test.compliance_mm_N
     if compliance != 0.0:
-        size = abs(force)
-        if power == 1.0:
-            lost, slope = compliance * size, compliance
-        elif abs(power) < 1e-9:
-            lost, slope = compliance * math.log1p(size), compliance / (1.0 + size)
-        else:
-            lost = compliance * math.expm1(power * math.log1p(size)) / power
-            slope = compliance * (1.0 + size) ** (power - 1.0)
+        share, over = test.joint_share, abs(force) / test.joint_N
+        lost = compliance * (abs(force) + share * test.joint_N * math.log1p(over))
+        slope = compliance * (1.0 + share / (1.0 + over))
         if force < 0.0:
             lost = -lost
     slip, slip_power = test.slip_mm_N, test.slip_power
@@ -677,20 +686,20 @@ def _bracketed_force(
 
 
 @inner_kernel
-def _set_strain(table: FloatArray, largest: float) -> float:
-    """Return the set's table at a largest strain."""
+def _left_strain(table: FloatArray, share: float, largest: float) -> float:
+    """Return what stays of a largest strain, of a share of the set's table."""
     columns = len(table) - 1
     place = min(max(largest, 0.0), 1.0) * columns
     j = min(int(place), columns - 1)
     value: float = table[j] + (place - j) * (table[j + 1] - table[j])
-    return value
+    return min(share * value, 0.95 * largest)
 
 
 @free_kernel
 def _follow_path(
     tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
     cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
-    tolerance: float, all_strain: FloatArray, all_stiffness: FloatArray,
+    set_growth: float, tolerance: float, all_strain: FloatArray, all_stiffness: FloatArray,
 ) -> None:  # fmt: skip
     """Fill in force and strain of every step of every test.
 
@@ -721,6 +730,16 @@ def _follow_path(
         force, largest_N, settled, before = 0.0, 0.0, 0.0, 0.0
         for t in range(len(path)):
             target = path[t].travel_mm
+            worn = path[t].worn
+            more = worn - path[max(t - 1, 0)].worn
+            set_grown = 1.0 + set_growth * worn
+            if more != 0.0:
+                for i in range(len(slices)):
+                    this = slices[i]
+                    this.log_factor -= this.fatigue * more
+                    if this.left != 0.0:
+                        share = this.set_share * set_grown
+                        this.left = _left_strain(set_table, share, this.largest)
             if relaxes:
                 duration = path[t].time_s - path[max(t - 1, 0)].time_s
                 for k in range(len(terms)):
@@ -797,7 +816,7 @@ def _follow_path(
                 if e > this.largest:
                     this.largest = e
                     if this.set_share != 0.0:
-                        this.left = min(this.set_share * _set_strain(set_table, e), 0.95 * e)
+                        this.left = _left_strain(set_table, this.set_share * set_grown, e)
                 strain[t, i] = e
                 if len(stiffness) > 0:
                     stiffness[t, i] = this.stiffness
@@ -848,6 +867,7 @@ def predict(
     paths = np.empty(bars.time_s.shape, dtype=_STEP)
     paths["time_s"] = bars.time_s
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
+    paths["worn"] = np.log1p(bars.reloads)
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
     laws = replace(laws, cubics=laws.cubics[: ways * materials])
     if len(bars.reference_relaxing):
@@ -858,7 +878,8 @@ def predict(
     pushed = np.repeat(bars.pushed, np.diff(bars.first_slice))
     for name in ("lower", "upper"):
         slices[name] += materials * pushed
-    for name in ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share"):
+    own = ("length_mm", "area_mm2", "log_factor", "log_tilt", "softening", "set_share", "fatigue")
+    for name in own:
         slices[name] = getattr(bars, name)
     slices["share"] = 1.0
     used = np.flatnonzero(bars.relaxing.any(axis=0))
@@ -873,7 +894,7 @@ def predict(
     left = np.array(bars.set_table, dtype=np.float64)
     _follow_path(
         tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
-        tolerance, strain, stiffness_N,
+        bars.set_growth, tolerance, strain, stiffness_N,
     )  # fmt: skip
     force = np.where(bars.pushed[:, None], -1.0, 1.0) * paths["force_N"]
     return Prediction(

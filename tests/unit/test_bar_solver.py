@@ -266,6 +266,27 @@ def test_set_and_softening_follow_their_equations():
     )
 
 
+def test_every_reload_wears_the_stress_and_adds_to_the_set():
+    path = there_and_back((0.4, 0.0, 0.4, 0.0))
+    reloads = np.clip(np.arange(161.0) - 80.0, 0.0, 40.0)[None, :] / 40.0
+    e = path / GAUGE_MM
+    worn = setup(path, reloads=reloads, fatigue=np.array([0.1]))
+    plain = predict(setup(path), LAWS).force_N
+    np.testing.assert_allclose(
+        predict(worn, LAWS).force_N, plain * (1.0 + reloads) ** -0.1, rtol=1e-7, atol=1e-8
+    )
+    growing = setup(path, reloads=reloads, set_share=np.array([0.5]), set_table=0.2 * NODES,
+                    set_growth=0.6)  # fmt: skip
+    again = slice(121, 160)  # the last way back, reloaded once
+    left = 0.1 * 0.4 * (1.0 + 0.6 * np.log(2.0))
+    bearing = e[again] > left
+    felt = (e[again][bearing] - left) * 0.4 / (0.4 - left)
+    np.testing.assert_allclose(
+        predict(growing, LAWS).force_N[0, again][bearing], AREA_mm2 * stress_MPa(0.0, felt),
+        rtol=1e-7, atol=1e-9,
+    )  # fmt: skip
+
+
 def test_slack_shifts_the_curve():
     travel = np.linspace(0.0, 12.0, 61)
     slack = setup(travel, lost_mm=np.minimum(travel, 1.0)[None, :])
@@ -289,19 +310,19 @@ def test_compliance_is_a_spring_in_series():
     np.testing.assert_allclose(force, stiff * travel / (1.0 + 0.05 * stiff), rtol=1e-8, atol=1e-9)
 
 
-@pytest.mark.parametrize("power", [0.3, 0.7, 1.0])
-def test_losses_and_elongations_add_up_to_the_travel(power):
+@pytest.mark.parametrize("joints", [0.0, 0.7, 10.0])
+def test_losses_and_elongations_add_up_to_the_travel(joints):
     path = there_and_back((0.3, -0.02, 0.4))
     coordinates = (np.linspace(0.0, 0.9, 20),)
     loose = setup(
         path, coordinates=coordinates, compliance_mm_N=np.array([0.05]),
-        compliance_power=np.array([power]), slip_mm_N=np.array([0.08]),
+        joint_share=np.array([joints]), joint_N=np.array([3.0]), slip_mm_N=np.array([0.08]),
         slip_from_N=np.array([5.0]), slip_power=np.array([1.5]), set_share=np.full(20, 0.5),
         set_table=0.2 * NODES,
     )  # fmt: skip
     found = predict(loose, LAWS)
     force = found.force_N[0]
-    machine = 0.05 * np.sign(force) * ((1.0 + abs(force)) ** power - 1.0) / power
+    machine = 0.05 * (force + joints * 3.0 * np.sign(force) * np.log1p(abs(force) / 3.0))
     most = np.maximum.accumulate(np.maximum(force, 0.0))
     slip = 0.08 * np.maximum(most - 5.0, 0.0) ** 1.5
     assert force.max() > 5.0  # so that it does slip

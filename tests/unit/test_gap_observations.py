@@ -484,7 +484,10 @@ def test_slices_are_fine_enough_for_force_and_strain():
         length_mm=np.full(n, GAUGE_MM / n),
         coordinate=(np.arange(n) + 0.5) / n,
         area_mm2=np.full(n, 30.0),
-        **{name: np.zeros(n) for name in ("log_factor", "log_tilt", "softening", "set_share")},
+        **{
+            name: np.zeros(n)
+            for name in ("log_factor", "log_tilt", "softening", "set_share", "fatigue")
+        },
         relaxing=np.zeros((n, setup.relaxing.shape[1])),
     )
     coarse = predict(setup, found.laws).force_N

@@ -489,11 +489,18 @@ _SET_SIZE = Parameter("share", 0.01, 0.5, "of the largest strain that stays")
 _SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
 
 
+_SET_GROWTH = 0.3
+"""Of the set with the logarithm of reloads."""
+
+
 def _set(setup: Setup, values: Values, table: FloatArray) -> Setup:
     share = _graded(setup, values["share"], values)
     if not np.any(share):
         return setup
-    return setup.with_(set_share=setup.set_share + share, set_table=table)
+    growth = _SET_GROWTH * values.get("cycles", 0.0)
+    return setup.with_(
+        set_share=setup.set_share + share, set_table=table, set_growth=setup.set_growth + growth
+    )
 
 
 def _proportional(setup: Setup, values: Values) -> Setup:
@@ -518,14 +525,22 @@ PERMANENT_SET = Effect(
     "specimens stay longer after a large strain and come back slack",
     "law",
     (
-        Form("proportional", (_SET_SIZE,), _proportional, "e_p = s e_max", _SOURCE),
+        Form(
+            "proportional",
+            (_SET_SIZE,),
+            _proportional,
+            "e_p = s e_max; by n reloads, e_p *= 1 + g ln(1 + n)",
+            _SOURCE,
+            details=("cycles",),
+        ),
         Form("graded", (_SET_SIZE, PEAK), _proportional, "e_p = s w(m) e_max", _SOURCE),
         Form(
             "threshold",
             (_SET_SIZE, Parameter("threshold", 0.05, 0.6, "strain from which it stays")),
             _threshold,
-            "e_p = s e_max y / (1 + y), y = (e_max / e_0)^4",
+            "e_p = s e_max y / (1 + y), y = (e_max / e_0)^4; by n reloads, e_p *= 1 + g ln(1 + n)",
             "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
+            details=("cycles",),
         ),
         Form(
             "power",
@@ -534,8 +549,9 @@ PERMANENT_SET = Effect(
                 Parameter("power", 1.1, 3.0, "of the largest strain", log=False),
             ),
             _set_power,
-            "e_p = s e_max^p",
+            "e_p = s e_max^p; by n reloads, e_p *= 1 + g ln(1 + n)",
             "Diani, Fayolle & Gilormini, Eur. Polym. J. 45, 2009, 601",
+            details=("cycles",),
         ),
     ),
     where=("branch", "strain"),
@@ -556,11 +572,29 @@ _SHARES: FloatArray = SOFTENING_SHARES[:, None]
 _PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
 
 
+_MOST_LOST = 0.95
+"""Of the stress near rest."""
+
+_MIX = 0.5
+"""Of ln softening, from the middle of the palette to its hardest mixture."""
+
+_FATIGUE = 0.15
+"""Exponent of the fall with reloads, over the softening: from the first cycle to the tenth, filled
+rubbers lose some per cent of the stress at the largest strain, foams 10 to 15 %."""
+
+
 def _softened(setup: Setup, values: Values, table: FloatArray) -> Setup:
     size = _graded(setup, values["softening"], values)
     if not np.any(size):
         return setup
-    return setup.with_(softening=setup.softening + size, softening_table=table)
+    if "mixture" in values:
+        size = size * np.exp(_MIX * values["mixture"] * (2.0 * place_on_palette(setup) - 1.0))
+        size = size / (1.0 + (size / _MOST_LOST) ** 8) ** 0.125
+    return setup.with_(
+        softening=setup.softening + size,
+        softening_table=table,
+        fatigue=setup.fatigue + _FATIGUE * values.get("cycles", 0.0) * size,
+    )
 
 
 def _damage(setup: Setup, values: Values) -> Setup:
@@ -586,8 +620,11 @@ SOFTENING = Effect(
             "damage",
             (_SOFTENING_SIZE, _SCALE, Parameter("power", 0.4, 3.0, "of strain over the largest")),
             _damage,
-            "stress *= 1 - s (1 - (e / e_max)^p) (1 - exp(-e_max / e_0)) below e_max",
-            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153",
+            "stress *= 1 - s (1 - (e / e_max)^p) (1 - exp(-e_max / e_0)) below e_max; "
+            "by n reloads, stress *= (1 + n)^-f",
+            "Simo, Comput. Methods Appl. Mech. Eng. 60, 1987, 153; "
+            "Miehe, Eur. J. Mech. A 14, 1995, 697 (damage that goes on with cycles)",
+            details=("cycles", "mixture"),
         ),
         Form(
             "graded-damage",
@@ -604,9 +641,11 @@ SOFTENING = Effect(
                 Parameter("reach", 0.0, 1.0, "of softening at large strains", log=False),
             ),
             _pseudo_elastic,
-            "stress *= 1 - s erf((e_max^2 - e^2) / (e_0^2 + b e_max^2)) below e_max",
+            "stress *= 1 - s erf((e_max^2 - e^2) / (e_0^2 + b e_max^2)) below e_max; "
+            "by n reloads, stress *= (1 + n)^-f",
             "Ogden & Roxburgh, Proc. R. Soc. A 455, 1999, 2861; "
             "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855",
+            details=("cycles", "mixture"),
         ),
     ),
     where=("branch", "strain"),

@@ -317,14 +317,20 @@ GRIP_SLIP = Effect(
 _STIFFEST_mm_N = 0.0005
 """Of a floor-standing frame of 2 kN/mm with its load cell and grips."""
 
+_CLOSING_N, _CLOSING = 15.0, 1.2
+"""Load at which joints are half closed, and the deviation of its logarithm: from small grips for
+soft strips to wedge grips for a kilonewton."""
+
 
 def _in_series(setup: Setup, values: Values) -> Setup:
-    """Add a spring in series, the stiffer the more it bears where there is a power below 1."""
+    """Add a spring in series, and joints that give much at first and then close."""
     if values["compliance"] == 0.0:
         return setup
+    joint_N = _CLOSING_N * math.exp(_CLOSING * values.get("closing", 0.0))
     return setup.with_(
         compliance_mm_N=setup.compliance_mm_N + values["compliance"],
-        compliance_power=np.full_like(setup.compliance_power, values.get("power", 1.0)),
+        joint_share=np.full_like(setup.joint_share, values.get("joints", 0.0)),
+        joint_N=np.full_like(setup.joint_N, joint_N),
     )
 
 
@@ -344,12 +350,13 @@ MACHINE_COMPLIANCE = Effect(
         Form(
             "stiffening",
             (
-                Parameter("compliance", _STIFFEST_mm_N, 0.4, "without load", "mm/N"),
-                Parameter("power", 0.2, 0.9, "of the load", log=False),
+                Parameter("compliance", 0.5 * _STIFFEST_mm_N, 0.1, "with closed joints", "mm/N"),
+                Parameter("joints", 0.3, 15.0, "compliance of open joints over that"),
             ),
             _in_series,
-            "lost = C ((1 + F)^p - 1) / p, F in N",
+            "lost = C (F + k F_0 ln(1 + F / F_0)), F_0 15 N or as `closing` says",
             "Johnson, Contact Mechanics, 1985 (joints stiffen under load)",
+            details=("closing",),
         ),
     ),
     where=("material", "strain", "width_mm", "gauge_mm"),

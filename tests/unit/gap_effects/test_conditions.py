@@ -180,3 +180,17 @@ def test_set_grows_with_the_peak(coupons: Make, applied: Apply, middles: Middles
         for e in (0.1, 0.8)
     )  # fmt: skip
     assert below < 0.05 < 0.9 < beyond
+
+
+def test_damage_goes_on_with_cycles_where_details_say_so(coupons: Make, applied: Apply) -> None:
+    before = coupons()
+    once = applied("softening", "damage", before, softening=0.4)
+    more = applied("softening", "damage", before, softening=0.4, cycles=1.0, mixture=1.0)
+    assert not np.any(once.fatigue)
+    assert np.all(np.diff(more.softening) > 0.0)
+    # Nowhere is more lost than there is, however far the details go.
+    far = applied("softening", "damage", before, softening=0.7, mixture=4.0)
+    assert np.all(far.softening < 1.0)
+    np.testing.assert_allclose(more.fatigue / more.softening, 0.15)
+    grown = applied("permanent-set", "power", before, cycles=2.0)
+    assert grown.set_growth == pytest.approx(0.6)

@@ -37,9 +37,10 @@ def test_slip_and_compliance_are_travel_lost_by_load(coupons: Make, applied: App
     np.testing.assert_allclose(power.slip_mm_N * 20.0**power.slip_power, 0.3)
     linear = applied("machine-compliance", "linear", before, compliance=0.02)
     assert set(linear.compliance_mm_N) == {0.02}
-    assert set(linear.compliance_power) == {1.0}
-    stiffening = applied("machine-compliance", "stiffening", before, power=0.4)
-    assert set(stiffening.compliance_power) == {0.4}
+    assert set(linear.joint_share) == {0.0}
+    wide = applied("machine-compliance", "stiffening", before, joints=4.0, closing=2.0)
+    assert set(wide.joint_share) == {4.0}
+    np.testing.assert_allclose(wide.joint_N, 15.0 * np.exp(2.4))
 
 
 def test_oversize_tells_more_of_thin_parts(coupons: Make, applied: Apply) -> None:
