@@ -147,14 +147,14 @@ def _log_prior(priors: Priors, key: HypothesisKey, claimed: frozenset[str]) -> f
     return math.log(kind * priors.beside / (1.0 - priors.beside) * of_axis)
 
 
-def _ranking(case: Case, now: Coefficients) -> dict[Effects, float]:
+def _ranking(case: Case, now: Coefficients, *, open_to_others: bool = True) -> dict[Effects, float]:
     old, new = Priors(), now.priors
     moved = {
         key: value + _log_prior(new, key, case.claimed) - _log_prior(old, key, case.claimed)
         for key, value in case.evidence.log_prior.items()
     }
     evidence = replace(case.evidence, log_prior=moved)
-    ranking = ranking_of(evidence, new.coarseness_nats, now.doubt)
+    ranking = ranking_of(evidence, new.coarseness_nats, now.doubt, open_to_others=open_to_others)
     return {h.effects: h.probability for h in ranking}
 
 
@@ -233,6 +233,27 @@ def _table(cases: Sequence[Case], columns: Mapping[str, Sequence[dict[Effects, f
     return "\n".join(lines)
 
 
+_NATS = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+
+
+def _class_table(cases: Sequence[Case], now: Coefficients) -> str:
+    """Return how often the class has the truth, and its size, by how near its members are.
+
+    Of single effects of the library, by odds alone: a diagnosis adds what looks the same.
+    """
+    single = [c for c in cases if len(c.expected) == 1 and c.expected != UNKNOWN]
+    lines = ["| within nats | truth in the class | members |", "|---|---|---|"]
+    for nats in _NATS:
+        hits, sizes = [], []
+        for case in single:
+            told = _ranking(case, now, open_to_others=False)
+            near = {e for e, p in told.items() if p > max(told.values()) * math.exp(-nats)}
+            hits.append(case.expected in near)
+            sizes.append(len(near))
+        lines.append(f"| {nats:g} | {100 * fmean(hits):.0f} % | {fmean(sizes):.1f} |")
+    return "\n".join(lines)
+
+
 # ------------------------------------------------------------------------------------------------
 # The command.
 
@@ -267,7 +288,7 @@ def _run(options: argparse.Namespace) -> int:
         columns["calibrated, held out"] = _held_out(cases, start)
     best = calibrated(cases, start)
     columns["calibrated"] = [_ranking(c, best) for c in cases]
-    print(_table(cases, columns))
+    print(_table(cases, columns), _class_table(cases, best), sep="\n\n")
     for part in (best.priors, best.doubt):
         print(type(part).__name__ + ":")
         for field in fields(part):

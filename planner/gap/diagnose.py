@@ -312,18 +312,21 @@ def _diagnose(
     campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    ranking = ranking_of(evidence_of(problem, weighed), priors.coarseness_nats)
+    evidence = evidence_of(problem, weighed)
+    ranking = ranking_of(evidence, priors.coarseness_nats)
+    told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
     verdict = ranking[0].effects
     gap = closure(problem, priors, weighed, verdict, rng, progress)
     refuted = verdict if refutes(gap) else None
     if refuted is not None:
         ranking, gap = without_refuted(ranking), without_effect(gap)
+        told = ranking
         verdict = ranking[0].effects
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
-    same_class = class_of(problem, weighed, ranking, verdict)
+    same_class = class_of(problem, weighed, told, verdict)
     data_quality = examine(campaign)
     mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
     found = Diagnosis(

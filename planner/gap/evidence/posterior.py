@@ -81,9 +81,10 @@ def class_of(
     Those less than `_ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
+    leading = odds.get(verdict, max(odds.values()))
 
     def near(effects: Effects) -> bool:
-        if odds[effects] > odds[verdict] - _ALIKE_NATS:
+        if odds[effects] > leading - _ALIKE_NATS:
             return True
         fit = _fit_of_same_pattern(problem, weighed, verdict, effects, _ALIKE_COSINE)
         return fit is not None and fit > -2.0 * _ALIKE_NATS
@@ -334,20 +335,30 @@ _GIVEN_UP = 0.7
 
 
 def ranking_of(
-    evidence: Evidence, coarseness_nats: float, doubt: Doubt | None = None
+    evidence: Evidence,
+    coarseness_nats: float,
+    doubt: Doubt | None = None,
+    *,
+    open_to_others: bool = True,
 ) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     What looks the same shares its probability, what is in doubt gives way to the unknown, and few
     specimens name little. A gap no larger than what replicates differ by is no gap, unless they
     differ by what no print scatters: then it lies between them, and "none" gives way.
+
+    Parameters
+    ----------
+    open_to_others
+        Whether the doubt that is always there counts too: of what is in no library and is imitated
+        by what is. No campaign says anything of it.
     """
     doubt = Doubt() if doubt is None else doubt
     odds = coarsened(evidence.log_prior, evidence.log_evidence, coarseness_nats)
     evened = _evened_out(posterior([odds]), evidence)
-    fitting = _given_to_unknown(
-        evened, {h.effects: doubt.share(h, evidence) for h in _named(evened)}
-    )
+    least = 0.0 if open_to_others else float(expit(doubt.always))
+    shares = {h.effects: max(doubt.share(h, evidence) - least, 0.0) for h in _named(evened)}
+    fitting = _given_to_unknown(evened, shares)
     ranking = _tempered(fitting, evidence.specimens)
     return _given_to_unknown(ranking, {(): 1.0}) if evidence.heterogeneous else ranking
 
