@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.withheld.answers import Task, answer_all, kept_outcomes
 from benchmarks.withheld.method import method_sha256
-from benchmarks.withheld.scoring import CONFIDENT, Effects, Truth, named, read_truth
+from benchmarks.withheld.scoring import CONFIDENT, UNKNOWN, Effects, Truth, named, read_truth
 from benchmarks.withheld.sealed import campaigns_in_turn, ended
 from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
