@@ -459,7 +459,8 @@ def _stated(found: FoundEffect, effect: Effect, palette: str) -> StatedEffect:
         raise FileError(
             f"diagnosis: effect {found.id}: parameter {missing[0]!r} of form {form.name} is missing"
         )
-    values = {p.name: found.parameters[p.name] for p in form.parameters}
+    names = {p.name for p in form.parameters}.union(form.details)
+    values = {name: value for name, value in found.parameters.items() if name in names}
     return StatedEffect(effect, form, values)
 
 

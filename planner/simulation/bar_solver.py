@@ -318,6 +318,8 @@ class PulledBars:
         The stress is multiplied by ``exp(log_factor + log_tilt tanh((strain - 0.15) / 0.2))``.
     relaxing : (S, K)
         Shares of the instantaneous stress that relax with `RELAXATION_TIMES_s`.
+    clock : (P,)
+        How many times as fast as in the laws' own tests everything relaxes.
     reference_relaxing : (M, K), reference_rate_per_s
         Shares of each of the laws' materials in the test that its law was measured in, and that
         test's strain rate: the instantaneous laws are such that, pulled so, they show the laws.
@@ -364,6 +366,7 @@ class PulledBars:
     set_share: FloatArray
     reloads: FloatArray
     fatigue: FloatArray
+    clock: FloatArray
     pushed: BoolArray
     travel_factor: FloatArray
     lost_mm: FloatArray
@@ -393,7 +396,7 @@ def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
         "relaxing": np.zeros((slices, len(RELAXATION_TIMES_s))),
         "pushed": np.zeros(tests, dtype=np.bool_),
         **dict.fromkeys(("slip_mm_N", "slip_from_N", "compliance_mm_N", "joint_share"), still),
-        **dict.fromkeys(("travel_factor", "slip_power", "joint_N"), one),
+        **dict.fromkeys(("clock", "travel_factor", "slip_power", "joint_N"), one),
         **dict.fromkeys(("lost_mm", "offset_N", "reloads"), np.zeros((tests, steps))),
         "gain": np.ones((tests, steps)),
     }
@@ -865,7 +868,7 @@ def predict(
     for name in _LOSSES:
         tests[name] = getattr(bars, name)
     paths = np.empty(bars.time_s.shape, dtype=_STEP)
-    paths["time_s"] = bars.time_s
+    paths["time_s"] = bars.time_s * bars.clock[:, None]
     paths["travel_mm"] = bars.travel_mm * bars.travel_factor[:, None] - bars.lost_mm
     paths["worn"] = np.log1p(bars.reloads)
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1

@@ -99,6 +99,14 @@ def test_an_even_factor_multiplies_every_law(palette, effect, conditions, factor
     assert max(made.misfit.values()) < 1e-9
 
 
+def test_a_forms_details_are_corrected_for_as_well(palette) -> None:
+    rubbery = found("temperature", "any-course", slope=0.03, entropy=1.0)
+    after = corrected(palette, diagnosed(palette, rubbery), WARM).palette
+    # 0.03 for each of 10 K, and stress in proportion to the absolute temperature.
+    factor = np.exp(-0.3) * (273.15 + 33.0) / (273.15 + 23.0)
+    np.testing.assert_allclose(stresses(after, 0.2), factor * stresses(palette, 0.2), rtol=2e-3)
+
+
 def test_ids_and_all_but_the_law_stay(palette) -> None:
     made = corrected(palette, diagnosed(palette, found("temperature")), WARM).palette
     for old, new in zip(palette.materials, made.materials, strict=True):

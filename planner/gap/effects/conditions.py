@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
-from scipy.special import erf, expit, rgamma
+from numpy.typing import ArrayLike
+from scipy.special import erf, rgamma
 
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import (
@@ -66,9 +67,52 @@ def _trend(places: FloatArray, size: float, values: Values) -> FloatArray:
     return np.asarray(size * np.exp(-(((places - values["peak"]) / _WIDTH) ** 2)))
 
 
+_KNOTS = 15
+"""Places along a condition, or relaxation times, between which a smooth course is drawn."""
+
+_SMOOTH = 1.4
+"""Knots over which such a course keeps its sign."""
+
+_WAVES = 7
+"""Patterns of it, the smoothest first, that hold 95 % of its variance over the middle knots."""
+
+_WAVE_NAMES = tuple(f"wave_{k}" for k in range(1, _WAVES + 1))
+
+
+@lru_cache(maxsize=1)
+def _waves() -> FloatArray:
+    """Return patterns over the knots, (K, waves), of a Gaussian process of deviation 1."""
+    away = np.subtract.outer(np.arange(_KNOTS), np.arange(_KNOTS)) / _SMOOTH
+    values, vectors = np.linalg.eigh(np.exp(-0.5 * away**2))
+    # Signs as a first rise, so that they are the same on every machine.
+    rising = np.sign(vectors[-1] - vectors[0] + 1e-9)
+    return np.asarray((vectors * rising * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :_WAVES])
+
+
+def _course(values: Values) -> FloatArray:
+    """Return a form's own waves over the knots, (K,); 0 where it is given none."""
+    return np.asarray(_waves() @ [values.get(name, 0.0) for name in _WAVE_NAMES])
+
+
+def _risen(log_slope: FloatArray, knots: FloatArray, at: ArrayLike) -> FloatArray:
+    """Return a rising function at places, its slope linear between knots and even beyond."""
+    slope, width = np.exp(log_slope), knots[1] - knots[0]
+    at_knots = np.concatenate([[0.0], np.cumsum(0.5 * width * (slope[1:] + slope[:-1]))])
+    at = np.asarray(at, dtype=np.float64)
+    inside = np.clip(at, knots[0], knots[-1])
+    left = np.minimum(((inside - knots[0]) / width).astype(np.int64), len(knots) - 2)
+    over = inside - knots[left]
+    bend = 0.5 * (slope[left + 1] - slope[left]) / width
+    beyond = (at - inside) * np.where(at < inside, slope[0], slope[-1])
+    return np.asarray(at_knots[left] + over * (slope[left] + over * bend) + beyond)
+
+
 # ------------------------------------------------------------------------------------------------
 # Ageing: curing goes on after the print and stiffens; some mixtures lose stiffness instead.
 
+
+_KNOTS_DECADES: FloatArray = np.linspace(-1.5, 5.5, _KNOTS)
+"""Of a time in days or hours: a course keeps its sign over 0.7 decades."""
 
 _DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", signed=True)
 
@@ -77,7 +121,8 @@ def _log_time(setup: Setup, values: Values) -> Setup:
     """Decades of age beyond the reference, counted from a first change, or else a day."""
     onset = values.get("onset", 1.0)
     age, start = _condition(setup, "age_days"), _reference(setup, "age_days")
-    decades = np.log((age + onset) / (start + onset)) / math.log(10.0)
+    course = partial(_risen, _course(values), _KNOTS_DECADES)
+    decades = course(np.log10(age + onset)) - course(np.log10(start + onset))
     return setup.stiffened(_graded(setup, values["change"], values) * setup.on_slices(decades))
 
 
@@ -100,6 +145,7 @@ AGEING = Effect(
             _log_time,
             "ln stress += a (log10(1 + t / t_0) - log10(1 + t_ref / t_0))",
             "Struik, Physical Aging in Amorphous Polymers and Other Materials, 1978",
+            details=_WAVE_NAMES,
         ),
         Form(
             "graded-log-time",
@@ -134,12 +180,18 @@ _MOISTURE_SIZE = Parameter("softening", 0.02, 0.45, "softening of a saturated sp
 _SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h")
 
 
+_LEAST_h = 1e-9
+"""Hours in water that stand for none, so that they have a logarithm."""
+
+
 def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Apply:
     """Return the form of an uptake of water over its saturation, of hours in water."""
 
     def apply(setup: Setup, values: Values) -> Setup:
         soak_h = _condition(setup, "soak_h")
         start_h = np.full_like(soak_h, _reference(setup, "soak_h"))
+        if "wave_1" in values:
+            soak_h, start_h = (_as_if_h(h, values) for h in (soak_h, start_h))
         size = _graded(setup, values["softening"], values)
         taken, start = (
             np.log1p(-size * setup.on_slices(uptake(setup, h, values["saturation"])))
@@ -148,6 +200,12 @@ def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Ap
         return setup.stiffened(taken - start)
 
     return apply
+
+
+def _as_if_h(hours: FloatArray, values: Values) -> FloatArray:
+    """Return hours that a course over their logarithm makes of them."""
+    logs = np.log10(np.maximum(hours, _LEAST_h))
+    return np.asarray(10.0 ** (_KNOTS_DECADES[0] + _risen(_course(values), _KNOTS_DECADES, logs)))
 
 
 def _sheet(setup: Setup, soak_h: FloatArray, saturation_h: float) -> FloatArray:
@@ -180,6 +238,7 @@ MOISTURE = Effect(
             _softened_by(_sheet),
             "E = E0 (1 - s w(m) sqrt(1 - exp(-4 t / (pi tau)))), tau ~ thickness^2",
             "Crank, The Mathematics of Diffusion, 1975, ch. 4",
+            details=_WAVE_NAMES,
         ),
         Form(
             "root-time",
@@ -199,9 +258,6 @@ MOISTURE = Effect(
 # ------------------------------------------------------------------------------------------------
 # Temperature: mixtures soften through a glass transition that lies the higher the harder.
 
-
-_BREADTH_K = 10.0
-"""Logistic scale of the transition: 10 to 90 % within 44 K, as jetted elastomers show."""
 
 _SLOPE = Parameter("slope", 0.003, 0.15, "fall of ln stress per kelvin", "1/K")
 
@@ -226,13 +282,46 @@ def _wlf(setup: Setup, values: Values) -> Setup:
     return setup.stiffened(-slope * setup.on_slices(shift))
 
 
-def _transition(setup: Setup, values: Values) -> Setup:
-    """From glass to rubber about a temperature that rises with the coordinate."""
-    middle = values["transition"] + values["span"] * place_on_palette(setup)
-    at = _reference(setup, "temperature_C")
+_KNOTS_C: FloatArray = np.linspace(-75.0, 135.0, _KNOTS)
+"""A course keeps its sign over 21 K: half of what a transition takes from 10 to 90 %."""
+
+_STEEPER = 1.5
+"""Deviation of ln slope from an even one: a transition of five in ln stress within 44 K, wherever
+from -50 to 110 °C, is drawn to 4 % of the stress with no detail beyond 3."""
+
+_HIGHER_K = 20.0
+"""Of the transition, from the middle of the palette to its ends."""
+
+_HASTE = 3.0
+"""Decades of time for each ln stress of softening: with 4 % a kelvin, 0.12 a kelvin."""
+
+_ZERO_K = 273.15
+"""0 °C. Above its transition a network's stress is proportional to the absolute temperature."""
+
+_LESS_FAR = 0.3
+"""Of the softening, from small strains to large, over the softening: networks soften less."""
+
+
+def _any_course(setup: Setup, values: Values) -> Setup:
+    """Soften along any course, and hasten by as many decades what relaxes.
+
+    So rate and temperature are one law where both vary: times count from one clock, the mean of a
+    bar's mixtures. Where nothing relaxes the softening alone stands.
+    """
+    u = 2.0 * place_on_palette(setup) - 1.0
+    higher_K = _HIGHER_K * values.get("span", 0.0) * u
+    log_slope, at = _STEEPER * _course(values), _reference(setup, "temperature_C")
     now = setup.on_slices(_warmer_K(setup)) + at
-    passed = expit((now - middle) / _BREADTH_K) - expit((at - middle) / _BREADTH_K)
-    return setup.stiffened(-values["drop"] * passed)
+    passed = _risen(log_slope, _KNOTS_C, now - higher_K)
+    passed -= _risen(log_slope, _KNOTS_C, at - higher_K)
+    softened = values["slope"] * passed
+    haste = np.add.reduceat(softened, setup.first_slice[:-1]) / np.diff(setup.first_slice)
+    drawn = values.get("entropy", 0.0) * np.log((now + _ZERO_K) / (at + _ZERO_K))
+    after = setup.stiffened(drawn - softened)
+    return after.with_(
+        log_tilt=setup.log_tilt + _LESS_FAR * values.get("tilt", 0.0) * softened,
+        clock=setup.clock * 10.0 ** np.clip(_HASTE * values.get("haste", 0.0) * haste, -12.0, 12.0),
+    )
 
 
 TEMPERATURE = Effect(
@@ -263,17 +352,13 @@ TEMPERATURE = Effect(
             "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701",
         ),
         Form(
-            "transition",
-            (
-                Parameter("drop", 0.2, 7.0, "of ln stress from glass to rubber"),
-                Parameter(
-                    "transition", -10.0, 40.0, "temperature of the softest's", "°C", log=False
-                ),
-                Parameter("span", 0.0, 60.0, "how much higher the hardest's lies", "K", log=False),
-            ),
-            _transition,
-            "ln stress -= D (s(T) - s(T_ref)), s(T) = 1 / (1 + exp(-(T - T_g(m)) / 10 K))",
-            "Mahieux & Reifsnider, Polymer 42, 2001, 3281",
+            "any-course",
+            (_SLOPE,),
+            _any_course,
+            "ln stress -= b G(T, m), relaxing log10(t / a_T) = log10 t + h b G(T, m), ln G' smooth",
+            "Williams, Landel & Ferry, J. Am. Chem. Soc. 77, 1955, 3701; Ferry, Viscoelastic "
+            "Properties of Polymers, 1980, ch. 11; Mahieux & Reifsnider, Polymer 42, 2001, 3281",
+            details=(*_WAVE_NAMES, "span", "tilt", "haste", "entropy"),
         ),
     ),
     where=("temperature_C",),
@@ -355,28 +440,6 @@ def _fractional(setup: Setup, values: Values) -> Setup:
     return _relaxing(setup, spectrum_at)
 
 
-_ROUGHNESS = 1.0
-"""Deviation of the spectrum's logarithm from a log-normal one."""
-
-_SMOOTH_DECADES = 0.7
-"""Over which that deviation keeps its sign: an exponential is half a decade to either side wide."""
-
-_WAVES = 7
-"""Patterns of it, the smoothest first, that hold 95 % of its variance over the middle decades."""
-
-
-@lru_cache(maxsize=1)
-def _waves() -> FloatArray:
-    """Return patterns over the relaxation times, (K, waves), of a Gaussian process."""
-    away = np.subtract.outer(_LOG10_TIMES, _LOG10_TIMES) / _SMOOTH_DECADES
-    values, vectors = np.linalg.eigh(np.exp(-0.5 * away**2))
-    # Signs as a first rise, so that they are the same on every machine.
-    rising = np.sign(vectors[-1] - vectors[0] + 1e-9)
-    return np.asarray(
-        _ROUGHNESS * (vectors * rising * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :_WAVES]
-    )
-
-
 _TREND = 1.0
 """Of the logit of the share, from the softest mixture to the hardest, and half-way."""
 
@@ -386,8 +449,7 @@ _TILT = 0.1
 
 def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
     """Relax with any smooth spectrum, mixtures to their own degree."""
-    details = np.array([values.get(f"wave_{k}", 0.0) for k in range(1, _WAVES + 1)])
-    parts = _spectrum(values["centre"], values["breadth"]) * np.exp(_waves() @ details)
+    parts = _spectrum(values["centre"], values["breadth"]) * np.exp(_course(values))
     parts /= parts.sum()
 
     def spectrum_at(places: FloatArray) -> FloatArray:
@@ -459,7 +521,7 @@ RATE = Effect(
             _smooth_spectrum,
             "G(t) = 1 - g(m) sum p_k (1 - exp(-t / tau_k)), p smooth over ln tau",
             "Honerkamp & Weese, Rheol. Acta 32, 1993, 65 (smooth relaxation spectra)",
-            details=(*(f"wave_{k}" for k in range(1, _WAVES + 1)), "trend", "bend", "tilt"),
+            details=(*_WAVE_NAMES, "trend", "bend", "tilt"),
         ),
     ),
     where=("rate_mm_s", "time", "branch"),

@@ -334,7 +334,7 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
     for one in ordered:
         best.setdefault(one.candidate.effects, one)
     pairs = {c.effects: c for c in sorted(search.pairs(singles), key=value)[-_SINGLES // 2 :]}
-    for one in list(best.values())[:_BESIDE]:
+    for one in reversed(list(best.values())[:_BESIDE]):
         for c in _partners(problem, one, logs)[: _SINGLES // 4]:
             pairs[c.effects] = c
     return [*settled, *(settle(worlds, c, world) for c in pairs.values())]

@@ -1,10 +1,13 @@
 """Effects of conditions and of unloading go the right way, off the palette's reference."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.special import expit
 
 from planner.gap.effects import EFFECTS
 from planner.palette import Reference
@@ -80,12 +83,83 @@ def test_warmer_is_softer(form: str, coupons: Make, applied: Apply) -> None:
     assert np.all(np.diff(after.log_factor) < 0.0)
 
 
+WAVES = [f"wave_{k}" for k in range(1, 8)]
+
+
+@pytest.mark.parametrize("middle", [-50.0, -20.0, 23.0, 60.0, 110.0])
+def test_a_transition_anywhere_is_among_the_courses(
+    middle: float, coupons: Make, applied: Apply
+) -> None:
+    at = np.linspace(-60.0, 120.0, 10)
+    # Five of ln stress from glass to rubber, 10 to 90 % of it within 44 K.
+    falls = 5.0 * (expit((at - middle) / 10.0) - expit((23.0 - middle) / 10.0))
+    before = coupons(10, temperature_C=at, coordinate=np.full(10, 0.5))
+
+    def left(x: np.ndarray) -> np.ndarray:
+        values = dict(zip(WAVES, x[1:].tolist(), strict=True))
+        after = applied("temperature", "any-course", before, slope=math.exp(x[0]), **values)
+        return np.concatenate([(after.log_factor + falls) / 0.03, x[1:]])
+
+    found = least_squares(left, np.concatenate([[math.log(0.02)], np.zeros(7)])).x
+    # Within 5 % of the stress, at details that three deviations hold.
+    assert np.max(np.abs(left(found)[:10])) * 0.03 < 0.05
+    assert np.max(np.abs(found[1:])) < 3.0
+
+
 def test_the_glass_transition_lies_higher_in_harder_mixtures(coupons: Make, applied: Apply) -> None:
     before = coupons(temperature_C=np.full(6, 33.0))
-    after = applied("temperature", "transition", before, transition=0.0, span=60.0, drop=5.0)
-    # At 23 to 33 degC a mixture whose transition is at 28 falls most.
-    steepest = np.linspace(0.0, 1.0, 6)[np.argmin(after.log_factor)]
-    assert abs(60.0 * steepest - 28.0) <= 12.0
+    # A course that falls most near 23 degC in the middle of the palette.
+    hump = {"wave_2": -0.5, "wave_3": 2.5, "wave_5": 0.9}
+    steepest = [
+        np.argmin(applied("temperature", "any-course", before, span=span, **hump).log_factor)
+        for span in (-1.0, 0.0, 1.0)
+    ]
+    even = applied("temperature", "any-course", before, **hump).log_factor
+    assert np.ptp(even) == 0.0
+    # At 23 to 33 degC, with transitions 20 K lower and higher at the ends, the middle falls most.
+    assert steepest[0] in (2, 3)
+    assert steepest[2] in (2, 3)
+
+
+@pytest.mark.parametrize("temperature_C", [-20.0, 5.0, 60.0])
+def test_a_warmer_test_is_a_slower_one(
+    temperature_C: float, coupons: Make, applied: Apply, middles: Middles
+) -> None:
+    """Williams, Landel & Ferry 1955: with relaxation all times shift by one factor, a_T."""
+    laws = law_tables(palette_of())
+    before = coupons(6, steps=64, palette_coordinate=laws.coordinate)
+    relaxing = applied("rate", "spectrum", before, share=0.7, wave_1=1.0)
+    warm = replace(relaxing, temperature_C=np.full(6, temperature_C))
+    values = {"haste": 0.8, "wave_2": -1.0, "wave_3": 0.7}
+    after = applied("temperature", "any-course", warm, **values)
+    softer = np.exp(after.log_factor[:1])
+    a_t = 1.0 / after.clock
+    assert np.all(np.sign(temperature_C - 23.0) * np.log(a_t) < 0.0)
+    slower = replace(relaxing, time_s=relaxing.time_s / a_t[:, None])
+    shown, at_reference = (predict(s, laws).force_N for s in (after, slower))
+    # Newton's method ends at 1e-10 of the force, and of 1e-4 of the stiffness at rest.
+    np.testing.assert_allclose(shown, softer * at_reference, rtol=1e-8, atol=1e-10)
+    # Where nothing relaxes, a test's time is nothing to it.
+    still = applied("temperature", "any-course", replace(warm, relaxing=0.0 * warm.relaxing,
+                    reference_relaxing=warm.reference_relaxing[:0]), **values)  # fmt: skip
+    np.testing.assert_array_equal(
+        predict(still, laws).force_N, predict(replace(still, clock=np.ones(6)), laws).force_N
+    )
+
+
+@pytest.mark.parametrize(("effect", "form"), [("ageing", "log-time"), ("moisture", "graded-fick")])
+def test_any_details_leave_a_course_over_time_monotone(
+    effect: str, form: str, coupons: Make, applied: Apply
+) -> None:
+    times = np.concatenate([[0.0], np.geomspace(0.03, 3e4, 59)])
+    before = coupons(60, soak_h=times, age_days=times, coordinate=np.full(60, 0.3))
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        details = dict(zip(WAVES, (2.0 * rng.standard_normal(7)).tolist(), strict=True))
+        after = applied(effect, form, before, **details)
+        course = np.diff(after.log_factor) * (1.0 if effect == "ageing" else -1.0)
+        assert np.all(course >= 0.0)
+        assert course.max() > 0.0
 
 
 def test_soaking_softens_thin_sheet_first_and_saturates(
