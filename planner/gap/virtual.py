@@ -180,7 +180,10 @@ def single_tests(
         return None
     tests = [replicate_test(whole, [place]) for place in places]
     none = np.zeros(np.shape(time_s))
-    return assemble(campaign, tests, whole).with_(
+    setup = assemble(campaign, tests, whole)
+    reloads = map(np.interp, time_s, setup.time_s, setup.reloads)
+    return setup.with_(
+        reloads=np.stack(list(reloads)),
         time_s=np.asarray(time_s, dtype=np.float64),
         travel_mm=np.asarray(travel_mm, dtype=np.float64),
         lost_mm=none,
