@@ -8,13 +8,20 @@ import numpy as np
 from planner.gap.campaign import TOLERANCES, Specimen, levels
 from planner.gap.diagnosis import Gap
 from planner.gap.evidence.posterior import UNKNOWN
-from planner.gap.evidence.problem import Problem, own_axes, specimen_forces_N, squared_errors
+from planner.gap.evidence.problem import (
+    Problem,
+    falls,
+    own_axes,
+    replicate_floor,
+    specimen_forces_N,
+    squared_errors,
+)
 from planner.gap.evidence.settle import resettled
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["closure", "refutes", "without_effect"]
+__all__ = ["closure", "without_effect"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -50,8 +57,9 @@ def _conditions_out(
     """Return folds that leave each condition out once, with all that were tested in it, in words.
 
     Where there are more than `_MOST_FOLDS` conditions, several are left out together. With one
-    condition, or each of a material or a direction of its own, specimens are left out one at a
-    time, or a few; with one specimen there is no fold.
+    condition or two, as one alone teaches nothing of what sets it apart, or each of a material or a
+    direction of its own, specimens are left out one at a time, or a few; with one specimen there is
+    no fold.
 
     Parameters
     ----------
@@ -63,7 +71,7 @@ def _conditions_out(
         for out in _in_turn(specimens, tests)
         if (judged := _judged(specimens, out)).any()
     ]
-    if folds and len(tests) > 1:
+    if folds and len(tests) >= _LEAST_LEVELS:
         most = -(-len(tests) // _MOST_FOLDS)
         several = f"{len(tests)} conditions left out, up to {most} at a time"
         return folds, "leave one condition out" if most == 1 else several
@@ -145,10 +153,6 @@ _LEAST_PROBABILITY = 0.02
 
 _NEGATIVE = 1.05
 
-_REFUTED = 1.2
-"""Error after over before above which what is named is no explanation: on the bench right ones stay
-below 1.18, as conditions at the edge of a design are extrapolated."""
-
 _WIDER = 1.25
 """Resampling some 15 tests gives intervals that are too narrow. So much wider, and with the floor's
 own doubt, they held the closure of the true effect in 87 % of 70 campaigns of the bench."""
@@ -161,8 +165,11 @@ def closure(
     verdict: Effects,
     rng: np.random.Generator,
     progress: Callable[[int, int, str], None] | None = None,
-) -> Gap:
+) -> tuple[Gap, float]:
     """Return the gap before and after, beside the replicate floor and two baselines.
+
+    And the probability that what is named predicts tests better that took no part; 1 where nothing
+    is named or left out.
 
     Parameters
     ----------
@@ -175,15 +182,18 @@ def closure(
     priors = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
     predictor = _Predictor(problem, priors, weighed)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
-    floor = _floor(problem)
+    floor = replicate_floor(problem)
     if not folds:
-        return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out)
+        return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out), 1.0
 
     def errors_of(weight: FloatArray) -> FloatArray:
-        after = predictor.before if nothing else predictor.of_what_is_likely(weight)
-        return np.stack([after, predictor.recalibrated(weight), predictor.generic(weight)])
+        baselines = predictor.recalibrated(weight), predictor.generic(weight)
+        if nothing:
+            return np.stack([predictor.before, *baselines])
+        after, *fit = predictor.of_what_is_likely(weight)
+        return np.stack([after, *baselines, *fit])
 
-    after, recalibrated, generic = _held_out(folds, errors_of, progress)
+    after, recalibrated, generic, *fit = _held_out(folds, errors_of, progress)
     judged = np.isfinite(after)
     before = np.where(judged, predictor.before, np.nan)
     if floor is not None:  # of the same specimens as the errors, where some of these are replicated
@@ -209,24 +219,18 @@ def closure(
         held_out=held_out,
         negative_transfer=_rms(after) > _NEGATIVE * max(_rms(before), floor_rms or 0.0),
     )
+    predicts = 1.0 if nothing else falls(problem, *fit)
     if not beyond:
-        return gap
-    (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[None])
+        return gap, predicts
+    (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[:1])
     left_out = predictor.before[np.isfinite(errors)]
-    return replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
+    gap = replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
+    return gap, predicts
 
 
 def _rms(squares: FloatArray) -> float:
     """Return the root of the mean of mean squares, those that are not known left out."""
     return float(np.sqrt(np.nanmean(squares)))
-
-
-def refutes(gap: Gap) -> bool:
-    """Tell whether what is named makes predictions of held-out conditions clearly worse.
-
-    Worse than the palette's, and than replicates' scatter: below that, errors are chance.
-    """
-    return gap.after is not None and gap.after > _REFUTED * max(gap.before, gap.floor or 0.0)
 
 
 def without_effect(gap: Gap) -> Gap:
@@ -275,7 +279,12 @@ class _Predictor:
         )
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
-        """By forces averaged over what may be the cause, as the weighted specimens say."""
+        """By forces averaged over what may be the cause, as the weighted specimens say, (3, n).
+
+        By the palette's own laws; then by laws as the weighted specimens say that they are off,
+        with no effect and with these: where laws miss more than a small effect does, what it
+        closes is seen beside them alone.
+        """
         problem = self._problem
         world, odds = reweigh(problem, self._priors, self._weighed, weight)
         shares = np.exp(np.array([value for value, _ in odds]) - max(value for value, _ in odds))
@@ -286,16 +295,22 @@ class _Predictor:
             if share > _LEAST_PROBABILITY
         ]
         total = sum(share for share, _ in likely)
-        expected = np.zeros_like(self._measured)
+        expected, beside_laws = np.zeros((2, *self._measured.shape))
         for share, chosen in likely:
             everyone = replace(chosen, members=None)
             if everyone.branches:
                 everyone = resettled(world, everyone)
-            forces = specimen_forces_N(problem, everyone, problem.model.setup)
-            if chosen.members is not None:
-                forces = self._with_own_gain(forces, chosen.log_gain)
-            expected += share / total * forces
-        return squared_errors(self._problem, expected)
+            for total_of, setup in (
+                (expected, problem.model.setup),
+                (beside_laws, world.calibrated(everyone)),
+            ):
+                forces = specimen_forces_N(problem, everyone, setup)
+                if chosen.members is not None:
+                    forces = self._with_own_gain(forces, chosen.log_gain)
+                total_of += share / total * forces
+        none = Candidate(())
+        laws = specimen_forces_N(problem, none, world.calibrated(none))
+        return np.stack([squared_errors(problem, f) for f in (expected, laws, beside_laws)])
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:
         """Return forces with each specimen's gain, told from its own curve's level alone.
@@ -358,29 +373,6 @@ def _ridge(inner: FloatArray, cross: FloatArray, sd: FloatArray) -> tuple[FloatA
     solution = np.linalg.solve(scaled, sd * cross)
     evidence = 0.5 * float((sd * cross) @ solution - np.linalg.slogdet(scaled)[1])
     return sd * solution, evidence
-
-
-def _floor(problem: Problem) -> FloatArray | None:
-    """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
-
-    What replicates differ by, and what they share as specimens of one batch. It is known from few
-    replicates, so that an error may come out slightly below it.
-    """
-    peak = problem.model.peaks_N
-    measured = problem.model.measured_N / peak
-    peaks = peak[:, 0]
-    floor = np.full(len(measured), np.nan)
-    batches = [s.batch for s in problem.campaign.specimens]
-    for members in problem.model.replicates:
-        if len(members) > 1:
-            rows = np.array(members)
-            # Relative to the group's mean peak: each one's own would hide its level.
-            curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
-            share = len(rows) / (len(rows) - 1.0)
-            floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
-            if len({batches[k] for k in members}) == 1:
-                floor[rows] += problem.scatter.batch**2 * np.mean(measured[rows] ** 2, axis=1)
-    return None if np.isnan(floor).all() else floor
 
 
 def _closed(before: float, after: float, floor: float) -> float | None:

@@ -12,19 +12,19 @@ from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels, with_modes
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.closure import closure, refutes, without_effect
+from planner.gap.closure import closure, without_effect
 from planner.gap.design import next_experiments
 from planner.gap.diagnosis import Diagnosis, Location, Traces, UnitOf, Untestable, name_of
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
+    as_far_as_it_predicts,
     class_of,
     detectable_sizes,
     evidence_of,
     found_effects,
     heterogeneity_caution,
     ranking_of,
-    without_refuted,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
 from planner.gap.evidence.surrogate import Candidate
@@ -316,12 +316,12 @@ def _diagnose(
     ranking = ranking_of(evidence, priors.coarseness_nats)
     told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
     verdict = ranking[0].effects
-    gap = closure(problem, priors, weighed, verdict, rng, progress)
-    refuted = verdict if refutes(gap) else None
+    gap, predicts = closure(problem, priors, weighed, verdict, rng, progress)
+    ranking, told = (as_far_as_it_predicts(r, predicts) for r in (ranking, told))
+    refuted = verdict if ranking[0].effects != verdict else None
+    verdict = ranking[0].effects
     if refuted is not None:
-        ranking, gap = without_refuted(ranking), without_effect(gap)
-        told = ranking
-        verdict = ranking[0].effects
+        gap = without_effect(gap)
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
@@ -420,8 +420,8 @@ def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
     found = []
     if refuted is not None:
         found.append(
-            f"{name_of(refuted)} fits best, but predicts conditions that are left out worse than "
-            "the palette alone does: it is no explanation"
+            f"{name_of(refuted)} fits best, but tests that are left out are not predicted better "
+            "with it than by the palette alone: it is no explanation"
         )
     n = len(problem.campaign.specimens)
     unlike = heterogeneity_caution(problem)

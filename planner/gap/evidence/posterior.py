@@ -9,7 +9,13 @@ from scipy.special import expit, logsumexp
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
-from planner.gap.evidence.problem import Problem, specimen_forces_N, squared_errors
+from planner.gap.evidence.problem import (
+    Problem,
+    falls,
+    replicate_floor,
+    specimen_forces_N,
+    squared_errors,
+)
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
@@ -23,6 +29,7 @@ __all__ = [
     "UNKNOWN",
     "Doubt",
     "Evidence",
+    "as_far_as_it_predicts",
     "class_of",
     "detectable_sizes",
     "evidence_of",
@@ -31,7 +38,6 @@ __all__ = [
     "needed_nats",
     "posterior",
     "ranking_of",
-    "without_refuted",
 ]
 
 
@@ -78,7 +84,8 @@ def class_of(
 ) -> tuple[Effects, ...]:
     """Return the hypotheses that the data cannot tell from the verdict, itself first.
 
-    Those less than `_ALIKE_NATS` below it, and single effects whose pattern is the verdict's.
+    Those less than `_ALIKE_NATS` below it, single effects whose pattern is the verdict's, and of
+    two effects the one beside which the other closes nothing of the gap.
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
     leading = odds.get(verdict, max(odds.values()))
@@ -89,7 +96,26 @@ def class_of(
         fit = _fit_of_same_pattern(problem, weighed, verdict, effects, _ALIKE_COSINE)
         return fit is not None and fit > -2.0 * _ALIKE_NATS
 
-    return (verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects)))
+    found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
+    for both in [effects for effects in found if len(effects) == 2]:
+        found += [one for one in _enough_alone(problem, weighed, both) if one not in found]
+    return tuple(found)
+
+
+def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Effects]:
+    """Return those of two effects that close as much of the gap alone.
+
+    The more strongly an effect shows, the more its form's own error asks for a second one, in
+    evidence: what is small in force may count for much there.
+    """
+    errors = {
+        effects: squared_errors(
+            problem, specimen_forces_N(problem, weighed.best[effects], problem.model.setup)
+        )
+        for effects in (both, *((id,) for id in both))
+        if effects in weighed.best
+    }
+    return [e for e in errors if e != both and falls(problem, errors[e], errors[both]) < 0.5]
 
 
 def _fit_of_same_pattern(
@@ -199,11 +225,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     named = [e for e, axis in weighed.log_evidence if e and not axis]
     named.sort(key=lambda e: -weighed.log_evidence[e, ""])
     looked_at = named[:_LOOKED_AT]
-    before, floor = _force_error(problem, Candidate(())), problem.scatter.specimen
-    missing = {}
-    for effects in looked_at:
-        left = max(_force_error(problem, weighed.best[effects]) - floor, 0.0)
-        missing[effects] = float(np.clip(left / max(before - floor, 1e-12), 0.0, 1.0))
+    missing = {e: _missing(problem, weighed.best[e]) for e in looked_at}
     same: dict[tuple[Effects, Effects], float] = {}
     for one, other in permutations([e for e in looked_at if len(e) == 1], 2):
         fit = _fit_of_same_pattern(problem, weighed, one, other, _SAME_COSINE)
@@ -224,6 +246,19 @@ def _force_error(problem: Problem, candidate: Candidate) -> float:
     """Return the root mean square error of force over each test's largest, a candidate applied."""
     forces = specimen_forces_N(problem, candidate, problem.model.setup)
     return float(np.sqrt(np.mean(squared_errors(problem, forces))))
+
+
+def _missing(problem: Problem, candidate: Candidate) -> float:
+    """Return the share of the gap that a candidate leaves open, 0 to 1.
+
+    Above what replicates differ by: in force, as the gap is. Their scatter in logarithms may be
+    many times that, by what they differ by where they hardly bear any load.
+    """
+    own = replicate_floor(problem)
+    floor = problem.scatter.specimen if own is None else float(np.sqrt(np.nanmean(own)))
+    left = max(_force_error(problem, candidate) - floor, 0.0)
+    gap = _force_error(problem, Candidate(())) - floor
+    return float(np.clip(left / max(gap, 1e-12), 0.0, 1.0))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -330,10 +365,6 @@ def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
 # From weighed hypotheses to the ranking that a diagnosis reports.
 
 
-_GIVEN_UP = 0.7
-"""Share of what is named that an explanation gives up which does not predict."""
-
-
 def ranking_of(
     evidence: Evidence,
     coarseness_nats: float,
@@ -363,13 +394,18 @@ def ranking_of(
     return _given_to_unknown(ranking, {(): 1.0}) if evidence.heterogeneous else ranking
 
 
-def without_refuted(ranking: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the ranking of a campaign whose leading explanation predicts worse than none.
+def as_far_as_it_predicts(ranking: Sequence[Hypothesis], predicts: float) -> tuple[Hypothesis, ...]:
+    """Return the ranking, what is named as probable only as that it predicts better than nothing.
 
     Folds choose among all hypotheses anew, so that what fails is no one of them: all that is named
-    gives most of its probability to the unknown, and keeps its place behind it.
+    gives as much of its probability to the unknown, and keeps its place behind it.
+
+    Parameters
+    ----------
+    predicts
+        The probability that the error of force falls on tests that took no part.
     """
-    return _given_to_unknown(ranking, {h.effects: _GIVEN_UP for h in _named(ranking)})
+    return _given_to_unknown(ranking, {h.effects: 1.0 - predicts for h in _named(ranking)})
 
 
 # ------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtr
 
 from planner.gap.camera import SIDES
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns
@@ -31,7 +32,9 @@ __all__ = [
     "AMPLITUDES",
     "Problem",
     "applied",
+    "falls",
     "own_axes",
+    "replicate_floor",
     "set_up",
     "specimen_forces_N",
     "squared_errors",
@@ -457,3 +460,55 @@ def squared_errors(problem: Problem, forces: FloatArray) -> FloatArray:
     measured = problem.model.measured_N
     found: FloatArray = np.mean(((measured - forces) / problem.model.peaks_N) ** 2, axis=1)
     return found
+
+
+def replicate_floor(problem: Problem) -> FloatArray | None:
+    """Return what a prediction of a new specimen misses by, squared, (n,); None without replicates.
+
+    What replicates differ by, and what they share as specimens of one batch. It is known from few
+    replicates, so that an error may come out slightly below it.
+    """
+    peak = problem.model.peaks_N
+    measured = problem.model.measured_N / peak
+    peaks = peak[:, 0]
+    floor = np.full(len(measured), np.nan)
+    batches = [s.batch for s in problem.campaign.specimens]
+    for members in problem.model.replicates:
+        if len(members) > 1:
+            rows = np.array(members)
+            # Relative to the group's mean peak: each one's own would hide its level.
+            curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
+            share = len(rows) / (len(rows) - 1.0)
+            floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
+            if len({batches[k] for k in members}) == 1:
+                floor[rows] += problem.scatter.batch**2 * np.mean(measured[rows] ** 2, axis=1)
+    return None if np.isnan(floor).all() else floor
+
+
+_LEAST_TESTS = 3
+
+
+def falls(problem: Problem, before: FloatArray, after: FloatArray) -> float:
+    """Return the probability that errors fall from one prediction to another, test by test.
+
+    Student's, of the mean over tests of how far the root mean square error falls, for tests like
+    these; over specimens where there are one test or two, whose own scatter two cannot tell, and 1
+    where there is one specimen.
+
+    Parameters
+    ----------
+    before, after : (n,)
+        Specimens' squared errors; NaN where there is none.
+    """
+    known = np.flatnonzero(np.isfinite(before) & np.isfinite(after))
+    of = problem.model.test_of[known]
+    if len(np.unique(of)) < _LEAST_TESTS:
+        of = known
+    counts = np.maximum(np.bincount(of), 1)
+    first, second = (np.sqrt(np.bincount(of, e[known]) / counts) for e in (before, after))
+    falling = (first - second)[np.unique(of)]
+    freedom = len(falling) - 1
+    if freedom < 1:
+        return 1.0
+    error = float(np.std(falling, ddof=1)) / np.sqrt(len(falling))
+    return float(stdtr(freedom, np.mean(falling) / max(error, 1e-12)))

@@ -9,6 +9,7 @@ import scipy.linalg
 from planner.gap.evidence.problem import Problem
 from planner.gap.evidence.surrogate import Candidate, Elimination, integrated
 from planner.numerics import FloatArray
+from planner.simulation.bar_solver import Setup
 
 __all__ = ["Settled", "World", "joined", "resettled", "settle"]
 
@@ -82,6 +83,17 @@ class World:
         half = self._half(weighted)
         m = weighted.T @ weighted - half.T @ half
         return np.asarray(m) if own is None else _without_last(m, count)[0]
+
+    def calibrated(self, candidate: Candidate) -> Setup:
+        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
+        problem = self.problem
+        left = problem.whitened.columns[:, 0] - problem.signature(candidate)
+        cross = self._nuisances.T @ (self._root * left)
+        mean = scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False)
+        setup = problem.model.setup
+        for way, size in zip(problem.ways, mean[: len(problem.ways)].tolist(), strict=True):
+            setup = way.applied(setup, size * way.sd)
+        return setup
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure, refutes, without_effect
+from planner.gap.closure import closure, without_effect
 from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior import without_refuted
-from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.posterior import as_far_as_it_predicts
+from planner.gap.evidence.problem import Problem, falls, set_up
 from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.observations import observation_model
 
@@ -21,7 +22,7 @@ def ready(campaign: Campaign, *effects: str) -> Problem:
 
 def closed(problem: Problem, *verdict: str) -> Gap:
     weighed = weigh(problem, Priors())
-    return closure(problem, Priors(), weighed, verdict, np.random.default_rng(0))
+    return closure(problem, Priors(), weighed, verdict, np.random.default_rng(0))[0]
 
 
 def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
@@ -125,19 +126,36 @@ def test_an_effect_that_makes_left_out_conditions_worse_is_flagged(planned, imit
     assert gap.extrapolated > gap.extrapolated_before
 
 
-def test_what_predicts_left_out_conditions_clearly_worse_is_refuted() -> None:
+def test_errors_fall_as_probably_as_students_t_says_of_tests(planned, imitated) -> None:
+    plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.085, 0.85, 8.5])
+    problem = ready(imitated(plan), "rate")
+    assert len(problem.model.tests) == 3
+    before = np.full(6, 0.04**2)
+    # By 0.01, 0.02 and 0.03: a mean of two hundredths, known to 1 / sqrt(3) of one.
+    after = np.array([0.03, 0.02, 0.01])[problem.model.test_of] ** 2
+    assert falls(problem, before, after) == pytest.approx(
+        scipy.stats.t.cdf(2.0 * np.sqrt(3.0), 2), abs=1e-9
+    )
+    assert falls(problem, after, before) == pytest.approx(1.0 - falls(problem, before, after))
+    assert falls(problem, before, before) == pytest.approx(0.5)
+    # Of one test alone, its specimens say it; of one specimen nothing does.
+    one = np.where(problem.model.test_of == 0, before, np.nan)
+    assert falls(problem, one, after) > 0.99
+    one[np.flatnonzero(problem.model.test_of == 0)[0]] = np.nan
+    assert falls(problem, one, after) == 1.0
+
+
+def test_without_an_effect_nothing_is_closed() -> None:
     gap = Gap(0.10, 0.125, 0.02, -0.3, (-0.6, 0.1), 0.09, 0.08, "leave one condition out")
-    assert refutes(gap)
-    assert not refutes(replace(gap, after=0.115))
-    assert not refutes(replace(gap, after=None))
     bare = without_effect(gap)
     assert (bare.after, bare.closed, bare.closed_interval) == (0.10, 0.0, None)
 
 
-def test_a_refuted_explanation_leaves_the_unknown() -> None:
+def test_what_does_not_predict_gives_its_probability_to_the_unknown() -> None:
     ranking = (Hypothesis(("rate",), 0.7, 0.0), Hypothesis((), 0.1, 0.0),
                Hypothesis(("unknown",), 0.2, 0.0))  # fmt: skip
-    found = without_refuted(ranking)
+    found = as_far_as_it_predicts(ranking, 0.3)
     assert found[0].effects == ("unknown",)
     assert found[0].probability == pytest.approx(0.2 + 0.7 * 0.7)
     assert {h.effects: h.probability for h in found}[("rate",)] == pytest.approx(0.3 * 0.7)
+    assert as_far_as_it_predicts(ranking, 1.0) == ranking

@@ -100,7 +100,7 @@ def test_what_could_not_be_tested_but_looks_the_same_is_told(planned, imitated) 
     Without unloading there would be no set, without a bar no boundary to bleed over.
     """
     plan = planned(3, material=["FLX9760"], protocol=["monotonic", "cyclic"])
-    found = diagnose(imitated(plan, "softening"))
+    found = diagnose(imitated(plan, "softening:softening=0.6"))
     assert found.verdict in EFFECTS
     told = {s.partition(" ")[0]: s for s in found.limitations if "could not be tested" in s}
     axes = set(EFFECTS[found.verdict].where)
