@@ -16,6 +16,7 @@ from planner.gap.evidence.problem import (
     specimen_forces_N,
     squared_errors,
 )
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
@@ -225,7 +226,8 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     named = [e for e, axis in weighed.log_evidence if e and not axis]
     named.sort(key=lambda e: -weighed.log_evidence[e, ""])
     looked_at = named[:_LOOKED_AT]
-    missing = {e: _missing(problem, weighed.best[e]) for e in looked_at}
+    world = next(w for w in weighed.worlds if w.discrepancy == weighed.discrepancy)
+    missing = {e: _missing(world, weighed.best[e]) for e in looked_at}
     same: dict[tuple[Effects, Effects], float] = {}
     for one, other in permutations([e for e in looked_at if len(e) == 1], 2):
         fit = _fit_of_same_pattern(problem, weighed, one, other, _SAME_COSINE)
@@ -242,23 +244,23 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     )
 
 
-def _force_error(problem: Problem, candidate: Candidate) -> float:
-    """Return the root mean square error of force over each test's largest, a candidate applied."""
-    forces = specimen_forces_N(problem, candidate, problem.model.setup)
-    return float(np.sqrt(np.mean(squared_errors(problem, forces))))
-
-
-def _missing(problem: Problem, candidate: Candidate) -> float:
+def _missing(world: World, candidate: Candidate) -> float:
     """Return the share of the gap that a candidate leaves open, 0 to 1.
 
     Above what replicates differ by: in force, as the gap is. Their scatter in logarithms may be
-    many times that, by what they differ by where they hardly bear any load.
+    many times that, by what they differ by where they hardly bear any load. Laws are as they
+    likeliest are, with the candidate and without: what the palette is off by is no effect's to
+    close.
     """
+    problem = world.problem
     own = replicate_floor(problem)
     floor = problem.scatter.specimen if own is None else float(np.sqrt(np.nanmean(own)))
-    left = max(_force_error(problem, candidate) - floor, 0.0)
-    gap = _force_error(problem, Candidate(())) - floor
-    return float(np.clip(left / max(gap, 1e-12), 0.0, 1.0))
+
+    def above(one: Candidate) -> float:
+        forces = specimen_forces_N(problem, one, world.calibrated(one))
+        return max(float(np.sqrt(np.mean(squared_errors(problem, forces)))) - floor, 0.0)
+
+    return float(np.clip(above(candidate) / max(above(Candidate(())), 1e-12), 0.0, 1.0))
 
 
 # ------------------------------------------------------------------------------------------------
