@@ -388,7 +388,7 @@ _SLIPS = (
     _Slip(_INCH**2, "width and thickness in inches taken for mm",
           "width and thickness in mm taken for inches"),
 )  # fmt: skip
-"""Physical: factors between units by their definitions."""
+"""Factors that mixing up two units leaves. Physical: by the units' definitions."""
 
 _FORCE_FACTORS = frozenset(slip.factor for slip in (*_SLIPS[:3], _SLIPS[4]))
 """Of slips that another unit of force mends."""

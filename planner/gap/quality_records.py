@@ -436,7 +436,7 @@ _SLIPS = (
     (_INCH * _MINUTE, "mm/s and in/min were mixed up"),
     (1.0 / QUANTITY_UNITS["time"]["ms"], "s and ms were mixed up"),
 )
-"""Physical: factors between units by their definitions."""
+"""Factors that mixing up two units leaves. Physical: by the units' definitions."""
 
 
 def _rate(s: Specimen) -> _Problems:

@@ -677,7 +677,7 @@ def _smooth(
 
 
 _ORIENTATIONS = {"x": 0, "y": 1, "z": 2}
-"""Convention: how a setup tells them."""
+"""Of a test, in a setup. Convention: in the order of their letters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -782,8 +782,8 @@ def assemble(
 
 
 _MET_AGAIN = 20.0
-"""A reload meets the first loading again some per cent beyond the farthest travel so far: 10 %
-beyond, a seventh of the reloads is felt."""
+"""Power of the farthest travel over travel, by which reloads are felt. Physical: a reload meets the
+first loading again some per cent beyond: 10 % beyond, a seventh of the reloads is felt."""
 
 
 def _reloads(grid: TimeGrid) -> FloatArray:

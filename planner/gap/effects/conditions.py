@@ -36,7 +36,7 @@ __all__ = ["AGEING", "MOISTURE", "PERMANENT_SET", "RATE", "SOFTENING", "TEMPERAT
 
 
 _WIDTH = 0.7
-"""Of the trend, over the palette's range: a mixture at the other end shows an eighth."""
+"""Of the trend, over the palette's range. Chosen: a mixture at the other end shows an eighth."""
 
 
 def _reference(setup: Setup, name: str) -> float:
@@ -68,13 +68,16 @@ def _trend(places: FloatArray, size: float, values: Values) -> FloatArray:
 
 
 _KNOTS = 15
-"""Places along a condition, or relaxation times, between which a smooth course is drawn."""
+"""Places along a condition, or relaxation times, between which a smooth course is drawn. Numerical:
+over a step a course keeps its sign."""
 
 _SMOOTH = 1.4
-"""Knots over which such a course keeps its sign."""
+"""Knots over which such a course keeps its sign. Physical: 0.7 decades of relaxation times, as an
+exponential is half a decade to either side wide."""
 
 _WAVES = 7
-"""Patterns of it, the smoothest first, that hold 95 % of its variance over the middle knots."""
+"""Patterns of it, the smoothest first. Numerical: they hold 95 % of its variance over the middle
+knots."""
 
 _WAVE_NAMES = tuple(f"wave_{k}" for k in range(1, _WAVES + 1))
 
@@ -112,7 +115,8 @@ def _risen(log_slope: FloatArray, knots: FloatArray, at: ArrayLike) -> FloatArra
 
 
 _KNOTS_DECADES: FloatArray = np.linspace(-1.5, 5.5, _KNOTS)
-"""Of a time in days or hours: a course keeps its sign over 0.7 decades."""
+"""Of a time in days or hours: a course keeps its sign over 0.7 decades. Chosen: from an hour, and
+minutes in water, to years beyond any campaign."""
 
 _DECADE = Parameter("change", 0.01, 0.35, "of ln stress per decade of age", signed=True)
 
@@ -181,7 +185,7 @@ _SHEET_TIME = Parameter("saturation", 1.0, 30.0, "time scale of 3 mm sheet", "h"
 
 
 _LEAST_h = 1e-9
-"""Hours in water that stand for none, so that they have a logarithm."""
+"""Hours in water that stand for none. Numerical: so that they have a logarithm."""
 
 
 def _softened_by(uptake: Callable[[Setup, FloatArray, float], FloatArray]) -> Apply:
@@ -283,23 +287,28 @@ def _wlf(setup: Setup, values: Values) -> Setup:
 
 
 _KNOTS_C: FloatArray = np.linspace(-75.0, 135.0, _KNOTS)
-"""A course keeps its sign over 21 K: half of what a transition takes from 10 to 90 %."""
+"""Of a temperature. Physical: a course keeps its sign over 21 K, half of what a jetted elastomer's
+transition takes from 10 to 90 %."""
 
 _STEEPER = 1.5
-"""Deviation of ln slope from an even one: a transition of five in ln stress within 44 K, wherever
-from -50 to 110 °C, is drawn to 4 % of the stress with no detail beyond 3."""
+"""Deviation of ln slope from an even one. Physical: a transition of five in ln stress within 44 K,
+wherever from -50 to 110 °C, is drawn to 4 % of the stress with no detail beyond 3."""
 
 _HIGHER_K = 20.0
-"""Of the transition, from the middle of the palette to its ends."""
+"""Of the transition, from the middle of the palette to its ends. Chosen: about what a transition
+takes from its middle to 90 %, so that mixtures are in it one after the other."""
 
 _HASTE = 3.0
-"""Decades of time for each ln stress of softening: with 4 % a kelvin, 0.12 a kelvin."""
+"""Decades of time for each ln stress of softening. Physical: with 4 % a kelvin, 0.12 a kelvin, as
+polymers shift near their transition."""
 
 _ZERO_K = 273.15
-"""0 °C. Above its transition a network's stress is proportional to the absolute temperature."""
+"""0 °C. Physical: above its transition a network's stress is proportional to the absolute
+temperature."""
 
 _LESS_FAR = 0.3
-"""Of the softening, from small strains to large, over the softening: networks soften less."""
+"""Of the softening, from small strains to large, over the softening. Chosen: at large strains the
+network bears more of the stress, and softens less."""
 
 
 def _any_course(setup: Setup, values: Values) -> Setup:
@@ -441,10 +450,12 @@ def _fractional(setup: Setup, values: Values) -> Setup:
 
 
 _TREND = 1.0
-"""Of the logit of the share, from the softest mixture to the hardest, and half-way."""
+"""Of the logarithm of the share, from the middle of the palette to its ends. Chosen: soft and
+middling mixtures relax some times as much as others."""
 
 _TILT = 0.1
-"""Of ln stress from small strains to large: relaxation is not quite the same at all strains."""
+"""Of ln stress from small strains to large. Chosen: relaxation is not quite the same at all
+strains."""
 
 
 def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
@@ -468,6 +479,7 @@ def _tilted(setup: Setup, log_tilt: float) -> Setup:
 
 
 _MOST_RELAXING = 0.98
+"""Of the stress at once. Numerical: something must be left to carry the slice."""
 
 
 RATE = Effect(
@@ -552,7 +564,8 @@ _SOURCE = "Dorfmann & Ogden, Int. J. Solids Struct. 41, 2004, 1855"
 
 
 _SET_GROWTH = 0.3
-"""Of the set with the logarithm of reloads."""
+"""Of the set with the logarithm of reloads. Chosen: from the first to the tenth it grows by up to
+about two thirds."""
 
 
 def _set(setup: Setup, values: Values, table: FloatArray) -> Setup:
@@ -635,14 +648,15 @@ _PEAKS: FloatArray = SOFTENING_PEAKS[None, :]
 
 
 _MOST_LOST = 0.95
-"""Of the stress near rest."""
+"""Of the stress near rest. Numerical: something must be left to carry the slice."""
 
 _MIX = 0.5
-"""Of ln softening, from the middle of the palette to its hardest mixture."""
+"""Of ln softening, from the middle of the palette to its hardest mixture. Chosen: one end of a
+palette softens by up to some e times as much as the other."""
 
 _FATIGUE = 0.15
-"""Exponent of the fall with reloads, over the softening: from the first cycle to the tenth, filled
-rubbers lose some per cent of the stress at the largest strain, foams 10 to 15 %."""
+"""Exponent of the fall with reloads, over the softening. Physical: from the first cycle to the
+tenth, filled rubbers lose some per cent of the stress at the largest strain, foams 10 to 15 %."""
 
 
 def _softened(setup: Setup, values: Values, table: FloatArray) -> Setup:

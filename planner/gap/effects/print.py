@@ -29,7 +29,7 @@ __all__ = [
 
 
 _WIDTH = 0.3
-"""Of the range over which mixtures are off that much."""
+"""Of the range over which mixtures are off that much. Chosen: a few neighbours of ten mixtures."""
 
 
 def _shift_of(low: float, high: float, meaning: str) -> Parameter:
@@ -188,7 +188,8 @@ MATERIAL_LAW = effect_for((0.0, 0.5, 1.0), ("softest", "middle", "hardest"))
 
 
 _FLATNESS = 1e-4
-"""How far, in the coordinate, a design may be off the straight line that stands for its points."""
+"""How far, in the coordinate, a design may be off the straight line that stands for its points.
+Numerical: a thousandth of the step between two of ten mixtures."""
 
 
 def _gaussian(distance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -343,7 +344,8 @@ def _along(setup: Setup, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Floa
 
 
 _GROWTH = 0.5
-"""Of a change with strain, of itself: from small strains to large ones it may double or vanish."""
+"""Of a change with strain, of itself. Chosen: from small strains to large ones it may double or
+vanish, within two deviations."""
 
 
 def _stiffer_along(axis: str) -> Apply:
@@ -431,7 +433,8 @@ ORIENTATION = Effect(
 
 _SECTION_SOURCE = "Mueller, Shea & Daraio, Mater. Des. 86, 2015, 902"
 _LEAST = 0.1
-"""No size shrinks to less than this share of the drawn one."""
+"""Share of the drawn size below which none shrinks. Numerical: a section must be left; no print is
+off by so much."""
 
 
 def _oversize(meaning: str) -> Parameter:

@@ -46,7 +46,8 @@ __all__ = [
 
 
 _COURSE = 0.25
-"""Share of a path over which a discrepancy keeps its sign."""
+"""Share of a path over which a discrepancy keeps its sign. Chosen: what a law of few parameters
+misses bends a few times along a curve."""
 
 
 def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArray:
@@ -87,16 +88,19 @@ def _model_discrepancy(table: FeatureTable, unpredicted: FloatArray) -> FloatArr
 
 
 AMPLITUDES = (0.03, 0.1, 0.3, 0.9)
-"""Standard deviations of an unknown pattern, of the logarithm of force."""
+"""Standard deviations of an unknown pattern, of the logarithm of force. Numerical: in steps of
+three, from the scatter of specimens to a factor of more than two."""
 
 _ANY = "any"
 """All axes at once that effects claim: what is left when the right effect is not in the library."""
 
 _CURVED = 0.4
-"""Size of a pattern that bends or steps along a column, relative to a straight one's."""
+"""Size of a pattern that bends or steps along a column, relative to a straight one's. Chosen: most
+of what goes with a condition is a trend."""
 
 _CHANGING = 0.4
-"""Size of what changes along a path, relative to what multiplies the whole of it."""
+"""Size of what changes along a path, relative to what multiplies the whole of it. Chosen: most
+unknown causes act on all of a curve, and not alike all along it."""
 
 
 def _share_of_peak(table: FeatureTable) -> FloatArray:
@@ -486,6 +490,8 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
 
 
 _LEAST_TESTS = 3
+"""From which on errors are compared test by test, and not specimen by specimen. Numerical: two
+differences tell hardly how far they scatter."""
 
 
 def falls(problem: Problem, before: FloatArray, after: FloatArray) -> float:
