@@ -34,6 +34,7 @@ from benchmarks.withheld.sealed import campaigns_in_turn, ended
 from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
 from planner.gap.campaign_folder import read_campaign
+from planner.gap.closure import closure
 from planner.gap.diagnose import prepared
 from planner.gap.evidence.posterior import Doubt, Evidence, evidence_of, ranking_of
 from planner.gap.evidence.weigh import ANY, HypothesisKey, Priors, weigh
@@ -50,7 +51,11 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return what a campaign's ranking goes by, as a document; see `Evidence`."""
     with threadpool_limits(1, user_api="blas"):
         problem, _ = prepared(read_campaign(folder), without)
-        found = evidence_of(problem, weigh(problem, Priors()))
+        weighed = weigh(problem, Priors())
+        found = evidence_of(problem, weighed)
+        # Whatever its probability: other coefficients may name it.
+        leading = max((e for e in found.inexact), key=lambda e: found.log_evidence[e, ""])
+        _, predicts = closure(problem, Priors(), weighed, leading, np.random.default_rng(0))
     return {
         "hypotheses": [
             [list(e), axis, found.log_prior[e, axis], value]
@@ -62,6 +67,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "claimed": [axis.axis for axis in problem.unknown if axis.claimed],
         "specimens": found.specimens,
         "heterogeneous": found.heterogeneous,
+        "predicts": predicts,
     }
 
 
@@ -87,6 +93,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         same={(tuple(a), tuple(b)): value for a, b, value in document["same"]},
         specimens=document["specimens"],
         heterogeneous=document["heterogeneous"],
+        predicts=document["predicts"],
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

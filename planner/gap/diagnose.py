@@ -18,7 +18,6 @@ from planner.gap.diagnosis import Diagnosis, Location, Traces, UnitOf, Untestabl
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
-    as_far_as_it_predicts,
     class_of,
     detectable_sizes,
     evidence_of,
@@ -313,15 +312,15 @@ def _diagnose(
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     evidence = evidence_of(problem, weighed)
+    leading = ranking_of(evidence, priors.coarseness_nats)[0].effects
+    gap, predicts = closure(problem, priors, weighed, leading, rng, progress)
+    evidence = replace(evidence, predicts=predicts)
     ranking = ranking_of(evidence, priors.coarseness_nats)
-    told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
     verdict = ranking[0].effects
-    gap, predicts = closure(problem, priors, weighed, verdict, rng, progress)
-    ranking, told = (as_far_as_it_predicts(r, predicts) for r in (ranking, told))
-    refuted = verdict if ranking[0].effects != verdict else None
-    verdict = ranking[0].effects
+    refuted = leading if verdict != leading else None
     if refuted is not None:
         gap = without_effect(gap)
+    told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])

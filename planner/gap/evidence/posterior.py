@@ -30,7 +30,6 @@ __all__ = [
     "UNKNOWN",
     "Doubt",
     "Evidence",
-    "as_far_as_it_predicts",
     "class_of",
     "detectable_sizes",
     "evidence_of",
@@ -210,6 +209,10 @@ class Evidence:
         How many.
     heterogeneous
         Whether replicates differ by more than prints scatter.
+    predicts
+        The probability that tests which took no part are predicted better by what is likely than
+        by the palette alone; 1 while this is not known. Folds choose among all hypotheses anew, so
+        that it speaks for all that is named.
     """
 
     log_prior: Mapping[HypothesisKey, float]
@@ -219,6 +222,7 @@ class Evidence:
     same: Mapping[tuple[Effects, Effects], float]
     specimens: int
     heterogeneous: bool
+    predicts: float = 1.0
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
@@ -276,8 +280,9 @@ class Doubt:
     """Log odds that what is named is a cause out of the library, beyond what evidence says.
 
     The sum of `always`, of `missing` times the share of the gap that is left open, of `inexact`
-    times the share of the evidence that asks for more beside, of `both` times their product, and
-    of `pair` for two effects.
+    times the share of the evidence that asks for more beside, of `both` times their product, of
+    `pair` for two effects, and of `unpredicted` times the probability that tests which took no
+    part are predicted no better.
     """
 
     always: float = -2.2
@@ -285,6 +290,7 @@ class Doubt:
     inexact: float = 0.0
     both: float = 8.0
     pair: float = 0.0
+    unpredicted: float = 5.0
 
     def share(self, hypothesis: Hypothesis, evidence: Evidence) -> float:
         """Return the share of a hypothesis' probability that goes to the unknown."""
@@ -299,6 +305,7 @@ class Doubt:
                 + self.inexact * inexact
                 + self.both * missing * inexact
                 + self.pair * pair
+                + self.unpredicted * (1.0 - evidence.predicts)
             )
         )
 
@@ -394,20 +401,6 @@ def ranking_of(
     fitting = _given_to_unknown(evened, shares)
     ranking = _tempered(fitting, evidence.specimens)
     return _given_to_unknown(ranking, {(): 1.0}) if evidence.heterogeneous else ranking
-
-
-def as_far_as_it_predicts(ranking: Sequence[Hypothesis], predicts: float) -> tuple[Hypothesis, ...]:
-    """Return the ranking, what is named as probable only as that it predicts better than nothing.
-
-    Folds choose among all hypotheses anew, so that what fails is no one of them: all that is named
-    gives as much of its probability to the unknown, and keeps its place behind it.
-
-    Parameters
-    ----------
-    predicts
-        The probability that the error of force falls on tests that took no part.
-    """
-    return _given_to_unknown(ranking, {h.effects: 1.0 - predicts for h in _named(ranking)})
 
 
 # ------------------------------------------------------------------------------------------------

@@ -8,9 +8,8 @@ import scipy.stats
 
 from planner.gap.campaign import Campaign
 from planner.gap.closure import closure, without_effect
-from planner.gap.diagnosis import Diagnosis, Gap, Hypothesis
+from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
-from planner.gap.evidence.posterior import as_far_as_it_predicts
 from planner.gap.evidence.problem import Problem, falls, set_up
 from planner.gap.evidence.weigh import Priors, weigh
 from planner.gap.observations import observation_model
@@ -149,13 +148,3 @@ def test_without_an_effect_nothing_is_closed() -> None:
     gap = Gap(0.10, 0.125, 0.02, -0.3, (-0.6, 0.1), 0.09, 0.08, "leave one condition out")
     bare = without_effect(gap)
     assert (bare.after, bare.closed, bare.closed_interval) == (0.10, 0.0, None)
-
-
-def test_what_does_not_predict_gives_its_probability_to_the_unknown() -> None:
-    ranking = (Hypothesis(("rate",), 0.7, 0.0), Hypothesis((), 0.1, 0.0),
-               Hypothesis(("unknown",), 0.2, 0.0))  # fmt: skip
-    found = as_far_as_it_predicts(ranking, 0.3)
-    assert found[0].effects == ("unknown",)
-    assert found[0].probability == pytest.approx(0.2 + 0.7 * 0.7)
-    assert {h.effects: h.probability for h in found}[("rate",)] == pytest.approx(0.3 * 0.7)
-    assert as_far_as_it_predicts(ranking, 1.0) == ranking

@@ -112,11 +112,21 @@ def test_what_leaves_the_gap_open_gives_way_to_the_unknown(missing: float) -> No
     """By the logistic share that its coefficients say, and nothing else moves."""
     found = evidence(30.0, missing={RATE: missing}, inexact={RATE: 1.0})
     before = probabilities(found)
-    after = probabilities(found, Doubt(always=-2.0, missing=1.0, inexact=0.5, both=3.0, pair=0.0))
+    after = probabilities(found, Doubt(always=-2.0, missing=1.0, inexact=0.5, both=3.0))
     share = 1.0 / (1.0 + np.exp(2.0 - missing - 0.5 - 3.0 * missing))
     assert after[RATE] == pytest.approx((1.0 - share) * before[RATE])
     assert after[()] == pytest.approx(before[()])
     assert sum(after.values()) == pytest.approx(1.0)
+
+
+def test_what_does_not_predict_gives_way_to_the_unknown() -> None:
+    doubt = Doubt(-2.0, 0.0, 0.0, 0.0, 0.0, unpredicted=4.0)
+    before = probabilities(evidence(30.0))
+    shares = [
+        1.0 - probabilities(evidence(30.0, predicts=p), doubt)[RATE] / before[RATE]
+        for p in (1.0, 0.5, 0.0)
+    ]
+    assert shares == pytest.approx((1.0 / (1.0 + np.exp([2.0, 0.0, -2.0]))).tolist())
 
 
 def test_two_effects_may_be_doubted_more() -> None:
