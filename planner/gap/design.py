@@ -18,7 +18,7 @@ from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
-from planner.gap.evidence.posterior import UNKNOWN, detectable_sizes, needed_nats
+from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
 from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
@@ -252,9 +252,6 @@ def _bars(
 # What a planned campaign would show of each effect, and what it could not tell apart.
 
 
-_ALIKE = 0.95
-"""Cosine of patterns above which two effects are one to the diagnosis."""
-
 _SIZE = 0.3
 _SHAPES = (-1.0, 0.0, 1.0)
 """Smallest size of a rival, as the root of its share of the largest, and its shapes, in their
@@ -366,7 +363,7 @@ def _expected_of(
             left = length2 * (1.0 - min(cosine, 1.0) ** 2)
             named = min(named, float(ndtr(0.5 * np.sqrt(max(left, 0.0)))))
         size = first.form.size
-        alike = tuple(k for k, cosine in cosines.items() if cosine > _ALIKE)
+        alike = tuple(k for k, cosine in cosines.items() if cosine > ALIKE_COSINE)
         found.append(
             Expected(
                 id=id,

@@ -27,6 +27,7 @@ from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed, 
 from planner.numerics import FloatArray
 
 __all__ = [
+    "ALIKE_COSINE",
     "UNKNOWN",
     "Doubt",
     "Evidence",
@@ -47,9 +48,17 @@ __all__ = [
 
 UNKNOWN: Effects = ("unknown",)
 
-_ALIKE_COSINE = 0.95
+ALIKE_COSINE = 0.95
+"""Of patterns, above which one that fits as well is of the other's class. Chosen: a tenth of one's
+square is not the other's, which few campaigns show."""
+
 _ALIKE_NATS = 3.0
+"""Below the verdict, within which the data do not tell from it. Convention: odds of twenty to one,
+as a level of 5 %."""
+
 _SAME_COSINE = 0.99
+"""Of patterns, above which two are the same to the data. Chosen: a fiftieth of one's square is not
+the other's, less than a wrong form leaves."""
 
 _LogOdds = Mapping[tuple[Effects, str], float]
 
@@ -93,7 +102,7 @@ def class_of(
     def near(effects: Effects) -> bool:
         if odds[effects] > leading - _ALIKE_NATS:
             return True
-        fit = _fit_of_same_pattern(problem, weighed, verdict, effects, _ALIKE_COSINE)
+        fit = _fit_of_same_pattern(problem, weighed, verdict, effects, ALIKE_COSINE)
         return fit is not None and fit > -2.0 * _ALIKE_NATS
 
     found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
@@ -187,7 +196,8 @@ def _named(ranking: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 
 _LOOKED_AT = 12
-"""Effects, the best ones by evidence, of which is known how much of the gap they leave open."""
+"""Effects, the best ones by evidence, of which is known how much of the gap they leave open.
+Convention: as many as a diagnosis ranks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +292,7 @@ class Doubt:
     The sum of `always`, of `missing` times the share of the gap that is left open, of `inexact`
     times the share of the evidence that asks for more beside, of `both` times their product, of
     `pair` for two effects, and of `unpredicted` times the probability that tests which took no
-    part are predicted no better.
+    part are predicted no better. Calibrated: with `Priors`, by `benchmarks/withheld/calibrate.py`.
     """
 
     always: float = -2.2
@@ -312,6 +322,8 @@ class Doubt:
 
 _ENOUGH_SPECIMENS = 6
 _LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
+"""Of fewer specimens, what is named has at most one share, and another each, together. Chosen: one
+specimen hardly tells causes apart (0.47), and five do nearly as six (0.73)."""
 
 
 def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
@@ -333,7 +345,8 @@ def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis
 
 
 _LARGEST_SCATTER = 0.12
-"""Of replicates' levels: jetted specimens scatter by 1 to 9 %, and estimates are off by a third."""
+"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
+9 %, and estimates are off by a third."""
 
 
 def heterogeneity_caution(problem: Problem) -> str | None:
@@ -408,7 +421,7 @@ def ranking_of(
 
 
 _TAIL = 1.645
-"""Deviations of a normal coordinate to either side that hold 90 % of it."""
+"""Deviations of a normal coordinate to either side. Convention: they hold 90 % of it."""
 
 
 def found_effects(
@@ -437,7 +450,7 @@ def _gain_found(
     problem: Problem, inner: FloatArray, members: FloatArray, log_gain: float
 ) -> FoundEffect:
     sd = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
-    factor, reach = float(np.exp(log_gain)), float(np.exp(1.645 * sd))
+    factor, reach = float(np.exp(log_gain)), float(np.exp(_TAIL * sd))
     return FoundEffect(
         "force-scale",
         "of-some-specimens",
@@ -462,9 +475,12 @@ def _found(branch: SignedForm, at: FloatArray, sd: FloatArray) -> FoundEffect:
 
 
 _WIDTH_NATS = 3.0
-"""What the freedom of size and shape costs an effect, beyond its prior odds."""
+"""What the freedom of size and shape costs an effect, beyond its prior odds. Chosen: ln 20, for a
+size that is known to a twentieth of its prior."""
 
 _SIZES = 60
+"""At which is looked for the smallest that would be named. Numerical: in steps of some 6 % of
+the size, for a largest one of 40 times the smallest."""
 
 
 def detectable_sizes(
