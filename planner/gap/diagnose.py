@@ -18,6 +18,7 @@ from planner.gap.diagnosis import Diagnosis, Location, Traces, UnitOf, Untestabl
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
+    ENOUGH_SPECIMENS,
     class_of,
     detectable_sizes,
     evidence_of,
@@ -431,7 +432,7 @@ def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
             "no two specimens were made and tested alike, so that scatter is not measured but "
             "taken to be what is usual (3 % from specimen to specimen): print replicates"
         )
-    if n < 6:
+    if n < ENOUGH_SPECIMENS:
         found.append(
             f"{n} specimen{'s' if n > 1 else ''} cannot tell causes apart: take the verdict as "
             "a hint of what to test next"

@@ -663,7 +663,7 @@ def _smooth(
     else:
         width = np.maximum(away.max(axis=1), 1e-12)
         weight = np.ones_like(away)
-    powers = np.arange(3 if len(rows) >= 5 else min(2, len(rows)))
+    powers = np.arange(3 if len(rows) >= _ROWS_LEAST else min(2, len(rows)))
     basis = ((rows[None, :] - places[:, None]) / width[:, None])[..., None] ** powers
     normal = np.einsum("pr,pri,prj->pij", weight, basis, basis)
     # Rows that stand at one place decide no slope; the least of a ridge leaves it at none.

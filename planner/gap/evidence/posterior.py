@@ -28,6 +28,7 @@ from planner.numerics import FloatArray
 
 __all__ = [
     "ALIKE_COSINE",
+    "ENOUGH_SPECIMENS",
     "UNKNOWN",
     "Doubt",
     "Evidence",
@@ -320,7 +321,7 @@ class Doubt:
         )
 
 
-_ENOUGH_SPECIMENS = 6
+ENOUGH_SPECIMENS = 6
 _LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
 """Of fewer specimens, what is named has at most one share, and another each, together. Chosen: one
 specimen hardly tells causes apart (0.47), and five do nearly as six (0.73)."""
@@ -334,7 +335,7 @@ def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis
     named = sum(h.probability for h in _named(ranking))
     none = sum(h.probability for h in ranking if h.effects == ())
     most_named = (_LEAST_SHARE + _SHARE_EACH * specimens) * (1.0 - none)
-    if specimens >= _ENOUGH_SPECIMENS or named <= most_named:
+    if specimens >= ENOUGH_SPECIMENS or named <= most_named:
         return tuple(ranking)
     share = 1.0 - most_named / named
     return _given_to_unknown(ranking, {h.effects: share for h in _named(ranking)})

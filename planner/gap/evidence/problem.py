@@ -98,6 +98,14 @@ _CURVED = 0.4
 """Size of a pattern that bends or steps along a column, relative to a straight one's. Chosen: most
 of what goes with a condition is a trend."""
 
+_LEAP = 0.05
+"""Half the width, of a column's range from -1 to 1, that counts as neither side of a step in its
+middle. Numerical: rounding of a value that is meant to be the middle."""
+
+_SMALL, _MIDDLING, _LARGE = 0.03, 0.12, 0.3
+"""Strains of patterns along strain: two that fade, and one that grows. Chosen: in steps of three to
+four, up to a usual pull's end."""
+
 _CHANGING = 0.4
 """Size of what changes along a path, relative to what multiplies the whole of it. Chosen: most
 unknown causes act on all of a curve, and not alike all along it."""
@@ -152,7 +160,7 @@ def _unknown_axes(
             changing = _CHANGING * 2.0 * h * travel
             found.append((name, [rows * h[:, None], rows * changing[:, None]]))
     strain = np.minimum(table.strain, 1.0)
-    bumps = [np.exp(-strain / 0.03), np.exp(-strain / 0.12), strain / 0.3]
+    bumps = [np.exp(-strain / _SMALL), np.exp(-strain / _MIDDLING), strain / _LARGE]
     found.append(("strain", [(h * bump)[:, None] for bump in bumps]))
     level_and_slope = np.stack([h, h * travel], axis=1)
     branches = [
@@ -203,7 +211,7 @@ def _specimen_patterns(cells: Sequence[str | float | None]) -> FloatArray | None
         at = np.array([0.0 if c is None else float(c) for c in cells])
         low, high = min(at[known]), max(at[known])
         t = 2.0 * (at - low) / (high - low) - 1.0
-        bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > 0.05)
+        bend, leap = 1.5 * t * t - 0.5, np.sign(t) * (np.abs(t) > _LEAP)
         patterns = np.stack([t, _CURVED * bend, _CURVED * leap], axis=1)
     elif len(distinct) <= max(2, len(values) // 2):
         patterns = _indicators(cells, distinct)
