@@ -274,11 +274,7 @@ def _run(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     truth = read_truth(folder / "truth.json")
     names = campaigns_in_turn(folder / "truth.json", options.first)
-    tasks = []
-    for name in names:
-        tasks.append(Task(folder / "campaigns" / name))
-        if truth.campaigns[name].tier == "library":
-            tasks.append(replace(tasks[-1], without=truth.campaigns[name].effects))
+    tasks = _tasks(truth, folder / "campaigns", names)
     journal = options.evidence or folder / f"evidence-{method_sha256()[:12]}.jsonl"
     with progress(enabled=True) as stage:
         answers = partial(answer_all, collected, jobs=options.jobs, stage=stage)
@@ -301,6 +297,18 @@ def _run(options: argparse.Namespace) -> int:
         for field in fields(part):
             print(f"    {field.name}: float = {getattr(part, field.name):.4g}")
     return 0
+
+
+def _tasks(truth: Truth, campaigns: Path, names: Sequence[str]) -> list[Task]:
+    """Return what is to be weighed, the first of each tier, then the second of each."""
+    by_tier: dict[str, list[Task]] = {}
+    for name in names:
+        entry, whole = truth.campaigns[name], Task(campaigns / name)
+        by_tier.setdefault(entry.tier, []).append(whole)
+        if entry.tier == "library":
+            by_tier.setdefault(LEFT_OUT, []).append(replace(whole, without=entry.effects))
+    longest = max(map(len, by_tier.values()))
+    return [tasks[i] for i in range(longest) for tasks in by_tier.values() if i < len(tasks)]
 
 
 def _parser() -> argparse.ArgumentParser:

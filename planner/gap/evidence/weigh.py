@@ -143,8 +143,10 @@ class Weighed:
 
     def inexact(self, effects: Effects) -> float:
         """Return the share of effects' evidence that asks for a discrepancy."""
-        exact = self.exact.get(effects, -np.inf) - self.log_evidence[effects, ""]
-        return float(-np.expm1(min(exact, 0.0)))
+        whole = self.log_evidence[effects, ""]
+        if not np.isfinite(whole):
+            return 0.0  # of what is out of the question there is none
+        return float(-np.expm1(min(self.exact.get(effects, -np.inf) - whole, 0.0)))
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""

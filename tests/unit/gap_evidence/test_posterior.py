@@ -140,3 +140,13 @@ def test_effects_of_the_same_pattern_share_by_fit_alone() -> None:
     same = {(RATE, SLIP): -1.0, (SLIP, RATE): 1.0}
     found = probabilities(evidence(20.0, same=same))
     assert found[SLIP] / found[RATE] == pytest.approx(np.exp(-1.0))
+
+
+def test_what_is_out_of_the_question_asks_for_no_discrepancy() -> None:
+    """Beside a gain that no specimen has, evidence is minus infinity, and no share of it a number."""
+    found = weighed({**dict.fromkeys(PRIOR, 0.0), (BOTH, ""): -np.inf})
+    found.exact[RATE] = -1.0
+    assert found.inexact(BOTH) == 0.0
+    assert found.inexact(RATE) == pytest.approx(1.0 - np.exp(-1.0))
+    ranking = posterior([found.log_odds])
+    assert next(h.probability for h in ranking if h.effects == BOTH) == 0.0
