@@ -143,7 +143,7 @@ def test_effects_of_the_same_pattern_share_by_fit_alone() -> None:
 
 
 def test_what_is_out_of_the_question_asks_for_no_discrepancy() -> None:
-    """Beside a gain that no specimen has, evidence is minus infinity, and no share of it a number."""
+    """Where no specimen has a gain, evidence of it is minus infinity, and no share a number."""
     found = weighed({**dict.fromkeys(PRIOR, 0.0), (BOTH, ""): -np.inf})
     found.exact[RATE] = -1.0
     assert found.inexact(BOTH) == 0.0
