@@ -8,7 +8,7 @@ DIR holds `campaigns/` and `truth.json`. What each campaign's ranking goes by is
 `evidence-METHOD.jsonl` there, METHOD the hash of the sources of `planner/gap` when the run began;
 `--evidence FILE` goes on from one that is there. The library's campaigns are weighed once more
 without the effect that they hide. The coefficients are those that give the truth the highest mean
-log probability, every tier counting alike, with a weak pull to the present ones; what they are
+log probability, tiers by their weights, with a weak pull to the present ones; what they are
 worth is shown on fifths of the campaigns that took no part.
 """
 
