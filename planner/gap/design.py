@@ -930,7 +930,10 @@ def next_experiments(
             )
         )  # fmt: skip
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
-    return tuple(found[:3])
+    first: dict[str, Experiment] = {}  # what is planned for two reasons is one test
+    for one in found:
+        first.setdefault(str((sorted(one.row.items()), one.design)) if one.row else one.detail, one)
+    return tuple(first.values())[:3]
 
 
 def _predicted(

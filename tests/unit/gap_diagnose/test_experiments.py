@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.gap import design
 from planner.gap.design import next_experiments
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
@@ -76,6 +77,16 @@ def test_information_is_within_its_bounds_and_the_best_comes_first(
     hourly = [x.expected_gain_nats / x.hours for x in found]
     assert hourly == sorted(hourly, reverse=True)
     assert all(x.hours >= 0.5 for x in found)
+
+
+def test_a_test_planned_for_two_reasons_is_proposed_once(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none, rate = Candidate(()), candidate(problem, "rate", "power-law", 0.9)
+    usual = design.trials_of
+    monkeypatch.setattr(design, "trials_of", lambda *given: [*usual(*given), *usual(*given)])
+    details = [found.detail for found in asked(problem, none, rate)]
+    assert len(set(details)) == len(details) == 3
 
 
 def test_a_lone_hypothesis_asks_for_nothing(problem: Problem) -> None:
