@@ -84,7 +84,13 @@ def test_a_test_planned_for_two_reasons_is_proposed_once(
 ) -> None:
     none, rate = Candidate(()), candidate(problem, "rate", "power-law", 0.9)
     usual = design.trials_of
-    monkeypatch.setattr(design, "trials_of", lambda *given: [*usual(*given), *usual(*given)])
+
+    def twice(*given):
+        trials = usual(*given)
+        again = [replace(t.specimen, id=f"{t.specimen.id} again") for t in trials]
+        return [*trials, *(replace(t, specimen=s) for t, s in zip(trials, again, strict=True))]
+
+    monkeypatch.setattr(design, "trials_of", twice)
     details = [found.detail for found in asked(problem, none, rate)]
     assert len(set(details)) == len(details) == 3
 
