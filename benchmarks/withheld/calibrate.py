@@ -189,7 +189,7 @@ def _log_score(case: Case, now: Coefficients) -> float:
     return math.log(max(_ranking(case, now).get(case.expected, 0.0), _LEAST))
 
 
-_WEIGHTS = {"none": 3.0, "none-t4": 1.5, "none-scatter": 1.5}
+_WEIGHTS = {"none": 5.0, "none-t4": 2.5, "none-scatter": 2.5}
 """Of tiers; 1 of the others. A cause that is not there costs a lab more than one that is missed."""
 
 

@@ -43,7 +43,7 @@ def cases(present: Coefficients, shares: dict[str, float], count: int) -> Iterat
 
 
 def test_coefficients_are_the_vector_that_they_came_from() -> None:
-    start = Coefficients(Priors(), Doubt(-2.0, 0.3, 0.1, 4.0, 0.2, 3.0))
+    start = Coefficients(Priors(), Doubt(-2.0, 0.3, 0.1, 4.0, 3.0))
     again = Coefficients.of(start.vector())
     total = sum(getattr(start.priors, k) for k in ("none", "single", "pair", "unknown"))
     for name in ("none", "single", "pair", "unknown"):

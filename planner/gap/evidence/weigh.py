@@ -43,14 +43,14 @@ class Priors:
         A coarsened posterior, Miller & Dunson, J. Am. Stat. Assoc. 114, 2019, 1113.
     """
 
-    none: float = 0.66
-    single: float = 0.054
-    pair: float = 0.0017
-    unknown: float = 0.2843
-    beside: float = 0.05
-    axes: float = 0.5
-    claimed: float = 0.2
-    coarseness_nats: float = 400.0
+    none: float = 0.248
+    single: float = 0.121
+    pair: float = 0.0312
+    unknown: float = 0.5998
+    beside: float = 0.0147
+    axes: float = 0.486
+    claimed: float = 0.00082
+    coarseness_nats: float = 99.0
 
 
 # ------------------------------------------------------------------------------------------------

@@ -120,20 +120,13 @@ def test_what_leaves_the_gap_open_gives_way_to_the_unknown(missing: float) -> No
 
 
 def test_what_does_not_predict_gives_way_to_the_unknown() -> None:
-    doubt = Doubt(-2.0, 0.0, 0.0, 0.0, 0.0, unpredicted=4.0)
+    doubt = Doubt(-2.0, 0.0, 0.0, 0.0, 4.0)
     before = probabilities(evidence(30.0))
     shares = [
         1.0 - probabilities(evidence(30.0, predicts=p), doubt)[RATE] / before[RATE]
         for p in (1.0, 0.5, 0.0)
     ]
     assert shares == pytest.approx((1.0 / (1.0 + np.exp([2.0, 0.0, -2.0]))).tolist())
-
-
-def test_two_effects_may_be_doubted_more() -> None:
-    found = evidence(0.0)
-    before, after = probabilities(found), probabilities(found, Doubt(-50.0, 0.0, 0.0, 0.0, 100.0))
-    assert BOTH not in after
-    assert after[RATE] == pytest.approx(before[RATE])
 
 
 def test_effects_of_the_same_pattern_share_by_fit_alone() -> None:
