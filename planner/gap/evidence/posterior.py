@@ -275,7 +275,8 @@ def _missing(world: World, candidate: Candidate) -> float:
         forces = specimen_forces_N(problem, one, world.calibrated(one))
         return max(float(np.sqrt(np.mean(squared_errors(problem, forces)))) - floor, 0.0)
 
-    return float(np.clip(above(candidate) / max(above(Candidate(())), 1e-12), 0.0, 1.0)) ** 2
+    left = above(candidate) / max(above(Candidate(())), 1e-12)
+    return float(np.clip(left, 0.0, 1.0)) ** 2
 
 
 # ------------------------------------------------------------------------------------------------
