@@ -262,10 +262,10 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
 def _missing(world: World, candidate: Candidate) -> float:
     """Return the share of the gap's square that a candidate leaves open, 0 to 1.
 
-    The gap above what replicates differ by: in force, as the gap is. Their scatter in logarithms may be
-    many times that, by what they differ by where they hardly bear any load. Laws are as they
-    likeliest are, with the candidate and without: what the palette is off by is no effect's to
-    close.
+    The gap above what replicates differ by: in force, as the gap is. Their scatter in logarithms
+    may be many times that, by what they differ by where they hardly bear any load. Laws are as
+    they likeliest are, with the candidate and without: what the palette is off by is no effect's
+    to close.
     """
     problem = world.problem
     own = replicate_floor(problem)
