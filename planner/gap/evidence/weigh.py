@@ -307,12 +307,13 @@ class _LogPriors:
 
 
 def _of_axes(problem: Problem, share: float, of_claimed: float) -> FloatArray:
-    """Return log priors of an unknown along each axis."""
+    """Return log priors of an unknown along each axis.
+
+    Where no column is unclaimed, what would lie along such a one is out of the question.
+    """
     claimed = np.array([axis.claimed for axis in problem.unknown], dtype=bool)
     counts = np.where(claimed, claimed.sum(), (~claimed).sum())
     kinds = np.where(claimed, of_claimed, 1.0 - of_claimed)
-    if claimed.all() or not claimed.any():
-        kinds = np.ones(len(claimed))
     with np.errstate(divide="ignore"):
         shares: FloatArray = np.log(share * kinds / np.maximum(counts, 1))
     return shares

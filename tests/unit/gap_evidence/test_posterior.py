@@ -1,10 +1,12 @@
 """From evidence to probabilities and a verdict."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from planner.gap.evidence import weigh
 from planner.gap.evidence.posterior import UNKNOWN, Doubt, Evidence, posterior, ranking_of
 from planner.gap.evidence.weigh import Effects, Weighed
 
@@ -143,3 +145,15 @@ def test_what_is_out_of_the_question_asks_for_no_discrepancy() -> None:
     assert found.inexact(RATE) == pytest.approx(1.0 - np.exp(-1.0))
     ranking = posterior([found.log_odds])
     assert next(h.probability for h in ranking if h.effects == BOTH) == 0.0
+
+
+def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded() -> None:
+    """Without a column of the lab's own the rest of the unknown does not move to the others."""
+
+    def along(*claimed: bool) -> list[float]:
+        problem = SimpleNamespace(unknown=[SimpleNamespace(claimed=c) for c in claimed])
+        return weigh._of_axes(problem, 0.5, 0.01).tolist()  # type: ignore[arg-type]
+
+    alone, beside = along(True, True), along(True, True, False)
+    assert alone == beside[:2] == pytest.approx([np.log(0.5 * 0.01 / 2.0)] * 2)
+    assert beside[2] == pytest.approx(np.log(0.5 * 0.99))
