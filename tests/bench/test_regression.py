@@ -34,31 +34,31 @@ ONE = ("library", "other")
 NONE = ("none", "none-t4", "none-scatter")
 
 REACHED = {
-    (ONE, "top_1"): (0, 0),
-    (ONE, "class_hit"): (0, 0),
-    (("pair",), "partly"): (0, 0),
-    (("pair",), "top_1"): (0, 0),
-    (("left out",), "open"): (0, 0),
-    (("unclaimed",), "open"): (0, 0),
-    (("cancelling",), "top_1"): (0, 0),
+    (ONE, "top_1"): (11, 16),
+    (ONE, "class_hit"): (14, 16),
+    (("pair",), "partly"): (4, 4),
+    (("pair",), "top_1"): (3, 4),
+    (("left out",), "open"): (7, 8),
+    (("unclaimed",), "open"): (2, 2),
+    (("cancelling",), "top_1"): (1, 2),
 }
 """Campaigns that were right, of how many."""
 
 AVOIDED = {
-    (ONE, "misattributed"): (0, 0),
-    (NONE, "false_alarm"): (0, 0),
-    (("left out",), "misattributed"): (0, 0),
+    (ONE, "misattributed"): (1, 16),
+    (NONE, "false_alarm"): (1, 8),
+    (("left out",), "misattributed"): (1, 8),
 }
 """Campaigns that were wrong so."""
 
-LOG_GAIN = 0.0
+LOG_GAIN = 3.45
 """Reached, of all campaigns, in nats above a guess."""
 
 LEAST_AREA_UNKNOWN = 0.65
-"""Under the curve that tells unknown effects from others by their probability; reached: ."""
+"""Under the curve that tells unknown effects from others by their probability; reached: 0.74."""
 
 MOST_CLOSURE_ERROR = 0.10
-"""Median over all campaigns that say how far the gap closes; reached: ."""
+"""Median over all campaigns that say how far the gap closes; reached: 0.056."""
 
 
 @pytest.fixture(scope="module")
