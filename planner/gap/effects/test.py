@@ -109,10 +109,6 @@ _SCALE_RARE = 0.1
 """How usual a wrong unit is, beside a gain that is a little off. Chosen: of ten faults of force
 about one, for each unit."""
 
-_WARMING_RARE = 0.25
-"""How usual a gain is that comes to its end within a test. Chosen: cells are switched on hours
-before."""
-
 _UNITS = "Thompson & Taylor, NIST SP 811, 2008 (units)"
 _FORCES_N = QUANTITY_UNITS["force"]
 
@@ -120,12 +116,6 @@ _FORCES_N = QUANTITY_UNITS["force"]
 def _gained(setup: Setup, values: Values) -> Setup:
     """Scale what the load cell shows."""
     return setup.with_(gain=setup.gain * math.exp(values["log_gain"]))
-
-
-def _warming(setup: Setup, values: Values) -> Setup:
-    """Come to another gain from the beginning of each test on."""
-    warm = -np.expm1(-setup.time_s / values["time"])
-    return setup.with_(gain=setup.gain * (1.0 + math.expm1(values["log_gain"]) * warm))
 
 
 def _unit(name: str, factor: float, meaning: str) -> Form:
@@ -147,17 +137,6 @@ FORCE_SCALE = Effect(
             _gained,
             "shown = F exp(a)",
             "ISO 7500-1 (verification of the force-measuring system)",
-        ),
-        Form(
-            "warming",
-            (
-                Parameter("log_gain", 0.02, 0.4, "ln of the gain in the end", signed=True),
-                Parameter("time", 2.0, 120.0, "of warming up", "s"),
-            ),
-            _warming,
-            "shown = F (1 + (exp(a) - 1) (1 - exp(-t / tau)))",
-            "OIML R 60 (warm-up and creep of load cells)",
-            _WARMING_RARE,
         ),
         _unit("pound-force", _FORCES_N["lbf"], "newtons shown as pounds-force or the reverse"),
         _unit(

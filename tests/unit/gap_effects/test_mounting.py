@@ -82,8 +82,6 @@ def test_sensors_show_another_force_or_strain(coupons: Make, applied: Apply) -> 
     before = coupons()
     gain = applied("force-scale", "gain", before, log_gain=0.1)
     np.testing.assert_allclose(gain.gain, np.exp(0.1))
-    warm = applied("force-scale", "warming", before, log_gain=0.1, time=3.0).gain
-    np.testing.assert_allclose(warm, 1.0 + np.expm1(0.1) * (1.0 - np.exp(-before.time_s / 3.0)))
     form = EFFECTS["force-scale"].form("pound-force")
     assert form is not None
     pounds = form.size
