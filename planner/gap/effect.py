@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
@@ -27,6 +28,7 @@ __all__ = [
     "Stage",
     "StatedEffect",
     "Values",
+    "kept_below",
     "place_on_palette",
     "stated",
     "untestable",
@@ -322,3 +324,9 @@ def place_on_palette(setup: Setup) -> FloatArray:
     """Return each slice's coordinate from 0, the palette's softest, to 1, its hardest, (S,)."""
     low, high = setup.coordinate_range
     return (setup.coordinate - low) / max(high - low, 1e-12)
+
+
+def kept_below(size: FloatArray, most: ArrayLike) -> FloatArray:
+    """Return sizes of either sign that hardly change well below a largest, and never exceed it."""
+    ratio = size / np.maximum(most, 1e-12)
+    return np.asarray(size * (1.0 + ratio**8) ** -0.125)

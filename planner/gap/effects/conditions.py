@@ -16,6 +16,7 @@ from planner.gap.effect import (
     Form,
     Parameter,
     Values,
+    kept_below,
     place_on_palette,
     stated,
 )
@@ -467,9 +468,7 @@ def _smooth_spectrum(setup: Setup, values: Values) -> Setup:
         u = 2.0 * places - 1.0
         more = values.get("trend", 0.0) * u + values.get("bend", 0.0) * (1.5 * u * u - 0.5)
         share = values["share"] * np.exp(_TREND * more)
-        # Never more than all of the stress.
-        share = share / (1.0 + (share / _MOST_RELAXING) ** 8) ** 0.125
-        return np.asarray(share[:, None] * parts)
+        return np.asarray(kept_below(share, _MOST_RELAXING)[:, None] * parts)
 
     return _tilted(_relaxing(setup, spectrum_at), _TILT * values.get("tilt", 0.0))
 
@@ -665,7 +664,7 @@ def _softened(setup: Setup, values: Values, table: FloatArray) -> Setup:
         return setup
     if "mixture" in values:
         size = size * np.exp(_MIX * values["mixture"] * (2.0 * place_on_palette(setup) - 1.0))
-        size = size / (1.0 + (size / _MOST_LOST) ** 8) ** 0.125
+        size = kept_below(size, _MOST_LOST)
     return setup.with_(
         softening=setup.softening + size,
         softening_table=table,

@@ -8,7 +8,16 @@ import numpy as np
 from scipy.special import erfc
 
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import PEAK, Apply, Effect, Form, Parameter, Values, place_on_palette
+from planner.gap.effect import (
+    PEAK,
+    Apply,
+    Effect,
+    Form,
+    Parameter,
+    Values,
+    kept_below,
+    place_on_palette,
+)
 from planner.numerics import FloatArray
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup
@@ -40,8 +49,7 @@ def _shifted(setup: Setup, shift: FloatArray) -> Setup:
     """Move slices by shares of the palette's range, (S,), ever less where its end is near."""
     place = place_on_palette(setup)
     room = np.maximum(np.where(shift > 0.0, 1.0 - place, place), 0.0)
-    ratio = shift / np.maximum(room, 1e-12)
-    moved = shift * (1.0 + ratio**8) ** -0.125
+    moved = kept_below(shift, room)
     low, high = setup.coordinate_range
     coordinate = np.clip(setup.coordinate + (high - low) * moved, low, high)
     return setup.with_(coordinate=coordinate)
@@ -548,8 +556,7 @@ _SKIN_SOURCE = "Voigt, Ann. Phys. 274, 1889, 573 (layers side by side)"
 
 def _inside(size_mm: FloatArray, depth_mm: float) -> FloatArray:
     """Share of a size that two skins leave; skins that meet leave nothing, smoothly."""
-    ratio = 2.0 * depth_mm / size_mm
-    return 1.0 - ratio / (1.0 + ratio**8) ** 0.125
+    return 1.0 - kept_below(2.0 * depth_mm / size_mm, 1.0)
 
 
 def _covered(*sides: str) -> Apply:
