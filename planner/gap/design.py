@@ -932,7 +932,7 @@ def next_experiments(
     found.sort(key=lambda e: -e.expected_gain_nats / e.hours)
     first: dict[str, Experiment] = {}  # what is planned for two reasons is one test
     for one in found:
-        first.setdefault(str((sorted(one.row.items()), one.design)) if one.row else one.detail, one)
+        first.setdefault(str((sorted(one.row.items()), one.design)), one)
     return tuple(first.values())[:3]
 
 
