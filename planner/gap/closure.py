@@ -346,10 +346,8 @@ class _Predictor:
         problem, whitened = self._problem, self._problem.whitened
         inner, cross = self._products(whitened.nuisance_columns[:, : len(problem.ways)], weight)
         best, _ = _ridge(inner, cross, np.full(len(cross), _RECALIBRATION_SD))
-        setup = problem.model.setup
-        for way, size in zip(problem.ways, best.tolist(), strict=True):
-            setup = way.applied(setup, size * way.sd)
-        return squared_errors(self._problem, specimen_forces_N(problem, Candidate(()), setup))
+        setup = problem.with_laws_off(best)
+        return squared_errors(problem, specimen_forces_N(problem, Candidate(()), setup))
 
     def generic(self, weight: FloatArray) -> FloatArray:
         """By a generic regressor, on the features of force.

@@ -61,32 +61,22 @@ _SAME_COSINE = 0.99
 """Of patterns, above which two are the same to the data. Chosen: a fiftieth of one's square is not
 the other's, less than a wrong form leaves."""
 
-_LogOdds = Mapping[tuple[Effects, str], float]
 
-
-def posterior(runs: Sequence[_LogOdds]) -> tuple[Hypothesis, ...]:
-    """Return probabilities, most probable first, averaged over runs."""
+def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]:
+    """Return probabilities, most probable first."""
     together: dict[Effects, float] = {}
     beside: dict[Effects, float] = {}
-    for odds in runs:
-        total = float(logsumexp(list(odds.values())))
-        for (effects, axis), value in odds.items():
-            key = UNKNOWN if not effects and axis else effects
-            share = float(np.exp(value - total)) / len(runs)
-            together[key] = together.get(key, 0.0) + share
-            if effects and axis:
-                beside[key] = beside.get(key, 0.0) + share
+    total = float(logsumexp(list(log_odds.values())))
+    for (effects, axis), value in log_odds.items():
+        key = UNKNOWN if not effects and axis else effects
+        share = float(np.exp(value - total))
+        together[key] = together.get(key, 0.0) + share
+        if effects and axis:
+            beside[key] = beside.get(key, 0.0) + share
     ranked = sorted(together, key=lambda e: (-together[e], e))
     return tuple(
         Hypothesis(e, together[e], beside.get(e, 0.0) / max(together[e], 1e-300)) for e in ranked
     )
-
-
-def _signature_cosine(problem: Problem, weighed: Weighed, a: Candidate, b: Candidate) -> float:
-    """Return the cosine of two candidates' whitened patterns, nuisances projected out."""
-    columns = np.stack([problem.signature(a), problem.signature(b)], axis=1)
-    m = weighed.plain.products(columns)
-    return float(m[0, 1] / np.sqrt(max(float(m[0, 0] * m[1, 1]), 1e-300)))
 
 
 def class_of(
@@ -99,12 +89,11 @@ def class_of(
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
     leading = odds.get(verdict, max(odds.values()))
+    alike = _fits_of_same_pattern(problem, weighed, list(odds), ALIKE_COSINE)
 
     def near(effects: Effects) -> bool:
-        if odds[effects] > leading - _ALIKE_NATS:
-            return True
-        fit = _fit_of_same_pattern(problem, weighed, verdict, effects, ALIKE_COSINE)
-        return fit is not None and fit > -2.0 * _ALIKE_NATS
+        fit = alike.get((verdict, effects), -np.inf)
+        return odds[effects] > leading - _ALIKE_NATS or fit > -2.0 * _ALIKE_NATS
 
     found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
     for both in [effects for effects in found if len(effects) == 2]:
@@ -128,19 +117,27 @@ def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Eff
     return [e for e in errors if e != both and falls(problem, errors[e], errors[both]) < 0.5]
 
 
-def _fit_of_same_pattern(
-    problem: Problem, weighed: Weighed, one: Effects, other: Effects, cosine: float
-) -> float | None:
-    """Return how much better another effect's best form fits than one effect's, in nats.
+def _fits_of_same_pattern(
+    problem: Problem, weighed: Weighed, among: Iterable[Effects], cosine: float
+) -> dict[tuple[Effects, Effects], float]:
+    """Return how much better the second effect's best form fits than the first's, in nats.
 
-    None unless both are single effects, of all specimens, whose patterns have such a cosine.
+    Of pairs of single effects, of all specimens, whose whitened patterns, nuisances projected out,
+    have a larger cosine than this.
     """
-    a, b = weighed.best.get(one), weighed.best.get(other)
-    if a is None or b is None or a.members is not None or b.members is not None:
-        return None
-    if len(one) != 1 or len(other) != 1 or _signature_cosine(problem, weighed, a, b) <= cosine:
-        return None
-    return b.gain - a.gain
+    best = {e: weighed.best[e] for e in among if len(e) == 1 and e in weighed.best}
+    best = {e: candidate for e, candidate in best.items() if candidate.members is None}
+    if len(best) < 2:
+        return {}
+    patterns = np.stack([problem.signature(candidate) for candidate in best.values()], axis=1)
+    m = weighed.plain.products(patterns)
+    size = np.sqrt(np.maximum(np.diagonal(m), 1e-150))
+    alike = m > cosine * np.outer(size, size)
+    return {
+        (one, other): best[other].gain - best[one].gain
+        for (i, one), (j, other) in permutations(enumerate(best), 2)
+        if alike[i, j]
+    }
 
 
 def _evened_out(ranking: Sequence[Hypothesis], evidence: "Evidence") -> tuple[Hypothesis, ...]:
@@ -242,25 +239,19 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     named.sort(key=lambda e: -weighed.log_evidence[e, ""])
     looked_at = named[:_LOOKED_AT]
     world = next(w for w in weighed.worlds if w.discrepancy == weighed.discrepancy)
-    missing = {e: _missing(world, weighed.best[e]) for e in looked_at}
-    same: dict[tuple[Effects, Effects], float] = {}
-    for one, other in permutations([e for e in looked_at if len(e) == 1], 2):
-        fit = _fit_of_same_pattern(problem, weighed, one, other, _SAME_COSINE)
-        if fit is not None:
-            same[one, other] = fit
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
         inexact={e: weighed.inexact(e) for e in named},
-        missing=missing,
-        same=same,
+        missing=_missing(world, {e: weighed.best[e] for e in looked_at}),
+        same=_fits_of_same_pattern(problem, weighed, looked_at, _SAME_COSINE),
         specimens=len(problem.campaign.specimens),
         heterogeneous=_heterogeneous(problem),
     )
 
 
-def _missing(world: World, candidate: Candidate) -> float:
-    """Return the share of the gap's square that a candidate leaves open, 0 to 1.
+def _missing(world: World, candidates: Mapping[Effects, Candidate]) -> dict[Effects, float]:
+    """Return the share of the gap's square that each candidate leaves open, 0 to 1.
 
     The gap above what replicates differ by: in force, as the gap is. Their scatter in logarithms
     may be many times that, by what they differ by where they hardly bear any load. Laws are as
@@ -275,8 +266,8 @@ def _missing(world: World, candidate: Candidate) -> float:
         forces = specimen_forces_N(problem, one, world.calibrated(one))
         return max(float(np.sqrt(np.mean(squared_errors(problem, forces)))) - floor, 0.0)
 
-    left = above(candidate) / max(above(Candidate(())), 1e-12)
-    return float(np.clip(left, 0.0, 1.0)) ** 2
+    gap = max(above(Candidate(())), 1e-12)
+    return {e: min(above(one) / gap, 1.0) ** 2 for e, one in candidates.items()}
 
 
 # ------------------------------------------------------------------------------------------------
@@ -408,7 +399,7 @@ def ranking_of(
     """
     doubt = Doubt() if doubt is None else doubt
     odds = coarsened(evidence.log_prior, evidence.log_evidence, coarseness_nats)
-    evened = _evened_out(posterior([odds]), evidence)
+    evened = _evened_out(posterior(odds), evidence)
     least = 0.0 if open_to_others else float(expit(doubt.always))
     shares = {h.effects: max(doubt.share(h, evidence) - least, 0.0) for h in _named(evened)}
     fitting = _given_to_unknown(evened, shares)

@@ -325,6 +325,13 @@ class Problem:
             return gain
         return np.asarray(self.noise.whiten(self.changes([candidate])[0]) + gain)
 
+    def with_laws_off(self, sizes: FloatArray) -> Setup:
+        """Return the campaign's setup with each of `ways` by its size, in prior deviations."""
+        setup = self.model.setup
+        for way, size in zip(self.ways, sizes.tolist(), strict=True):
+            setup = way.applied(setup, size * way.sd)
+        return setup
+
     def nuisances_beside(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
         """Return the nuisances' posterior mean and covariance, the candidate being right."""
         j = self.whitened.nuisance_columns

@@ -90,10 +90,7 @@ class World:
         left = problem.whitened.columns[:, 0] - problem.signature(candidate)
         cross = self._nuisances.T @ (self._root * left)
         mean = scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False)
-        setup = problem.model.setup
-        for way, size in zip(problem.ways, mean[: len(problem.ways)].tolist(), strict=True):
-            setup = way.applied(setup, size * way.sd)
-        return setup
+        return problem.with_laws_off(mean[: len(problem.ways)])
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None

@@ -99,7 +99,7 @@ their tests to, in steps of 2.5, to what a wrong form of the right effect leaves
 
 @dataclass(slots=True, eq=False)
 class Weighed:
-    """Log odds by hypothesis.
+    """Evidence by hypothesis.
 
     Attributes
     ----------
@@ -118,7 +118,6 @@ class Weighed:
     """
 
     worlds: tuple[World, ...]
-    coarseness_nats: float
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
     log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
     exact: dict[Effects, float] = field(default_factory=dict)
@@ -135,11 +134,6 @@ class Weighed:
         """Add to a hypothesis' evidence."""
         _add(self.log_evidence, (effects, axis), log_evidence)
         self.log_prior[effects, axis] = log_prior
-
-    @property
-    def log_odds(self) -> dict[HypothesisKey, float]:
-        """By hypothesis, priors included, evidence coarsened."""
-        return coarsened(self.log_prior, self.log_evidence, self.coarseness_nats)
 
     def inexact(self, effects: Effects) -> float:
         """Return the share of effects' evidence that asks for a discrepancy."""
@@ -187,7 +181,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     off = [
         (World(problem, discrepancy=size), share) for size, share in _DISCREPANCIES.items() if size
     ]
-    result = Weighed((plain, *(world for world, _ in off)), priors.coarseness_nats)
+    result = Weighed((plain, *(world for world, _ in off)))
     # Weighed relative to no effect in the plain world.
     exact = [(w, float(np.log(_DISCREPANCIES[0.0] * share))) for w, share in scaled]
     inexact = [(w, float(np.log(share))) for w, share in off]

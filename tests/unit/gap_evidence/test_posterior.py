@@ -8,7 +8,7 @@ import pytest
 
 from planner.gap.evidence import weigh
 from planner.gap.evidence.posterior import UNKNOWN, Doubt, Evidence, posterior, ranking_of
-from planner.gap.evidence.weigh import Effects, Weighed
+from planner.gap.evidence.weigh import Effects, HypothesisKey, Weighed, coarsened
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
 PRIOR = {
@@ -20,14 +20,18 @@ PRIOR = {
 CERTAIN = Doubt(always=-50.0)
 
 
-def weighed(evidence: dict[tuple[tuple[str, ...], str], float], coarse: float = 400.0) -> Weighed:
-    result = Weighed((), coarse)
+def weighed(evidence: dict[HypothesisKey, float]) -> Weighed:
+    result = Weighed(())
     for (effects, axis), value in evidence.items():
         result.add(effects, axis, PRIOR[effects, axis], value)
     return result
 
 
-def evidence_of(seed: int, size: float) -> dict[tuple[tuple[str, ...], str], float]:
+def log_odds(found: Weighed, coarse: float = 400.0) -> dict[HypothesisKey, float]:
+    return coarsened(found.log_prior, found.log_evidence, coarse)
+
+
+def evidence_of(seed: int, size: float) -> dict[HypothesisKey, float]:
     rng = np.random.default_rng(seed)
     return {key: float(size * rng.standard_normal()) for key in PRIOR} | {((), ""): 0.0}
 
@@ -35,8 +39,7 @@ def evidence_of(seed: int, size: float) -> dict[tuple[tuple[str, ...], str], flo
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("size", [0.0, 3.0, 50.0, 5000.0])
 def test_probabilities_sum_to_one_and_the_best_comes_first(seed: int, size: float) -> None:
-    runs = [weighed(evidence_of(s, size)).log_odds for s in (seed, seed + 10)]
-    ranking = posterior(runs)
+    ranking = posterior(log_odds(weighed(evidence_of(seed, size))))
     assert sum(h.probability for h in ranking) == pytest.approx(1.0, abs=1e-12)
     assert all(0.0 <= h.with_unknown <= 1.0 + 1e-12 for h in ranking)
     values = [h.probability for h in ranking]
@@ -46,7 +49,7 @@ def test_probabilities_sum_to_one_and_the_best_comes_first(seed: int, size: floa
 
 
 def test_without_evidence_the_prior_stands() -> None:
-    ranking = {h.effects: h for h in posterior([weighed(dict.fromkeys(PRIOR, 0.0)).log_odds])}
+    ranking = {h.effects: h for h in posterior(log_odds(weighed(dict.fromkeys(PRIOR, 0.0))))}
     total = sum(np.exp(v) for v in PRIOR.values())
     assert ranking[()].probability == pytest.approx(0.6 / total)
     assert ranking[RATE].probability == pytest.approx(0.11 / total)
@@ -58,7 +61,7 @@ def test_without_evidence_the_prior_stands() -> None:
 @pytest.mark.parametrize("coarse", [10.0, 400.0, 1e9])
 def test_coarsening_keeps_the_order_and_never_sharpens(seed: int, coarse: float) -> None:
     values = evidence_of(seed, 300.0)
-    odds = weighed(values, coarse).log_odds
+    odds = log_odds(weighed(values), coarse)
     gains = {key: odds[key] - PRIOR[key] for key in PRIOR}
     assert sorted(gains, key=lambda k: gains[k]) == sorted(values, key=lambda k: values[k])
     assert all(abs(gains[key]) <= abs(values[key]) + 1e-9 for key in PRIOR)
@@ -67,14 +70,14 @@ def test_coarsening_keeps_the_order_and_never_sharpens(seed: int, coarse: float)
 
 def test_little_evidence_is_hardly_coarsened() -> None:
     """Ten nats of 400 lose a fortieth."""
-    odds = weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 10.0}).log_odds
+    odds = log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 10.0}))
     assert odds[RATE, ""] - PRIOR[RATE, ""] == pytest.approx(10.0 / 1.025)
 
 
 def test_more_evidence_is_more_probability() -> None:
     shares = []
     for gain in (0.0, 2.0, 10.0, 100.0, 1e3, 1e5):
-        ranking = posterior([weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): gain}).log_odds])
+        ranking = posterior(log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): gain})))
         shares.append(next(h.probability for h in ranking if h.effects == RATE))
     assert np.all(np.diff(shares) >= 0.0)
     assert shares[2] > 0.99
@@ -104,8 +107,8 @@ def probabilities(found: Evidence, doubt: Doubt = CERTAIN) -> dict[Effects, floa
 
 
 def test_without_doubt_the_ranking_is_the_posterior() -> None:
-    odds = weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 3.0}, 1e9).log_odds
-    plain = {h.effects: h.probability for h in posterior([odds])}
+    odds = log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 3.0}), 1e9)
+    plain = {h.effects: h.probability for h in posterior(odds)}
     assert probabilities(evidence(3.0)) == pytest.approx(plain)
 
 
@@ -143,7 +146,7 @@ def test_what_is_out_of_the_question_asks_for_no_discrepancy() -> None:
     found.exact[RATE] = -1.0
     assert found.inexact(BOTH) == 0.0
     assert found.inexact(RATE) == pytest.approx(1.0 - np.exp(-1.0))
-    ranking = posterior([found.log_odds])
+    ranking = posterior(log_odds(found))
     assert next(h.probability for h in ranking if h.effects == BOTH) == 0.0
 
 
