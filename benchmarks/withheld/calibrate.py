@@ -27,10 +27,10 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 from threadpoolctl import threadpool_limits
 
-from benchmarks.withheld.answers import Task, answer_all, kept_outcomes
+from benchmarks.withheld.answers import answer_all, kept_outcomes
 from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.scoring import CONFIDENT, UNKNOWN, Effects, Truth, named, read_truth
-from benchmarks.withheld.sealed import campaigns_in_turn, ended
+from benchmarks.withheld.sealed import ended, interleaved, tasks_in_turn
 from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
 from planner.gap.campaign_folder import read_campaign
@@ -54,7 +54,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         weighed = weigh(problem, Priors())
         found = evidence_of(problem, weighed)
         # Whatever its probability: other coefficients may name it.
-        leading = max((e for e in found.inexact), key=lambda e: found.log_evidence[e, ""])
+        leading = max(found.inexact, key=lambda e: found.log_evidence[e, ""])
         _, predicts = closure(problem, Priors(), weighed, leading, np.random.default_rng(0))
     return {
         "hypotheses": [
@@ -68,18 +68,20 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "specimens": found.specimens,
         "heterogeneous": found.heterogeneous,
         "predicts": predicts,
+        "priors": asdict(Priors()),
     }
 
 
 @dataclass(frozen=True)
 class Case:
-    """One diagnosis: what it goes by, which of its axes effects claim, and the right answer."""
+    """One diagnosis: what it goes by, by which priors, which axes effects claim, and the answer."""
 
     campaign: str
     tier: str
     expected: Effects
     evidence: Evidence
     claimed: frozenset[str]
+    priors: Priors
 
 
 def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[str, Any]) -> Case:
@@ -97,7 +99,8 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])
-    return Case(name, tier, entry.expected(without), evidence, claimed)
+    priors = Priors(**document["priors"])
+    return Case(name, tier, entry.expected(without), evidence, claimed, priors)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -155,7 +158,7 @@ def _log_prior(priors: Priors, key: HypothesisKey, claimed: frozenset[str]) -> f
 
 
 def _ranking(case: Case, now: Coefficients, *, open_to_others: bool = True) -> dict[Effects, float]:
-    old, new = Priors(), now.priors
+    old, new = case.priors, now.priors
     moved = {
         key: value + _log_prior(new, key, case.claimed) - _log_prior(old, key, case.claimed)
         for key, value in case.evidence.log_prior.items()
@@ -185,8 +188,8 @@ def _by_tier(cases: Sequence[Case]) -> dict[str, list[Case]]:
     return tiers
 
 
-def _log_score(case: Case, now: Coefficients) -> float:
-    return math.log(max(_ranking(case, now).get(case.expected, 0.0), _LEAST))
+def _log_score(case: Case, ranking: Mapping[Effects, float]) -> float:
+    return math.log(max(ranking.get(case.expected, 0.0), _LEAST))
 
 
 _WEIGHTS = {"none": 5.0, "none-t4": 2.5, "none-scatter": 2.5}
@@ -197,7 +200,9 @@ def mean_log_score(cases: Sequence[Case], now: Coefficients) -> float:
     """Return the mean over tiers, each by its weight, of their mean log score, in nats."""
     tiers = _by_tier(cases)
     weights = [_WEIGHTS.get(tier, 1.0) for tier in tiers]
-    return fmean((fmean(_log_score(c, now) for c in of) for of in tiers.values()), weights)
+    return fmean(
+        (fmean(_log_score(c, _ranking(c, now)) for c in of) for of in tiers.values()), weights
+    )
 
 
 def _loss(vector: FloatArray, cases: Sequence[Case], start: FloatArray) -> float:
@@ -240,8 +245,8 @@ def _table(cases: Sequence[Case], columns: Mapping[str, Sequence[dict[Effects, f
                 )
                 for k in at
             )
-            scores = [math.log(max(rankings[k].get(cases[k].expected, 0.0), _LEAST)) for k in at]
-            cells.append(f"{100 * right:.0f} %, {100 * sure:.0f} %, {fmean(scores):.2f}")
+            score = fmean(_log_score(cases[k], rankings[k]) for k in at)
+            cells.append(f"{100 * right:.0f} %, {100 * sure:.0f} %, {score:.2f}")
         lines.append(f"| {tier} | {len(at)} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -279,8 +284,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     truth = read_truth(folder / "truth.json")
-    names = campaigns_in_turn(folder / "truth.json", options.first)
-    tasks = _tasks(truth, folder / "campaigns", names)
+    tasks = interleaved(tasks_in_turn(folder, truth, options.first).values())
     journal = options.evidence or folder / f"evidence-{method_sha256()[:12]}.jsonl"
     with progress(enabled=True) as stage:
         answers = partial(answer_all, collected, jobs=options.jobs, stage=stage)
@@ -291,6 +295,7 @@ def _run(options: argparse.Namespace) -> int:
         if outcome.document is not None
     ]
     start = Coefficients(Priors(), Doubt())
+    names = {case.campaign for case in cases}
     print(f"{len(cases)} diagnoses of {len(names)} campaigns; evidence in {journal}")
     columns = {"present": [_ranking(c, start) for c in cases]}
     if not options.no_held_out:
@@ -303,18 +308,6 @@ def _run(options: argparse.Namespace) -> int:
         for field in fields(part):
             print(f"    {field.name}: float = {getattr(part, field.name):.4g}")
     return 0
-
-
-def _tasks(truth: Truth, campaigns: Path, names: Sequence[str]) -> list[Task]:
-    """Return what is to be weighed, the first of each tier, then the second of each."""
-    by_tier: dict[str, list[Task]] = {}
-    for name in names:
-        entry, whole = truth.campaigns[name], Task(campaigns / name)
-        by_tier.setdefault(entry.tier, []).append(whole)
-        if entry.tier == "library":
-            by_tier.setdefault(LEFT_OUT, []).append(replace(whole, without=entry.effects))
-    longest = max(map(len, by_tier.values()))
-    return [tasks[i] for i in range(longest) for tasks in by_tier.values() if i < len(tasks)]
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -21,7 +21,7 @@ from benchmarks.withheld.method import method_sha256
 from benchmarks.withheld.oracle import beside_oracle, oracle_outcomes
 from benchmarks.withheld.results import diagnose_all, scored
 from benchmarks.withheld.scoring import Effects, Score, Truth, read_truth
-from benchmarks.withheld.sealed import campaigns_in_turn, ended
+from benchmarks.withheld.sealed import ended, interleaved, tasks_in_turn
 from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
 
@@ -39,8 +39,9 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     folder: Path = options.folder
     truth = read_truth(folder / "truth.json")
-    names = campaigns_in_turn(folder / "truth.json", options.first)
-    tasks = _tasks(truth, folder / "campaigns", names, options.tiers.split(","))
+    by_tier = tasks_in_turn(folder, truth, options.first)
+    tiers = (tier.replace(_LEFT_OUT, LEFT_OUT) for tier in options.tiers.split(","))
+    tasks = interleaved(by_tier.get(tier, []) for tier in tiers)
     if options.oracle:
         with progress(enabled=True) as stage:
             oracle_outcomes(truth, tasks, folder / "truth.json", options.jobs, stage)
@@ -58,20 +59,6 @@ def _run(options: argparse.Namespace) -> int:
     print(*_summary(truth, outcomes, former), *_reached(truth, tasks, oracle), sep="\n")
     print(f"answers in {journal}")
     return 0
-
-
-def _tasks(truth: Truth, campaigns: Path, names: list[str], tiers: list[str]) -> list[Task]:
-    """Return what is to be diagnosed: the first of each tier, then the second of each."""
-    by_tier = {
-        tier: [
-            Task(campaigns / name, truth.campaigns[name].effects if tier == _LEFT_OUT else ())
-            for name in names
-            if truth.campaigns[name].tier == ("library" if tier == _LEFT_OUT else tier)
-        ]
-        for tier in tiers
-    }
-    longest = max(map(len, by_tier.values()), default=0)
-    return [tasks[i] for i in range(longest) for tasks in by_tier.values() if i < len(tasks)]
 
 
 def _told(

@@ -3,16 +3,27 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import get_args
 
+from benchmarks.withheld.answers import Task
 from benchmarks.withheld.reality.__main__ import main as reality
 from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.scoring import Truth, read_truth
+from benchmarks.withheld.targets import LEFT_OUT
 from planner.errors import FileError
 
-__all__ = ["campaigns_in_turn", "ended", "options_of_runs", "sealed_campaigns"]
+__all__ = [
+    "campaigns_in_turn",
+    "ended",
+    "interleaved",
+    "options_of_runs",
+    "sealed_campaigns",
+    "tasks_in_turn",
+]
 
 
 def options_of_runs(name: str, description: str, count: int) -> argparse.ArgumentParser:
@@ -92,3 +103,23 @@ def campaigns_in_turn(truth_file: Path, count: int | None = None) -> list[str]:
         if count is None or taken[tier] <= count:
             chosen.append(name)
     return chosen
+
+
+def tasks_in_turn(folder: Path, truth: Truth, count: int | None = None) -> dict[str, list[Task]]:
+    """Return the tasks of a folder's first campaigns of each tier, or of all, by tier.
+
+    Those of the library have a further tier, `LEFT_OUT`, in which they do without their effects.
+    """
+    by_tier: dict[str, list[Task]] = {}
+    for name in campaigns_in_turn(folder / "truth.json", count):
+        entry, whole = truth.campaigns[name], Task(folder / "campaigns" / name)
+        by_tier.setdefault(entry.tier, []).append(whole)
+        if entry.tier == "library":
+            by_tier.setdefault(LEFT_OUT, []).append(replace(whole, without=entry.effects))
+    return by_tier
+
+
+def interleaved(tiers: Iterable[Sequence[Task]]) -> list[Task]:
+    """Return the first task of each tier, then the second of each: any part of it has all tiers."""
+    turns = zip_longest(*tiers)
+    return [task for turn in turns for task in turn if task is not None]
