@@ -220,34 +220,40 @@ def _table_cubics(
 
 @free_kernel
 def _fill_instantaneous(
-    stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray, held: FloatArray
-) -> None:
-    """Turn stresses shown at even times, (M, N), into instantaneous ones, in place.
+    stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray,
+    held: FloatArray, passing: FloatArray,
+) -> None:  # fmt: skip
+    """Turn stresses shown at even times, (N, M), into instantaneous ones, in place.
+
+    Materials stand side by side, so that processors take several at a time.
 
     Parameters
     ----------
-    shares : (M, K)
+    shares : (K, M)
     keeps, adds : (K,)
         Of what an exponential holds, and of what is new, what is left after a step.
-    held : (K,)
-        Workspace.
+    held, passing : (K, M), (4, M)
+        Workspace: what each exponential holds of its share; the stress before, what was new in it,
+        what all exponentials hold, and of what is new what they add.
     """
-    for m in range(len(stress)):
-        held[:] = 0.0
-        fixed = 1.0
+    before, new, rest, added = passing
+    held[:] = 0.0
+    passing[:] = 0.0
+    fixed = np.ones(stress.shape[1])
+    for k in range(len(keeps)):
+        fixed -= shares[k] * (1.0 - adds[k])
+        added += shares[k] * adds[k]
+    for i in range(1, len(stress)):
+        rest[:] = 0.0
         for k in range(len(keeps)):
-            fixed -= shares[m, k] * (1.0 - adds[k])
-        before = 0.0
-        for i in range(1, stress.shape[1]):
-            rest = 0.0
-            for k in range(len(keeps)):
-                held[k] *= keeps[k]
-                rest += shares[m, k] * (held[k] - adds[k] * before)
-            now = (stress[m, i] - rest) / fixed
-            for k in range(len(keeps)):
-                held[k] += adds[k] * (now - before)
-            stress[m, i] = now
-            before = now
+            for m in range(len(rest)):
+                held[k, m] = keeps[k] * (held[k, m] + adds[k] * shares[k, m] * new[m])
+                rest[m] += held[k, m]
+        for m in range(len(rest)):
+            now = (stress[i, m] - rest[m] + added[m] * before[m]) / fixed[m]
+            new[m] = now - before[m]
+            before[m] = now
+            stress[i, m] = now
 
 
 def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> LawTables:
@@ -263,16 +269,17 @@ def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> L
     used = np.flatnonzero(relaxing.any(axis=0))
     spent = laws.strain_step / rate_per_s / RELAXATION_TIMES_s[used]
     strain = laws.strain_step * np.arange(laws.cubics.shape[1] + 1)
-    ends = laws.cubics.sum(axis=2)[:, -1:]
+    ends = laws.cubics[:, -1].sum(axis=1, keepdims=True)
     log_secant = np.concatenate([laws.cubics[:, :, 0], ends], axis=1)
-    stress = np.exp(log_secant) * strain
-    shown = stress.copy()
+    shown = np.exp(log_secant) * strain
+    stress = np.ascontiguousarray(shown.T)
+    shares = np.ascontiguousarray(relaxing[:, used].T)
     _fill_instantaneous(
-        stress, np.ascontiguousarray(relaxing[:, used]), np.exp(-spent), -np.expm1(-spent) / spent,
-        np.zeros(len(used)),
+        stress, shares, np.exp(-spent), -np.expm1(-spent) / spent, np.empty_like(shares),
+        np.empty((4, len(relaxing))),
     )  # fmt: skip
     # Shares of nearly one of a law that falls would ask for less than nothing.
-    ratio = np.maximum(stress[:, 1:] / shown[:, 1:], 1e-3)
+    ratio = np.maximum(stress[1:].T / shown[:, 1:], 1e-3)
     change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))
     slope = np.gradient(change, axis=1)
     step = np.diff(change, axis=1)
