@@ -16,6 +16,7 @@ from planner.materials.mixtures import (
     Blend,
     CoefficientModel,
     blend_for,
+    coordinate_for,
     nearest,
     nearest_on,
     thresholds_of,
@@ -495,8 +496,9 @@ def dithered_profile(plan: "Plan", palette: Palette) -> tuple[FloatArray, FloatA
     """Return field values from 0 to 1 and the coordinate at each, linear between.
 
     Cells are small against the part, so a place behaves as the mixture does, whose modulus is the
-    target: it is given the coordinate between its two materials at which a homogeneous mixture has
-    this modulus, by their moduli when the plan was made. A value that stands twice is a step.
+    target: it is given the coordinate at which a homogeneous mixture has this modulus. If the
+    palette is not the plan's, the modulus is moved with those of the two materials: what counts
+    is its place between them, in the logarithm. A value that stands twice is a step.
 
     Raises
     ------
@@ -504,23 +506,26 @@ def dithered_profile(plan: "Plan", palette: Palette) -> tuple[FloatArray, FloatA
         The plan's blends or profile are not what planner writes.
     UnknownNameError
         The palette lacks a material of the plan.
+    PaletteError
+        The palette's stiffness does not rise with the coordinate.
     """
-    profile = profile_of(plan.gradient.profile)
+    profile, model = profile_of(plan.gradient.profile), CoefficientModel(palette)
+    at_strain = min(plan.stiffness.at_strain, model.strain_limit)
     by_stretch = {region.field: region for region in plan.regions}
     field, coordinate = [], []
     for (start, stop), region in sorted(by_stretch.items()):
         u = np.linspace(start, stop, _POINTS)
         field.append(u)
-        coordinate.append(_coordinates_of(region, u, profile, palette))
+        coordinate.append(_coordinates_of(region, u, profile, model, at_strain))
     if not field:
         raise FileError("plan.json: it has no regions; grade the part again")
     return np.concatenate(field), np.concatenate(coordinate)
 
 
 def _coordinates_of(
-    region: "Region", u: FloatArray, profile: Profile, palette: Palette
+    region: "Region", u: FloatArray, profile: Profile, model: CoefficientModel, at_strain: float
 ) -> FloatArray:
-    blend = region.blend
+    blend, palette = region.blend, model.palette
     if blend is None:
         return np.full(len(u), palette.resolve(region.printed).coordinate)
     try:
@@ -538,7 +543,8 @@ def _coordinates_of(
     # At a jump the profile has the value after it: keep within the stretch.
     inner = np.clip(u, u[0] + 1e-9 * (u[-1] - u[0]), u[-1] - 1e-9 * (u[-1] - u[0]))
     t = np.clip(np.log(profile.modulus_MPa(inner) / soft) / np.log(hard / soft), 0.0, 1.0)
-    return np.asarray(lower + t * (upper - lower))
+    softer, harder = model.modulus_MPa([lower, upper], at_strain).tolist()
+    return coordinate_for(model, softer * (harder / softer) ** t, at_strain)
 
 
 def profile_of(description: Mapping[str, Any]) -> Profile:

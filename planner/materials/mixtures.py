@@ -3,9 +3,10 @@
 import itertools
 from dataclasses import dataclass, field
 from statistics import NormalDist
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import ArgumentError, PaletteError
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
@@ -19,21 +20,81 @@ __all__ = [
     "coordinate_for",
     "nearest",
     "nearest_on",
+    "pchip_slopes",
+    "pchip_weights",
     "thresholds_of",
 ]
 
 
 # ------------------------------------------------------------------------------------------------
+# A curve through the grades that rises where they rise: piecewise cubics by Fritsch and Butland.
+#
+# F. N. Fritsch, J. Butland, A method for constructing local monotone piecewise cubic interpolants,
+# SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi 10.1137/0905021. With gaps h and secant slopes s of
+# the steps before (1) and after (2) a node, its slope is
+#
+#     d = (w1 + w2) / (w1 / s1 + w2 / s2),  w1 = h1 + 2 h2,  w2 = 2 h1 + h2,
+#
+# and 0 where s1 and s2 differ in sign. At an end, next to the step 1 and then 2, it is that of the
+# parabola through three nodes, ((2 h1 + h2) s1 - h1 s2) / (h1 + h2); 0 where its sign is not s1's,
+# and at most 3 s1 where s1 and s2 differ in sign. Two nodes have a straight line.
+
+
+_Values = TypeVar("_Values", FloatArray, NDArray[np.complex128])
+
+
+def pchip_slopes(coordinate: FloatArray, values: _Values) -> _Values:
+    """Return the slopes at the nodes of the monotone cubic through values.
+
+    Parameters
+    ----------
+    coordinate : (M,)
+        Rising.
+    values : (M, ...)
+        One row a node. If complex, signs are those of the real parts, so that a tiny imaginary
+        part v' i gives the derivative of the slopes along v' (a complex step).
+    """
+    slopes = np.zeros_like(values)
+    gaps = np.diff(coordinate).reshape(-1, *(1,) * (values.ndim - 1))
+    steps = np.diff(values, axis=0) / gaps
+    if len(steps) < 2:
+        slopes[:] = steps.sum(axis=0)
+        return slopes
+    before, after = steps[:-1], steps[1:]
+    w1, w2 = gaps[:-1] + 2.0 * gaps[1:], 2.0 * gaps[:-1] + gaps[1:]
+    same = np.sign(before.real) * np.sign(after.real) > 0.0
+    denominator = np.where(same, w1 * after + w2 * before, 1.0)
+    slopes[1:-1] = np.where(same, (w1 + w2) * before * after / denominator, 0.0)
+    for end, k in ((0, (0, 1)), (-1, (-1, -2))):
+        (h1, h2), (s1, s2) = gaps[list(k)], steps[list(k)]
+        slope = ((2.0 * h1 + h2) * s1 - h1 * s2) / (h1 + h2)
+        turns = np.sign(s1.real) != np.sign(s2.real)
+        slope = np.where(turns & (np.abs(slope.real) > 3.0 * np.abs(s1.real)), 3.0 * s1, slope)
+        slopes[end] = np.where(np.sign(slope.real) == np.sign(s1.real), slope, 0.0)
+    return slopes
+
+
+def pchip_weights(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the rise, and the slopes at both ends times the gap, add a share t of the gap on.
+
+    Hermite's: a cubic is its value at t = 0, plus these times (rise, gap d0, gap d1).
+    """
+    rest = 1.0 - t
+    return t * t * (3.0 - 2.0 * t), t * rest * rest, -t * t * rest
+
+
+# ------------------------------------------------------------------------------------------------
 # Stiffness at any coordinate of a palette, between its catalogue grades too.
 #
-# Between neighbours a and b the logarithm of the nominal stress is linear in the coordinate,
-# P = Pa^(1-t) Pb^t with t = (m - ma)/(mb - ma). Hence a blend is stress-free at rest, increases
-# with stretch, is exact at the grades and stiffens with m at every strain; its inverse is closed.
-# It is also the posterior mean of ln P as a Wiener process in m known at the grades, which gives
-# the interval: a Brownian bridge between grades that are themselves uncertain.
+# At every strain the logarithm of the secant modulus is the monotone cubic above in the coordinate.
+# Hence a blend is stress-free at rest, is exact at the grades, lies between its neighbours and
+# stiffens with m at every strain; the course has no kink at a grade. About it stands a Wiener
+# process in m known at the grades, which gives the interval: a Brownian bridge between grades that
+# are themselves uncertain.
 
 
 _LADDER_STRAINS = 201
+_PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +115,8 @@ class CoefficientModel:
     ------
     PaletteError
         The stiffness does not rise strictly from grade to grade at some working strain, is not
-        positive there, or a law is not stress-free at rest.
+        positive there, a law is not stress-free at rest, or the stress of a mixture falls with
+        strain where those of its two grades rise.
     """
 
     palette: Palette
@@ -94,10 +156,16 @@ class CoefficientModel:
             A coordinate outside the palette, or a strain not above -1.
         """
         lower, upper, t = self.bracket(coordinate)
-        strain = np.asarray(at_strain, dtype=np.float64)
-        softer = self._grade_modulus_MPa(lower, strain)
-        harder = self._grade_modulus_MPa(upper, strain)
-        return softer ** (1.0 - t) * harder**t
+        ladder = self.grade_moduli_MPa(at_strain)
+        # Beyond the working strains a law may lose its logarithm: nan says it.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slopes = pchip_slopes(self.coordinates, np.log(ladder))
+            softer, harder = _rows(ladder, lower), _rows(ladder, upper)
+            rise, d0, d1 = pchip_weights(t)
+            gap = self.coordinates[upper] - self.coordinates[lower]
+            more = rise * np.log(harder / softer)
+            more += gap * (d0 * _rows(slopes, lower) + d1 * _rows(slopes, upper))
+        return np.asarray(softer * np.exp(np.where(t > 0.0, more, 0.0)))
 
     def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
         """Return the nominal stress.
@@ -118,9 +186,10 @@ class CoefficientModel:
         ln(modulus) is normal about the model's, with variance
         ((1-t) sa + t sb)² + σ² (mb - ma) t (1-t): the grades' own `Material.modulus_log_sd`, and
         the bridge of a Wiener process whose σ the palette's grades give when each in turn is
-        left out and predicted from its neighbours. Neighbours' errors are taken to go together
+        left out and predicted from the others. Neighbours' errors are taken to go together
         (one source, one lab, one reading), so that they do not average out between: at a grade
-        the interval is its own, between grades it is wider than their mean.
+        the interval is its own, between grades it is wider than their mean. As stiffness rises
+        with the coordinate, it ends where the intervals of both grades end.
 
         Raises
         ------
@@ -129,10 +198,16 @@ class CoefficientModel:
         """
         if not 0.0 < level < 1.0:
             raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
-        log_sd = self.log_sd(coordinate, self.wiener_variance(at_strain))
-        factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * log_sd)
+        normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+        factor = np.exp(normal * self.log_sd(coordinate, self.wiener_variance(at_strain)))
         modulus = self.modulus_MPa(coordinate, at_strain)
-        return modulus / factor, modulus * factor
+        lower, upper, _ = self.bracket(coordinate)
+        ladder = self.grade_moduli_MPa(at_strain)
+        own = np.array([m.modulus_log_sd for m in self.palette.materials])
+        ends = [(_rows(ladder, k), np.exp(normal * own[k])) for k in (lower, upper)]
+        least = np.minimum(*(grade / width for grade, width in ends))
+        most = np.maximum(*(grade * width for grade, width in ends))
+        return np.maximum(modulus / factor, least), np.minimum(modulus * factor, most)
 
     def log_sd(self, coordinate: ArrayLike, wiener_variance: ArrayLike) -> FloatArray:
         """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`."""
@@ -145,18 +220,27 @@ class CoefficientModel:
     def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:
         """Return σ², the variance of ln(modulus) a unit of coordinate, at a strain.
 
-        The mean square of the leave-one-grade-out residuals, each over the variance that a
-        bridge of σ = 1 has there. The grades' own scatter is not taken off, so σ errs on the
-        wide side. Two grades leave nothing out: then σ² is that of the one step. One has none.
+        The mean square of what each grade between the others is off their monotone cubic, each
+        over the variance that a bridge of σ = 1 has there, h1 h2 / (h1 + h2) of the gaps beside
+        it. The grades' own scatter is not taken off, so σ errs on the wide side. Two grades leave
+        nothing out, and all that is known is that a mixture lies between them: σ² is step²/3 over
+        the gap, so that half-way the variance is that of a uniform place on the step, step²/12.
+        One grade has none.
         """
-        log_moduli = np.log(self.grade_moduli_MPa(at_strain))
-        steps = np.diff(log_moduli, axis=0)
-        gaps = np.diff(self.coordinates).reshape(-1, *(1,) * (steps.ndim - 1))
-        if len(steps) < 2:
-            return np.asarray(np.sum(steps**2 / gaps, axis=0))
-        before, after = gaps[:-1], gaps[1:]
-        residuals = (steps[:-1] * after - steps[1:] * before) / (before + after)
-        return np.asarray(np.mean(residuals**2 * (before + after) / (before * after), axis=0))
+        c, log_moduli = self.coordinates, np.log(self.grade_moduli_MPa(at_strain))
+        if len(c) < 3:
+            steps = np.diff(log_moduli, axis=0)
+            return np.asarray(np.sum(steps**2, axis=0) / (3.0 * (c[-1] - c[0] or 1.0)))
+        squares = []
+        for k in range(1, len(c) - 1):
+            m, others = np.delete(c, k), np.delete(log_moduli, k, axis=0)
+            h1, h2 = c[k] - c[k - 1], c[k + 1] - c[k]
+            slopes = pchip_slopes(m, others)
+            rise, d0, d1 = pchip_weights(h1 / (h1 + h2))
+            foretold = others[k - 1] + rise * (others[k] - others[k - 1])
+            foretold += (h1 + h2) * (d0 * slopes[k - 1] + d1 * slopes[k])
+            squares.append((log_moduli[k] - foretold) ** 2 * (h1 + h2) / (h1 * h2))
+        return np.asarray(np.mean(squares, axis=0))
 
     def bracket(self, coordinate: ArrayLike) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the grades below and above, and how far between them, 0..1.
@@ -181,16 +265,14 @@ class CoefficientModel:
         gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
         return lower, upper, np.asarray((m - c[lower]) / gap)
 
-    def _grade_modulus_MPa(self, grade: IntArray, strain: FloatArray) -> FloatArray:
-        """Return the secant modulus of grades by their place; both broadcast."""
-        if strain.ndim == 0:
-            return self.grade_moduli_MPa(strain)[grade]
-        grade, strain = np.broadcast_arrays(grade, strain)
-        result = np.empty(grade.shape)
-        for k in np.unique(grade):
-            here = grade == k
-            result[here] = secant_modulus_MPa(self.laws[k], strain[here])
-        return result
+
+def _rows(table: FloatArray, row: IntArray) -> FloatArray:
+    """Return, of a table with a row a grade, the elements in the rows given; both broadcast."""
+    if table.ndim == 1:
+        return np.asarray(table[row])
+    columns = np.broadcast_shapes(table.shape[1:], row.shape)
+    table = np.moveaxis(np.broadcast_to(np.moveaxis(table, 0, -1), (*columns, len(table))), -1, 0)
+    return np.asarray(np.take_along_axis(table, np.broadcast_to(row, columns)[None], axis=0)[0])
 
 
 def _check_ladder(model: CoefficientModel) -> None:
@@ -214,6 +296,19 @@ def _check_ladder(model: CoefficientModel) -> None:
                 f"stiffness must rise with the coordinate at all working strains, 0 to "
                 f"{model.strain_limit:g}: reorder the materials or correct a law"
             )
+    # The slope at a grade weighs the one beyond it up to -0.3: where that stiffens while it draws
+    # near, and the two between hardly rise, a mixture's stress may fall.
+    between = model.coordinates[:-1] + np.outer(_PLACES, np.diff(model.coordinates))
+    stress = model.nominal_stress_MPa(between[..., None], 1.0 + strains)
+    rising = np.diff(moduli * strains) > 0.0
+    bad = (np.diff(stress) <= 0.0) & rising[:-1] & rising[1:]
+    if bad.any():
+        _, k, n = np.argwhere(bad)[0].tolist()
+        raise PaletteError(
+            f"palette {name}: between {materials[k].id} and {materials[k + 1].id} the stress of a "
+            f"mixture falls at strain {strains[n + 1]:.3g}, though that of both rises: the "
+            "materials beside them bend too differently; correct a law or leave a material out"
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -275,9 +370,55 @@ def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: f
     target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
     lower = np.searchsorted(ladder, target, side="right") - 1
     upper = np.minimum(lower + 1, len(c) - 1)
-    step = np.where(upper > lower, np.log(ladder[upper] / ladder[lower]), 1.0)
-    t = np.log(target / ladder[lower]) / step
-    return np.minimum(c[lower] + t * (c[upper] - c[lower]), c[upper])
+    gaps, rises = np.diff(c, append=c[-1]), np.diff(np.log(ladder), append=np.log(ladder[-1]))
+    slopes = pchip_slopes(c, np.log(ladder))
+    ahead = np.append(slopes[1:], 0.0)
+    cubics = np.stack(
+        [
+            gaps * slopes,
+            3.0 * rises - gaps * (2.0 * slopes + ahead),
+            gaps * (slopes + ahead) - 2.0 * rises,
+        ]
+    )
+    t = _rising_root(np.log(target / ladder[lower]).ravel(), cubics, lower.ravel())
+    return np.minimum(c[lower] + t.reshape(target.shape) * gaps[lower], c[upper])
+
+
+_BISECTIONS = 60
+"""Numerical: halves of 1 that reach below a rounding of it."""
+
+
+def _rising_root(value: FloatArray, cubics: FloatArray, piece: IntArray) -> FloatArray:
+    """Return where, 0 to 1, rising cubics without constant term have values of their range.
+
+    By Newton's method within brackets. What has not settled is taken on alone: at an end without
+    slope the root is multiple, and only the brackets get there.
+
+    Parameters
+    ----------
+    cubics : (3, M)
+        Coefficients of t, t² and t³.
+    piece : (n,)
+        Which cubic each value, (n,), is of.
+    """
+    rise = cubics.sum(axis=0)[piece]
+    found = value / np.where(rise > 0.0, rise, 1.0)
+    todo, t = np.arange(len(value)), found.copy()
+    low, high = np.zeros_like(t), np.ones_like(t)
+    for _ in range(_BISECTIONS):
+        a1, a2, a3 = cubics[:, piece[todo]]
+        excess = t * (a1 + t * (a2 + t * a3)) - value[todo]
+        low, high = np.where(excess <= 0.0, t, low), np.where(excess >= 0.0, t, high)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            better = t - excess / (a1 + t * (2.0 * a2 + t * 3.0 * a3))
+        within = (better >= low) & (better <= high)
+        better = np.where(within, better, 0.5 * (low + high))
+        found[todo] = better
+        on = np.abs(better - t) > 1e-15
+        if not on.any():
+            break
+        todo, t, low, high = todo[on], better[on], low[on], high[on]
+    return found
 
 
 def blend_for(model: CoefficientModel, modulus_MPa: float, at_strain: float) -> Blend:

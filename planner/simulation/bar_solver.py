@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
 from planner.materials.laws import Law, make_law, secant_modulus_MPa
+from planner.materials.mixtures import pchip_slopes, pchip_weights
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
@@ -38,10 +39,11 @@ __all__ = [
 # The palette's laws as tables, for solvers that call them a million times.
 #
 # The logarithm of the secant modulus (nominal stress over strain) of every material stands on a
-# uniform grid of strain, as cubics through values and slopes; a mixture is linear between its two
-# neighbours in that logarithm, as everywhere in planner. For all mixtures of the Connex3 the error
-# of the stress is below 1e-9 of it. Nothing is asked of the order of the materials' stiffness, so
-# that palettes whose laws cross can be diagnosed too.
+# uniform grid of strain, as cubics through values and slopes; and so does its slope over the
+# coordinate there, of the monotone cubic through all materials. A mixture lies on that cubic, as
+# everywhere in planner. For all mixtures of the Connex3 the error of the stress is below 1e-9 of
+# it. Nothing is asked of the order of the materials' stiffness, so that palettes whose laws cross
+# can be diagnosed too: where steps beside a material differ in sign, its slope is 0.
 
 
 FARTHEST = 2.0
@@ -67,7 +69,7 @@ the travel to tell the strain."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawTables:
-    """ln(secant modulus) of every material of a palette over strain.
+    """ln(secant modulus) of every material of a palette over strain, and its slope over m.
 
     Attributes
     ----------
@@ -75,9 +77,10 @@ class LawTables:
         Of the materials, rising.
     strain_step
         Width of an interval.
-    cubics : (2 M, intervals, 4)
-        In the place within the interval, 0 to 1; the secant in MPa. The first M in tension, then
-        the same materials in compression, over the strain's size.
+    cubics : (2 M, intervals, 2, 4)
+        In the place within the interval, 0 to 1, of ln(secant in MPa) and of its slope over the
+        coordinate. The first M in tension, then the same materials in compression, over the
+        strain's size.
     sound_strain : (M,)
         Where each law ends in tension: it ceases to rise there, or is not followed further.
         Beyond, the stress rises straight on.
@@ -89,13 +92,26 @@ class LawTables:
     sound_strain: FloatArray
 
     def bracket(self, coordinate: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the materials below and above, and how far between; clipped to the palette."""
+        """Return the materials below and above, and how far between; clipped to the palette.
+
+        At a material the share is 0; at the last one both are it.
+        """
         c = self.coordinate
         m = np.clip(coordinate, c[0], c[-1])
-        lower = np.clip(np.searchsorted(c, m, side="right") - 1, 0, max(len(c) - 2, 0))
+        lower = np.asarray(np.searchsorted(c, m, side="right") - 1)
         upper = np.minimum(lower + 1, len(c) - 1)
         gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
         return lower, upper, (m - c[lower]) / gap
+
+    def weights(self, coordinate: FloatArray) -> FloatArray:
+        """Return what the upper material and both slopes count for, (3, ...).
+
+        A mixture is its lower material, plus these times (upper - lower, slopes of both).
+        """
+        lower, upper, t = self.bracket(coordinate)
+        gap = self.coordinate[upper] - self.coordinate[lower]
+        rise, d0, d1 = pchip_weights(t)
+        return np.stack([rise, gap * d0, gap * d1])
 
     def stress_and_tangent_MPa(
         self, coordinate: ArrayLike, strain: ArrayLike
@@ -108,14 +124,18 @@ class LawTables:
             Strains of 0 and above; both broadcast.
         """
         e = np.asarray(strain, dtype=np.float64)
-        lower, upper, t = self.bracket(np.asarray(coordinate, dtype=np.float64))
+        m = np.asarray(coordinate, dtype=np.float64)
+        lower, upper, _ = self.bracket(m)
+        rise, d0, d1 = self.weights(m)[..., None]
         intervals = self.cubics.shape[1]
         inside = np.minimum(e, intervals * self.strain_step)
         place = inside / self.strain_step
         interval = np.minimum(place.astype(np.int64), intervals - 1)
         s = place - interval
         softer, harder = self.cubics[lower, interval], self.cubics[upper, interval]
-        c0, c1, c2, c3 = np.moveaxis(softer + t[..., None] * (harder - softer), -1, 0)
+        (y0, slope0), (y1, slope1) = (np.moveaxis(cubics, -2, 0) for cubics in (softer, harder))
+        mixed = y0 + rise * (y1 - y0) + d0 * slope0 + d1 * slope1
+        c0, c1, c2, c3 = np.moveaxis(mixed, -1, 0)
         secant = np.exp(c0 + s * (c1 + s * (c2 + s * c3)))
         slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / self.strain_step
         tangent = secant * np.maximum(1.0 + inside * slope, _LEAST_TANGENT)
@@ -156,18 +176,23 @@ def law_tables(
             )
         pulled.append(table)
         pushed.append(other)
+    coordinate = np.array([m.coordinate for m in palette.materials])
     return LawTables(
-        coordinate=np.array([m.coordinate for m in palette.materials]),
+        coordinate=coordinate,
         strain_step=float(nodes[1]),
-        cubics=np.stack([cubics for cubics, _ in (*pulled, *pushed)]),
-        sound_strain=np.array([end for _, end in pulled]),
+        cubics=_cubics_of(
+            coordinate,
+            np.stack([values for values, _, _ in (*pulled, *pushed)]),
+            np.stack([slopes for _, slopes, _ in (*pulled, *pushed)]),
+        ),
+        sound_strain=np.array([end for _, _, end in pulled]),
     )
 
 
 def _table_cubics(
     law: Law, strain: FloatArray, farthest: float, sign: float = 1.0
-) -> tuple[FloatArray, float] | None:
-    """Return ln(secant) as a cubic an interval, and where the law ends; None if at rest.
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Return ln(secant), its slope an interval, and where the law ends; None if at rest.
 
     Parameters
     ----------
@@ -194,17 +219,37 @@ def _table_cubics(
     # d ln(P / strain) = T / P - 1 / strain, 0 / 0 at rest: there from the values beside it.
     slope[1:] = (tangent[1:] / secant[1:] - 1.0) / strain[1:] * h
     slope[0] = (-25.0 * g[0] + 48.0 * g[1] - 36.0 * g[2] + 16.0 * g[3] - 3.0 * g[4]) / 12.0
-    step = np.diff(g)
-    cubics = np.stack(
-        [
-            g[:-1],
-            slope[:-1],
-            3.0 * step - 2.0 * slope[:-1] - slope[1:],
-            slope[:-1] + slope[1:] - 2.0 * step,
-        ],
-        axis=1,
-    )
-    return cubics, end
+    return g, slope, end
+
+
+def _cubics_of(
+    coordinate: FloatArray, values: FloatArray, slopes: FloatArray, *, mixed: bool = True
+) -> FloatArray:
+    """Return `LawTables.cubics` of ln(secant) at N nodes of strain, and of its slope an interval.
+
+    Their slopes over m are exact at the nodes, and so is their course over strain, but where laws
+    cross: there it has a kink.
+
+    Parameters
+    ----------
+    values, slopes : (n M, N)
+    mixed
+        Whether slopes over m are wanted; pure materials do without, in half the time.
+    """
+    of = [(values, slopes)]
+    if mixed:
+        # A complex step: the imaginary part is the derivative by the strain, below any rounding.
+        nodes = (values + 1e-30j * slopes).reshape(-1, len(coordinate), values.shape[1])
+        over_m = np.concatenate([pchip_slopes(coordinate, way) for way in nodes])
+        of.append((over_m.real, over_m.imag * 1e30))
+    cubics = np.empty((len(values), values.shape[1] - 1, len(of), 4))
+    for k, (y, dy) in enumerate(of):
+        step, before, after = np.diff(y), dy[:, :-1], dy[:, 1:]
+        cubics[:, :, k, 0] = y[:, :-1]
+        cubics[:, :, k, 1] = before
+        cubics[:, :, k, 2] = 3.0 * step - 2.0 * before - after
+        cubics[:, :, k, 3] = before + after - 2.0 * step
+    return cubics
 
 
 # ------------------------------------------------------------------------------------------------
@@ -256,8 +301,12 @@ def _fill_instantaneous(
             stress[i, m] = now
 
 
-def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> LawTables:
+def instantaneous(
+    laws: LawTables, relaxing: FloatArray, rate_per_s: float, *, mixed: bool = True
+) -> LawTables:
     """Return the laws of instantaneous stress, of which shares relax in the laws' own tests.
+
+    Mixtures lie on the monotone cubic through the instantaneous laws.
 
     Parameters
     ----------
@@ -265,12 +314,16 @@ def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> L
         Shares of each material that relax with `RELAXATION_TIMES_s`.
     rate_per_s
         Strain rate of those tests.
+    mixed
+        Whether mixtures are asked for; without, the tables hold no slopes over m.
     """
     used = np.flatnonzero(relaxing.any(axis=0))
     spent = laws.strain_step / rate_per_s / RELAXATION_TIMES_s[used]
     strain = laws.strain_step * np.arange(laws.cubics.shape[1] + 1)
-    ends = laws.cubics[:, -1].sum(axis=1, keepdims=True)
-    log_secant = np.concatenate([laws.cubics[:, :, 0], ends], axis=1)
+    cubics = laws.cubics[:, :, 0]
+    last = cubics[:, -1:]
+    log_secant = np.concatenate([cubics[..., 0], last.sum(axis=2)], axis=1)
+    slopes = np.concatenate([cubics[..., 1], last @ (0.0, 1.0, 2.0, 3.0)], axis=1)
     shown = np.exp(log_secant) * strain
     stress = np.ascontiguousarray(shown.T)
     shares = np.ascontiguousarray(relaxing[:, used].T)
@@ -281,18 +334,9 @@ def instantaneous(laws: LawTables, relaxing: FloatArray, rate_per_s: float) -> L
     # Shares of nearly one of a law that falls would ask for less than nothing.
     ratio = np.maximum(stress[1:].T / shown[:, 1:], 1e-3)
     change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))
-    slope = np.gradient(change, axis=1)
-    step = np.diff(change, axis=1)
-    more = np.stack(
-        [
-            change[:, :-1],
-            slope[:, :-1],
-            3.0 * step - 2.0 * slope[:, :-1] - slope[:, 1:],
-            slope[:, :-1] + slope[:, 1:] - 2.0 * step,
-        ],
-        axis=2,
-    )
-    return replace(laws, cubics=laws.cubics + more)
+    slopes += np.gradient(change, axis=1)
+    cubics = _cubics_of(laws.coordinate, log_secant + change, slopes, mixed=mixed)
+    return replace(laws, cubics=cubics)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -501,15 +545,15 @@ _SLICE = np.dtype(
     [
         *((name, np.int64) for name in ("lower", "upper")),
         *((name, np.float64) for name in (
-            "length_mm", "area_mm2", "fraction", "log_factor", "log_tilt", "softening", "set_share",
-            "fatigue", "strain", "former", "largest", "left", "stress", "stress_before", "share",
-            "rest", "alone", "stiffness",
+            "length_mm", "area_mm2", "rise", "slope_0", "slope_1", "log_factor", "log_tilt",
+            "softening", "set_share", "fatigue", "strain", "former", "largest", "left", "stress",
+            "stress_before", "share", "rest", "alone", "stiffness",
         )),
     ]
 )  # fmt: skip
 """A slice as it is mounted, and where it stands.
 
-Its law: rows of the cubics, how far between them, its changes. Of its strain: now, at the step
+Its law: rows of the cubics, `LawTables.weights`, its changes. Of its strain: now, at the step
 before, the largest so far, and what of that stays for good. Of the law's stress: now and at the
 step before. A step bears `share` of the law's stress, and the `rest` of what relaxes. `alone` and
 `stiffness` are Newton's.
@@ -524,17 +568,21 @@ def _elastic_stress(
     strain: float, slice_: _Record, cubics: FloatArray, step: float
 ) -> tuple[float, float]:
     """Return stress and tangent of a slice that was never strained farther."""
-    lower, upper, fraction = slice_.lower, slice_.upper, slice_.fraction
     intervals = cubics.shape[1]
     end = intervals * step
     inside = min(max(strain, 0.0), end)
     place = inside / step
     j = min(int(place), intervals - 1)
     s = place - j
-    c0 = cubics[lower, j, 0] + fraction * (cubics[upper, j, 0] - cubics[lower, j, 0])
-    c1 = cubics[lower, j, 1] + fraction * (cubics[upper, j, 1] - cubics[lower, j, 1])
-    c2 = cubics[lower, j, 2] + fraction * (cubics[upper, j, 2] - cubics[lower, j, 2])
-    c3 = cubics[lower, j, 3] + fraction * (cubics[upper, j, 3] - cubics[lower, j, 3])
+    own = cubics[slice_.lower, j]
+    c0, c1, c2, c3 = own[0, 0], own[0, 1], own[0, 2], own[0, 3]
+    rise = slice_.rise
+    if rise != 0.0:  # no pure material
+        other, d0, d1 = cubics[slice_.upper, j], slice_.slope_0, slice_.slope_1
+        c0 += rise * (other[0, 0] - c0) + d0 * own[1, 0] + d1 * other[1, 0]
+        c1 += rise * (other[0, 1] - c1) + d0 * own[1, 1] + d1 * other[1, 1]
+        c2 += rise * (other[0, 2] - c2) + d0 * own[1, 2] + d1 * other[1, 2]
+        c3 += rise * (other[0, 3] - c3) + d0 * own[1, 3] + d1 * other[1, 3]
     logarithm = c0 + s * (c1 + s * (c2 + s * c3)) + slice_.log_factor
     slope = (c1 + s * (2.0 * c2 + s * 3.0 * c3)) / step
     log_tilt = slice_.log_tilt
@@ -897,11 +945,13 @@ def predict(
     paths["worn"] = np.log1p(bars.reloads)
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
     laws = replace(laws, cubics=laws.cubics[: ways * materials])
-    if len(bars.reference_relaxing):
-        shares = np.tile(bars.reference_relaxing, (ways, 1))
-        laws = instantaneous(laws, shares, bars.reference_rate_per_s)
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
-    slices["lower"], slices["upper"], slices["fraction"] = laws.bracket(bars.coordinate)
+    slices["lower"], slices["upper"], _ = laws.bracket(bars.coordinate)
+    slices["rise"], slices["slope_0"], slices["slope_1"] = laws.weights(bars.coordinate)
+    if len(bars.reference_relaxing):
+        mixed = bool(slices["rise"].any())
+        shares = np.tile(bars.reference_relaxing, (ways, 1))
+        laws = instantaneous(laws, shares, bars.reference_rate_per_s, mixed=mixed)
     pushed = np.repeat(bars.pushed, np.diff(bars.first_slice))
     for name in ("lower", "upper"):
         slices[name] += materials * pushed

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any, NamedTuple
@@ -146,15 +146,11 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
     materials = model.palette.materials
     breaks = np.array([m.elongation_at_break for m in materials])
     break_strain = (1.0 - t) * breaks[lower] + t * breaks[upper]
-    used = np.unique([lower, upper])
-    # A blend may go beyond twice the break of the one of its grades that breaks first.
-    laws = law_tables(
-        replace(model.palette, materials=tuple(materials[k] for k in used)),
-        strain_end=FARTHEST * float(breaks[used].max()),
-        farthest=math.inf,
-    )
-    rising = np.zeros(len(breaks))
-    rising[used] = laws.sound_strain
+    # A blend may go beyond twice the break of the one of its grades that breaks first. Grades that
+    # are not used count for the slopes beside them.
+    end = FARTHEST * float(breaks[np.unique([lower, upper])].max())
+    laws = law_tables(model.palette, strain_end=end, farthest=math.inf)
+    rising = laws.sound_strain
     limit = np.minimum(FARTHEST * break_strain, np.minimum(rising[lower], rising[upper]))
 
     def beyond(travel_mm: float) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from planner.errors import ArgumentError, PaletteError
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.mixtures import CoefficientModel, coordinate_for, pchip_slopes
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import load_printer
 
@@ -35,13 +36,74 @@ def palette(*grades: tuple[float, LawParameters], log_sd: float = 0.0) -> Palett
 @settings(deadline=None, derandomize=True)
 @given(m=coordinates, strain=st.floats(0.0, 0.55))
 def test_between_its_neighbours(m: float, strain: float) -> None:
-    lower, upper, t = CONNEX3.bracket(m)
+    lower, upper, _ = CONNEX3.bracket(m)
     ladder = CONNEX3.grade_moduli_MPa(strain)
     modulus = float(CONNEX3.modulus_MPa(m, strain))
     # 1e-14: roundings of two powers.
     assert ladder[lower] * (1 - 1e-14) <= modulus <= ladder[upper] * (1 + 1e-14)
-    assert np.log(modulus) == pytest.approx(
-        float((1 - t) * np.log(ladder[lower]) + t * np.log(ladder[upper])), abs=1e-12
+
+
+ladders = st.lists(
+    st.tuples(st.floats(0.01, 3.0), st.floats(0.01, 3.0)), min_size=1, max_size=6
+)  # of gaps in m and of steps in ln(modulus)
+
+
+def laddered(steps: list[tuple[float, float]]) -> CoefficientModel:
+    m, log_modulus = np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)]).T
+    moduli = np.exp(log_modulus)
+    return CoefficientModel(palette(*((c, linear(E)) for c, E in zip(m, moduli, strict=True))))
+
+
+def test_between_grades_it_is_the_monotone_cubic_of_fritsch_and_butland() -> None:
+    m, strains = np.linspace(0.0, LAST, 301), np.linspace(0.0, 0.55, 56)
+    ladder = np.log(CONNEX3.grade_moduli_MPa(strains))
+    expected = PchipInterpolator(CONNEX3.coordinates, ladder, axis=0)(m)
+    found = np.log(CONNEX3.modulus_MPa(m[:, None], strains))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@settings(deadline=None, derandomize=True)
+@given(steps=ladders, share=st.floats(0.0, 1.0))
+def test_any_ladder_is_followed_as_scipy_does_it_and_undone(
+    steps: list[tuple[float, float]], share: float
+) -> None:
+    model = laddered(steps)
+    c = model.coordinates
+    ladder = np.log(model.grade_moduli_MPa(0.1))
+    m = np.clip(c[0] + np.sort([share, 0.1, 0.3, 0.8]) * (c[-1] - c[0]), c[0], c[-1])
+    moduli = model.modulus_MPa(m, 0.1)
+    np.testing.assert_allclose(np.log(moduli), PchipInterpolator(c, ladder)(m), atol=1e-12)
+    # 1e-14: roundings of an exponential, where it hardly rises.
+    assert (np.diff(moduli) >= -1e-14 * moduli[1:]).all()
+    # In stiffness: at an end without slope the coordinate itself is worth less.
+    back = model.modulus_MPa(coordinate_for(model, moduli, 0.1), 0.1)
+    np.testing.assert_allclose(back, moduli, rtol=1e-12)
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    gaps=st.lists(st.floats(0.01, 3.0), min_size=1, max_size=6),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_slopes_are_scipys_whatever_the_order(gaps: list[float], seed: int) -> None:
+    c = np.concatenate([[0.0], np.cumsum(gaps)])
+    values, ways = np.random.default_rng(seed).standard_normal((2, len(c), 7))
+    expected = PchipInterpolator(c, values, axis=0).derivative()(c)
+    # Steps of up to 4 over gaps of 0.01 and more.
+    np.testing.assert_allclose(pchip_slopes(c, values), expected, atol=1e-11 / min(gaps))
+    # A complex step gives their derivative.
+    near = [pchip_slopes(c, values + s * 1e-6 * ways) for s in (-1.0, 1.0)]
+    with_step = pchip_slopes(c, values + 1e-30j * ways).imag * 1e30
+    settled = np.sign(near[0]) == np.sign(near[1])
+    # Central differences; some steps pass so close to 0 that theirs are rough.
+    rough = np.abs((near[1] - near[0]) / 2e-6 - with_step)[settled]
+    assert np.quantile(rough, 0.9) < 1e-4 / min(gaps)
+
+
+def test_one_cubic_between_two_grades_is_the_straight_line() -> None:
+    model = laddered([(0.5, 2.0)])
+    np.testing.assert_allclose(
+        np.log(model.modulus_MPa([0.1, 0.25, 0.4], 0.1)), [0.4, 1.0, 1.6], rtol=1e-14
     )
 
 
@@ -92,10 +154,16 @@ def test_interval_encloses_the_modulus_and_widens_with_the_level(
     low, high = CONNEX3.modulus_interval_MPa(m, strain, level)
     modulus = float(CONNEX3.modulus_MPa(m, strain))
     assert 0.0 < low < modulus < high
-    assert low * high == pytest.approx(modulus**2, rel=1e-12)
     wider = CONNEX3.modulus_interval_MPa(m, strain, level + 0.005)
     assert wider[0] < low
     assert wider[1] > high
+    # It ends where those of the two grades end, and is even in the logarithm if it does not.
+    grades = CONNEX3.coordinates[list(map(int, CONNEX3.bracket(m)[:2]))]
+    ends = CONNEX3.modulus_interval_MPa(grades, strain, level)
+    assert ends[0].min() <= low
+    assert high <= ends[1].max()
+    if ends[0].min() < low and high < ends[1].max():
+        assert low * high == pytest.approx(modulus**2, rel=1e-12)
 
 
 def test_interval_at_a_grade_is_the_grades_own() -> None:
@@ -121,6 +189,18 @@ def test_wiener_variance_of_a_wiener_process() -> None:
     assert np.mean(estimates) == pytest.approx(0.49, rel=0.1)
 
 
+def test_wiener_variance_is_that_of_the_model_without_each_grade() -> None:
+    squares, materials = [], CONNEX3.palette.materials
+    for k in range(1, len(materials) - 1):
+        kept = (*materials[:k], *materials[k + 1 :])
+        others = CoefficientModel(replace(CONNEX3.palette, materials=kept))
+        m = float(CONNEX3.coordinates[k])
+        off = np.log(CONNEX3.modulus_MPa(m, 0.1) / others.modulus_MPa(m, 0.1))
+        before, after = np.diff(CONNEX3.coordinates)[k - 1 : k + 1]
+        squares.append(off**2 * (before + after) / (before * after))
+    assert float(CONNEX3.wiener_variance(0.1)) == pytest.approx(np.mean(squares), rel=1e-12)
+
+
 def test_an_even_ladder_leaves_no_doubt_between_grades() -> None:
     model = CoefficientModel(palette(*((k / 6, linear(2.0**k)) for k in range(5))))
     assert float(model.wiener_variance(0.1)) == pytest.approx(0.0, abs=1e-28)
@@ -128,7 +208,14 @@ def test_an_even_ladder_leaves_no_doubt_between_grades() -> None:
 
 def test_two_grades_know_but_one_step() -> None:
     model = CoefficientModel(palette((0.0, linear(1.0)), (0.5, linear(np.e**2))))
-    assert float(model.wiener_variance(0.1)) == pytest.approx(8.0, rel=1e-12)  # 2^2 / 0.5
+    # Half-way the variance of a uniform place on a step of 2: 2^2 / 12, over t (1 - t) gap.
+    assert float(model.wiener_variance(0.1)) == pytest.approx(4.0 / 12.0 / (0.25 * 0.5), rel=1e-12)
+    assert model.wiener_variance([0.1, 0.2]).shape == (2,)
+    low, high = model.modulus_interval_MPa([0.05, 0.25, 0.45], 0.1)
+    assert (low >= 1.0).all()
+    assert (high <= np.e**2).all()
+    # 1.96 sqrt(4 / 12) is more than half a step: the middle may be anything between the two.
+    assert (low[1], high[1]) == (1.0, pytest.approx(np.e**2))
 
 
 def test_a_palette_of_one_material() -> None:
@@ -181,6 +268,17 @@ def ogden(mu: float, alpha: float) -> LawParameters:
 def test_no_ladder_no_model(grades: tuple[tuple[float, LawParameters], ...], words: str) -> None:
     with pytest.raises(PaletteError, match=words):
         CoefficientModel(palette(*grades))
+
+
+def test_mixtures_whose_stress_would_fall_are_refused() -> None:
+    """Two grades soften to the end, where the third, which stiffens, draws away."""
+    yeoh = [(0.22, -0.019, -0.036), (0.873, -0.191, -0.209), (1.144, 2.842, 0.258)]
+    grades = [(float(k), LawParameters("yeoh", {"c_MPa": c})) for k, c in enumerate(yeoh)]
+    CoefficientModel(palette(*grades[:2]))  # as all that rises does
+    three = palette(*grades)
+    further = tuple(replace(m, elongation_at_break=0.6) for m in three.materials)
+    with pytest.raises(PaletteError, match="between M0 and M1 the stress of a mixture falls"):
+        CoefficientModel(replace(three, materials=further))
 
 
 def test_arguments_out_of_range() -> None:

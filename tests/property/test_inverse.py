@@ -41,7 +41,7 @@ def test_round_trip_over_the_whole_range(strain: float, seed: int) -> None:
 @given(m=st.floats(0.0, 1.5), strain=strains)
 def test_the_model_undoes_the_inverse(m: float, strain: float) -> None:
     back = float(coordinate_for(CONNEX3, CONNEX3.modulus_MPa(m, strain), strain))
-    # A modulus' rounding of 2e-16 over the flattest step, ln 1.5 in 1/6.
+    # Roundings of 2e-16 of a modulus and a cubic over the flattest place, ln 1.5 in 1/6 or so.
     assert back == pytest.approx(m, abs=1e-14)
 
 
