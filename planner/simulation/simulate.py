@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any, NamedTuple
@@ -146,11 +146,16 @@ def _pull(bar: Bar, model: CoefficientModel, displacement_mm: FloatArray) -> _Pu
     materials = model.palette.materials
     breaks = np.array([m.elongation_at_break for m in materials])
     break_strain = (1.0 - t) * breaks[lower] + t * breaks[upper]
-    # A blend may go beyond twice the break of the one of its grades that breaks first. Grades that
-    # are not used count for the slopes beside them.
-    end = FARTHEST * float(breaks[np.unique([lower, upper])].max())
-    laws = law_tables(model.palette, strain_end=end, farthest=math.inf)
-    rising = laws.sound_strain
+    # A blend may go beyond twice the break of the one of its grades that breaks first. The grades
+    # beside those that are used count for the slopes there.
+    near = slice(max(int(lower.min()) - 1, 0), int(upper.max()) + 2)
+    laws = law_tables(
+        replace(model.palette, materials=materials[near]),
+        strain_end=FARTHEST * float(breaks[np.unique([lower, upper])].max()),
+        farthest=math.inf,
+    )
+    rising = np.zeros(len(breaks))
+    rising[near] = laws.sound_strain
     limit = np.minimum(FARTHEST * break_strain, np.minimum(rising[lower], rising[upper]))
 
     def beyond(travel_mm: float) -> float:
@@ -523,7 +528,8 @@ def _force_interval_N(
         d ln F = Σ w_i d ln s_i,  w_i = l_i P_i / T_i / Σ l P / T,
 
     with length l, nominal stress P and tangent T; the weights add up to 1. d_i is that of
-    `CoefficientModel.modulus_interval_MPa`: the grades' own, and between grades the bridge's. All
+    `CoefficientModel.modulus_interval_MPa`: the grades' own, and between grades the bridge's, not
+    cut where both grades' intervals end. All
     d_i are taken to go together, so that the standard deviation of ln F is Σ w_i d_i. Whatever
     their correlation, it is not larger.
 

@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from planner.errors import PaletteError
 from planner.materials.laws import make_law
@@ -13,6 +14,7 @@ from planner.simulation.bar_solver import (
     STRAIN_END,
     RELAXATION_TIMES_s,
     Setup,
+    instantaneous,
     law_tables,
     predict,
     predict_all,
@@ -348,3 +350,32 @@ def test_threads_change_nothing():
         for f in fields(one):
             np.testing.assert_array_equal(getattr(one, f.name), getattr(two, f.name))
     assert alone[0].force_N[0, -1] < alone[-1].force_N[0, -1]
+
+
+def test_pushed_mixtures_and_instantaneous_ones_lie_on_the_cubic_through_their_laws():
+    """Rubbers whose stress relaxes to a part of each their own: what is shown is the law again."""
+    stiffness = {0.0: 0.2, 0.3: 0.3, 0.5: 0.9, 1.0: 1.4}
+    rubbers = [
+        material(f"r{m}", m, "yeoh", c_MPa=(c, -0.03 * c, 0.02 * c)) for m, c in stiffness.items()
+    ]
+    palette = Palette("p", tuple(rubbers))
+    laws = law_tables(palette)
+    travel = np.linspace(0.0, 0.5 * GAUGE_MM, 64)
+    coordinates = [(0.1,), (0.4,), (0.8,), (1.0,)]
+    pushed = setup(travel, coordinates=coordinates, pushed=np.ones(4, dtype=bool))
+    stretch = 1.0 - travel[1:] / GAUGE_MM
+    shown = np.stack([make_law(m.law).nominal_stress_MPa(stretch) for m in rubbers])
+    cubic = PchipInterpolator(laws.coordinate, np.log(-shown), axis=0)
+    expected = -AREA_mm2 * np.exp(cubic([m for (m,) in coordinates]))
+    np.testing.assert_allclose(predict(pushed, laws).force_N[:, 1:], expected, rtol=1e-8)
+    # Of laws that are 1 / (1 - share) times as stiff at once, the slopes are those of the new ones.
+    share = np.array([0.1, 0.5, 0.2, 0.4])
+    relaxing = np.zeros((8, len(RELAXATION_TIMES_s)))
+    relaxing[:, 0] = np.tile(share, 2)
+    slow = instantaneous(laws, relaxing, 1e-6)  # its 0.01 s are over before a test begins
+    strain = 0.25
+    of_grades = stress_MPa(laws.coordinate, strain, laws) / (1.0 - share)
+    cubic = PchipInterpolator(laws.coordinate, np.log(of_grades))
+    # 1e-5: what relaxes is behind by its time, 1e-8 of strain.
+    found = stress_MPa(np.array([0.1, 0.4, 0.8]), strain, slow)
+    np.testing.assert_allclose(found, np.exp(cubic([0.1, 0.4, 0.8])), rtol=1e-5)
