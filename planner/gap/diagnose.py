@@ -68,7 +68,7 @@ def _places_of(
 
 def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
     """Return what the chosen effects change of the features, (N,)."""
-    change: FloatArray = problem.changes([chosen])[0]
+    change: FloatArray = problem.changes_by([chosen])[0]
     if chosen.members is not None:
         force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
         change = change + chosen.log_gain * chosen.members[problem.table.specimen] * force

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -920,20 +920,58 @@ class Prediction:
         Engineering strain of every slice, of its `PulledBars.length_mm`.
     stiffness_N : (T, S)
         Derivative of every slice's force by its strain; without rows where it was not asked for.
+    bars
+        What was predicted.
     """
 
     force_N: FloatArray
     strain: FloatArray
     stiffness_N: FloatArray
+    bars: PulledBars
+
+
+_OF_ALL = frozenset(
+    {"first_slice", "reference_relaxing", "reference_rate_per_s", "softening_table", "set_table",
+     "set_growth"}
+)  # fmt: skip
+"""What all tests of `PulledBars` share; the rest is theirs, or their slices'."""
+
+
+def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
+    """Return which tests are not the same in both, (P,); of as many steps and slices."""
+    differs = np.zeros(len(bars.time_s), dtype=np.bool_)
+    for name in (f.name for f in fields(PulledBars)):
+        own, other = getattr(bars, name), getattr(like, name)
+        if own is other:  # an effect changes a few, and hands the others on
+            continue
+        if name in _OF_ALL:
+            differs |= not np.array_equal(own, other)
+            continue
+        changed = (own != other).reshape(len(own), -1).any(axis=1)
+        if len(changed) != len(differs):
+            changed = np.logical_or.reduceat(changed, bars.first_slice[:-1])
+        differs |= changed
+    return differs
 
 
 def predict(
-    bars: PulledBars, laws: LawTables, *, tolerance: float = _TOLERANCE, stiffness: bool = False
+    bars: PulledBars,
+    laws: LawTables,
+    *,
+    tolerance: float = _TOLERANCE,
+    stiffness: bool = False,
+    like: Prediction | None = None,
 ) -> Prediction:
     """Follow every test along its path.
 
     All values are finite for finite setups: where no equilibrium exists (more travel than the
     slices can take to strains of -0.6 to 1 beyond the tables), strains stay at that end.
+
+    Parameters
+    ----------
+    like
+        By the same laws, of as many tests, steps and slices: tests that are the same in it are not
+        followed again, and show the same to the last digit.
     """
     tests = np.empty(len(bars.time_s), dtype=_TEST)
     tests["first"], tests["stop"] = bars.first_slice[:-1], bars.first_slice[1:]
@@ -966,6 +1004,12 @@ def predict(
     relaxing["share"] = bars.relaxing[:, used]
     strain = np.empty((bars.time_s.shape[1], len(slices)))
     stiffness_N = np.empty((len(strain) if stiffness else 0, len(slices)))
+    force = np.empty(bars.time_s.shape)
+    some = np.ones(len(tests), dtype=np.bool_)
+    if like is not None and not stiffness:
+        some = _differs(bars, like.bars)
+        strain[:], force[:] = like.strain * np.where(pushed, -1.0, 1.0), like.force_N
+        tests, paths = tests[some], paths[some]
     # Copies, for kernels are compiled for arrays of one kind.
     softening = np.array(bars.softening_table, dtype=np.float64)
     left = np.array(bars.set_table, dtype=np.float64)
@@ -973,16 +1017,23 @@ def predict(
         tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
         bars.set_growth, tolerance, strain, stiffness_N,
     )  # fmt: skip
-    force = np.where(bars.pushed[:, None], -1.0, 1.0) * paths["force_N"]
-    return Prediction(
-        bars.gain * force + bars.offset_N, np.where(pushed, -strain, strain), stiffness_N
-    )
+    signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"]
+    force[some] = bars.gain[some] * signed + bars.offset_N[some]
+    return Prediction(force, np.where(pushed, -strain, strain), stiffness_N, bars)
 
 
-def predict_all(setups: Iterable[Setup], laws: LawTables, *, workers: int = 2) -> list[Prediction]:
-    """Predict several setups, in their order; threads change the time it takes and nothing else."""
+def predict_all(
+    setups: Iterable[Setup], laws: LawTables, *, like: Prediction | None = None, workers: int = 2
+) -> list[Prediction]:
+    """Predict several setups, in their order; threads change the time it takes and nothing else.
+
+    Parameters
+    ----------
+    like
+        See `predict`.
+    """
     waiting = list(setups)
     if workers < 2 or len(waiting) < 2:
-        return [predict(setup, laws) for setup in waiting]
+        return [predict(setup, laws, like=like) for setup in waiting]
     with ThreadPoolExecutor(min(workers, len(waiting))) as pool:
-        return list(pool.map(partial(predict, laws=laws), waiting))
+        return list(pool.map(partial(predict, laws=laws, like=like), waiting))

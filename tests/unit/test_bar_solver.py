@@ -1,6 +1,6 @@
 """The solver of bars against closed forms."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -379,3 +379,40 @@ def test_pushed_mixtures_and_instantaneous_ones_lie_on_the_cubic_through_their_l
     # 1e-5: what relaxes is behind by its time, 1e-8 of strain.
     found = stress_MPa(np.array([0.1, 0.4, 0.8]), strain, slow)
     np.testing.assert_allclose(found, np.exp(cubic([0.1, 0.4, 0.8])), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["log_factor", "log_tilt", "relaxing", "softening", "set_share", "fatigue", "length_mm",
+     "area_mm2", "coordinate", "reloads", "lost_mm", "offset_N", "gain", "slip_mm_N",
+     "slip_from_N", "compliance_mm_N", "travel_factor"],
+)  # fmt: skip
+@pytest.mark.parametrize("where", [0, -1])
+def test_tests_that_are_the_same_in_a_former_prediction_are_taken_from_it(name, where):
+    path = there_and_back((0.3, 0.05, 0.4), points=15)
+    tables = {"softening_table": np.full((21, 21), 0.3), "set_table": np.full(21, 0.2)}
+    plain = setup(path, coordinates=((0.1, 0.6), (0.3,), (0.7,)), **tables)
+    former = predict(plain, LAWS)
+    value = getattr(plain, name).copy()
+    value[where] += 0.1 / value[where].size
+    changed = plain.with_(**{name: value})
+    fresh, found = predict(changed, LAWS), predict(changed, LAWS, like=former)
+    np.testing.assert_array_equal(found.force_N, fresh.force_N)
+    np.testing.assert_array_equal(found.strain, fresh.strain)
+    # A prediction that says something else shows which tests were not followed again.
+    other = replace(former, force_N=former.force_N + 1e6)
+    taken = (predict(changed, LAWS, like=other).force_N > 1e5).all(axis=1)
+    assert taken.tolist() == [where == -1, True, where == 0]
+
+
+def test_tables_and_laws_that_change_change_every_test():
+    plain = setup(there_and_back((0.3, 0.05), points=15), coordinates=((0.1,), (0.3,)))
+    plain = plain.with_(softening=np.full(2, 0.5), relaxing=np.full((2, 15), 0.02))
+    for changes in (
+        {"softening_table": np.full((21, 21), 0.3)},
+        {"reference_relaxing": np.full((2, 15), 0.02)},
+    ):
+        fresh = predict(plain.with_(**changes), LAWS)
+        found = predict(plain.with_(**changes), LAWS, like=predict(plain, LAWS))
+        np.testing.assert_array_equal(found.force_N, fresh.force_N)
+        assert (fresh.force_N != predict(plain, LAWS).force_N).any(axis=1).all()

@@ -26,7 +26,7 @@ from planner.gap.noise import (
 )
 from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
 from planner.numerics import FloatArray, IntArray
-from planner.simulation.bar_solver import Setup, predict, predict_all
+from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
 __all__ = [
     "AMPLITUDES",
@@ -248,8 +248,10 @@ class Problem:
 
     Attributes
     ----------
+    alone
+        What the palette alone predicts.
     unpredicted : (N,)
-        Raw features that the palette alone predicts.
+        Its raw features.
     residual : (N,)
         Measured less predicted, transformed.
     node_features : (nodes, N)
@@ -268,6 +270,7 @@ class Problem:
     scatter: Scatter
     noise: SpecimenNoise
     ways: tuple[Calibration, ...]
+    alone: Prediction
     unpredicted: FloatArray
     sensitivity: FloatArray
     residual: FloatArray
@@ -302,15 +305,27 @@ class Problem:
         first = self.gains.stop + sum(a.columns.shape[1] for a in self.unknown[:number])
         return slice(first, first + self.unknown[number].columns.shape[1])
 
-    def changes(self, candidates: Sequence[Candidate]) -> FloatArray:
-        """Return what candidates change of the transformed features, (k, N), by the forward model.
+    def predictions(
+        self, candidates: Sequence[Candidate], like: Prediction | None = None
+    ) -> list[Prediction]:
+        """Return what the forward model predicts of candidates, gains of some specimens left out.
 
-        Gains of some specimens are left out.
+        Parameters
+        ----------
+        like
+            Of a candidate much like these, which is faster; the palette alone by default.
         """
         setups = [applied(candidate, self.model.setup) for candidate in candidates]
-        raw = np.stack([self.model.predicted(p) for p in predict_all(setups, self.model.laws)])
-        table = self.table
+        return predict_all(setups, self.model.laws, like=like or self.alone)
+
+    def changes(self, predictions: Sequence[Prediction]) -> FloatArray:
+        """Return what predictions change of the palette's transformed features, (k, N)."""
+        raw, table = np.stack([self.model.predicted(p) for p in predictions]), self.table
         return np.asarray(table.transformed(raw) - table.transformed(self.unpredicted))
+
+    def changes_by(self, candidates: Sequence[Candidate]) -> FloatArray:
+        """Return what candidates change of them, but for gains of some specimens, (k, N)."""
+        return self.changes(self.predictions(candidates))
 
     def gain_of(self, candidate: Candidate) -> FloatArray:
         """Return the whitened change by a candidate's gain of some specimens, (N,)."""
@@ -323,7 +338,7 @@ class Problem:
         gain = self.gain_of(candidate)
         if not candidate.branches:
             return gain
-        return np.asarray(self.noise.whiten(self.changes([candidate])[0]) + gain)
+        return np.asarray(self.noise.whiten(self.changes_by([candidate])[0]) + gain)
 
     def with_laws_off(self, sizes: FloatArray) -> Setup:
         """Return the campaign's setup with each of `ways` by its size, in prior deviations."""
@@ -350,7 +365,7 @@ class Problem:
         ]
         if not alone:
             return np.zeros((len(table), 0))
-        changes = self.changes([one for _, one in alone])
+        changes = self.changes_by([one for _, one in alone])
         parts = [
             individual * change[:, None] * specimens
             for (individual, _), change in zip(alone, changes, strict=True)
@@ -367,6 +382,7 @@ def set_up(
     """Run the forward model at every node of every form, and whiten what comes out."""
     branches = signed_forms(effects)
     ways = calibrations(campaign.palette, model.setup)
+    alone = predict(model.setup, model.laws)
     setups = [model.setup, *(way.applied(model.setup) for way in ways)]
     for branch in branches:
         setups += [branch.form.apply(model.setup, branch.values(p)) for p in branch.node_places()]
@@ -377,7 +393,7 @@ def set_up(
     sides = np.zeros((len(seen), seen.shape[2]), dtype=np.int64)
     likely = weights.weight[:, len(SIDES) // 2]
     strains = np.zeros((len(setups), *sides.shape))
-    for k, prediction in enumerate(predict_all(setups, model.laws)):
+    for k, prediction in enumerate(predict_all(setups, model.laws, like=alone)):
         raw[k] = prediction.force_N[table.test, table.step]
         if field.any():
             if k == 0:
@@ -427,6 +443,7 @@ def set_up(
         scatter=scatter,
         noise=noise,
         ways=ways,
+        alone=alone,
         unpredicted=unpredicted,
         sensitivity=sensitivity,
         residual=residual,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -124,8 +125,9 @@ def _without_last(m: FloatArray, head: int) -> tuple[FloatArray, float]:
 
 _STEPS = 12
 _ENOUGH_NATS = 0.05
-"""Iterations, and the gain below which one is the last. Numerical: evidence is off by about that,
-little beside the 3 nats that tell hypotheses apart."""
+"""Iterations, and the gain that is none: one that was made, or that the model linear about a point
+promises still. Numerical: evidence is off by about that, little beside the 3 nats that tell
+hypotheses apart."""
 
 _DIFFERENCE = 0.02
 """Step of the derivatives, in prior deviations. Numerical: they are off by a hundredth of what they
@@ -156,57 +158,68 @@ def _coordinates(candidate: Candidate) -> FloatArray:
     return np.concatenate([branch.coordinates(place) for branch, place in pairs])
 
 
-class _Posterior:
-    """A candidate's posterior in a world, beside specimens' own sizes of it."""
+class _Point:
+    """A candidate somewhere, and what the forward model says of it there.
 
-    def __init__(self, world: World, candidate: Candidate, own: FloatArray | None) -> None:
-        self._world, self._problem, self._start = world, world.problem, candidate
-        self._own = own
-        self._evaluate(_coordinates(candidate))
+    Attributes
+    ----------
+    left : (N,)
+        The whitened residual that it leaves.
+    """
 
-    def _evaluate(self, at: FloatArray) -> None:
-        problem = self._problem
-        self.coordinates, self.candidate = at, _moved(self._start, at)
-        self._change = problem.changes([self.candidate])[0]
-        self.left = problem.noise.whiten(problem.residual - self._change)
-        squares = float(self._world.products(self.left[:, None], self._own)[0, 0])
-        self.cost = 0.5 * (squares + float(at @ at))
+    def __init__(self, problem: Problem, candidate: Candidate, coordinates: FloatArray) -> None:
+        self._problem, self.coordinates = problem, coordinates
+        self.candidate = _moved(candidate, coordinates)
+        self._prediction = problem.predictions([self.candidate])
+        self._change = problem.changes(self._prediction)
+        self.left = problem.noise.whiten(problem.residual - self._change[0])
 
+    def moved(self, move: FloatArray) -> "_Point":
+        """Return where the candidate is after a move of its coordinates."""
+        return _Point(self._problem, self.candidate, self.coordinates + move)
+
+    @cached_property
     def slopes(self) -> FloatArray:
-        """Return derivatives of the whitened features by the coordinates, (N, p)."""
-        at = self.coordinates
+        """Derivatives of the whitened features by the coordinates, (N, p)."""
+        at, problem = self.coordinates, self._problem
         # Towards the middle, where no parameter is at its bound.
         steps = np.where(at > 0.0, -_DIFFERENCE, _DIFFERENCE)
-        moved = [_moved(self._start, row) for row in at + np.diag(steps)]
-        changes = self._problem.changes(moved) - self._change
-        return self._problem.noise.whiten((changes / steps[:, None]).T)
+        moved = [_moved(self.candidate, row) for row in at + np.diag(steps)]
+        changes = problem.changes(problem.predictions(moved, self._prediction[0])) - self._change
+        return problem.noise.whiten((changes / steps[:, None]).T)
 
-    def climb(self, steps: int) -> FloatArray:
-        """Go to the mode; return the slopes there."""
-        damping, slopes = _DAMPING, self.slopes()
-        for _ in range(steps):
-            at, before = self.coordinates, self.cost
-            state = self.candidate, self._change, self.left
-            columns = np.concatenate([self.left[:, None], slopes], axis=1)
-            m = self._world.products(columns, self._own)
-            gradient = m[1:, 0] - at
-            curvature = m[1:, 1:] + np.eye(len(at))
-            while True:
-                damped = curvature + damping * np.diag(np.diagonal(curvature))
-                move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
-                self._evaluate(at + move)
-                if self.cost < before:
-                    damping *= _LESS
-                    break
-                damping *= _MORE
-                if float(gradient @ move) < _ENOUGH_NATS or damping > _MOST_DAMPING:
-                    self.coordinates, self.cost = at, before
-                    self.candidate, self._change, self.left = state
-                    return slopes
-            slopes = self.slopes()
-            if before - self.cost < _ENOUGH_NATS:
+    def cost(self, world: World, own: FloatArray) -> float:
+        """Return minus ln of the posterior, but for a constant, beside specimens' own sizes."""
+        squares = float(world.products(self.left[:, None], own)[0, 0])
+        return 0.5 * (squares + float(self.coordinates @ self.coordinates))
+
+
+def _mode(world: World, point: _Point, own: FloatArray) -> _Point:
+    """Return the posterior mode in a world from a point on, beside specimens' own sizes."""
+    damping, cost = _DAMPING, point.cost(world, own)
+    for _ in range(_STEPS):
+        columns = np.concatenate([point.left[:, None], point.slopes], axis=1)
+        m = world.products(columns, own)
+        gradient = m[1:, 0] - point.coordinates
+        curvature = m[1:, 1:] + np.eye(len(gradient))
+        # The evidence of the model linear about a point has its gain already.
+        if 0.5 * float(gradient @ np.linalg.solve(curvature, gradient)) < _ENOUGH_NATS:
+            break
+        before = cost
+        while True:
+            damped = curvature + damping * np.diag(np.diagonal(curvature))
+            move = np.clip(np.linalg.solve(damped, gradient), -_LONGEST, _LONGEST)
+            reached = point.moved(move)
+            cost = reached.cost(world, own)
+            if cost < before:
                 break
-        return slopes
+            damping *= _MORE
+            if float(gradient @ move) < _ENOUGH_NATS or damping > _MOST_DAMPING:
+                return point
+        damping, point = damping * _LESS, reached
+        if before - cost < _ENOUGH_NATS:
+            break
+    return point
 
 
 # ------------------------------------------------------------------------------------------------
@@ -271,20 +284,18 @@ _SAME_SIZE = 0.05
 end. Numerical: their deviation, a third, is off by as little."""
 
 
-def _settled_in(world: World, candidate: Candidate) -> Settled:
-    own = np.zeros((len(world.problem.table), 0))
+def _mode_beside_own(world: World, point: _Point, own: FloatArray) -> tuple[_Point, FloatArray]:
+    """Return a mode and specimens' own sizes there, from a point and such sizes on."""
     for _ in range(_ROUNDS):
-        posterior = _Posterior(world, candidate, own)
-        slopes = posterior.climb(_STEPS)
-        before, candidate = candidate, posterior.candidate
-        if own.shape[1] and np.all(np.abs(candidate.sizes / before.sizes - 1.0) < _SAME_SIZE):
+        before, point = point, _mode(world, point, own)
+        change = point.candidate.sizes / before.candidate.sizes - 1.0
+        if own.shape[1] and np.all(np.abs(change) < _SAME_SIZE):
             break
         # Own sizes scatter in proportion to the effect's.
-        own = world.problem.own_sizes(candidate)
+        own = world.problem.own_sizes(point.candidate)
         if not own.shape[1]:
             break
-    at = posterior.coordinates
-    return Settled(world, candidate, at, slopes, own, posterior.left + slopes @ at)
+    return point, own
 
 
 def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settled:
@@ -295,13 +306,21 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
     start
         The world in which the candidate was found.
     """
-    settled = _settled_in(start, candidate)
+    point = _Point(start.problem, candidate, _coordinates(candidate))
+    point, own = _mode_beside_own(start, point, np.zeros((len(point.left), 0)))
+    settled = _settled(start, point, own)
     likeliest = max(worlds, key=lambda world: settled.eliminated(world).none)
-    return settled if likeliest is start else _settled_in(likeliest, settled.candidate)
+    if likeliest is start:
+        return settled
+    return _settled(likeliest, *_mode_beside_own(likeliest, point, own))
+
+
+def _settled(world: World, point: _Point, own: FloatArray) -> Settled:
+    at, slopes = point.coordinates, point.slopes
+    return Settled(world, point.candidate, at, slopes, own, point.left + slopes @ at)
 
 
 def resettled(world: World, candidate: Candidate) -> Candidate:
     """Return a candidate at its mode in a world, from where it is."""
-    posterior = _Posterior(world, candidate, world.problem.own_sizes(candidate))
-    posterior.climb(_STEPS)
-    return posterior.candidate
+    point = _Point(world.problem, candidate, _coordinates(candidate))
+    return _mode(world, point, world.problem.own_sizes(candidate)).candidate
