@@ -68,6 +68,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "specimens": found.specimens,
         "heterogeneous": found.heterogeneous,
         "predicts": predicts,
+        "another_unit": found.another_unit if math.isfinite(found.another_unit) else None,
         "priors": asdict(Priors()),
     }
 
@@ -96,6 +97,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         specimens=document["specimens"],
         heterogeneous=document["heterogeneous"],
         predicts=document["predicts"],
+        another_unit=-math.inf if document["another_unit"] is None else document["another_unit"],
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

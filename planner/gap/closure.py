@@ -314,12 +314,12 @@ class _Predictor:
         total = sum(share for share, _ in likely)
         expected, beside_laws = np.zeros((2, *self._measured.shape))
         for share, chosen in likely:
+            if chosen.branches:
+                chosen = resettled(world, chosen)
             everyone = replace(chosen, members=None)
-            if everyone.branches:
-                everyone = resettled(world, everyone)
             for total_of, setup in (
                 (expected, problem.model.setup),
-                (beside_laws, world.calibrated(everyone)),
+                (beside_laws, world.calibrated(chosen)),
             ):
                 forces = specimen_forces_N(problem, everyone, setup)
                 if chosen.members is not None:

@@ -140,14 +140,13 @@ class FeatureTable:
     def chord(self, raw: FloatArray) -> FloatArray:
         """Return the mean of `sensitivity` from `raw` to what was measured.
 
-        With it a factor on forces is a constant times the chord, however large the factor. Where
-        either is in the noise, or their signs differ, it is the larger one's sensitivity.
+        With it a factor on forces is a constant times the chord, however large the factor and
+        however small the forces. Where signs differ it is the larger one's sensitivity.
         """
         measured = self.measured_raw
         larger = np.where(np.abs(measured) > np.abs(raw), measured, raw)
         found = self.sensitivity(larger)
-        clear = np.minimum(np.abs(measured), np.abs(raw)) > self.floor
-        clear &= np.sign(measured) == np.sign(raw)
+        clear = np.sign(measured) * np.sign(raw) > 0.0
         ratio = np.log(np.divide(measured, raw, out=np.ones_like(raw), where=clear))
         clear &= np.abs(ratio) > _SAME
         rise = self.measured - self.transformed(raw)

@@ -221,6 +221,8 @@ class Evidence:
         The probability that tests which took no part are predicted better by what is likely than
         by the palette alone; 1 while this is not known. Folds choose among all hypotheses anew, so
         that it speaks for all that is named.
+    another_unit
+        Log evidence of some specimens in another unit, where that leads.
     """
 
     log_prior: Mapping[HypothesisKey, float]
@@ -231,6 +233,7 @@ class Evidence:
     specimens: int
     heterogeneous: bool
     predicts: float = 1.0
+    another_unit: float = -np.inf
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
@@ -247,6 +250,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         same=_fits_of_same_pattern(problem, weighed, looked_at, _SAME_COSINE),
         specimens=len(problem.campaign.specimens),
         heterogeneous=_heterogeneous(problem),
+        another_unit=weighed.another_unit,
     )
 
 
@@ -398,7 +402,9 @@ def ranking_of(
         by what is. No campaign says anything of it.
     """
     doubt = Doubt() if doubt is None else doubt
-    odds = coarsened(evidence.log_prior, evidence.log_evidence, coarseness_nats)
+    odds = coarsened(
+        evidence.log_prior, evidence.log_evidence, coarseness_nats, evidence.another_unit
+    )
     evened = _evened_out(posterior(odds), evidence)
     least = 0.0 if open_to_others else float(expit(doubt.always))
     shares = {h.effects: max(doubt.share(h, evidence) - least, 0.0) for h in _named(evened)}

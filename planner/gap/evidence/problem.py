@@ -23,6 +23,7 @@ from planner.gap.noise import (
     likeliest_sides,
     seen_otherwise,
     specimen_noise,
+    unit_gains,
 )
 from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
 from planner.numerics import FloatArray, IntArray
@@ -415,7 +416,9 @@ def set_up(
     sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
-    scatter = estimate_scatter(table, sensitivity, *noise_inputs, residual, aside)
+    gains = np.where(field, 0.0, unit_gains(table)[table.specimen])
+    in_one_unit = table.transformed(table.measured_raw * np.exp(-gains)) - transformed[0]
+    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = np.concatenate(
         [
@@ -506,7 +509,8 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     """
     peak = problem.model.peaks_N
     measured = problem.model.measured_N / peak
-    peaks = peak[:, 0]
+    # As far as they are in one unit: a slip of the pen is no scatter.
+    peaks = peak[:, 0] * np.exp(-unit_gains(problem.table))
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:

@@ -7,9 +7,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
-from planner.formats.tables import QUANTITY_UNITS
 from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, climbed, node_weights
-from planner.gap.noise import Scatter
+from planner.gap.noise import UNIT_GAINS, Scatter
 from planner.numerics import FloatArray, IntArray, kernel
 
 __all__ = ["Search", "weigh_subset"]
@@ -134,18 +133,9 @@ class Search:
 # Some specimens, but not the others, have their force off by one factor.
 
 
-_FORCE_UNITS = (
-    QUANTITY_UNITS["force"]["lbf"],
-    QUANTITY_UNITS["force"]["kgf"],
-    QUANTITY_UNITS["length"]["in"],
-)
-"""Pounds and kilograms for newtons; inches, where somebody scaled the wrong column."""
-
 _GAINS = np.geomspace(0.05, 0.6, 24)
 """Logarithms of a gain of some specimens. Numerical: each 11 % larger than the one before,
 which a few specimens of usual scatter do not resolve."""
-
-_UNITS = np.log(_FORCE_UNITS)
 
 _DISTINCT = 2.5
 """Deviations of the specimens' scatter by which a gain must exceed it. Chosen: by chance one
@@ -162,7 +152,7 @@ _LEAST_MEMBERS = 2
 def _gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
     """Return logarithms of the factor, and their log prior: half for any gain, half for units."""
     some = _GAINS[_DISTINCT * scatter.specimen <= _GAINS]
-    gains = np.concatenate([some, -some, _UNITS, -_UNITS])
+    gains = np.concatenate([some, -some, UNIT_GAINS, -UNIT_GAINS])
     of_units = np.arange(len(gains)) >= 2 * len(some)
     prior = np.where(of_units, 0.5 / of_units.sum(), 0.5 / max(int((~of_units).sum()), 1))
     return gains, np.log(prior)
@@ -176,7 +166,7 @@ and off by much less."""
 
 @kernel
 def _best_subset(
-    b: FloatArray, h: FloatArray, gammas: FloatArray, shares: FloatArray,
+    b: FloatArray, h: FloatArray, likeliest: FloatArray, gammas: FloatArray, shares: FloatArray,
     belief: FloatArray, best_belief: FloatArray, evidence: FloatArray,
 ) -> int:  # fmt: skip
     """Fill the log evidence of each logarithm of gain; return the best one, its beliefs filled.
@@ -191,6 +181,8 @@ def _best_subset(
     ----------
     b : (n,), h : (n, n)
         Inner products of the specimens' own gains with the residual and one another.
+    likeliest : (n,)
+        Logarithms of every specimen's own gain, all free, from which members are told at first.
     shares : (m,)
         Shares of members, equally probable.
     belief, best_belief : (n,)
@@ -207,7 +199,7 @@ def _best_subset(
         for s in range(m):
             odds = np.log(shares[s] / (1.0 - shares[s]))
             for i in range(n):
-                belief[i] = 1.0 if gamma * b[i] > 0.5 * square * h[i, i] else 0.0
+                belief[i] = 1.0 if gamma * likeliest[i] > 0.5 * square else 0.0
             for i in range(n):
                 total = 0.0
                 for j in range(n):
@@ -261,7 +253,8 @@ def weigh_subset(
     gammas, prior = _gains_of(scatter)
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty(len(gammas))
-    at = int(_best_subset(b, h, gammas, _SHARES, belief, best, evidence))
+    likeliest = np.linalg.lstsq(h, b, rcond=1e-9)[0]
+    at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)

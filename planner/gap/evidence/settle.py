@@ -173,6 +173,7 @@ class _Point:
         self._prediction = problem.predictions([self.candidate])
         self._change = problem.changes(self._prediction)
         self.left = problem.noise.whiten(problem.residual - self._change[0])
+        self.left -= problem.gain_of(self.candidate)
 
     def moved(self, move: FloatArray) -> "_Point":
         """Return where the candidate is after a move of its coordinates."""

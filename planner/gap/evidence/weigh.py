@@ -10,6 +10,7 @@ from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
 from planner.gap.evidence.search import Search, weigh_subset
 from planner.gap.evidence.settle import Settled, World, joined, settle
 from planner.gap.evidence.surrogate import Candidate, Elimination
+from planner.gap.noise import UNIT_GAINS
 from planner.numerics import FloatArray
 
 __all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", "reweigh", "weigh"]
@@ -83,6 +84,9 @@ _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does. Chosen: faults of
 a machine mostly hold for all that it tested."""
 
+_GAIN: Effects = ("force-scale",)
+"""The effect that may hold for some specimens only."""
+
 ANY = "every test"
 """In place of an axis, of an unknown that goes along every test."""
 
@@ -113,6 +117,8 @@ class Weighed:
         The best form and parameters of each set of effects.
     settled
         Every candidate that was weighed on the forward model.
+    beside_some
+        Single effects, settled where a gain of some specimens is beside them.
     discrepancy
         Of the world in which the likeliest of these settled; 0 without any.
     """
@@ -123,12 +129,22 @@ class Weighed:
     exact: dict[Effects, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
     settled: list[Settled] = field(default_factory=list)
+    beside_some: list[Settled] = field(default_factory=list)
     discrepancy: float = 0.0
 
     @property
     def plain(self) -> World:
         """The world of the scatter as estimated and of models that are exact."""
         return self.worlds[0]
+
+    @property
+    def another_unit(self) -> float:
+        """Evidence of some specimens in another unit, where that is what leads of one effect."""
+        if not self.beside_some:
+            return -np.inf
+        some = self.best[_GAIN]
+        in_unit = np.min(np.abs(np.abs(some.log_gain) - UNIT_GAINS)) < 1e-9
+        return self.log_evidence[_GAIN, ""] if in_unit else -np.inf
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
@@ -144,6 +160,10 @@ class Weighed:
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
+        if candidate.members is not None:
+            for one in self.beside_some:
+                if one.candidate.places == candidate.places:
+                    return one
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
@@ -158,15 +178,17 @@ def coarsened(
     log_prior: Mapping[HypothesisKey, float],
     log_evidence: Mapping[HypothesisKey, float],
     coarseness_nats: float,
+    another_unit: float = -np.inf,
 ) -> dict[HypothesisKey, float]:
     """Return log odds of hypotheses, priors included.
 
-    Evidence is coarsened by what the best one gains over no effects, exact or with a discrepancy.
+    Evidence is coarsened by what the best one gains over no effects, exact or with a discrepancy;
+    or over `another_unit`, which is exact as well.
     """
     none = max(log_evidence.get(((), axis), -np.inf) for axis in ("", ANY))
-    most = max(max(log_evidence.values()) - none, 0.0)
-    share = 1.0 / (1.0 + most / coarseness_nats)
-    return {key: log_prior[key] + share * (value - none) for key, value in log_evidence.items()}
+    base = max(none, another_unit)
+    share = 1.0 / (1.0 + max(max(log_evidence.values()) - base, 0.0) / coarseness_nats)
+    return {key: log_prior[key] + share * (value - base) for key, value in log_evidence.items()}
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
@@ -210,6 +232,9 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
             found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
             _offer(result, found, world, share, logs)
+    result.beside_some = _settled_beside_some(problem, result, logs)
+    for one in result.beside_some:
+        _add_subset(problem, one, (*exact, *inexact), logs, result)
     for world, share in ((plain, float(np.log(_DISCREPANCIES[0.0]))), *inexact):
         _add_unknown(problem, world, share, logs, result)
     for one in _chosen(result, logs):
@@ -252,11 +277,25 @@ def reweigh(
     """
     logs = _LogPriors(problem, priors)
     world = World(problem, discrepancy=weighed.discrepancy, weight=weight)
-    found = [(logs.none, Candidate(()))]
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     values = [c.log_evidence + logs.forms(c) for c in settled]
-    share = 1.0 / (1.0 + max([0.0, *values]) / priors.coarseness_nats)
-    found += [(logs.of(c.effects) + share * v, c) for v, c in zip(values, settled, strict=True)]
+    base = 0.0
+    if weighed.beside_some:
+        gains = problem.whitened.columns[:, problem.gains]
+        alone = world.elimination(problem.whitened.columns[:, 0], kept=gains)
+        some = [_subset(problem, alone, Candidate(()), world)]
+        for one in weighed.beside_some:
+            e = one.eliminated(world, gains)
+            some.append(_subset(problem, e, one.weighed(world, e), world))
+        settled += some
+        values += [c.log_evidence + logs.forms(c) + float(np.log(_OF_SOME)) for c in some]
+        if np.isfinite(weighed.another_unit):
+            base = max(values[-len(some)], 0.0)
+    share = 1.0 / (1.0 + max([0.0, *(v - base for v in values)]) / priors.coarseness_nats)
+    found = [(logs.none - share * base, Candidate(()))]
+    found += [
+        (logs.of(c.effects) + share * (v - base), c) for v, c in zip(values, settled, strict=True)
+    ]
     return world, found
 
 
@@ -347,19 +386,54 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
 
 def _partners(problem: Problem, one: Settled, logs: _LogPriors) -> list[Candidate]:
     """Return pairs of a settled candidate and each other effect, the best ones first."""
-    found = Search.on(problem.branches, one.conditional(), slice(1, None)).singles()
     own = one.candidate
+    return [joined(own, c) for c in _others(problem, one.conditional(), own.effects, logs)]
+
+
+def _others(
+    problem: Problem, left: Elimination, beside: Effects, logs: _LogPriors
+) -> list[Candidate]:
+    """Return the best form of each other effect for what is left, which keeps the nodes."""
+    found = Search.on(problem.branches, left, slice(1, None)).singles()
     best: dict[Effects, Candidate] = {}
     for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
-        if c.effects != own.effects:
+        if c.effects != beside:
             best.setdefault(c.effects, c)
-    return [joined(own, c) for c in best.values()]
+    return list(best.values())
+
+
+def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) -> list[Settled]:
+    """Return other effects settled beside a gain of some specimens, where that leads alone.
+
+    Without it they settle where they make up for it.
+    """
+    singles = [candidate for effects, candidate in result.best.items() if len(effects) == 1]
+    some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
+    if some.members is None:
+        return []
+    gain = problem.gain_of(some)
+    target, nodes = (
+        problem.whitened.columns[:, 0] - gain,
+        problem.whitened.columns[:, problem.nodes],
+    )
+    world = max(result.worlds, key=lambda w: w.elimination(target).none)
+    others = _others(problem, world.elimination(target, kept=nodes), some.effects, logs)
+    found = []
+    for c in others[: _SINGLES // 4]:
+        beside = replace(c, members=some.members, log_gain=some.log_gain)
+        one = settle(result.worlds, beside, world)
+        alone = replace(one.candidate, members=None, log_gain=0.0)
+        # What the gain does is left for it to make up again, whichever specimens have it.
+        found.append(replace(one, candidate=alone, target=one.target + gain))
+    return found
 
 
 def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
     """Return the best hypotheses' best forms."""
     odds = {
-        e: result.log_evidence[e, ""] + logs.of(e) for e, c in result.best.items() if c.branches
+        e: result.log_evidence[e, ""] + logs.of(e)
+        for e, c in result.best.items()
+        if c.branches and c.members is None
     }
     ranked = sorted(odds, key=lambda e: -odds[e])[:_WITH_UNKNOWN]
     return [result.settled_as(result.best[e]) for e in ranked]
@@ -438,7 +512,7 @@ def _add_subset(
     result: Weighed,
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
-    if one.candidate.effects == ("force-scale",):
+    if one.candidate.effects == _GAIN:
         return
     gains = problem.whitened.columns[:, problem.gains]
     for world, share in worlds:
