@@ -480,7 +480,9 @@ def _add_beside(problem: Problem, one: Settled, logs: _LogPriors, result: Weighe
     """Add a candidate with the unknown beside it, along each axis, in the world it settled in."""
     effects = one.candidate.effects
     e = one.eliminated(one.world, problem.whitened.columns[:, problem.unknown_span])
-    alone = result.log_evidence[effects, ""]
+    # Of that world alone, as what the unknown gains is: another's scatter may do without it.
+    alone = e.none - result.plain.none + logs.forms(one.candidate)
+    alone += float(np.log(_DISCREPANCIES[one.world.discrepancy]))
     for number, gain in _along_axes(problem, e):
         _add_axis(problem, effects, number, alone + gain, logs, result)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import UnknownNameError
+from planner.formats.tables import QUANTITY_UNITS
 from planner.gap.campaign_folder import write_campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis
@@ -78,6 +79,26 @@ def test_probabilities_are_of_everything_weighed(of_rate: Diagnosis, of_nothing:
         assert 0.95 < total <= 1.0 + 1e-9  # twelve are told
         assert found.ranking[0].effects == found.same_class[0]
         assert found.verdict == "+".join(found.ranking[0].effects)
+
+
+def test_another_unit_hides_no_second_effect(rate_campaign, of_rate: Diagnosis) -> None:
+    """Five of 18 specimens in pounds are found by name, and what acts on all beside them.
+
+    What is predicted of tests that were left out is as good as without, to a fifth.
+    """
+    factor = QUANTITY_UNITS["force"]["lbf"]
+    odd = (1, 3, 6, 8, 15)
+    specimens = tuple(
+        replace(s, force_N=s.force_N / factor) if k in odd else s
+        for k, s in enumerate(rate_campaign.specimens)
+    )
+    found = diagnose(replace(rate_campaign, specimens=specimens))
+    assert found.verdict == "force-scale+rate"
+    assert found.ranking[0].probability > 0.5
+    (gain,) = (effect for effect in found.effect if effect.id == "force-scale")
+    assert gain.specimens == tuple(specimens[k].id for k in odd)
+    assert [(u.unit, u.specimens) for u in found.unit_of] == [("lbf", gain.specimens)]
+    assert found.gap.after == pytest.approx(of_rate.gap.after, rel=0.2)
 
 
 def test_an_effect_without_its_covariate_is_not_testable(of_rate: Diagnosis) -> None:

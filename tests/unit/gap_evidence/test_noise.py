@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.gap.evidence.problem import Problem, set_up
-from planner.gap.noise import USUAL
+from planner.formats.tables import QUANTITY_UNITS
+from planner.gap.evidence.problem import Problem, replicate_floor, set_up
+from planner.gap.noise import USUAL, unit_gains
 from planner.gap.observations import observation_model
 
 
@@ -43,6 +44,28 @@ def test_a_hidden_effect_is_no_scatter(cells, imitated) -> None:
     )
     one, two = (ready(c).scatter for c in (plain, replace(plain, specimens=hidden)))
     assert two.specimen == pytest.approx(one.specimen, rel=0.05)
+
+
+@pytest.mark.parametrize("unit", ["lbf", "kgf"])
+def test_another_unit_is_no_scatter(cells, imitated, unit: str) -> None:
+    """Of some replicates, in one direction or the other: scatter and floor are as without, to 15 %.
+
+    A sensor's noise counts in the unit of its record: less than the scatter's own error of 20 %.
+    Uncorrected they would be ten times as large.
+    """
+    plain = imitated(cells, seed=2)
+    factor = QUANTITY_UNITS["force"][unit]
+    factors = {1: factor, 6: 1.0 / factor}
+    mixed = tuple(
+        replace(s, force_N=s.force_N * factors.get(k, 1.0)) for k, s in enumerate(plain.specimens)
+    )
+    clean, problem = ready(plain), ready(replace(plain, specimens=mixed))
+    assert problem.scatter.specimen == pytest.approx(clean.scatter.specimen, rel=0.15)
+    expected = [np.log(factors.get(k, 1.0)) for k in range(len(mixed))]
+    assert unit_gains(problem.table) == pytest.approx(expected)
+    assert not unit_gains(clean.table).any()
+    floor, other = (np.sqrt(np.nanmean(replicate_floor(p))) for p in (clean, problem))
+    assert other == pytest.approx(floor, rel=0.15)
 
 
 def test_without_replicates_the_scatter_is_the_usual_and_uncertain(planned, imitated) -> None:
