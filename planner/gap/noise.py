@@ -41,6 +41,11 @@ __all__ = [
 # How much specimens made alike differ.
 
 
+_LARGEST_SCATTER = 0.12
+"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
+9 %, and estimates are off by a third."""
+
+
 @dataclass(frozen=True, slots=True)
 class Scatter:
     """Standard deviations, of the logarithm of force unless named otherwise.
@@ -76,6 +81,11 @@ class Scatter:
     field_shared: float
     log_sd: float
     degrees_of_freedom: int
+
+    @property
+    def heterogeneous(self) -> bool:
+        """Whether replicates are not alike: they differ by more than prints scatter."""
+        return bool(self.degrees_of_freedom and self.specimen > _LARGEST_SCATTER)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -332,11 +342,15 @@ UNIT_GAINS: FloatArray = np.log(
 column."""
 
 
+_ALIKE = 3.0 * math.sqrt(2.0) * 0.09
+"""How far the levels of two specimens made alike may lie apart. Physical: three deviations, of the
+9 % that jetted specimens scatter by at most."""
+
+
 def unit_gains(table: FeatureTable) -> FloatArray:
     """Return by which units' factors specimens differ from most of their replicates, (n,), in logs.
 
-    One of `UNIT_GAINS` either way where that is nearer than none: the least is a factor of 4, and
-    jetted specimens scatter by 1 to 9 %.
+    One of `UNIT_GAINS` either way, to what the difference of two jetted specimens may be.
     """
     found = np.zeros(int(table.specimen.max()) + 1)
     steps = np.concatenate([[0.0], UNIT_GAINS, -UNIT_GAINS])
@@ -346,7 +360,8 @@ def unit_gains(table: FeatureTable) -> FloatArray:
         if not clear.any():
             continue
         levels = np.median(np.log(np.abs(forces[:, clear])), axis=1)
-        nearest = np.argmin(np.abs(np.subtract.outer(levels, levels)[..., None] - steps), axis=2)
+        far = np.abs(np.subtract.outer(levels, levels)[..., None] - steps)
+        nearest = np.where(far.min(axis=2) < _ALIKE, np.argmin(far, axis=2), 0)
         # Seen from the one that most are like.
         seen = nearest[:, np.argmax(np.sum(nearest == 0, axis=0))]
         found[[table.specimen[r[0]] for r in rows]] = steps[seen]

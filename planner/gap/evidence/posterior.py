@@ -249,7 +249,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
         missing=_missing(world, {e: weighed.best[e] for e in looked_at}),
         same=_fits_of_same_pattern(problem, weighed, looked_at, _SAME_COSINE),
         specimens=len(problem.campaign.specimens),
-        heterogeneous=_heterogeneous(problem),
+        heterogeneous=problem.scatter.heterogeneous,
         another_unit=weighed.another_unit,
     )
 
@@ -339,14 +339,9 @@ def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis
 # Specimens that should be alike and are not: something differs that no column tells.
 
 
-_LARGEST_SCATTER = 0.12
-"""Of replicates' levels, above which they are not alike. Physical: jetted specimens scatter by 1 to
-9 %, and estimates are off by a third."""
-
-
 def heterogeneity_caution(problem: Problem) -> str | None:
     """Return what to tell of replicates that are not alike; None where they are."""
-    if not _heterogeneous(problem):
+    if not problem.scatter.heterogeneous:
         return None
     columns = _telling(problem.campaign, problem.model.replicates)
     where = (
@@ -359,11 +354,6 @@ def heterogeneity_caution(problem: Problem) -> str | None:
         f"specimens made and tested alike differ by {100.0 * problem.scatter.specimen:.0f} %, and "
         f"jetted ones by 1 to 9 %: {where}; give the condition in which they differ its own column"
     )
-
-
-def _heterogeneous(problem: Problem) -> bool:
-    scatter = problem.scatter
-    return bool(scatter.degrees_of_freedom and scatter.specimen > _LARGEST_SCATTER)
 
 
 def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:

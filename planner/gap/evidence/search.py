@@ -253,7 +253,7 @@ def weigh_subset(
     gammas, prior = _gains_of(scatter)
     belief, best = np.zeros(n), np.zeros(n)
     evidence = np.empty(len(gammas))
-    likeliest = np.linalg.lstsq(h, b, rcond=1e-9)[0]
+    likeliest = np.asarray(np.linalg.lstsq(h, b, rcond=1e-9)[0], dtype=np.float64)
     at = int(_best_subset(b, h, likeliest, gammas, _SHARES, belief, best, evidence))
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)

@@ -310,10 +310,13 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
     point = _Point(start.problem, candidate, _coordinates(candidate))
     point, own = _mode_beside_own(start, point, np.zeros((len(point.left), 0)))
     settled = _settled(start, point, own)
-    likeliest = max(worlds, key=lambda world: settled.eliminated(world).none)
+    values = [settled.eliminated(world).none for world in worlds]
+    likeliest = worlds[int(np.argmax(values))]
     if likeliest is start:
         return settled
-    return _settled(likeliest, *_mode_beside_own(likeliest, point, own))
+    again = _settled(likeliest, *_mode_beside_own(likeliest, point, own))
+    # Far from the mode the linear model may promise what is not there.
+    return again if max(again.eliminated(w).none for w in worlds) > max(values) else settled
 
 
 def _settled(world: World, point: _Point, own: FloatArray) -> Settled:

@@ -6,12 +6,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from planner.gap.campaign import axis_columns
 from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
 from planner.gap.evidence.search import Search, weigh_subset
 from planner.gap.evidence.settle import Settled, World, joined, settle
 from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.gap.noise import UNIT_GAINS
-from planner.numerics import FloatArray
+from planner.numerics import BoolArray, FloatArray
 
 __all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", "reweigh", "weigh"]
 
@@ -140,11 +141,9 @@ class Weighed:
     @property
     def another_unit(self) -> float:
         """Evidence of some specimens in another unit, where that is what leads of one effect."""
-        if not self.beside_some:
+        if not self.beside_some or not _in_another_unit(self.best[_GAIN]):
             return -np.inf
-        some = self.best[_GAIN]
-        in_unit = np.min(np.abs(np.abs(some.log_gain) - UNIT_GAINS)) < 1e-9
-        return self.log_evidence[_GAIN, ""] if in_unit else -np.inf
+        return self.log_evidence[_GAIN, ""]
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
@@ -226,7 +225,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         for world, share in (*exact, *inexact):
             e = world.elimination(problem.whitened.columns[:, 0], kept=gains)
             subset = _subset(problem, e, Candidate(()), world)
-            _offer(result, subset, world, share + np.log(_OF_SOME), logs)
+            _offer_some(problem, result, subset, world, share + np.log(_OF_SOME), logs)
     for one in result.settled:
         for world, share in (*exact, *inexact):
             found = one.weighed(world, one.eliminated(world))
@@ -235,6 +234,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     result.beside_some = _settled_beside_some(problem, result, logs)
     for one in result.beside_some:
         _add_subset(problem, one, (*exact, *inexact), logs, result)
+    if result.beside_some:
+        result.discrepancy = result.beside_some[0].world.discrepancy
     for world, share in ((plain, float(np.log(_DISCREPANCIES[0.0]))), *inexact):
         _add_unknown(problem, world, share, logs, result)
     for one in _chosen(result, logs):
@@ -253,6 +254,58 @@ def _offer(
     if not world.discrepancy:
         _add(result.exact, found.effects, evidence)
     result.offer(replace(found, log_evidence=evidence))
+
+
+def _offer_some(
+    problem: Problem,
+    result: Weighed,
+    found: Candidate,
+    world: World,
+    log_share: float,
+    logs: "_LogPriors",
+) -> None:
+    """Add a candidate with a gain of some specimens, weighed in one world.
+
+    Where a column tells these from the others, what is in it is likelier to be at work than a load
+    cell or a slip of the pen that chose them, unless the gain is a unit's.
+    """
+    assert found.members is not None
+    axis = None if _in_another_unit(found) else _telling_column(problem, found.members > 0.5)
+    if axis is None:
+        _offer(result, found, world, log_share, logs)
+        if problem.scatter.heterogeneous and not _in_another_unit(found):
+            # As well as a load cell's, it may be what a condition does that nobody wrote down.
+            evidence = found.log_evidence + world.none - result.plain.none + log_share
+            result.add((), "specimen", logs.single, evidence)
+        return
+    effects = tuple(b.effect.id for b in found.branches)
+    evidence = found.log_evidence + world.none - result.plain.none + log_share
+    _add_axis(problem, effects, axis, evidence, logs, result)
+
+
+def _telling_column(problem: Problem, members: BoolArray) -> int | None:
+    """Return the axis of the unknown whose column has no value both in and out of some specimens.
+
+    None if the column is one that tells specimens one by one, or one along which gains may go.
+    """
+    own = next(b.effect.where for b in problem.branches if b.effect.id in _GAIN)
+    columns = axis_columns(problem.campaign)
+    for number, name in enumerate(axis.axis for axis in problem.unknown):
+        cells = columns.get(name)
+        if cells is None or name in own or len(set(cells)) > len(cells) // 2:
+            continue
+        of, other = (
+            {cell for cell, member in zip(cells, members, strict=True) if member == side}
+            for side in (True, False)
+        )
+        if of and other and not of & other:
+            return number
+    return None
+
+
+def _in_another_unit(candidate: Candidate) -> bool:
+    """Return whether a gain of some specimens is one of a unit's."""
+    return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
 def _subset(problem: Problem, e: Elimination, beside: Candidate, world: World) -> Candidate:
@@ -405,7 +458,7 @@ def _others(
 def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) -> list[Settled]:
     """Return other effects settled beside a gain of some specimens, where that leads alone.
 
-    Without it they settle where they make up for it.
+    Without it they settle where they make up for it. The likeliest first.
     """
     singles = [candidate for effects, candidate in result.best.items() if len(effects) == 1]
     some = max(singles, key=lambda c: c.log_evidence, default=Candidate(()))
@@ -418,14 +471,18 @@ def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) ->
     )
     world = max(result.worlds, key=lambda w: w.elimination(target).none)
     others = _others(problem, world.elimination(target, kept=nodes), some.effects, logs)
-    found = []
-    for c in others[: _SINGLES // 4]:
-        beside = replace(c, members=some.members, log_gain=some.log_gain)
-        one = settle(result.worlds, beside, world)
-        alone = replace(one.candidate, members=None, log_gain=0.0)
-        # What the gain does is left for it to make up again, whichever specimens have it.
-        found.append(replace(one, candidate=alone, target=one.target + gain))
-    return found
+    beside = [replace(c, members=some.members, log_gain=some.log_gain) for c in others]
+    found = [settle(result.worlds, c, world) for c in beside[: _SINGLES // 4]]
+    found.sort(key=lambda one: -one.eliminated(one.world).none)
+    # What the gain does is left for it to make up again, whichever specimens have it.
+    return [
+        replace(
+            one,
+            candidate=replace(one.candidate, members=None, log_gain=0.0),
+            target=one.target + gain,
+        )
+        for one in found
+    ]
 
 
 def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
@@ -521,4 +578,4 @@ def _add_subset(
         e = one.eliminated(world, gains)
         both = _subset(problem, e, one.weighed(world, e), world)
         value = both.log_evidence + logs.forms(one.candidate) + np.log(_OF_SOME)
-        _offer(result, replace(both, log_evidence=value), world, share, logs)
+        _offer_some(problem, result, replace(both, log_evidence=value), world, share, logs)
