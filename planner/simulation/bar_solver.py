@@ -325,7 +325,7 @@ def instantaneous(
     log_secant = np.concatenate([cubics[..., 0], last.sum(axis=2)], axis=1)
     slopes = np.concatenate([cubics[..., 1], last @ (0.0, 1.0, 2.0, 3.0)], axis=1)
     shown = np.exp(log_secant) * strain
-    stress = np.ascontiguousarray(shown.T)
+    stress = np.array(shown.T, order="C")  # its own, of one material too
     shares = np.ascontiguousarray(relaxing[:, used].T)
     _fill_instantaneous(
         stress, shares, np.exp(-spent), -np.expm1(-spent) / spent, np.empty_like(shares),

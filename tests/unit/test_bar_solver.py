@@ -381,6 +381,23 @@ def test_pushed_mixtures_and_instantaneous_ones_lie_on_the_cubic_through_their_l
     np.testing.assert_allclose(found, np.exp(cubic([0.1, 0.4, 0.8])), rtol=1e-5)
 
 
+def test_one_law_alone_is_as_instantaneous_as_among_others():
+    """What relaxes at its own rate: the same law, to rounding, with other materials beside it."""
+    rubbers = [material(f"r{m}", m, "yeoh", c_MPa=(0.2 + m, 0.0, 0.0)) for m in (0.0, 1.0)]
+    laws = law_tables(Palette("p", tuple(rubbers)))
+    alone = replace(laws, coordinate=laws.coordinate[:1], cubics=laws.cubics[[0, 2]])
+    relaxing = np.zeros((4, len(RELAXATION_TIMES_s)))
+    relaxing[:, 5:8] = 0.2
+    both = instantaneous(laws, relaxing, 0.01)
+    for ways in (1, 2):
+        one = replace(alone, cubics=alone.cubics[:ways])
+        found = instantaneous(one, relaxing[:ways], 0.01)
+        strain = np.linspace(0.1, 0.6, 6)
+        expected = stress_MPa(np.zeros(6), strain, both)
+        np.testing.assert_allclose(stress_MPa(np.zeros(6), strain, found), expected, rtol=1e-12)
+        assert np.all(expected > 1.2 * stress_MPa(np.zeros(6), strain, laws))
+
+
 @pytest.mark.parametrize(
     "name",
     ["log_factor", "log_tilt", "relaxing", "softening", "set_share", "fatigue", "length_mm",

@@ -146,7 +146,8 @@ _SHARES: FloatArray = np.array([0.07, 0.15, 0.3, 0.5])
 the others are members of the inverse gain."""
 
 _LEAST_MEMBERS = 2
-"""Of such a subset. Chosen: one specimen alone is an outlier of the data, not an effect."""
+"""Of such a subset, and of the rest. Chosen: one specimen alone is an outlier of the data, not an
+effect."""
 
 
 def _gains_of(scatter: Scatter) -> tuple[FloatArray, FloatArray]:
@@ -258,7 +259,7 @@ def weigh_subset(
     total = float(logsumexp(evidence + prior))
     gamma, members = float(gammas[at]), (best > 0.5).astype(np.float64)
     gain = float(gamma * members @ b - 0.5 * gamma**2 * members @ h @ members)
-    if members.sum() < _LEAST_MEMBERS:
+    if min(members.sum(), n - members.sum()) < _LEAST_MEMBERS:
         total = -np.inf
     return replace(
         beside,
