@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ __all__ = [
     "finite_numbers",
     "is_unit",
     "number",
+    "quantities_of",
     "read_columns",
     "read_records",
     "read_rows",
@@ -42,10 +44,14 @@ Record = dict[str | Any, str | Any]
 """A row's cells by heading, None where the row ends before."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
+_THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
+_GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
+                          "\N{MINUS SIGN}": "-"})  # fmt: skip
+"""What groups digits by thousands besides dot and comma: French and Swiss programs write these."""
 
 
 def read_text(path: Path) -> str:
-    """Read a text file in UTF-8, UTF-16 (with byte order mark) or Windows-1252.
+    """Read a text file in UTF-8, UTF-16, Shift-JIS or Windows-1252, whichever it is.
 
     Raises
     ------
@@ -58,18 +64,36 @@ def read_text(path: Path) -> str:
         raise FileError(
             f"{path}: cannot be read ({error.strerror or error}); give the path of a tensile file"
         ) from error
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = data.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")
+    text = _decoded(data)
     if "\0" in text:
         raise FileError(f"{path}: a binary file; export the test as CSV or text")
     if not text.strip():
         raise FileError(f"{path}: the file is empty; export the test again")
     return text
+
+
+def _decoded(data: bytes) -> str:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    # Digits and separators are most of a record: of UTF-16 every other byte is then zero.
+    odd, even = data[1::2].count(0), data[::2].count(0)
+    if 2 * max(odd, even) > len(data) // 2 and min(odd, even) == 0:
+        text = data.decode("utf-16-le" if odd else "utf-16-be", errors="replace")
+        if "\n" in text:  # no other binary data
+            return text
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    try:
+        text = data.decode("cp932")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+    # What European letters become as Shift-JIS begins with bytes from 0xA0 on; kana and the usual
+    # kanji begin below, where Windows-1252 has quotes, dashes and the euro.
+    begins = [c.encode("cp932")[0] for c in text if not c.isascii()]
+    japanese = 2 * sum(byte < 0xA0 for byte in begins) > len(begins)
+    return text if japanese else data.decode("cp1252", errors="replace")
 
 
 def split_rows(text: str, separator: str) -> list[TextRow]:
@@ -159,8 +183,9 @@ def number(cell: str, separator: str) -> float | None:
     """Return the number in a cell, or None where there is none.
 
     A comma is the decimal sign where it does not separate cells; in a file separated by commas,
-    "1,234.5" in quotes is one thousand and some.
+    "1,234.5" in quotes is one thousand and some, elsewhere "1.234,5".
     """
+    cell = cell.translate(_GROUPED)
     if "," in cell:
         if separator == ",":
             if not _THOUSANDS.fullmatch(cell):
@@ -168,7 +193,9 @@ def number(cell: str, separator: str) -> float | None:
             cell = cell.replace(",", "")
         else:
             if "." in cell:
-                return None
+                if not _THOUSANDS_BY_DOTS.fullmatch(cell):
+                    return None
+                cell = cell.replace(".", "")
             cell = cell.replace(",", ".")
     try:
         return float(cell) if "_" not in cell else None
@@ -218,22 +245,49 @@ QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 )  # fmt: skip
 """Factors to s, mm, N, MPa and fractions, by quantity and unit."""
 
+_UNIT_WORDS = {
+    "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
+    "min": "minuten, minutes, minutos, minuti, 分",
+    "mm": "millimeter, millimètres, milímetros, millimetri, ミリ",
+    "in": "zoll, pouce, pouces, pulg, pulgadas, pollici, インチ",
+    "%": "prozent, pour cent, por ciento, percento, パーセント",
+}
+"""Units as other languages spell them out, by planner's own word."""
+
+_READ_ALONE = {"force": {"dan": 10.0, "cn": 0.01, "kp": 9.80665}}
+"""Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
+2 %, nearer than a load cell's gain is known."""
+
 _CASE_MATTERS = {"mN", "MN"}
 _FOLDED = {
     quantity: {unit.casefold(): f for unit, f in units.items() if unit not in _CASE_MATTERS}
+    | _READ_ALONE.get(quantity, {})
+    | {
+        word.casefold(): units[unit]
+        for unit, words in _UNIT_WORDS.items()
+        if unit in units
+        for word in words.split(", ")
+    }
     for quantity, units in QUANTITY_UNITS.items()
 }
 
 
 def _find(quantity: str, unit: str) -> float | None:
-    unit = unit.removesuffix(".")  # "sec.", "in."
+    # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
+    unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
     factor = QUANTITY_UNITS[quantity].get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 
 
 def is_unit(text: str) -> bool:
     """Say whether `text` is a unit of any quantity that is known here."""
-    return bool(text.strip()) and any(_find(q, text.strip()) is not None for q in QUANTITY_UNITS)
+    return bool(quantities_of(text))
+
+
+def quantities_of(unit: str) -> frozenset[str]:
+    """Return the keys of `QUANTITY_UNITS` that have a unit; none of an empty text."""
+    unit = unit.strip()
+    return frozenset(q for q in QUANTITY_UNITS if unit and _find(q, unit) is not None)
 
 
 def unit_factor(quantity: str, unit: str, *, where: str) -> float:

@@ -11,12 +11,21 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.errors import FileError
+from planner.formats.headings import (
+    Column,
+    Heading,
+    column_of,
+    head_text,
+    is_speed,
+    parse_heading,
+    size_of,
+)
 from planner.formats.tables import (
-    QUANTITY_UNITS,
     TextRow,
     finite_numbers,
     is_unit,
     number,
+    quantities_of,
     read_rows,
     read_text,
     split_rows,
@@ -37,147 +46,17 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# What a column's heading means: which quantity, in which unit.
+# What stands above a record's columns: machine, specimen sizes, speed, units.
 
 
-_NAMES = {
-    "time": ("time", "elapsed time", "test time", "total time"),
-    "force": ("force", "load", "standard force", "tensile force", "tensile load", "axial force"),
-    "displacement": (
-        "displacement", "disp", "extension", "travel", "position", "crosshead", "stroke",
-        "crosshead displacement", "crosshead extension", "tensile extension", "distance",
-        "tensile displacement", "axial displacement", "standard travel",
-    ),
-    "elongation": ("elongation", "deformation"),
-    "strain": (
-        "strain", "ε", "engineering strain", "nominal strain", "tensile strain", "axial strain",
-        "strain 1", "tensile strain (extension)", "tensile strain (displacement)",
-        "tensile strain (strain 1)", "eng strain",
-    ),
-    "stress": (
-        "stress", "σ", "engineering stress", "nominal stress", "tensile stress", "axial stress",
-        "eng stress",
-    ),
-    "stretch": ("stretch", "stretch ratio", "lambda"),
-    "true strain": ("true strain",),
-    "true stress": ("true stress",),
-    "specimen": ("specimen", "specimen id"),
-}  # fmt: skip
-_MEANING = {name: meaning for meaning, names in _NAMES.items() for name in names}
-_COLUMN = {
-    "time": ("time_s", "time"),
-    "force": ("force_N", "force"),
-    "displacement": ("displacement_mm", "length"),
-    "strain": ("strain", "strain"),
-    "stress": ("stress_MPa", "stress"),
-    "stretch": ("stretch", "strain"),
-    "true strain": ("true_strain", "strain"),
-    "true stress": ("true_stress_MPa", "stress"),
-}
-_UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
-_BRACKETED = re.compile(r"(.*?)\s*[\(\[]\s*([^()\[\]]*?)\s*[\)\]]\s*")
-_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
-_SPACED = re.compile(r"(.+)\s(\S+)")
-
-
-@dataclass(frozen=True, slots=True)
-class _Heading:
-    """A heading taken apart: a key of the known meanings, and its unit (None: not stated)."""
-
-    text: str
-    meaning: str
-    unit: str | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Meaning:
-    """Canonical column name of a heading, and the factor to its unit."""
-
-    heading: _Heading
-    column: str
-    factor: float
-
-
-def _meaning(name: str) -> str | None:
-    return _MEANING.get(re.sub(r"[\s_]+", " ", name).strip().casefold())
-
-
-def _parse_heading(text: str) -> _Heading | None:
-    """Take a heading apart, or return None where it names nothing that is known.
-
-    "Load (lbf)", "Load [lbf]", "force_N", "Load N" and a bare "Load" are understood.
-    """
-    bracketed = _BRACKETED.fullmatch(text)
-    if bracketed and (meaning := _meaning(bracketed[1])) is not None:
-        # "Tensile strain (Displacement)" names where the strain comes from, not a unit.
-        if is_unit(bracketed[2]) or _meaning(text) is None:
-            return _Heading(text, meaning, bracketed[2])
-        return _Heading(text, meaning, None)
-    if (meaning := _meaning(text)) is not None:
-        return _Heading(text, meaning, None)
-    if bracketed and (inner := _parse_heading(bracketed[1])) is not None:
-        return _Heading(text, inner.meaning, bracketed[2])
-    suffixed = _SUFFIXED.fullmatch(text)
-    if suffixed and (meaning := _meaning(suffixed[1])) is not None:
-        return _Heading(text, meaning, suffixed[2])
-    spaced = _SPACED.fullmatch(text)
-    # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
-    if spaced and is_unit(spaced[2]) and (meaning := _meaning(spaced[1])) is not None:
-        return _Heading(text, meaning, spaced[2])
-    return None
-
-
-def _column_of(heading: _Heading, *, where: str) -> _Meaning:
-    """Return the canonical column of a heading, with the factor to its unit.
-
-    Raises
-    ------
-    FileError
-        The unit is missing where one is needed, or is unknown.
-    """
-    where = f"{where}, column {heading.text!r}"
-    meaning, unit = heading.meaning, heading.unit
-    if meaning == "elongation":
-        # Bench software calls both the travel and the per cent of gauge length so.
-        meaning = "strain" if unit is not None and "%" in unit else "displacement"
-    column, quantity = _COLUMN[meaning]
-    if unit is None and meaning not in _UNIT_OPTIONAL:
-        raise FileError(
-            f"{where}: no unit; write it in the heading, as '{heading.text} (unit)', "
-            f"or name the columns yourself, as {column}"
-        )
-    return _Meaning(heading, column, unit_factor(quantity, unit or "", where=where))
-
-
-# ------------------------------------------------------------------------------------------------
-# What stands above a record's columns: machine, specimen sizes, units.
-
-
-_SIZES = {
-    "width": "width_mm",
-    "thickness": "thickness_mm",
-    "length": "gauge_mm",
-    "gauge length": "gauge_mm",
-    "gage length": "gauge_mm",
-}
-_PREAMBLE_TEXTS = {
-    "material": "material",
-    "specimen label": "specimen",
-    "specimen name": "specimen",
-    "specimen id": "specimen",
-}
-_SPEED = {
-    f"{length}/{time}": QUANTITY_UNITS["length"][length] / QUANTITY_UNITS["time"][time]
-    for length in ("mm", "in")
-    for time in ("min", "s")
-}
-_KEY = re.compile(r"(?:.* : )?(?:specimen )?(.*?)\s*(?:[\(\[](.*)[\)\]])?\s*:?", re.IGNORECASE)
+_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+)\s*(\S+)")
 
 
 def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str, float | str]:
-    """Read the sizes and names in the head of a file: "Width (mm);6" and the like.
+    """Read the sizes, speed and names in the head of a file: "Width (mm);6" and the like.
 
-    Bluehill writes "Dimension : Width","6.00","mm"; the group in front is left away.
+    Bluehill writes "Dimension : Width","6.00","mm"; the group in front is left away. Two speeds
+    that differ (of a preload and of the test) leave the speed unknown.
 
     Raises
     ------
@@ -185,27 +64,40 @@ def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[st
         A size in an unknown unit.
     """
     found: dict[str, float | str] = {}
-    for line, cells in rows:
+    speeds: set[float] = set()
+    for line, row in rows:
+        cells = row
+        single = _ONE_CELL.fullmatch(row[0]) if row and not any(row[1:]) else None
+        if single is not None:  # "Width: 6.00 mm"
+            cells = list(single.groups())
         if len(cells) < 2 or not cells[0] or not cells[1]:
             continue
-        match = _KEY.fullmatch(cells[0])
-        if match is None:
-            continue
-        key = match[1].strip().casefold()
-        name = _PREAMBLE_TEXTS.get(f"specimen {key}") or _PREAMBLE_TEXTS.get(key)
+        name = head_text(cells[0])
         if name is not None:
             found[name] = cells[1]
             continue
         value = number(cells[1], separator)
-        unit = match[2] or (cells[2].strip("()[]") if len(cells) > 2 else "")
+        size, unit = size_of(cells[0])
+        speed, _ = is_speed(cells[0])
+        unit = unit or (cells[2].strip("()[] ") if len(cells) > 2 else "")
         if value is None or not unit:
             continue
-        if key in _SIZES:
+        if size is not None:
             factor = unit_factor("length", unit, where=f"{where}, line {line}, {cells[0]!r}")
-            found[_SIZES[key]] = value * factor
-        elif key in ("speed", "rate", "crosshead speed") and unit in _SPEED:
-            found["rate_mm_s"] = value * _SPEED[unit]
+            found[size] = value * factor
+        elif speed and (per_second := _mm_s(unit)) is not None:
+            speeds.add(value * per_second)
+    if len(speeds) == 1:
+        found["rate_mm_s"] = speeds.pop()
     return found
+
+
+def _mm_s(unit: str) -> float | None:
+    """Return the mm/s in a unit of speed such as mm/min; None of any other unit."""
+    length, _, time = unit.partition("/")
+    if "length" not in quantities_of(length) or "time" not in quantities_of(time):
+        return None
+    return unit_factor("length", length, where=unit) / unit_factor("time", time, where=unit)
 
 
 def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
@@ -288,14 +180,14 @@ class TensileTable:
 
 
 _SEPARATORS = ("\t", ";", ",", " ")
-_LENGTHS = {"displacement", "elongation", "strain", "stretch", "true strain"}
+_LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
 _LOADS = {"force", "stress", "true stress"}
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
     separator: str
-    headings: list[_Heading | None]
+    headings: list[Heading | None]
     head: list[TextRow]
     body: list[TextRow]
 
@@ -327,23 +219,27 @@ def read_tensile(
     layout = _layout(read_text(path), where, columns)
     head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
-    meanings: dict[int, _Meaning] = {}
-    for index, heading in enumerate(headings):
+    meanings: dict[int, Column] = {}
+    # A crosshead's absolute position serves only where nothing else tells the travel.
+    for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
+        heading = headings[index]
         if heading is None or heading.meaning == "specimen":
             continue
         try:
-            meaning = _column_of(heading, where=where)
+            meaning = column_of(heading, where=where)
         except FileError as error:
             if heading.meaning != "time":
                 raise
             notes.append(f"{error}; time is optional and is left out")
             continue
-        if any(meaning.column == m.column for m in meanings.values()):
-            notes.append(
-                f"{where}: column {heading.text!r} left out, {meaning.column} stands before"
-            )
-        else:
+        same = next((m for m in meanings.values() if m.name == meaning.name), None)
+        if same is None:
             meanings[index] = meaning
+        else:
+            notes.append(
+                f"{where}: column {heading.text!r} left out; {meaning.name} is read from "
+                f"{same.heading.text!r}"
+            )
     rows, ended = _data_rows(layout, set(meanings), where)
     if not rows:
         raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
@@ -351,15 +247,15 @@ def read_tensile(
         notes.append(f"{where}: what stands from line {ended} on is no part of the record")
     lines = [line for line, _ in rows]
     values = {
-        m.column: m.factor
+        m.name: m.factor
         * finite_numbers([c[i] for _, c in rows], lines, layout.separator, where, m.heading.text)
         for i, m in meanings.items()
     }
-    without_unit = {m.column for m in meanings.values() if m.heading.unit is None}
+    without_unit = {m.name for m in meanings.values() if m.heading.unit is None}
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
         without_unit.discard("stretch")
-    named = next((i for i, h in enumerate(headings) if h and h.meaning == "specimen"), None)
+    named = next((i for i, h in enumerate(headings) if _is(h, "specimen")), None)
     groups: dict[str, list[int]] = {}
     for position, (_, cells) in enumerate(rows):
         groups.setdefault("" if named is None else cells[named], []).append(position)
@@ -367,7 +263,7 @@ def read_tensile(
         TensileTable(
             file=where,
             columns=MappingProxyType({name: array[at] for name, array in values.items()}),
-            factors=MappingProxyType({m.column: m.factor for m in meanings.values()}),
+            factors=MappingProxyType({m.name: m.factor for m in meanings.values()}),
             lines=np.array(lines, dtype=np.int64)[at],
             specimen=specimen or str(head.get("specimen", "")),
             metadata=MappingProxyType(head),
@@ -378,10 +274,14 @@ def read_tensile(
     )
 
 
-def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[_Heading | None], list[str]]:
+def _is(heading: Heading | None, meaning: str) -> bool:
+    return heading is not None and heading.meaning == meaning
+
+
+def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None], list[str]]:
     units = _mark10_units(layout.head, where=where)
-    headings: list[_Heading | None] = [
-        _Heading(h.text, h.meaning, units[h.meaning])
+    headings: list[Heading | None] = [
+        Heading(h.text, h.meaning, units[h.meaning])
         if h is not None and h.unit is None and h.meaning in units
         else h
         for h in layout.headings
@@ -398,57 +298,163 @@ def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
     for separator in _SEPARATORS[:3]:
         rows = split_rows(text, separator)
         for place, (_, cells) in enumerate(rows):
-            headings = [_parse_heading(cell) if cell else None for cell in cells]
-            meanings = {h.meaning for h in headings if h is not None}
-            if not (meanings & _LENGTHS and meanings & _LOADS):
+            headings = [parse_heading(cell) if cell else None for cell in cells]
+            if not _suffice(headings):
                 continue
             body = rows[place + 1 :]
             if body and _is_unit_row(body[0][1], separator):
                 headings = _with_units(headings, body[0][1])
                 body = body[1:]
-            return _Layout(separator, headings, rows[:place], body)
-    raise FileError(
-        f"{name}: no row of headings with a load (force, load, stress) and a length "
-        "(displacement, extension, travel, strain, stretch); add headings such as "
-        f"'time_s,displacement_mm,force_N', or name the columns by position{_nearest(text)}"
+            return _Layout(_decimals(body, separator), headings, rows[:place], body)
+    raise FileError(f"{name}{_not_understood(text)}")
+
+
+def _suffice(headings: Sequence[Heading | None]) -> bool:
+    meanings = {h.meaning for h in headings if h is not None}
+    return bool(meanings & _LENGTHS and meanings & _LOADS)
+
+
+def _decimals(body: Sequence[TextRow], separator: str) -> str:
+    """Return the separator by which numbers are read (see `number`).
+
+    Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
+    thousands tells, where no cell has a dot.
+    """
+    cells = [cell for _, row in body for cell in row if cell]
+    if separator != "," or any("." in cell for cell in cells):
+        return separator
+    return ";" if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else separator
+
+
+_DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
+
+
+def _not_understood(text: str) -> str:
+    """Say which headings are not understood, and by which --columns the file can be read."""
+    found = _nearest(text)
+    if found is None:
+        return (
+            ": no row of headings with a load (force, load, stress) and a length (displacement, "
+            "extension, travel, strain, stretch) above columns of numbers; export the raw data, "
+            "headed as 'time_s,displacement_mm,force_N'"
+        )
+    line, names, headings, units = found
+    known = [f"{h.text!r} as {h.meaning}" for h in headings if h is not None]
+    unknown = [_quoted(n) for n, h in zip(names, headings, strict=True) if h is None and n]
+    meanings = {h.meaning for h in headings if h is not None}
+    missing = [
+        what
+        for what, kinds in (("load (force or stress)", _LOADS), ("length (travel or strain)",
+                                                                 _LENGTHS))
+        if not meanings & kinds
+    ]  # fmt: skip
+    return (
+        f", line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
+        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8])}; name the columns "
+        f"by position, for example --columns {_example(headings, units)}"
+        " (a '-' leaves a column out)"
     )
 
 
-def _nearest(text: str) -> str:
-    """Quote the row that comes nearest to one of headings."""
-    rows = [row for separator in _SEPARATORS[:3] for row in split_rows(text, separator)]
-    known = [sum(_parse_heading(cell) is not None for cell in cells if cell) for _, cells in rows]
-    if not any(known):
-        return ""
-    line, cells = rows[known.index(max(known))]
-    quoted = ", ".join(cell if len(cell) <= 30 else f"{cell[:27]}..." for cell in cells[:8])
-    return f"; line {line} comes nearest: {quoted}"
+def _quoted(name: str) -> str:
+    return repr(name if len(name) <= 30 else f"{name[:27]}...")
+
+
+_EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "stress": "stress_",
+             "strain": "strain_"}  # fmt: skip
+
+
+def _example(headings: Sequence[Heading | None], units: Sequence[str]) -> str:
+    """Return names by position: what is understood, and what units tell of the others.
+
+    Where units tell nothing, the first columns that are left stand for what is missing.
+    """
+    names: list[str] = []
+    for heading, unit in zip(headings, units, strict=True):
+        kinds = quantities_of(unit)
+        if heading is not None and heading.meaning != "specimen":
+            name = heading.meaning.replace(" ", "_")
+            name = {"position": "displacement", "elongation": "displacement"}.get(name, name)
+            name = f"{name}_{unit}" if unit else _BARE.get(name, name)
+        elif heading is not None:
+            name = "specimen"
+        elif len(kinds) == 1:
+            name = _EXAMPLES[next(iter(kinds))] + unit
+        else:
+            name = "-"
+        names.append("-" if name != "-" and _meaning_of(name) in map(_meaning_of, names) else name)
+    for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
+        if meanings.isdisjoint(map(_meaning_of, names)) and "-" in names:
+            names[names.index("-")] = wanted
+    return ",".join(names)
+
+
+_BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm",
+         "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
+
+
+def _meaning_of(name: str) -> str | None:
+    heading = parse_heading(name)
+    return None if heading is None else heading.meaning
+
+
+def _nearest(text: str) -> tuple[int, list[str], list[Heading | None], list[str]] | None:
+    """Return the row that comes nearest to one of headings: line, cells, headings and units.
+
+    The row above the first row of numbers, or above a row of units there; the separator is that
+    by which it has most cells.
+    """
+    best: tuple[int, list[str], list[Heading | None], list[str]] | None = None
+    for separator in _SEPARATORS[:3]:
+        rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
+        for place, (_, cells) in enumerate(rows):
+            if place and len(cells) > 1 and all(number(c, separator) is not None for c in cells):
+                break
+        else:
+            continue
+        has_units = place > 1 and _is_unit_row(rows[place - 1][1], separator)
+        line, names = rows[place - 1 - has_units]
+        headings = [parse_heading(cell) if cell else None for cell in names]
+        below = rows[place - 1][1] if has_units else []
+        units = [
+            unit if is_unit(unit := (h.unit or "") if h else _unit_at_end(n)) else
+            (below[i].strip("()[] ") if i < len(below) else "")
+            for i, (n, h) in enumerate(zip(names, headings, strict=True))
+        ]  # fmt: skip
+        if best is None or len(names) > len(best[1]):
+            best = line, names, headings, units
+    return best
+
+
+def _unit_at_end(name: str) -> str:
+    """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
+    return name.rstrip(")] ").replace("_", " ").replace("(", " ").replace("[", " ").split(" ")[-1]
 
 
 def _layout_by_position(text: str, name: str, columns: Sequence[str]) -> _Layout:
-    headings: list[_Heading | None] = []
+    headings: list[Heading | None] = []
     for column in columns:
-        heading = None if column.strip() in ("", "-") else _parse_heading(column.strip())
+        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
         if heading is None and column.strip() not in ("", "-"):
             raise FileError(
                 f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
                 "stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
         headings.append(heading)
-    meanings = {h.meaning for h in headings if h is not None}
-    if not (meanings & _LENGTHS and meanings & _LOADS):
+    if not _suffice(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"
         )
     for separator in _SEPARATORS:
         rows = split_rows(text, separator)
+        decimals = _decimals(rows, separator)
         for place, (_, cells) in enumerate(rows):
-            filled = [number(c, separator) for c in cells[: len(columns)]]
+            filled = [number(c, decimals) for c in cells[: len(columns)]]
             wanted = [v for v, h in zip(filled, headings, strict=False)
                       if h is not None and h.meaning != "specimen"]  # fmt: skip
             if len(filled) == len(columns) and None not in wanted:
-                return _Layout(separator, headings, rows[:place], rows[place:])
+                return _Layout(decimals, headings, rows[:place], rows[place:])
     raise FileError(f"{name}: no row with {len(columns)} columns of numbers; check the columns")
 
 
@@ -460,11 +466,11 @@ def _is_unit_row(cells: list[str], separator: str) -> bool:
     )
 
 
-def _with_units(headings: list[_Heading | None], units: list[str]) -> list[_Heading | None]:
+def _with_units(headings: list[Heading | None], units: list[str]) -> list[Heading | None]:
     padded = units + [""] * (len(headings) - len(units))
     return [
         h if h is None or h.unit is not None or not unit.strip("()[] ")
-        else _Heading(h.text, h.meaning, unit.strip("()[] "))
+        else Heading(h.text, h.meaning, unit.strip("()[] "))
         for h, unit in zip(headings, padded, strict=False)
     ]  # fmt: skip
 

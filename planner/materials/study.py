@@ -218,11 +218,20 @@ def _states_no_strain_unit(table: TensileTable) -> bool:
     return used in table.columns and used in table.without_unit
 
 
+_HEAD_WORDS = {
+    "width_mm": "a width of {:.4g} mm",
+    "thickness_mm": "a thickness of {:.4g} mm",
+    "gauge_mm": "a gauge length of {:.4g} mm",
+    "rate_mm_s": "a crosshead speed of {:.4g} mm/s",
+}
+
+
 def _dimensions_of(
-    specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable
+    specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
-    """Return a specimen's size: from its row, else as given, else from the file's head."""
+    """Return a specimen's size: from its row, else as given, else from the file's head, noted."""
     head = table.metadata
+    from_head: list[str] = []
 
     def size(name: str) -> float | None:
         for source in (specimen, given):
@@ -230,13 +239,23 @@ def _dimensions_of(
             if value is not None:
                 return float(value)
         value = head.get(name)
-        return float(value) if isinstance(value, float) and value > 0.0 else None
+        if not isinstance(value, float) or not value > 0.0:
+            return None
+        from_head.append(_HEAD_WORDS[name].format(value))
+        return value
 
     area = None if specimen is None else specimen.area_mm2
     if area is None:
         width, thickness = size("width_mm"), size("thickness_mm")
         area = None if width is None or thickness is None else width * thickness
-    return Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
+    found = Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
+    if from_head:
+        notes.append(f"{table.file}: its head gives {_listed(from_head)}")
+    return found
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _curve_of(
@@ -509,7 +528,7 @@ def read_study(
                 )
             if row_of_table is not None and _left_out(row_of_table, notes):
                 continue
-            sizes[name] = _dimensions_of(row_of_table, given, table)
+            sizes[name] = _dimensions_of(row_of_table, given, table, notes)
             curve = _curve_of(
                 table,
                 specimen=name,

@@ -91,7 +91,7 @@ def test_time_in_an_unknown_unit_is_left_out_in_sight(tmp_path: Path) -> None:
 
 
 def test_the_row_nearest_to_headings_is_quoted(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"line 2 comes nearest: Time \(s\), Gap \(mm\), Load"):
+    with pytest.raises(FileError, match=r"line 2: no heading of a length.*'Time \(s\)' as time"):
         read(
             tmp_path, "Run 7\n" + PLAIN.replace(PLAIN.split("\n")[0], "Time (s),Gap (mm),Load (N)")
         )
@@ -141,7 +141,8 @@ def test_what_follows_a_blank_line_is_left_out_and_noted(tmp_path: Path) -> None
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ("a,b\n1,2\n", "no row of headings"),
+        ("a,b\n1,2\n", "no heading of a load"),
+        ("only words\n", "no row of headings"),
         (PLAIN.replace("force_N", "Load (stone)"), "unknown unit 'stone' of force"),
         (PLAIN.replace("force_N", "Load"), "column 'Load': no unit"),
         (PLAIN.replace("0.5000,2.0", "0.5000,nan"), "line 3, column 'force_N': 'nan"),

@@ -1,0 +1,231 @@
+"""Exports in six languages: headings, units, sizes, speeds, encodings; and how to read others."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.cli import run
+from planner.errors import FileError
+from planner.formats.headings import parse_heading
+from planner.formats.tables import number
+from planner.formats.tensile import read_tensile
+
+TIME_S = 0.25 * np.arange(41)
+TRAVEL_MM = 0.5 * np.arange(41)
+FORCE_N = 3.25 * np.sqrt(np.arange(41))
+WIDTH_MM, THICKNESS_MM, GAUGE_MM, SPEED_MM_S = 6.0, 2.0, 25.0, 2.0
+
+
+def columns(separator: str, *, comma: bool, force: float = 1.0, quote: str = "") -> str:
+    """Rows of time in s, force in `force` newtons and travel in mm."""
+    rows = (
+        separator.join(
+            f"{quote}{v:.6f}{quote}".replace(".", "," if comma else ".") for v in (t, f / force, d)
+        )
+        for t, f, d in zip(TIME_S, FORCE_N, TRAVEL_MM, strict=True)
+    )
+    return "\r\n".join(rows) + "\r\n"
+
+
+FILES = {
+    # testXpert: names, units in a row of their own, symbols behind the sizes.
+    "german-testxpert": (
+        "cp1252",
+        '"Probendicke a0";2,00;"mm"\r\n"Probenbreite b0";6,00;"mm"\r\n"Messlänge L0";25,0;"mm"\r\n'
+        '"Prüfgeschwindigkeit";120;"mm/min"\r\n\r\n'
+        '"Prüfzeit";"Standardkraft";"Standardweg"\r\n"s";"N";"mm"\r\n'
+        + columns(";", comma=True),
+    ),
+    "german-bluehill": (
+        "utf-8-sig",
+        '"Abmessung : Breite";"6,00";"mm"\r\n"Abmessung : Dicke";"2,00";"mm"\r\n'
+        '"Abmessung : Länge";"25,00";"mm"\r\n"Rampe : Geschwindigkeit 1";"120,0";"mm/min"\r\n\r\n'
+        "Zeit;Last;Verlängerung\r\n(s);(kN);(mm)\r\n" + columns(";", comma=True, force=1000.0),
+    ),
+    "french": (
+        "cp1252",
+        'Largeur;6,00;mm\r\nÉpaisseur;2,00;mm\r\nLongueur de référence;25,0;mm\r\n'
+        "Vitesse d'essai;120;mm/min\r\n\r\n"
+        "Temps (s);Charge (daN);Déplacement traverse (mm)\r\n"
+        + columns(";", comma=True, force=10.0),
+    ),
+    "spanish": (
+        "cp1252",
+        "Dimensión : Anchura;6,00;mm\r\nDimensión : Espesor;2,00;mm\r\n"
+        "Longitud inicial;25,0;mm\r\nVelocidad de ensayo;2;mm/s\r\n\r\n"
+        "Tiempo;Carga;Extensión\r\n(s);(N);(mm)\r\n" + columns(";", comma=True),
+    ),
+    "italian": (
+        "utf-16",
+        "Larghezza\t6,00\tmm\r\nSpessore\t2,00\tmm\r\nLunghezza iniziale\t25,0\tmm\r\n"
+        "Velocità di prova\t120\tmm/min\r\n\r\n"
+        "Tempo [s]\tForza standard [N]\tSpostamento traversa [mm]\r\n" + columns("\t", comma=True),
+    ),
+    "japanese": (
+        "shift_jis",
+        '"厚さ","2.00","mm"\r\n"幅","6.00","mm"\r\n"標点間距離","25.0","mm"\r\n'
+        '"試験速度","120","mm/min"\r\n\r\n'
+        '"時間","試験力","ストローク"\r\n"sec","N","mm"\r\n' + columns(",", comma=False),
+    ),
+    "japanese-full-width": (
+        "utf-8",
+        "厚さ（ｍｍ）,2.00\r\n幅（ｍｍ）,6.00\r\nゲージ長（ｍｍ）,25.0\r\n試験速度（ｍｍ/ｍｉｎ）,120\r\n"
+        "時間（秒）,荷重（Ｎ）,変位（㎜）\r\n" + columns(",", comma=False),
+    ),
+    "english-mts": (
+        "utf-8",
+        "Width: 6.00 mm\r\nThickness: 2.00 mm\r\nGage Length: 25.0 mm\r\n"
+        "Test Speed: 120 mm/min\r\n\r\n"
+        "Running Time (s),Axial Force (lbf),Crosshead Displacement (mm)\r\n"
+        + columns(",", comma=False, force=4.4482216152605),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_one_record_in_every_language(tmp_path: Path, name: str) -> None:
+    encoding, text = FILES[name]
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode(encoding))
+    (table,) = read_tensile(path)
+    for column, values in (("time_s", TIME_S), ("displacement_mm", TRAVEL_MM)):
+        np.testing.assert_allclose(table.columns[column], values, atol=1e-6)
+    # 1e-3 N: the texts have six decimals, of kilonewtons in one of them.
+    np.testing.assert_allclose(table.columns["force_N"], FORCE_N, atol=1e-3)
+    sizes = ("width_mm", "thickness_mm", "gauge_mm", "rate_mm_s")
+    # 1e-12: one product of a unit's factor.
+    assert [table.metadata[s] for s in sizes] == pytest.approx(
+        [WIDTH_MM, THICKNESS_MM, GAUGE_MM, SPEED_MM_S], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_its_mark(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(FILES["german-testxpert"][1].encode(encoding))
+    assert len(read_tensile(path)[0].lines) == len(TIME_S)
+
+
+@pytest.mark.parametrize(
+    ("heading", "meaning", "unit"),
+    [
+        # Headings as published scripts for such exports look for them.
+        ("Prüfzeit", "time", None),
+        ("Traversenweg absolut", "position", None),
+        ("Traverse abs.", "position", None),
+        ("Standardkraft (MPa)", "force", "MPa"),
+        ("Dehnung", "elongation", None),
+        ("Esfuerzo de tracción MPa", "stress", "MPa"),
+        ("Deformación por tracción (Deformación 1)", "elongation", None),
+        ("Deformación por tracción %", "elongation", "%"),
+        ("Tensile strain (Strain 1) (%)", "strain", "%"),
+        ("Tensile strain (Displacement)", "strain", None),
+        ("Zugdehnung (Dehnung 1) (%)", "elongation", "%"),
+        ("Zugspannung (MPa)", "stress", "MPa"),
+        ("Contrainte en traction (MPa)", "stress", "MPa"),
+        ("Sforzo a trazione (N/mm²)", "stress", "N/mm2"),
+        ("Kraft in N", "force", "N"),
+        ("Spannung / N/mm²", "stress", "N/mm2"),
+        ("Kraft_kN", "force", "kN"),
+        ("PRUEFKRAFT [N]", "force", "N"),
+        ("ひずみ(%)", "strain", "%"),
+        ("応力（MPa）", "stress", "MPa"),
+        ("Engineering Stress (MPa)", "stress", "MPa"),
+        ("Disp.", "displacement", None),
+    ],
+)
+def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) -> None:
+    found = parse_heading(heading)
+    assert found is not None
+    assert (found.meaning, found.unit) == (meaning, unit)
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["Breitenänderung", "Kraftmessdose", "Temps de repos", "Bruchdehnung", "最大点_試験力"],
+)
+def test_what_only_sounds_alike_is_none(heading: str) -> None:
+    assert parse_heading(heading) is None
+
+
+def test_the_travel_goes_before_a_crossheads_position(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        '"Prüfzeit"\t"Standardkraft"\t"Traversenweg absolut"\t"Standardweg"\t"Breitenänderung"\n'
+        '"s"\t"N"\t"mm"\t"mm"\t"mm"\n0\t0\t101.5\t0\t0\n1\t2\t102.5\t0.75\t0\n',
+        encoding="utf-8",
+    )
+    (table,) = read_tensile(path)
+    np.testing.assert_array_equal(table.columns["displacement_mm"], [0.0, 0.75])
+    assert "'Traversenweg absolut' left out; displacement_mm is read from 'Stand" in table.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("cell", "separator", "value"),
+    [
+        ("1.234,5", ";", 1234.5),
+        ("1\N{NARROW NO-BREAK SPACE}234,5", ";", 1234.5),
+        ("1\N{NO-BREAK SPACE}234.5", ",", 1234.5),
+        ("1'234.5", ",", 1234.5),
+        ("\N{MINUS SIGN}0,5", ";", -0.5),
+        ("1.2,5", ";", None),
+    ],
+)
+def test_thousands_as_countries_group_them(cell: str, separator: str, value: float | None) -> None:
+    assert number(cell, separator) == value
+
+
+def test_decimal_commas_in_quotes_between_commas(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(
+        '"Zeit (s)","Kraft (N)","Weg (mm)"\n' + columns(",", comma=True, quote='"'),
+        encoding="utf-8",
+    )
+    np.testing.assert_allclose(read_tensile(path)[0].columns["force_N"], FORCE_N, atol=1e-6)
+
+
+def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Kraft (N);Dehnung\n0;0\n1;2\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"'Dehnung': no unit, .*'Dehnung \(mm\)'.*--columns"):
+        read_tensile(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("Time (s),Load (N),Gap (mm)\n", r"line 1: no heading of a length.*'Load \(N\)' as force; "
+         r"not understood: 'Gap \(mm\)'"),
+        ("Czas;Siła;Droga\ns;N;mm\n", "understood: none; not understood: 'Czas', 'Siła', 'Droga'"),
+        ("Run 7\n\nCzas [s];Siła [kN];Wydłużenie [%]\n", "line 3: no heading"),
+        ("a,b,c\n", "not understood: 'a', 'b', 'c'"),
+    ],
+)  # fmt: skip
+def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, said: str) -> None:
+    comma = ";" in head
+    path = tmp_path / "a.csv"
+    path.write_text(head + columns(";" if comma else ",", comma=comma), encoding="utf-8")
+    with pytest.raises(FileError, match=said) as caught:
+        read_tensile(path)
+    example = re.search(r"--columns (\S+)", str(caught.value))
+    assert example is not None
+    (table,) = read_tensile(path, columns=example[1].split(","))
+    assert len(table.lines) == len(TIME_S)
+
+
+def test_a_speed_in_the_head_is_used_and_said(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "FLX9760.csv"
+    path.write_bytes(FILES["german-testxpert"][1].encode("cp1252"))
+    assert run(["fit", str(path), "--law", "ogden", "-o", str(tmp_path / "p.toml")]) == 0
+    assert "a crosshead speed of 2 mm/s" in capsys.readouterr().err
+    # 2 mm/s over 25 mm.
+    assert "strain_rate_per_s = 0.08" in (tmp_path / "p.toml").read_text()
+
+
+def test_two_speeds_leave_it_open(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    head = "Ramp : Speed 1,10,mm/min\nRamp : Speed 2,500,mm/min\nTime (s),Load (N),Travel (mm)\n"
+    path.write_text(head + columns(",", comma=False), encoding="utf-8")
+    assert "rate_mm_s" not in read_tensile(path)[0].metadata
