@@ -218,7 +218,7 @@ def characterise(
     materials.csv[/bold]
     """
     import planner
-    from planner.cli.output import finding, print_document, say, warn
+    from planner.cli.output import finding, print_document, say, tell_notes
     from planner.formats.files import check_absent, encode_document, write_whole
 
     if output is not None:
@@ -238,8 +238,7 @@ def characterise(
     if as_json:
         print_document(encode_document(found.document()))
     elif not quiet:
-        for note in (*found.notes, *_corrections(found.materials)):
-            warn(note)
+        tell_notes((*found.notes, *_corrections(found.materials)))
         _tables(found.materials)
         for one in found.materials:
             say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
@@ -346,7 +345,7 @@ def fit(
     Example: [bold]planner fit samples/tensile --law all -o lab.toml[/bold]
     """
     import planner
-    from planner.cli.output import finding, print_document, progress, warn
+    from planner.cli.output import finding, print_document, progress, tell_notes
     from planner.formats.files import check_absent, encode_document
 
     check_absent(output, force=force)
@@ -372,8 +371,7 @@ def fit(
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
-        for note in result.notes:
-            warn(note)
+        tell_notes(result.notes)
         _print_report(result, output)
         for said in result.findings:
             finding(said)

@@ -2,9 +2,10 @@
 
 import contextlib
 import json
+import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +40,7 @@ __all__ = [
     "say",
     "say_verdict",
     "split_columns",
+    "tell_notes",
     "terminal_width",
     "warn",
 ]
@@ -60,6 +62,26 @@ def complain(message: str) -> None:
 def warn(message: str) -> None:
     """Say on stderr what the user should know although the work was done."""
     _stderr_line("warning", "yellow", message)
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """Say notes on stderr, each kind once with its count: doubts as warnings, before the others.
+
+    A kind is what notes say of one file, specimen or material after another: the same words behind
+    its name, whatever the figures.
+    """
+    from planner.notes import Doubt
+
+    kinds: dict[tuple[bool, str], list[str]] = {}
+    for note in dict.fromkeys(notes):
+        words = _FIGURE.sub("#", note.partition(": ")[2] or note)
+        kinds.setdefault((not isinstance(note, Doubt), words), []).append(note)
+    for (is_note, _), alike in sorted(kinds.items(), key=lambda kind: kind[0][0]):
+        count = f" ({len(alike)} such; --json lists all)" if len(alike) > 1 else ""
+        _stderr_line(*(("note", "cyan") if is_note else ("warning", "yellow")), alike[0] + count)
+
+
+_FIGURE = re.compile(r"\d[\d.e+-]*")
 
 
 def say(message: str = "") -> None:

@@ -28,6 +28,7 @@ from planner.materials.fit import (
     sample_of,
 )
 from planner.materials.laws import SeparableLaw
+from planner.notes import Doubt
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
@@ -394,17 +395,21 @@ def _loading(curve: Curve) -> Curve:
 
 def _doubts(material: str, chosen: LawCandidate) -> list[str]:
     convergence = chosen.fit.convergence
-    notes = []
+    notes: list[str] = []
     if not convergence.ok:
         notes.append(
-            f"material {material}: {convergence.agreeing} of {convergence.starts} starts reach the "
-            f"best {chosen.fit.name}, whose gradient is {convergence.gradient:.1e}; a better one "
-            "may exist: try more --starts"
+            Doubt(
+                f"material {material}: {convergence.agreeing} of {convergence.starts} starts reach "
+                f"the best {chosen.fit.name}, whose gradient is {convergence.gradient:.1e}; a "
+                "better one may exist: try more --starts"
+            )
         )
     if convergence.at_bound:
         notes.append(
-            f"material {material}: a parameter of {chosen.fit.name} lies at its bound, so that "
-            "the tests do not determine it"
+            Doubt(
+                f"material {material}: a parameter of {chosen.fit.name} lies at its bound, so that "
+                "the tests do not determine it"
+            )
         )
     return notes
 

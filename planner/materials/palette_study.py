@@ -26,6 +26,7 @@ from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_mat
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.study import Study, read_study
+from planner.notes import Doubt
 from planner.palette import Material, Palette, Reference
 
 __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
@@ -499,15 +500,16 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     for condition, found in values.items():
         if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
             notes.append(
-                f"{condition} differs between specimens ({min(found):g} to {max(found):g}); the "
-                "laws and their scatter mix these conditions, and the mean is written"
+                Doubt(
+                    f"{condition} differs between specimens ({min(found):g} to {max(found):g}); "
+                    "the laws and their scatter mix these conditions, and the mean is written"
+                )
             )
     unknown = [condition for condition, found in values.items() if not found]
     orientations = sorted({r.orientation for r in rows if r.orientation})
     if len(orientations) > 1:
-        notes.append(
-            f"orientation differs between specimens ({', '.join(orientations)}); none is written"
-        )
+        said = f"orientation differs between specimens ({', '.join(orientations)})"
+        notes.append(Doubt(f"{said}; none is written"))
     if unknown:
         notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
     means = {condition: float(np.mean(v)) for condition, v in values.items() if v}

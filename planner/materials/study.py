@@ -18,6 +18,7 @@ from planner.formats.tensile import (
     read_tensile,
 )
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
+from planner.notes import Doubt
 from planner.numerics import FloatArray
 
 __all__ = ["Study", "read_study"]
@@ -136,7 +137,8 @@ def _check_agreement(stated: float, derived: float, *, what: str, where: str) ->
         if abs(ratio / factor - 1.0) < 0.1:
             raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
     if not 0.75 < ratio < 4.0 / 3.0:
-        return (f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units",)
+        said = f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units"
+        return (Doubt(said),)
     return ()
 
 
@@ -510,15 +512,13 @@ def read_study(
     for path in files:
         own = by_file.get(_relative(path, listing), [])
         if rows and not own and not _names_specimens(path, rows, columns):
-            notes.append(f"{path.name}: not named in {_SPECIMENS}; left out")
+            notes.append(Doubt(f"{path.name}: not named in {_SPECIMENS}; left out"))
             continue
         for table in read_tensile(path, columns=columns):
             row_of_table = _row(table, path, own, rows)
             if own and row_of_table is None:
-                notes.append(
-                    f"{path.name}: specimen {table.specimen} has no row with this file in "
-                    f"{_SPECIMENS}; left out"
-                )
+                said = f"specimen {table.specimen} has no row with this file in {_SPECIMENS}"
+                notes.append(Doubt(f"{path.name}: {said}; left out"))
                 continue
             name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
             if name in found:
@@ -539,7 +539,7 @@ def read_study(
             if _states_no_strain_unit(table):
                 unstated.append(name)
     notes.extend(
-        f"specimen {row.specimen}: no curve among the files"
+        Doubt(f"specimen {row.specimen}: no curve among the files")
         for row in rows.values()
         if row.specimen not in found and not row.profile and row.protocol in (None, "monotonic")
     )
@@ -547,9 +547,12 @@ def read_study(
         largest = [float(found[name][1].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         notes.append(
-            f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
-            f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
-            f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %"
+            Doubt(
+                f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
+                f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
+                f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %; if it is in per cent, head the "
+                "column 'strain (%)'"
+            )
         )
     order = {name: place for place, name in enumerate(rows)}
     curves = sorted((c for _, c in found.values()), key=lambda c: order.get(c.specimen, len(order)))

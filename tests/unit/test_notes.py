@@ -1,0 +1,51 @@
+"""Notes and warnings of characterise and fit: what asks for an act, and each kind told once."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.cli import run
+from planner.notes import Doubt
+
+
+def test_the_sample_study_asks_for_nothing(samples: Path, capsys) -> None:
+    assert run(["characterise", str(samples / "tensile")]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert not [line for line in lines if line.startswith("warning:")]
+    assert [line.partition(" (")[2] for line in lines if "breaks at" in line] == [
+        "9 such; --json lists all)"
+    ]
+    assert len(lines) == 4
+
+
+def test_json_lists_what_the_terminal_counts(samples: Path, capsys) -> None:
+    assert run(["characterise", str(samples / "tensile"), "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert sum("breaks at strain" in note for note in notes) == 9
+    assert sum("MESURgauge" in note for note in notes) == 3
+
+
+def test_doubts_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
+    strain = np.linspace(0.0, 1.0, 40)
+    for name in ("A-1", "A-2"):
+        rows = "".join(f"{e:.5f},{np.sqrt(e):.5f}\n" for e in strain)
+        (tmp_path / f"{name}.csv").write_text(f"strain,stress (MPa)\n{rows}", encoding="utf-8")
+    assert run(["characterise", str(tmp_path)]) == 0
+    kinds = [line.partition(":")[0] for line in capsys.readouterr().err.splitlines()]
+    assert kinds == sorted(kinds, reverse=True)  # warnings, then notes
+    assert kinds[0] == "warning"
+    found = planner.characterise([tmp_path])
+    doubts = [note for note in found.notes if isinstance(note, Doubt)]
+    assert [d.partition(";")[0] for d in doubts] == ["strain of A-1, A-2 has no unit"]
+    assert doubts[0] in json.loads(json.dumps(found.document()))["notes"]
+
+
+@pytest.mark.parametrize("command", ["characterise", "fit"])
+def test_quiet_says_neither(samples: Path, tmp_path: Path, capsys, command: str) -> None:
+    options = [str(samples / "tensile" / "soft-1.txt"), "-q", "--width-mm", "3", "--thickness-mm",
+               "2", "--gauge-mm", "15", "-o", str(tmp_path / "out")]  # fmt: skip
+    assert run([command, *options]) == 0
+    assert capsys.readouterr().err == ""
