@@ -29,10 +29,10 @@ from planner.formats.tensile import (
     read_tensile,
 )
 from planner.formats.tensile import ListedSpecimen as Row
+from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
-from planner.gap.diagnosis import UnitOf
 from planner.gap.loading_direction import Mode, said_mode, turned
-from planner.gap.unit_of import QUANTITIES, factor_of, stated_units
+from planner.gap.unit_of import stated_units
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray

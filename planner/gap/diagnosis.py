@@ -13,6 +13,7 @@ import numpy as np
 from planner import __version__
 from planner.errors import FileError
 from planner.formats.files import encode_document
+from planner.formats.unit_of import UnitOf
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -154,29 +155,6 @@ class Detectable:
     parameter: str
     size: float | None
     unit: str
-
-
-@dataclass(frozen=True, slots=True)
-class UnitOf:
-    """A unit that force or travel is in, whatever the file says; no specimens means all.
-
-    Attributes
-    ----------
-    quantity
-        ``force`` or ``travel``.
-    unit
-        Or, where it has no name, how many newtons or millimetres it has.
-    """
-
-    quantity: str
-    unit: str
-    specimens: tuple[str, ...] = ()
-
-    @property
-    def text(self) -> str:
-        """As ``--unit-of`` takes it."""
-        ids = f":{','.join(self.specimens)}" if self.specimens else ""
-        return f"{self.quantity}={self.unit}{ids}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ import numpy as np
 
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
-from planner.gap.diagnosis import QualityProblem, UnitOf
+from planner.gap.diagnosis import QualityProblem
 from planner.gap.quality_records import (
     RATE_TOLERANCE,
     first_turn,
@@ -17,7 +18,6 @@ from planner.gap.quality_records import (
     speed_mm_s,
     without_spikes,
 )
-from planner.gap.unit_of import QUANTITIES, unit_near
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import Palette

@@ -1,57 +1,19 @@
-"""The unit that force or travel is in, against what a file says: as stated, as a verdict hints."""
+"""The units that a campaign's force or travel may be in: as stated, as a verdict hints."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from planner.errors import ArgumentError, UnknownNameError, did_you_mean
-from planner.formats.tables import QUANTITY_UNITS
+from planner.errors import UnknownNameError, did_you_mean
+from planner.formats.unit_of import OWN, QUANTITIES, UnitOf, parsed_unit, unit_near
 from planner.gap.campaign import Specimen
-from planner.gap.diagnosis import FoundEffect, UnitOf
+from planner.gap.diagnosis import FoundEffect
 
-__all__ = [
-    "QUANTITIES",
-    "factor_of",
-    "merged_units",
-    "stated_units",
-    "suggested_units",
-    "unit_near",
-]
-
-
-QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"force": ("force_N", "force"), "travel": ("displacement_mm", "length")}
-)
-"""Of each that may be in another unit: its column, and the kind of its unit."""
+__all__ = ["merged_units", "stated_units", "suggested_units"]
 
 
 # ------------------------------------------------------------------------------------------------
 # As a person states it: ``force=lbf:S1,S2``.
-
-
-def factor_of(stated: UnitOf) -> float:
-    """Return the newtons or millimetres in the stated unit, which may be such a number itself.
-
-    Raises
-    ------
-    UnknownNameError
-        It is neither a unit of the quantity nor a number above 0.
-    """
-    units = QUANTITY_UNITS[QUANTITIES[stated.quantity][1]]
-    if stated.unit in units:
-        return units[stated.unit]
-    try:
-        factor = float(stated.unit)
-    except ValueError:
-        factor = math.nan
-    if 0.0 < factor < math.inf:
-        return factor
-    plain = [unit for unit in units if unit.isascii() and unit.isalpha()]
-    raise UnknownNameError(
-        f"unit_of {stated.text}: no unit {stated.unit!r} of {stated.quantity}; "
-        f"{did_you_mean(stated.unit, plain)}there are {', '.join(plain)}, or how many "
-        f"{'N' if stated.quantity == 'force' else 'mm'} it has"
-    )
 
 
 def stated_units(
@@ -70,38 +32,20 @@ def stated_units(
     """
     found: dict[str, dict[str, UnitOf]] = {id: {} for id in specimens}
     for text in (stated,) if isinstance(stated, str) else stated:
-        head, _, ids = text.partition(":")
-        quantity, equals, unit = (part.strip() for part in head.partition("="))
-        if not equals or not unit:
-            raise ArgumentError(
-                f"unit_of {text!r}: write QUANTITY=UNIT:ID,ID,..., as in force=lbf:S1,S2; without "
-                "ids for all specimens"
-            )
-        if quantity not in QUANTITIES:
-            raise UnknownNameError(
-                f"unit_of {text}: no quantity {quantity!r}; {did_you_mean(quantity, QUANTITIES)}"
-                f"there are {' and '.join(QUANTITIES)}"
-            )
-        named = tuple(id.strip() for id in ids.split(",") if id.strip())
-        one = UnitOf(quantity, unit, named)
-        factor_of(one)
-        for id in named or specimens:
+        one = parsed_unit(text, ("force", "travel"))
+        for id in one.specimens or specimens:
             if id not in found:
                 raise UnknownNameError(
                     f"unit_of {text}: no specimen {id!r} in specimens.csv; "
                     f"{did_you_mean(id, specimens)}its ids stand in the column 'specimen'"
                 )
-            found[id][quantity] = one
+            found[id][one.quantity] = one
     return found
 
 
 # ------------------------------------------------------------------------------------------------
 # As a verdict hints: a gain of force or travel that is the factor between two units.
 
-
-_OWN = 0.03
-"""ln factor that a load cell may be off besides. Chosen: as much as the effect's forms of known
-units allow."""
 
 _GAINS: Mapping[tuple[str, str], tuple[str, float]] = MappingProxyType(
     {
@@ -127,7 +71,7 @@ def suggested_units(
             log, low, high = (
                 power * (x if name.startswith("log_") else math.log(x)) for x in (value, *ends)
             )
-            reach = max(_OWN, abs(low - log), abs(high - log))
+            reach = max(OWN, abs(low - log), abs(high - log))
             by_unit: dict[str, list[str]] = {}
             for s in specimens:
                 own = s.force_unit_N if quantity == "force" else s.travel_unit_mm
@@ -151,26 +95,3 @@ def merged_units(units: Iterable[UnitOf]) -> tuple[UnitOf, ...]:
             tuple(dict.fromkeys(before + one.specimens)) if before and one.specimens else ()
         )
     return tuple(UnitOf(*key, specimens) for key, specimens in found.items())
-
-
-def unit_near(kind: str, log: float, own: float, reach: float = _OWN) -> str | None:
-    """Return the unit of a factor, or as a number the inverse of one; None where none is near.
-
-    Parameters
-    ----------
-    kind
-        A key of `QUANTITY_UNITS`.
-    log
-        Of the factor to planner's own unit.
-    own
-        The factor of the unit in the file, which is not meant.
-    reach
-        How far a unit's logarithm may lie off.
-    """
-    units = {name: f for name, f in QUANTITY_UNITS[kind].items() if f != own}
-    inverse = {f"{own * own / f:.6g}": own * own / f for f in units.values()}
-    for choices in (units, inverse):
-        unit = min(choices, key=lambda name: abs(math.log(choices[name]) - log))
-        if abs(math.log(choices[unit]) - log) <= reach:
-            return unit
-    return None
