@@ -11,6 +11,7 @@ from planner.cli.output import (
     AsJson,
     AtStrain,
     ColumnNames,
+    Compared,
     Force,
     GaugeMm,
     MaterialName,
@@ -20,6 +21,7 @@ from planner.cli.output import (
     SpecimensFile,
     TensileFiles,
     ThicknessMm,
+    UnitsOf,
     WidthMm,
     split_columns,
 )
@@ -27,6 +29,7 @@ from planner.cli.output import (
 if TYPE_CHECKING:
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
+    from planner.palette import Palette
 
 # ------------------------------------------------------------------------------------------------
 # planner printers.
@@ -201,6 +204,10 @@ def characterise(
     thickness_mm: ThicknessMm = None,
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
+    unit_of: UnitsOf = None,
+    printer: PrinterName = "connex3",
+    palette: PaletteName = None,
+    compare: Compared = True,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
@@ -212,7 +219,7 @@ def characterise(
 
     Says whether each material deforms elastically (fit a law) or plastically (Young's modulus
     alone). Exit code 1 when a material's specimens disagree about that or are more than twice
-    apart, or a figure looks like a wrong unit.
+    apart, or a figure looks like a wrong unit, also beside the printer's palette.
 
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
     materials.csv[/bold]
@@ -231,7 +238,9 @@ def characterise(
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
         columns=split_columns(columns),
+        unit_of=unit_of or (),
         at_strain=at_strain or None,
+        against=_compared(palette, printer) if compare else None,
     )
     if output is not None:
         write_whole(output, found.csv())
@@ -247,6 +256,15 @@ def characterise(
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1
+
+
+def _compared(palette: str | None, printer: str) -> "Palette | None":
+    """Return the palette to compare with; None where no one asked and no printer is installed."""
+    from planner.printers import installed_printers, palette_of
+
+    if palette is None and not installed_printers():
+        return None
+    return palette_of(palette, printer)
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
@@ -333,6 +351,10 @@ def fit(
     thickness_mm: ThicknessMm = None,
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
+    unit_of: UnitsOf = None,
+    printer: PrinterName = "connex3",
+    palette: PaletteName = None,
+    compare: Compared = True,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -365,6 +387,8 @@ def fit(
             thickness_mm=thickness_mm,
             gauge_mm=gauge_mm,
             columns=split_columns(columns),
+            unit_of=unit_of or (),
+            against=_compared(palette, printer) if compare else None,
             progress=stage,
         )
     planner.write_palette(result.palette, output, force=force)

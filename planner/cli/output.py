@@ -19,6 +19,7 @@ __all__ = [
     "AsJson",
     "AtStrain",
     "ColumnNames",
+    "Compared",
     "Force",
     "GaugeMm",
     "MaterialName",
@@ -28,6 +29,7 @@ __all__ = [
     "SpecimensFile",
     "TensileFiles",
     "ThicknessMm",
+    "UnitsOf",
     "WidthMm",
     "complain",
     "finding",
@@ -284,6 +286,21 @@ ThicknessMm = Annotated[
 ]
 GaugeMm = Annotated[
     float | None, Option("--gauge-mm", help="Gauge length of specimens without a row.")
+]
+UnitsOf = Annotated[
+    list[str] | None,
+    Option(
+        "--unit-of",
+        help="Read force, travel, stress or strain in another unit than the files say, as in "
+        "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.",
+    ),
+]
+Compared = Annotated[
+    bool,
+    Option(
+        "--compare/--no-compare",
+        help="Hold materials of the palette's names against it: is a unit taken for another?",
+    ),
 ]
 ColumnNames = Annotated[
     str | None,

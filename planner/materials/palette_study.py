@@ -26,6 +26,12 @@ from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_mat
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.study import Study, read_study
+from planner.materials.unit_slips import (
+    Comparison,
+    against_palette,
+    along_ladder,
+    among_replicates,
+)
 from planner.notes import Doubt
 from planner.palette import Material, Palette, Reference
 
@@ -49,15 +55,18 @@ class Characterisation:
         In the order of the tests.
     notes
         What was corrected, assumed or left out when the tests were read, one sentence each.
+    unit_slips
+        Where a unit seems to have been taken for another, one sentence each.
     """
 
     materials: tuple[MaterialCharacteristics, ...]
     notes: tuple[str, ...] = ()
+    unit_slips: tuple[str, ...] = ()
 
     @property
     def findings(self) -> tuple[str, ...]:
         """What speaks against the materials' figures, one sentence each."""
-        return tuple(said for one in self.materials for said in doubts(one))
+        return (*self.unit_slips, *(said for one in self.materials for said in doubts(one)))
 
     @property
     def ok(self) -> bool:
@@ -106,7 +115,9 @@ def characterise(
     thickness_mm: float | None = None,
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
+    unit_of: str | Sequence[str] = (),
     at_strain: Sequence[float] | None = None,
+    against: Palette | None = None,
 ) -> Characterisation:
     """Take modulus, toughness, elongation and their spread from tensile tests.
 
@@ -123,8 +134,13 @@ def characterise(
         Size of the specimens that neither a row nor a file's head gives.
     columns
         Headings in place of the files' own, by position; ``-`` leaves a column out.
+    unit_of
+        The unit that force, travel, stress or strain is in, whatever the files say:
+        ``"force=lbf:S1,S2"`` for some specimens or materials, ``"travel=in"`` for all.
     at_strain
         Strains of secant moduli; 0.1, 0.5 and 1 by default.
+    against
+        A palette: where some of its materials are off by a factor of units, that is a finding.
 
     Returns
     -------
@@ -137,6 +153,8 @@ def characterise(
         A file or curve that no result should rest on; the message names it.
     ArgumentError
         A size or strain that is not above 0, or no file at all.
+    UnknownNameError
+        A unit, specimen or material in `unit_of` that there is not.
 
     Examples
     --------
@@ -152,13 +170,30 @@ def characterise(
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
         columns=columns,
+        unit_of=unit_of,
     )
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     found = [
         characterise_material(name, curves, secant_strains=strains)
         for name, curves in study.groups.items()
     ]
-    return Characterisation(tuple(found), study.notes)
+    slips, asked = _unit_slips(study, against, None)
+    return Characterisation(tuple(found), (*study.notes, *asked), slips)
+
+
+def _unit_slips(
+    study: Study, against: Palette | None, coordinate: Mapping[str, float] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return where a unit seems taken for another, and where one may be but need not."""
+    slips = among_replicates(study)
+    if slips:
+        # A material's mean says nothing while its specimens are in two units.
+        return slips, ()
+    compared = Comparison() if against is None else against_palette(study, against)
+    if not compared.findings:
+        places = _by_material(study, tuple(study.groups), "coordinate", coordinate)
+        return along_ladder(study, places), tuple(Doubt(said) for said in compared.doubts)
+    return compared.findings, ()
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
@@ -278,14 +313,16 @@ def fit(
     thickness_mm: float | None = None,
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
+    unit_of: str | Sequence[str] = (),
+    against: Palette | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> PaletteStudy:
     """Fit laws to tensile tests, choose one a material, and make a palette with intervals.
 
     Parameters
     ----------
-    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns
-        The tests; see `characterise`.
+    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of, against
+        The tests, and what they are compared with; see `characterise`.
     law
         ``ogden``, ``yeoh``, ``martins``, ``neo-hookean``, or ``all``: the best is chosen.
     name
@@ -330,11 +367,13 @@ def fit(
         thickness_mm=thickness_mm,
         gauge_mm=gauge_mm,
         columns=columns,
+        unit_of=unit_of,
     )
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
     laws = candidate_laws(law)
-    notes = list(study.notes)
+    slips, asked = _unit_slips(study, against, coordinate)
+    notes = [*study.notes, *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
@@ -349,7 +388,7 @@ def fit(
             "strain left out"
         )
     ordered = sorted(fits, key=lambda called: _stiffness(fits[called], fits))
-    places = _coordinates(study, ordered, coordinate, notes)
+    places = _coordinates(study, ordered, coordinate, notes, slips)
     densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
     materials = tuple(
@@ -371,7 +410,7 @@ def fit(
     )
     palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
     by_id = {ids[called]: fits[called] for called in ordered}
-    findings = tuple(said for called in ordered for said in _findings(fits[called]))
+    findings = (*slips, *(said for called in ordered for said in _findings(fits[called])))
     return PaletteStudy(palette, by_id, tuple(notes), _problem(palette), findings)
 
 
@@ -405,7 +444,11 @@ def _findings(fit: MaterialFit) -> list[str]:
 
 
 def _coordinates(
-    study: Study, ordered: Sequence[str], given: Mapping[str, float] | None, notes: list[str]
+    study: Study,
+    ordered: Sequence[str],
+    given: Mapping[str, float] | None,
+    notes: list[str],
+    slips: Sequence[str],
 ) -> dict[str, float]:
     found = _by_material(study, ordered, "coordinate", given)
     if not found:
@@ -427,6 +470,7 @@ def _coordinates(
             raise ArgumentError(
                 f"coordinate of {harder} is {found[harder]:g}, not above {found[softer]:g} of "
                 f"{softer}, which is softer; coordinates must rise with stiffness"
+                + "".join(f" ({said})" for said in slips)
             )
     return found
 

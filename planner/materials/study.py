@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import (
     ListedSpecimen,
@@ -17,6 +17,7 @@ from planner.formats.tensile import (
     read_specimens,
     read_tensile,
 )
+from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Doubt
 from planner.numerics import FloatArray
@@ -448,12 +449,15 @@ class Study:
         What was corrected, assumed or left out, one sentence each.
     dimensions
         Size and crosshead rate by specimen, whichever source they come from.
+    factors
+        By specimen and column: what the numbers in the file were multiplied by, its unit.
     """
 
     groups: Mapping[str, tuple[Curve, ...]]
     specimens: Mapping[str, ListedSpecimen]
     notes: tuple[str, ...]
     dimensions: Mapping[str, Dimensions] = field(default_factory=dict)
+    factors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def read_study(
@@ -465,6 +469,7 @@ def read_study(
     thickness_mm: float | None = None,
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
+    unit_of: str | Sequence[str] = (),
 ) -> Study:
     """Read tensile tests and group them by material.
 
@@ -483,6 +488,9 @@ def read_study(
         Size of the specimens that neither a row nor a file's head gives.
     columns
         See `planner.formats.tensile.read_tensile`.
+    unit_of
+        The unit that force, travel, stress or strain is in, whatever the files say:
+        ``"force=lbf:S1,S2"`` for some specimens or materials, ``"travel=in"`` for all.
 
     Raises
     ------
@@ -491,6 +499,8 @@ def read_study(
         curve that no result should rest on; the message names file, line or specimen.
     ArgumentError
         A size that is not above 0, or no file at all.
+    UnknownNameError
+        A unit, specimen or material in `unit_of` that there is not.
     """
     if isinstance(files, Study):
         return files
@@ -506,9 +516,7 @@ def read_study(
     by_file: dict[str, list[ListedSpecimen]] = {}
     for row in rows.values():
         by_file.setdefault(row.file, []).append(row)
-    found: dict[str, tuple[str, Curve]] = {}
-    sizes: dict[str, Dimensions] = {}
-    unstated: list[str] = []
+    records: dict[str, _Record] = {}
     for path in files:
         own = by_file.get(_relative(path, listing), [])
         if rows and not own and not _names_specimens(path, rows, columns):
@@ -521,30 +529,33 @@ def read_study(
                 notes.append(Doubt(f"{path.name}: {said}; left out"))
                 continue
             name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
-            if name in found:
+            if name in records:
                 raise FileError(
-                    f"{path.name}: specimen {name!r} was read from {found[name][0]} already; "
+                    f"{path.name}: specimen {name!r} was read from {records[name].file} already; "
                     f"rename one, or give each its id in {_SPECIMENS}"
                 )
-            if row_of_table is not None and _left_out(row_of_table, notes):
-                continue
-            sizes[name] = _dimensions_of(row_of_table, given, table, notes)
-            curve = _curve_of(
-                table,
-                specimen=name,
-                material=row_of_table.material if row_of_table else material or _material(table),
-                dimensions=sizes[name],
-            )
-            found[name] = (path.name, curve)
-            if _states_no_strain_unit(table):
-                unstated.append(name)
+            if row_of_table is None or not _left_out(row_of_table, notes):
+                of = row_of_table.material if row_of_table else material or _material(table)
+                records[name] = _Record(path.name, table, row_of_table, of)
+    materials = _materials(records, notes)
+    units = _stated_units(unit_of, materials)
+    found: dict[str, Curve] = {}
+    sizes: dict[str, Dimensions] = {}
+    for name, record in records.items():
+        sizes[name] = _dimensions_of(record.row, given, record.table, notes)
+        table = _in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
+        records[name] = replace(record, table=table)
+        found[name] = _curve_of(
+            table, specimen=name, material=materials[name], dimensions=sizes[name]
+        )
+    unstated = [name for name, record in records.items() if _states_no_strain_unit(record.table)]
     notes.extend(
         Doubt(f"specimen {row.specimen}: no curve among the files")
         for row in rows.values()
         if row.specimen not in found and not row.profile and row.protocol in (None, "monotonic")
     )
     if unstated:
-        largest = [float(found[name][1].strain[-1]) for name in unstated]
+        largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         notes.append(
             Doubt(
@@ -555,17 +566,80 @@ def read_study(
             )
         )
     order = {name: place for place, name in enumerate(rows)}
-    curves = sorted((c for _, c in found.values()), key=lambda c: order.get(c.specimen, len(order)))
+    curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
     if not curves:
         raise FileError("no curve to characterise: " + "; ".join(notes))
-    curves = _named_by_file(curves, notes)
     groups: dict[str, tuple[Curve, ...]] = {}
     for curve in curves:
         groups[curve.material] = (*groups.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
     return Study(
-        MappingProxyType(groups), MappingProxyType(rows), tuple(notes), MappingProxyType(sizes)
+        MappingProxyType(groups),
+        MappingProxyType(rows),
+        tuple(notes),
+        MappingProxyType(sizes),
+        MappingProxyType({name: record.table.factors for name, record in records.items()}),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Record:
+    """What one specimen's table was read from; `material` is "" where only the name tells."""
+
+    file: str
+    table: TensileTable
+    row: ListedSpecimen | None
+    material: str
+
+
+def _stated_units(
+    stated: str | Sequence[str], materials: Mapping[str, str]
+) -> Mapping[str, Mapping[str, UnitOf]]:
+    """Return the units that are stated of each specimen, by quantity; a material names all its own.
+
+    Raises
+    ------
+    ArgumentError, UnknownNameError
+        See `parsed_unit`; also a name of neither a specimen nor a material.
+    """
+    found: dict[str, dict[str, UnitOf]] = {}
+    for text in (stated,) if isinstance(stated, str) else stated:
+        one = parsed_unit(text, tuple(QUANTITIES))
+        known = {*materials, *materials.values()}
+        for unknown in (name for name in one.specimens if name not in known):
+            raise UnknownNameError(
+                f"unit_of {text}: no specimen and no material {unknown!r}; "
+                f"{did_you_mean(unknown, sorted(known))}there are materials "
+                f"{', '.join(dict.fromkeys(materials.values()))}"
+            )
+        for name, of in materials.items():
+            if not one.specimens or name in one.specimens or of in one.specimens:
+                found.setdefault(name, {})[one.quantity] = one
+    return found
+
+
+def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: str) -> TensileTable:
+    """Return a table with columns in the units that were stated for it, which is noted."""
+    for quantity, unit in units.items():
+        column = QUANTITIES[quantity][0]
+        if column not in table.columns:
+            raise FileError(
+                f"{where}: its file has no column of {quantity}, so it cannot be read as "
+                f"{quantity}={unit.unit}; it has {', '.join(table.columns)}"
+            )
+        factor = factor_of(unit)
+        values = table.columns[column] * (factor / table.factors[column])
+        table = replace(
+            table,
+            columns=MappingProxyType({**table.columns, column: values}),
+            factors=MappingProxyType({**table.factors, column: factor}),
+            without_unit=table.without_unit - {column},
+            notes=(
+                *table.notes,
+                f"{where}: {quantity} is read in the unit {unit.unit}, as was asked for",
+            ),
+        )
+    return table
 
 
 def _given(
@@ -666,16 +740,16 @@ def _material(table: TensileTable) -> str:
     return named if isinstance(named, str) else ""
 
 
-def _named_by_file(curves: Sequence[Curve], notes: list[str]) -> list[Curve]:
-    """Give the curves without a material that of their specimen's name, and note it."""
-    by_name = _materials_by_name([c.specimen for c in curves if not c.material])
+def _materials(records: Mapping[str, _Record], notes: list[str]) -> dict[str, str]:
+    """Return what each specimen is made of; of its name alone, noted, where nothing else tells."""
+    by_name = _materials_by_name([name for name, record in records.items() if not record.material])
     if by_name:
         count = {m: list(by_name.values()).count(m) for m in by_name.values()}
         groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
         notes.append(
             f"materials by the files' names: {groups}; give --material or a {_SPECIMENS} for others"
         )
-    return [c if c.material else replace(c, material=by_name[c.specimen]) for c in curves]
+    return {name: record.material or by_name[name] for name, record in records.items()}
 
 
 def _some(names: Sequence[str]) -> str:

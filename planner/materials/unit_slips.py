@@ -1,0 +1,327 @@
+"""Units taken for others: specimens off their replicates, a batch off a palette or a ladder."""
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
+from planner.materials.characterise import SECANT_STRAINS, Characteristics, characterise_curve
+from planner.materials.laws import make_law, secant_modulus_MPa
+from planner.materials.study import Study
+from planner.numerics import FloatArray
+from planner.palette import Material, Palette
+
+__all__ = [
+    "Batch",
+    "Comparison",
+    "against_palette",
+    "along_ladder",
+    "among_replicates",
+    "batch_apart",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# How far honest materials lie apart, in ln stiffness.
+#
+# Another lab's prints are softer or stiffer than a palette as a whole (age, machine, batch), in a
+# way that changes smoothly along the ladder (temperature, rate), and each by itself. What is beyond
+# all three together, apart from the others, and the factor between two units, is a slip.
+
+
+_LAB_SD = math.log(2.0) / 1.96
+"""Of a lab as a whole, and of what changes along the ladder: published measurements of one digital
+material differ by up to a factor of 2, in 95 of 100."""
+
+_ALONG = 0.5
+"""Coordinate over which what changes along the ladder stays alike: half from softest to hardest
+elastomer. Chosen: a warm lab softens the last two or three grades, not one alone."""
+
+_OWN_SD = 0.25
+"""Of one material beside its lab: some tens of per cent, a factor of 1.6 in 95 of 100."""
+
+_SPECIMEN_SD = 0.09
+"""Between specimens of one print: PolyJet elastomers have coefficients of variation of 1 to 9 %;
+used where replicates tell less."""
+
+_FALSE_ALARM = 1e-3
+"""Share of honest studies that may be taken for a slip, shared out over all batches that there
+are. With it and the next two, of simulated honest labs none of 5000 is taken for a slip, and fewer
+than one in a hundred where materials scatter with heavy tails, one is off by a factor of 2, or a
+warm lab softens the hardest by 3. Of batches in lbf 40 to 98 in a hundred are found (of the first
+or the last grade alone 6 and 31), of those in kgf 80 to 98."""
+
+_APART = 0.4
+"""Share of the shift that lies empty between a batch and the others; see above."""
+
+_UNIT_REACH = 0.35
+"""How far ln of a batch's shift may lie off a unit's factor: laws and conditions may be off by a
+third."""
+
+_REPLICATES_REACH = 0.25
+"""ln: two specimens that scatter by 9 % differ by 0.13; twice that."""
+
+_OUT_OF_ORDER = math.log(2.0)
+"""ln by which a harder material may be softer than its softer neighbour: as `_LAB_SD`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Materials that lie together off the others; `shift` is ln of their stiffness over theirs."""
+
+    members: tuple[int, ...]
+    shift: float
+    sd: float
+
+
+def batch_apart(
+    coordinate: FloatArray, log_ratio: FloatArray, variance: FloatArray
+) -> Batch | None:
+    """Return the batch of materials whose stiffness is off as no honest lab's is, if there is one.
+
+    All splits of the materials in the order of their ratio are tried, either side as the batch
+    and all together; generalised least squares give the shift of each. The likeliest is returned
+    if its shift is beyond honest differences (`_FALSE_ALARM`), honest differences explain what is
+    left (99 %), and nothing lies between it and the others (`_APART`).
+
+    Parameters
+    ----------
+    log_ratio
+        ln of measured over expected stiffness, shape (n,).
+    variance
+        Of each, from the palette's own uncertainty and the scatter of specimens.
+    """
+    from scipy.special import chdtri
+
+    n = len(log_ratio)
+    distance = np.subtract.outer(coordinate, coordinate) / _ALONG
+    lab = _LAB_SD**2 * (1.0 + np.exp(-0.5 * distance**2))
+    inverse = np.linalg.inv(lab + np.diag(variance + _OWN_SD**2))
+    order = np.argsort(log_ratio, kind="stable")
+    # Of two materials that differ nothing tells which is off.
+    splits = range(1, n) if n > 2 else ()
+    batches = [order, *(side for k in splits for side in (order[:k], order[k:]))]
+    found: list[tuple[float, Batch]] = []
+    for members in batches:
+        inside = np.zeros(n)
+        inside[members] = 1.0
+        precision = float(inside @ inverse @ inside)
+        shift = float(inside @ inverse @ log_ratio) / precision
+        rest = log_ratio - shift * inside
+        batch = Batch(tuple(sorted(int(i) for i in members)), shift, precision**-0.5)
+        found.append((float(rest @ inverse @ rest), batch))
+    misfit, best = min(found, key=lambda one: one[0])
+    beyond = NormalDist().inv_cdf(1.0 - _FALSE_ALARM / (2.0 * (2.0**n - 1.0)))
+    if abs(best.shift) <= beyond * best.sd or (n > 1 and misfit > float(chdtri(n - 1, 0.01))):
+        return None
+    others = np.delete(log_ratio, best.members)
+    if len(others) and best.shift < 0.0:
+        gap = float(others.min() - log_ratio[list(best.members)].max())
+    elif len(others):
+        gap = float(log_ratio[list(best.members)].min() - others.max())
+    return best if not len(others) or gap > _APART * abs(best.shift) else None
+
+
+# ------------------------------------------------------------------------------------------------
+# A study against a palette.
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What a comparison says: findings speak against the figures, doubts ask to look."""
+
+    findings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+def against_palette(study: Study, palette: Palette) -> Comparison:
+    """Compare a study's elastic materials with those of a palette that have their names.
+
+    A batch that is off by a factor of units while others agree is a finding; if all are off, the
+    palette may be of other prints, and it is a doubt. Rigid grades are left out: their modulus
+    depends on whether strain was measured at the grips or on the specimen by more than units do.
+    """
+    named = {n.casefold(): m for m in palette.materials for n in (m.id, *m.aliases)}
+    known = {
+        called: named[called.casefold()]
+        for called in study.groups
+        if called.casefold() in named and named[called.casefold()].deformation == "elastic"
+    }
+    if not known:
+        return Comparison()
+    called = list(known)
+    ratios = [_against(study, name, known[name]) for name in called]
+    coordinate = np.array([known[name].coordinate for name in called])
+    stiffness, variance, elongation = (np.array(v) for v in zip(*ratios, strict=True))
+    batch = batch_apart(coordinate, stiffness, variance)
+    if batch is None:
+        return Comparison()
+    inside = [called[i] for i in batch.members]
+    others = [name for name in called if name not in inside]
+    longer = float(np.mean(elongation[list(batch.members)]))
+    if others:
+        longer -= float(np.mean([elongation[called.index(name)] for name in others]))
+    advice = _advice(study, inside, batch.shift, longer, reach=_UNIT_REACH)
+    if advice is None:
+        return Comparison()
+    factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
+    of = f"{_some(inside)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
+    if not others:
+        said = f"{of} the palette {palette.name}: {advice}, or --no-compare if they are right"
+        return Comparison(doubts=(said,))
+    agree = f"{_some(others)} {'is' if len(others) == 1 else 'are'} not"
+    return Comparison(
+        (f"{of} the palette {palette.name}, {agree}: {advice}, or --no-compare if they are right",)
+    )
+
+
+def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:
+    """Return ln of stiffness over the palette's, its variance, and ln of the strain at break."""
+    curves = study.groups[called]
+    strain = min(SECANT_STRAINS[0], 0.5 * min(float(c.strain[-1]) for c in curves))
+    logs = _log_secants([characterise_curve(c, secant_strains=[strain]) for c in curves])
+    expected = math.log(float(secant_modulus_MPa(make_law(material.law), strain)))
+    scatter = max(_SPECIMEN_SD, float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.0)
+    variance = material.modulus_log_sd**2 + scatter**2 / len(logs)
+    longest = float(np.mean([math.log(c.strain[-1]) for c in curves]))
+    longer = longest - math.log(material.elongation_at_break)
+    return float(np.mean(logs)) - expected, variance, longer
+
+
+def _log_secants(found: Sequence[Characteristics]) -> list[float]:
+    secants = [next(iter(c.secant_MPa.values())) or c.modulus_MPa for c in found]
+    return [math.log(value) for value in secants]
+
+
+# ------------------------------------------------------------------------------------------------
+# A ladder of materials whose coordinates are stated, and replicates of one material.
+
+
+def along_ladder(study: Study, coordinate: Mapping[str, float]) -> tuple[str, ...]:
+    """Return where a material is far softer than one of a lower coordinate, and by which unit.
+
+    The batch is the run of neighbours whose shift makes the ladder smoothest.
+    """
+    ordered = sorted((m for m in study.groups if m in coordinate), key=lambda m: coordinate[m])
+    level = np.array(
+        [
+            float(np.mean([math.log(characterise_curve(c).modulus_MPa) for c in study.groups[m]]))
+            for m in ordered
+        ]
+    )
+    drops = -np.diff(level)
+    if not len(drops) or drops.max() <= _OUT_OF_ORDER:
+        return ()
+    at = int(np.argmax(drops))
+    said = (
+        f"{ordered[at + 1]} is {math.exp(drops[at]):.2g} times softer than {ordered[at]}, whose "
+        "coordinate is lower"
+    )
+    place = np.array([coordinate[m] for m in ordered])
+    run = _smoothest(place, level) if len(ordered) > 3 else None
+    advice = None
+    if run is not None:
+        inside = [ordered[i] for i in run.members]
+        advice = _advice(study, inside, run.shift, 0.0, reach=_UNIT_REACH)
+    return (f"{said}: {advice or 'check sizes, units and coordinates'}",)
+
+
+def _smoothest(place: FloatArray, level: FloatArray) -> Batch | None:
+    """Return the run of neighbours, shifted, that leaves the least bends; None if still unordered.
+
+    A bend is what a point lies off the line through its neighbours.
+    """
+    n = len(level)
+    bends = np.zeros((n - 2, n))
+    for i in range(1, n - 1):
+        left = (place[i + 1] - place[i]) / (place[i + 1] - place[i - 1])
+        bends[i - 1, i - 1 : i + 2] = -left, 1.0, left - 1.0
+    found: list[tuple[float, int, Batch]] = []
+    for first in range(n):
+        for last in range(first + 1, n + 1):
+            if 2 * (last - first) > n:
+                continue
+            inside = np.zeros(n)
+            inside[first:last] = 1.0
+            lever = bends @ inside
+            shift = float(lever @ (bends @ level)) / float(lever @ lever)
+            rest = level - shift * inside
+            if np.all(np.diff(rest) > 0.0):
+                batch = Batch(tuple(range(first, last)), shift, 0.0)
+                found.append((float(np.sum((bends @ rest) ** 2)), last - first, batch))
+    return min(found, key=lambda one: one[:2])[2] if found else None
+
+
+def among_replicates(study: Study) -> tuple[str, ...]:
+    """Return which specimens lie off most replicates by the factor between two units."""
+    said = []
+    for material, curves in study.groups.items():
+        if len(curves) < 2:
+            continue
+        found = [characterise_curve(c) for c in curves]
+        level = np.array([math.log(c.modulus_MPa) for c in found])
+        longer = np.array([math.log(c.elongation_at_break) for c in found])
+        # Of two, either may be off; the one in the other unit is then for the user to say.
+        middle = float(np.sort(level)[len(level) // 2])
+        normal = np.abs(level - middle) < _REPLICATES_REACH
+        far = [i for i in range(len(found)) if abs(level[i] - middle) > math.log(2.0)]
+        if not far or 2 * len(far) > len(found):
+            continue
+        shift = float(np.mean(level[far])) - middle
+        length = float(np.mean(longer[far]) - np.mean(longer[normal]))
+        names = [found[i].specimen for i in far]
+        advice = _advice(study, names, shift, length, reach=_REPLICATES_REACH)
+        if advice is not None:
+            way = "above" if shift > 0.0 else "below"
+            said.append(
+                f"{material}: {_some(names)} {'is' if len(names) == 1 else 'are'} "
+                f"{math.exp(abs(shift)):.3g} times {way} the other specimens: {advice}"
+            )
+    return tuple(said)
+
+
+# ------------------------------------------------------------------------------------------------
+# Which unit was taken for which, in words and as an option.
+
+
+def _advice(
+    study: Study, names: Sequence[str], shift: float, longer: float, *, reach: float
+) -> str | None:
+    """Return which unit was taken for which, as a question with the option that corrects it.
+
+    Parameters
+    ----------
+    names
+        Specimens or materials that are off.
+    shift, longer
+        ln of their stiffness and of their strain at break over the right ones. A factor on the
+        length's unit is in both, against each other.
+    reach
+        How far ln of the unit's factor may lie off.
+    """
+    curves = [c for name, group in study.groups.items() for c in group
+              if name in names or c.specimen in names]  # fmt: skip
+    factors = study.factors.get(curves[0].specimen, {})
+    of_length = abs(longer + shift) < abs(longer)
+    quantities = ("strain", "travel") if of_length else ("stress", "force")
+    quantity = next((q for q in quantities if QUANTITIES[q][0] in factors), None)
+    if quantity is None:
+        return None
+    column, kind = QUANTITIES[quantity]
+    own = factors[column]
+    log = math.log(own) + (shift if of_length else -shift)
+    unit = unit_near(kind, log, own, reach)
+    if unit is None:
+        return None
+    stated = next(name for name, factor in QUANTITY_UNITS[kind].items() if factor == own)
+    option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
+    return f"was {unit} taken for {stated or 'fractions'}? Give --unit-of {option}"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{names[0]} ... {names[-1]}"
