@@ -12,6 +12,7 @@ from planner.cli.output import (
     AtStrain,
     ColumnNames,
     Compared,
+    ComparedWith,
     Force,
     GaugeMm,
     MaterialName,
@@ -29,7 +30,6 @@ from planner.cli.output import (
 if TYPE_CHECKING:
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
-    from planner.palette import Palette
 
 # ------------------------------------------------------------------------------------------------
 # planner printers.
@@ -98,7 +98,7 @@ def materials(
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
     import planner
-    from planner.cli.output import format_number, format_range, print_document, print_table
+    from planner.cli.output import format_interval, format_number, print_document, print_table
 
     scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
     if as_json:
@@ -112,7 +112,7 @@ def materials(
                 material.id,
                 f"{material.coordinate:.3f}",
                 format_number(modulus),
-                format_range(interval),
+                format_interval(interval),
                 f"{100 * material.elongation_at_break:.0f} %",
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
@@ -149,7 +149,13 @@ def invert(
     Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
     """
     import planner
-    from planner.cli.output import finding, format_number, format_range, print_document, print_table
+    from planner.cli.output import (
+        finding,
+        format_interval,
+        format_number,
+        print_document,
+        print_table,
+    )
     from planner.printers import palette_of
 
     chosen = palette_of(palette, printer)
@@ -171,7 +177,7 @@ def invert(
                     mixture.blend_text(),
                     f"{mixture.blend.coordinate:.4f}",
                     format_number(mixture.modulus_MPa, 4),
-                    format_range(mixture.interval_MPa),
+                    format_interval(mixture.interval_MPa),
                 ]
                 for mixture in found
             ],
@@ -206,7 +212,7 @@ def characterise(
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
     printer: PrinterName = "connex3",
-    palette: PaletteName = None,
+    palette: ComparedWith = None,
     compare: Compared = True,
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
@@ -239,8 +245,10 @@ def characterise(
         gauge_mm=gauge_mm,
         columns=split_columns(columns),
         unit_of=unit_of or (),
+        printer=printer,
+        palette=palette,
+        compare=compare,
         at_strain=at_strain or None,
-        against=_compared(palette, printer) if compare else None,
     )
     if output is not None:
         write_whole(output, found.csv())
@@ -258,25 +266,15 @@ def characterise(
     return 0 if found.ok else 1
 
 
-def _compared(palette: str | None, printer: str) -> "Palette | None":
-    """Return the palette to compare with; None where no one asked and no printer is installed."""
-    from planner.printers import installed_printers, palette_of
-
-    if palette is None and not installed_printers():
-        return None
-    return palette_of(palette, printer)
-
-
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
     """Return the notes on single specimens, and one line for strains left as recorded."""
     specimens = [c for one in found for c in one.specimens]
     lines = [note for c in specimens for note in c.notes if "not shifted" not in note]
     unshifted = [c for c in specimens if not c.toe_strain]
     if unshifted:
-        lines.append(
-            f"{len(unshifted)} of {len(specimens)} specimens show no toe; their strains are as "
-            "recorded (--json says why for each)"
-        )
+        of = f"{len(unshifted)} of {len(specimens)} specimens show no toe; their strains"
+        of = of if len(unshifted) < len(specimens) else "no specimen shows a toe; strains"
+        lines.append(f"{of} are as recorded (--json says why for each)")
     return lines
 
 
@@ -353,7 +351,7 @@ def fit(
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
     printer: PrinterName = "connex3",
-    palette: PaletteName = None,
+    palette: ComparedWith = None,
     compare: Compared = True,
     force: Force = False,
     as_json: AsJson = False,
@@ -388,7 +386,9 @@ def fit(
             gauge_mm=gauge_mm,
             columns=split_columns(columns),
             unit_of=unit_of or (),
-            against=_compared(palette, printer) if compare else None,
+            printer=printer,
+            palette=palette,
+            compare=compare,
             progress=stage,
         )
     planner.write_palette(result.palette, output, force=force)

@@ -20,6 +20,7 @@ __all__ = [
     "AtStrain",
     "ColumnNames",
     "Compared",
+    "ComparedWith",
     "Force",
     "GaugeMm",
     "MaterialName",
@@ -33,6 +34,7 @@ __all__ = [
     "WidthMm",
     "complain",
     "finding",
+    "format_interval",
     "format_number",
     "format_range",
     "print_document",
@@ -196,8 +198,13 @@ def format_number(value: float, digits: int = 3) -> str:
 
 
 def format_range(ends: Sequence[float]) -> str:
-    """Write the two ends of an interval with three significant digits."""
+    """Write the two ends of a range with three significant digits."""
     return " .. ".join(format_number(end) for end in ends)
+
+
+def format_interval(ends: Sequence[float]) -> str:
+    """Write how sure a figure is; one of no width is of a palette that states no uncertainty."""
+    return format_range(ends) if ends[0] < ends[-1] else "unknown"
 
 
 @contextlib.contextmanager
@@ -295,11 +302,19 @@ UnitsOf = Annotated[
         "force=lbf:S1,S2 (specimens or materials) or, for all, travel=in; repeatable.",
     ),
 ]
+ComparedWith = Annotated[
+    str | None,
+    Option(
+        "--palette",
+        help="Palette to hold the tests against, a file (TOML) or one of the printer's; else its "
+        "default.",
+    ),
+]
 Compared = Annotated[
     bool,
     Option(
         "--compare/--no-compare",
-        help="Hold materials of the palette's names against it: is a unit taken for another?",
+        help="Hold materials that the palette names against it: was a unit taken for another?",
     ),
 ]
 ColumnNames = Annotated[

@@ -214,7 +214,7 @@ def _blend_text(region: "Region") -> str:
 
 
 def _table(plan: "Plan") -> None:
-    from planner.cli.output import format_number, format_range, print_table
+    from planner.cli.output import format_interval, format_number, format_range, print_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
     field = plan.gradient.field
@@ -230,7 +230,7 @@ def _table(plan: "Plan") -> None:
             ),
             "target MPa": format_range(r.target_modulus_MPa),
             "achieved": format_number(r.modulus_MPa),
-            "95 % interval": format_range(r.modulus_interval_MPa),
+            "95 % interval": format_interval(r.modulus_interval_MPa),
             "error": f"{100 * r.error[0]:+.0f} .. {100 * r.error[1]:+.0f} %",
             "volume mm3": format_number(r.volume_mm3, 4),
             "mass g": format_number(r.mass_g),

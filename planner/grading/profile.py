@@ -296,7 +296,7 @@ class StiffnessScale:
                     "id": material.id,
                     "coordinate": material.coordinate,
                     "modulus_MPa": modulus,
-                    "modulus_interval_MPa": list(interval),
+                    "modulus_interval_MPa": _known(interval),
                     "elongation_at_break": material.elongation_at_break,
                     "density_g_cm3": material.density_g_cm3,
                     "deformation": material.deformation,
@@ -306,6 +306,11 @@ class StiffnessScale:
                 for material, modulus, interval in rows
             ],
         }
+
+
+def _known(interval: tuple[float, float]) -> list[float] | None:
+    """Return an interval as JSON holds it; null of a palette that states no uncertainty."""
+    return list(interval) if interval[0] < interval[1] else None
 
 
 def list_materials(
@@ -621,7 +626,7 @@ class Mixture:
                 "upper": self.blend.upper,
                 "fraction": self.blend.fraction,
                 "modulus_MPa": self.modulus_MPa,
-                "modulus_interval_MPa": list(self.interval_MPa),
+                "modulus_interval_MPa": _known(self.interval_MPa),
             },
         }
 

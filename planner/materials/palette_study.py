@@ -34,6 +34,7 @@ from planner.materials.unit_slips import (
 )
 from planner.notes import Doubt
 from planner.palette import Material, Palette, Reference
+from planner.printers import Printer, installed_printers, palette_of
 
 __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
 
@@ -116,8 +117,10 @@ def characterise(
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
     unit_of: str | Sequence[str] = (),
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    compare: bool = True,
     at_strain: Sequence[float] | None = None,
-    against: Palette | None = None,
 ) -> Characterisation:
     """Take modulus, toughness, elongation and their spread from tensile tests.
 
@@ -137,10 +140,12 @@ def characterise(
     unit_of
         The unit that force, travel, stress or strain is in, whatever the files say:
         ``"force=lbf:S1,S2"`` for some specimens or materials, ``"travel=in"`` for all.
+    printer, palette
+        By name, file or value: what materials of the same names are compared with.
+    compare
+        Whether they are; where some are off by a factor of units, that is a finding.
     at_strain
         Strains of secant moduli; 0.1, 0.5 and 1 by default.
-    against
-        A palette: where some of its materials are off by a factor of units, that is a finding.
 
     Returns
     -------
@@ -177,8 +182,16 @@ def characterise(
         characterise_material(name, curves, secant_strains=strains)
         for name, curves in study.groups.items()
     ]
+    against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, None)
     return Characterisation(tuple(found), (*study.notes, *asked), slips)
+
+
+def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> Palette | None:
+    """Return the palette to compare with; None where no one asked and no printer is installed."""
+    if palette is None and not installed_printers():
+        return None
+    return palette_of(palette, printer)
 
 
 def _unit_slips(
@@ -314,15 +327,19 @@ def fit(
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
     unit_of: str | Sequence[str] = (),
-    against: Palette | None = None,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+    compare: bool = True,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> PaletteStudy:
     """Fit laws to tensile tests, choose one a material, and make a palette with intervals.
 
     Parameters
     ----------
-    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of, against
-        The tests, and what they are compared with; see `characterise`.
+    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of
+        The tests; see `characterise`.
+    printer, palette, compare
+        What they are compared with; see `characterise`.
     law
         ``ogden``, ``yeoh``, ``martins``, ``neo-hookean``, or ``all``: the best is chosen.
     name
@@ -372,6 +389,7 @@ def fit(
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
     laws = candidate_laws(law)
+    against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, coordinate)
     notes = [*study.notes, *asked]
     fits: dict[str, MaterialFit] = {}
@@ -408,10 +426,11 @@ def fit(
         )
         for rank, called in enumerate(ordered)
     )
-    palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
+    fitted_palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
     by_id = {ids[called]: fits[called] for called in ordered}
     findings = (*slips, *(said for called in ordered for said in _findings(fits[called])))
-    return PaletteStudy(palette, by_id, tuple(notes), _problem(palette), findings)
+    problem = _problem(fitted_palette)
+    return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings)
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:

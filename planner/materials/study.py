@@ -109,7 +109,8 @@ def _check_plausible(
         raise FileError(
             f"{where}: strain reaches {largest:.4g} at {peak:.4g} MPa and its heading gives no "
             "unit; per cent is likely: head the column 'strain (%)', or 'strain (mm/mm)' if it "
-            "is a fraction after all (and then check the unit of stress: psi?)"
+            "is a fraction after all (and then check the unit of stress: psi?); or give --unit-of "
+            "strain=%, or strain=1"
         )
     if peak > _LARGEST_STRESS_MPA:
         raise FileError(
@@ -321,7 +322,11 @@ def _upright(
             "test, or turn the signs in the file if tension counts negative there"
         )
     notes.extend(
-        f"{where}: {name} is negative in tension; its sign was turned" for name in negative
+        Doubt(
+            f"{where}: {name} is negative and the other is not; taken as tension that counts "
+            "negative, its sign was turned: leave the specimen out if it was compressed"
+        )
+        for name in negative
     )
     return {name: -values if name in negative else values for name, values in columns.items()}
 
@@ -562,13 +567,14 @@ def read_study(
                 f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
                 f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
                 f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %; if it is in per cent, head the "
-                "column 'strain (%)'"
+                "column 'strain (%)' or give --unit-of strain=%"
             )
         )
     order = {name: place for place, name in enumerate(rows)}
     curves = sorted(found.values(), key=lambda c: order.get(c.specimen, len(order)))
     if not curves:
         raise FileError("no curve to characterise: " + "; ".join(notes))
+    notes.extend(_copies(curves))
     groups: dict[str, tuple[Curve, ...]] = {}
     for curve in curves:
         groups[curve.material] = (*groups.get(curve.material, ()), curve)
@@ -640,6 +646,23 @@ def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: st
             ),
         )
     return table
+
+
+def _copies(curves: Sequence[Curve]) -> list[Doubt]:
+    """Say which records are equal number for number: copies tell nothing of scatter."""
+    seen: dict[tuple[bytes, bytes], str] = {}
+    said = []
+    for curve in curves:
+        key = curve.strain.tobytes(), curve.stress_MPa.tobytes()
+        first = seen.setdefault(key, curve.specimen)
+        if first != curve.specimen:
+            said.append(
+                Doubt(
+                    f"specimen {curve.specimen}: its record equals that of {first} in every "
+                    "number; leave a copy out, for scatter and intervals come out too small"
+                )
+            )
+    return said
 
 
 def _given(
@@ -759,6 +782,8 @@ def _some(names: Sequence[str]) -> str:
 def _left_out(row: ListedSpecimen, notes: list[str]) -> bool:
     if row.profile:
         notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
+    elif row.mode.startswith("compress"):
+        notes.append(Doubt(f"specimen {row.specimen}: tested in compression; left out"))
     elif row.protocol not in (None, "monotonic"):
         notes.append(f"specimen {row.specimen}: protocol {row.protocol}; left out")
     else:

@@ -30,8 +30,8 @@ def test_json_lists_what_the_terminal_counts(samples: Path, capsys) -> None:
 
 def test_doubts_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
     strain = np.linspace(0.0, 1.0, 40)
-    for name in ("A-1", "A-2"):
-        rows = "".join(f"{e:.5f},{np.sqrt(e):.5f}\n" for e in strain)
+    for name, stress in (("A-1", 1.0), ("A-2", 1.01)):
+        rows = "".join(f"{e:.5f},{stress * np.sqrt(e):.5f}\n" for e in strain)
         (tmp_path / f"{name}.csv").write_text(f"strain,stress (MPa)\n{rows}", encoding="utf-8")
     assert run(["characterise", str(tmp_path)]) == 0
     kinds = [line.partition(":")[0] for line in capsys.readouterr().err.splitlines()]
