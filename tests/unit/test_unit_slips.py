@@ -80,7 +80,7 @@ def test_a_batch_in_another_unit_is_a_finding_that_says_how_to_read_it(
     (said,) = (s for s in capsys.readouterr().err.splitlines() if "finding" in s)
     own = "N" if quantity == "force" else "mm"
     assert f"was {unit} taken for {own}?" in said
-    assert "the palette connex3-tango-vero, " in said
+    assert "the palette connex3-tango-vero, while " in said
     for material in ELASTOMERS:
         assert (material in said.partition("palette")[0]) == (material in batch)
     assert run([*command, *options(said)]) == 0
@@ -102,6 +102,15 @@ def test_all_in_another_unit_is_a_warning_alone(tmp_path: Path, palette: Palette
     said = capsys.readouterr().err
     assert "warning: FLX9740, FLX9750" in said
     assert "was kgf taken for N?" in said
+
+
+def test_the_last_grade_alone_is_a_warning(tmp_path: Path, palette: Palette, capsys) -> None:
+    """A lab may honestly soften one end of the ladder by much, so that it is no error."""
+    write_study(tmp_path, palette, {"FLX9795": {"force": POUND_N}})
+    assert run(["characterise", str(tmp_path), *SIZES]) == 0
+    said = capsys.readouterr().err
+    assert "warning: FLX9795 is 4.5 times below the palette" in said
+    assert "was lbf taken for N? Give --unit-of force=lbf:FLX9795, or --no-compare" in said
 
 
 def test_fit_says_the_same(tmp_path: Path, palette: Palette, capsys, monkeypatch) -> None:
@@ -180,10 +189,14 @@ def test_honest_labs_are_not_accused(palette: Palette, kind: str, most: int) -> 
     m = np.array([material.coordinate for material in elastic])
     sd = np.hypot([material.modulus_log_sd for material in elastic], 0.05)
     rng = np.random.default_rng(20)
-    accused = 0
+    accused = warned = 0
     for _ in range(1000):
         some = np.sort(rng.choice(len(m), rng.integers(3, len(m) + 1), replace=False))
         batch = batch_apart(m[some], honest(kind, rng, m[some], sd[some]), sd[some] ** 2)
         # The reach of a unit's factor is the rule's.
-        accused += batch is not None and unit_near("force", -batch.shift, 1.0, 0.35) is not None
+        if batch is not None and unit_near("force", -batch.shift, 1.0, 0.35) is not None:
+            warned += 1
+            accused += batch.sure and len(batch.members) < len(some)
     assert accused <= most
+    # A warning asks less: at most one lab in ten, in the worst of these worlds.
+    assert warned <= 100
