@@ -219,6 +219,7 @@ def read_tensile(
     layout = _layout(read_text(path), where, columns)
     head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
+    _refuse_side_by_side(headings, where)
     meanings: dict[int, Column] = {}
     # A crosshead's absolute position serves only where nothing else tells the travel.
     for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
@@ -271,6 +272,29 @@ def read_tensile(
             notes=tuple(notes),
         )
         for specimen, at in groups.items()
+    )
+
+
+def _refuse_side_by_side(headings: Sequence[Heading | None], where: str) -> None:
+    """Refuse a file whose load and length stand in it again under the same headings.
+
+    Raises
+    ------
+    FileError
+        Records side by side; the message says how to read one of them.
+    """
+    texts = [h.text if h is not None else "" for h in headings]
+    again = [h for i, h in enumerate(headings) if h is not None and h.text in texts[:i]]
+    if not _suffice(again):
+        return
+    second = texts.index(again[0].text, texts.index(again[0].text) + 1)
+    block = headings[second : second + len(set(texts))]
+    example = _example(block, [h.unit or "" if h is not None else "" for h in block])
+    raise FileError(
+        f"{where}: records stand side by side ({again[0].text!r} heads columns "
+        f"{texts.index(again[0].text) + 1} and {second + 1}); export one file a specimen, or copy "
+        "the file for each and read its record by position: the second by --columns "
+        f"{'-,' * second}{example}"
     )
 
 

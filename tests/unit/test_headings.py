@@ -215,6 +215,25 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     assert len(table.lines) == len(TIME_S)
 
 
+def test_records_side_by_side_are_not_dropped(tmp_path: Path) -> None:
+    """Trapezium writes the specimens of a batch beside one another."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{t},{f},{d},{t},{2 * f},{d}\n" for t, f, d in
+                   zip(TIME_S, FORCE_N, TRAVEL_MM, strict=True))  # fmt: skip
+    path.write_text(
+        "1 _ 1,,,1 _ 2,,\n時間,試験力,ストローク,時間,試験力,ストローク\nsec,kN,mm,sec,kN,mm\n"
+        + rows,
+        encoding="shift_jis",
+    )
+    with pytest.raises(FileError, match=r"side by side.*columns 1 and 4") as caught:
+        read_tensile(path)
+    example = re.search(r"--columns (\S+)", str(caught.value))
+    assert example is not None
+    (table,) = read_tensile(path, columns=example[1].split(","))
+    # 1e-12: one product, of figures written in full.
+    np.testing.assert_allclose(table.columns["force_N"], 2000.0 * FORCE_N, rtol=1e-12)
+
+
 def test_a_speed_in_the_head_is_used_and_said(tmp_path: Path, capsys) -> None:
     path = tmp_path / "FLX9760.csv"
     path.write_bytes(FILES["german-testxpert"][1].encode("cp1252"))
