@@ -372,10 +372,15 @@ def _not_understood(text: str) -> str:
                                                                  _LENGTHS))
         if not meanings & kinds
     ]  # fmt: skip
-    return (
+    said = (
         f", line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
-        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8])}; name the columns "
-        f"by position, for example --columns {_example(headings, units)}"
+        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
+    )
+    example = _example(headings, units)
+    if not _suffice([parse_heading(name) for name in example.split(",")]):
+        return f"{said}; export what is missing too"
+    return (
+        f"{said}; name the columns by position, for example --columns {example}"
         " (a '-' leaves a column out)"
     )
 
@@ -432,7 +437,10 @@ def _nearest(text: str) -> tuple[int, list[str], list[Heading | None], list[str]
     for separator in _SEPARATORS[:3]:
         rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
         for place, (_, cells) in enumerate(rows):
-            if place and len(cells) > 1 and all(number(c, separator) is not None for c in cells):
+            filled = [cell for cell in cells if cell]
+            numbers = sum(number(cell, separator) is not None for cell in filled)
+            # A specimen's name may stand beside them; a size in the head is one number alone.
+            if place and numbers > 1 and 2 * numbers >= len(filled):
                 break
         else:
             continue

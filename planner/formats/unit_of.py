@@ -122,6 +122,8 @@ units allow."""
 def unit_near(kind: str, log: float, own: float, reach: float = OWN) -> str | None:
     """Return the unit of a factor, or as a number the inverse of one; None where none is near.
 
+    A unit goes before an inverse that is nearer still, if it is as near as load cells are sure.
+
     Parameters
     ----------
     kind
@@ -135,8 +137,8 @@ def unit_near(kind: str, log: float, own: float, reach: float = OWN) -> str | No
     """
     units = {name: f for name, f in QUANTITY_UNITS[kind].items() if f != own}
     inverse = {f"{own * own / f:.6g}": own * own / f for f in units.values()}
-    for choices in (units, inverse):
+    for choices, near in ((units, min(reach, OWN)), (units | inverse, reach)):
         unit = min(choices, key=lambda name: abs(math.log(choices[name]) - log))
-        if abs(math.log(choices[unit]) - log) <= reach:
+        if abs(math.log(choices[unit]) - log) <= near:
             return unit
     return None

@@ -510,7 +510,9 @@ def read_study(
     if isinstance(files, Study):
         return files
     given = _given(width_mm, thickness_mm, gauge_mm)
-    files, listing = _files(files, None if specimens is None else Path(specimens))
+    paths = [Path(file) for file in files]
+    whole = not any(path.is_file() and not is_specimens_file(path) for path in paths)
+    files, listing = _files(paths, None if specimens is None else Path(specimens))
     notes: list[str] = []
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
@@ -554,8 +556,10 @@ def read_study(
             table, specimen=name, material=materials[name], dimensions=sizes[name]
         )
     unstated = [name for name, record in records.items() if _states_no_strain_unit(record.table)]
+    # Who names some files means to leave out the others.
+    absent = Doubt if whole else str
     notes.extend(
-        Doubt(f"specimen {row.specimen}: no curve among the files")
+        absent(f"specimen {row.specimen}: no curve among the files")
         for row in rows.values()
         if row.specimen not in found and not row.profile and row.protocol in (None, "monotonic")
     )

@@ -339,7 +339,12 @@ def _advice(
         return None
     stated = next(name for name, factor in QUANTITY_UNITS[kind].items() if factor == own)
     option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
-    return f"was {unit} taken for {stated or 'fractions'}? Give --unit-of {option}"
+    stated = stated or "fractions"
+    if unit in QUANTITY_UNITS[kind]:
+        return f"was {unit} taken for {stated}? Give --unit-of {option}"
+    # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
+    other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
+    return f"was {stated} converted as if it were {other}? Give --unit-of {option}"
 
 
 def _some(names: Sequence[str]) -> str:

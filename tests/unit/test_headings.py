@@ -8,7 +8,7 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError
-from planner.formats.headings import parse_heading
+from planner.formats.headings import is_speed, parse_heading, size_of
 from planner.formats.tables import number
 from planner.formats.tensile import read_tensile
 
@@ -213,6 +213,37 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     assert example is not None
     (table,) = read_tensile(path, columns=example[1].split(","))
     assert len(table.lines) == len(TIME_S)
+
+
+def test_a_file_without_a_load_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("specimen,time_s,displacement_mm\nA,0,0\nA,1,1\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"line 1: no heading of a load.*export what is missing"):
+        read_tensile(path)
+
+
+def test_the_table_in_the_docs_is_understood() -> None:
+    """Every term of the how-to's table, in every language, is what its row says."""
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "characterise-materials.md"
+    table = page.read_text(encoding="utf-8").partition("| | English |")[2].partition("\n\n")[0]
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    assert len(rows) == 9
+    columns = {"time": "time", "force": "force", "travel": "displacement", "stress": "stress"}
+    sizes = {"above the columns: width": "width_mm", "thickness": "thickness_mm",
+             "gauge length": "gauge_mm"}  # fmt: skip
+    for what, *languages in rows:
+        for term in ", ".join(languages).split(", "):
+            found = parse_heading(term)
+            if what in columns:
+                assert found is not None, term
+                assert found.meaning == columns[what], term
+            elif what == "strain":
+                assert found is not None, term
+                assert found.meaning in ("strain", "elongation"), term
+            elif what == "crosshead speed":
+                assert is_speed(term)[0], term
+            else:
+                assert size_of(term)[0] == sizes[what], term
 
 
 def test_records_side_by_side_are_not_dropped(tmp_path: Path) -> None:

@@ -43,6 +43,11 @@ def test_doubts_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
     assert doubts[0] in json.loads(json.dumps(found.document()))["notes"]
 
 
+def test_files_that_were_not_named_are_no_warning(samples: Path, capsys) -> None:
+    assert run(["characterise", str(samples / "tensile" / "soft-1.txt")]) == 0
+    assert "note: specimen soft-2: no curve among the files (8 such" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", ["characterise", "fit"])
 def test_quiet_says_neither(samples: Path, tmp_path: Path, capsys, command: str) -> None:
     options = [str(samples / "tensile" / "soft-1.txt"), "-q", "--width-mm", "3", "--thickness-mm",

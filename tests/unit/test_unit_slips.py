@@ -151,6 +151,16 @@ def test_replicates_in_mixed_units_name_the_unit(tmp_path: Path, palette: Palett
     assert run([*command, "--unit-of", "force=lbf:own-3"]) == 0
 
 
+def test_a_conversion_too_many_is_undone(tmp_path: Path, palette: Palette, capsys) -> None:
+    for n, force in enumerate((1.0, 1.0, 1.0 / POUND_N), start=1):
+        write_record(tmp_path / f"own-{n}.csv", palette, "FLX9760", force=force)
+    command = ["characterise", str(tmp_path), *SIZES]
+    assert run(command) == 1
+    said = capsys.readouterr().err
+    assert "was N converted as if it were lbf? Give --unit-of force=0.224809:own-3" in said
+    assert run([*command, "--unit-of", "force=0.224809:own-3"]) == 0
+
+
 def test_a_ladder_out_of_order_names_the_unit(tmp_path: Path, palette: Palette, capsys) -> None:
     """Own names with coordinates; one of five in pounds-force."""
     listing = "specimen,material,file,width_mm,thickness_mm,gauge_mm,coordinate\n"
