@@ -69,17 +69,17 @@ def warn(message: str) -> None:
 
 
 def tell_notes(notes: Iterable[str]) -> None:
-    """Say notes on stderr, each kind once with its count: doubts as warnings, before the others.
+    """Say notes on stderr, each kind once with its count: cautions as warnings, before the others.
 
     A kind is what notes say of one file, specimen or material after another: the same words behind
     its name, whatever the figures.
     """
-    from planner.notes import Doubt
+    from planner.notes import Caution
 
     kinds: dict[tuple[bool, str], list[str]] = {}
     for note in dict.fromkeys(notes):
         words = _FIGURE.sub("#", note.partition(": ")[2] or note)
-        kinds.setdefault((not isinstance(note, Doubt), words), []).append(note)
+        kinds.setdefault((not isinstance(note, Caution), words), []).append(note)
     for (is_note, _), alike in sorted(kinds.items(), key=lambda kind: kind[0][0]):
         count = f" ({len(alike)} such; --json lists all)" if len(alike) > 1 else ""
         _stderr_line(*(("note", "cyan") if is_note else ("warning", "yellow")), alike[0] + count)

@@ -50,7 +50,7 @@ _TERMS = {
         extensión, desplazamiento, desplazamiento del cabezal, desplazamiento de la cruceta,
         desplazamiento del travesaño, carrera, recorrido
         estensione, spostamento, spostamento traversa, spostamento della traversa, corsa
-        ストローク, 変位, クロスヘッド変位, クロスヘッド移動量, 移動量""",
+        ストローク, 変位, 変形量, クロスヘッド変位, クロスヘッド移動量, 移動量""",
     "position": """
         position, crosshead position, absolute crosshead travel
         traversenposition, traversenweg absolut, traverse abs, traverse absolut
@@ -60,7 +60,7 @@ _TERMS = {
         位置, クロスヘッド位置""",
     "elongation": """
         elongation, deformation
-        dehnung
+        dehnung, verformung
         allongement, élongation, déformation
         alargamiento, elongación, deformación
         allungamento, deformazione
@@ -148,10 +148,11 @@ _SPEEDS = """
 """Of the crosshead during the test; that of a preload has another name."""
 
 _BEFORE = re.compile(
-    r"^(?:standard|tensile|axial|engineering|eng|nominal|technische|nenn|zug|引張|公称)\s*"
+    r"^(?:standard|tensile|axial|engineering|eng|nominale?|technische|nenn|zug|引張|公称)\s*"
 )
 _BEHIND = re.compile(
-    r"\s(?:standard|estandar|axiale?|assiale|nominale?|(?:de|en|a|por|di|in) "
+    r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|"
+    r"ingegneristica|(?:de|en|a|por|di|in) "
     r"(?:traction|traccion|tension|trazione))$"
 )
 """Words that tell nothing of the quantity; `engineering` is what a column is that is not `true`."""
@@ -289,7 +290,7 @@ def column_of(heading: Heading, *, where: str) -> Column:
     if unit is None and meaning not in _UNIT_OPTIONAL:
         raise FileError(
             f"{where}: no unit; write it in the heading, as '{heading.text} (unit)', "
-            f"or name the columns yourself, as {name}"
+            f"or name the columns by position, with {name} for this one (--columns)"
         )
     return Column(heading, name, unit_factor(quantity, unit or "", where=where))
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
-from planner.notes import Doubt
+from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = [
@@ -728,7 +728,7 @@ def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
     if part.toe_strain or not begins or abs(at_rest) <= _OFFSET_SHARE * peak:
         return []
     return [
-        Doubt(
+        Caution(
             f"specimen {curve.specimen}: the curve's beginning points at {at_rest:.3g} MPa at "
             f"rest, {100 * at_rest / peak:.2g} % of its peak; the load cell may not have been "
             "zeroed"

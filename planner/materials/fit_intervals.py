@@ -28,7 +28,7 @@ from planner.materials.fit import (
     sample_of,
 )
 from planner.materials.laws import SeparableLaw
-from planner.notes import Doubt
+from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
@@ -398,7 +398,7 @@ def _doubts(material: str, chosen: LawCandidate) -> list[str]:
     notes: list[str] = []
     if not convergence.ok:
         notes.append(
-            Doubt(
+            Caution(
                 f"material {material}: {convergence.agreeing} of {convergence.starts} starts reach "
                 f"the best {chosen.fit.name}, whose gradient is {convergence.gradient:.1e}; a "
                 "better one may exist: try more --starts"
@@ -406,7 +406,7 @@ def _doubts(material: str, chosen: LawCandidate) -> list[str]:
         )
     if convergence.at_bound:
         notes.append(
-            Doubt(
+            Caution(
                 f"material {material}: a parameter of {chosen.fit.name} lies at its bound, so that "
                 "the tests do not determine it"
             )

@@ -32,7 +32,7 @@ from planner.materials.unit_slips import (
     along_ladder,
     among_replicates,
 )
-from planner.notes import Doubt
+from planner.notes import Caution
 from planner.palette import Material, Palette, Reference
 from planner.printers import Printer, installed_printers, palette_of
 
@@ -205,7 +205,7 @@ def _unit_slips(
     compared = Comparison() if against is None else against_palette(study, against)
     if not compared.findings:
         places = _by_material(study, tuple(study.groups), "coordinate", coordinate)
-        return along_ladder(study, places), tuple(Doubt(said) for said in compared.doubts)
+        return along_ladder(study, places), tuple(Caution(said) for said in compared.cautions)
     return compared.findings, ()
 
 
@@ -563,7 +563,7 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     for condition, found in values.items():
         if found and np.ptp(found) > _DIFFERENT * max(abs(v) for v in found):
             notes.append(
-                Doubt(
+                Caution(
                     f"{condition} differs between specimens ({min(found):g} to {max(found):g}); "
                     "the laws and their scatter mix these conditions, and the mean is written"
                 )
@@ -572,7 +572,7 @@ def _reference(study: Study, notes: list[str]) -> Reference:
     orientations = sorted({r.orientation for r in rows if r.orientation})
     if len(orientations) > 1:
         said = f"orientation differs between specimens ({', '.join(orientations)})"
-        notes.append(Doubt(f"{said}; none is written"))
+        notes.append(Caution(f"{said}; none is written"))
     if unknown:
         notes.append(f"reference conditions unknown: {', '.join(unknown)}; see specimens.csv")
     means = {condition: float(np.mean(v)) for condition, v in values.items() if v}

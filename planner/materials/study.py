@@ -19,7 +19,7 @@ from planner.formats.tensile import (
 )
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
-from planner.notes import Doubt
+from planner.notes import Caution
 from planner.numerics import FloatArray
 
 __all__ = ["Study", "read_study"]
@@ -140,7 +140,7 @@ def _check_agreement(stated: float, derived: float, *, what: str, where: str) ->
             raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
     if not 0.75 < ratio < 4.0 / 3.0:
         said = f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units"
-        return (Doubt(said),)
+        return (Caution(said),)
     return ()
 
 
@@ -322,7 +322,7 @@ def _upright(
             "test, or turn the signs in the file if tension counts negative there"
         )
     notes.extend(
-        Doubt(
+        Caution(
             f"{where}: {name} is negative and the other is not; taken as tension that counts "
             "negative, its sign was turned: leave the specimen out if it was compressed"
         )
@@ -527,13 +527,13 @@ def read_study(
     for path in files:
         own = by_file.get(_relative(path, listing), [])
         if rows and not own and not _names_specimens(path, rows, columns):
-            notes.append(Doubt(f"{path.name}: not named in {_SPECIMENS}; left out"))
+            notes.append(Caution(f"{path.name}: not named in {_SPECIMENS}; left out"))
             continue
         for table in read_tensile(path, columns=columns):
             row_of_table = _row(table, path, own, rows)
             if own and row_of_table is None:
                 said = f"specimen {table.specimen} has no row with this file in {_SPECIMENS}"
-                notes.append(Doubt(f"{path.name}: {said}; left out"))
+                notes.append(Caution(f"{path.name}: {said}; left out"))
                 continue
             name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
             if name in records:
@@ -557,7 +557,7 @@ def read_study(
         )
     unstated = [name for name, record in records.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
-    absent = Doubt if whole else str
+    absent = Caution if whole else str
     notes.extend(
         absent(f"specimen {row.specimen}: no curve among the files")
         for row in rows.values()
@@ -567,7 +567,7 @@ def read_study(
         largest = [float(found[name].strain[-1]) for name in unstated]
         ends = list(dict.fromkeys([min(largest), max(largest)]))
         notes.append(
-            Doubt(
+            Caution(
                 f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
                 f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
                 f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %; if it is in per cent, head the "
@@ -652,7 +652,7 @@ def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: st
     return table
 
 
-def _copies(curves: Sequence[Curve]) -> list[Doubt]:
+def _copies(curves: Sequence[Curve]) -> list[Caution]:
     """Say which records are equal number for number: copies tell nothing of scatter."""
     seen: dict[tuple[bytes, bytes], str] = {}
     said = []
@@ -661,7 +661,7 @@ def _copies(curves: Sequence[Curve]) -> list[Doubt]:
         first = seen.setdefault(key, curve.specimen)
         if first != curve.specimen:
             said.append(
-                Doubt(
+                Caution(
                     f"specimen {curve.specimen}: its record equals that of {first} in every "
                     "number; leave a copy out, for scatter and intervals come out too small"
                 )
@@ -787,7 +787,7 @@ def _left_out(row: ListedSpecimen, notes: list[str]) -> bool:
     if row.profile:
         notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
     elif row.mode.startswith("compress"):
-        notes.append(Doubt(f"specimen {row.specimen}: tested in compression; left out"))
+        notes.append(Caution(f"specimen {row.specimen}: tested in compression; left out"))
     elif row.protocol not in (None, "monotonic"):
         notes.append(f"specimen {row.specimen}: protocol {row.protocol}; left out")
     else:

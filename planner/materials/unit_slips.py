@@ -153,17 +153,17 @@ def batch_apart(
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What a comparison says: findings speak against the figures, doubts ask to look."""
+    """What a comparison says: findings speak against the figures, cautions ask to look."""
 
     findings: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
 
 def against_palette(study: Study, palette: Palette) -> Comparison:
     """Compare a study's elastic materials with those of a palette that have their names.
 
-    A batch that is surely off by a factor of units while others agree is a finding, else a doubt;
-    if all are off, the palette may be of other prints, and it is a doubt too. Rigid grades are
+    A batch that is surely off by a factor of units while others agree is a finding, else a caution;
+    if all are off, the palette may be of other prints, and it is a caution too. Rigid grades are
     left out: by where strain was measured, at the grips or on the specimen, their modulus may
     differ by as much as units do.
     """
@@ -196,7 +196,7 @@ def against_palette(study: Study, palette: Palette) -> Comparison:
     if others:
         agree = f", while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
     said = f"{of} the palette {palette.name}{agree}: {advice}, or --no-compare if they are right"
-    return Comparison((said,)) if others and batch.sure else Comparison(doubts=(said,))
+    return Comparison((said,)) if others and batch.sure else Comparison(cautions=(said,))
 
 
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:

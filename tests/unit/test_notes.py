@@ -8,7 +8,7 @@ import pytest
 
 import planner
 from planner.cli import run
-from planner.notes import Doubt
+from planner.notes import Caution
 
 
 def test_the_sample_study_asks_for_nothing(samples: Path, capsys) -> None:
@@ -28,7 +28,7 @@ def test_json_lists_what_the_terminal_counts(samples: Path, capsys) -> None:
     assert sum("MESURgauge" in note for note in notes) == 3
 
 
-def test_doubts_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
+def test_cautions_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
     strain = np.linspace(0.0, 1.0, 40)
     for name, stress in (("A-1", 1.0), ("A-2", 1.01)):
         rows = "".join(f"{e:.5f},{stress * np.sqrt(e):.5f}\n" for e in strain)
@@ -38,9 +38,9 @@ def test_doubts_are_warnings_before_the_notes(tmp_path: Path, capsys) -> None:
     assert kinds == sorted(kinds, reverse=True)  # warnings, then notes
     assert kinds[0] == "warning"
     found = planner.characterise([tmp_path])
-    doubts = [note for note in found.notes if isinstance(note, Doubt)]
-    assert [d.partition(";")[0] for d in doubts] == ["strain of A-1, A-2 has no unit"]
-    assert doubts[0] in json.loads(json.dumps(found.document()))["notes"]
+    cautions = [note for note in found.notes if isinstance(note, Caution)]
+    assert [d.partition(";")[0] for d in cautions] == ["strain of A-1, A-2 has no unit"]
+    assert cautions[0] in json.loads(json.dumps(found.document()))["notes"]
 
 
 def test_files_that_were_not_named_are_no_warning(samples: Path, capsys) -> None:
