@@ -340,11 +340,13 @@ def _advice(
     stated = next(name for name, factor in QUANTITY_UNITS[kind].items() if factor == own)
     option = shlex.quote(UnitOf(quantity, unit, tuple(names)).text)
     stated = stated or "fractions"
+    # A section ten times too large is as near as kgf.
+    sizes = ", or is a size wrong" if quantity == "force" else ""
     if unit in QUANTITY_UNITS[kind]:
-        return f"was {unit} taken for {stated}? Give --unit-of {option}"
+        return f"was {unit} taken for {stated}{sizes}? Give --unit-of {option}"
     # No unit is so small: the numbers were multiplied on the way, as another unit's would be.
     other = unit_near(kind, 2.0 * math.log(own) - math.log(float(unit)), own)
-    return f"was {stated} converted as if it were {other}? Give --unit-of {option}"
+    return f"was {stated} converted as if it were {other}{sizes}? Give --unit-of {option}"
 
 
 def _some(names: Sequence[str]) -> str:

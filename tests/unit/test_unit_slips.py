@@ -79,7 +79,7 @@ def test_a_batch_in_another_unit_is_a_finding_that_says_how_to_read_it(
     assert run(command) == 1
     (said,) = (s for s in capsys.readouterr().err.splitlines() if "finding" in s)
     own = "N" if quantity == "force" else "mm"
-    assert f"was {unit} taken for {own}?" in said
+    assert f"was {unit} taken for {own}" in said
     assert "the palette connex3-tango-vero, while " in said
     for material in ELASTOMERS:
         assert (material in said.partition("palette")[0]) == (material in batch)
@@ -101,7 +101,7 @@ def test_all_in_another_unit_is_a_warning_alone(tmp_path: Path, palette: Palette
     assert run(["characterise", str(tmp_path), *SIZES]) == 0
     said = capsys.readouterr().err
     assert "warning: FLX9740, FLX9750" in said
-    assert "was kgf taken for N?" in said
+    assert "was kgf taken for N, or is a size wrong?" in said
 
 
 def test_the_last_grade_alone_is_a_warning(tmp_path: Path, palette: Palette, capsys) -> None:
@@ -110,7 +110,10 @@ def test_the_last_grade_alone_is_a_warning(tmp_path: Path, palette: Palette, cap
     assert run(["characterise", str(tmp_path), *SIZES]) == 0
     said = capsys.readouterr().err
     assert "warning: FLX9795 is 4.5 times below the palette" in said
-    assert "was lbf taken for N? Give --unit-of force=lbf:FLX9795, or --no-compare" in said
+    assert (
+        "was lbf taken for N, or is a size wrong? Give --unit-of force=lbf:FLX9795, or --no-compare"
+        in said
+    )
 
 
 def test_fit_says_the_same(tmp_path: Path, palette: Palette, capsys, monkeypatch) -> None:
@@ -147,7 +150,7 @@ def test_replicates_in_mixed_units_name_the_unit(tmp_path: Path, palette: Palett
     command = ["characterise", str(tmp_path), *SIZES]
     assert run(command) == 1
     said = capsys.readouterr().err
-    assert "own-3 is 4.45 times below the other specimens: was lbf taken for N?" in said
+    assert "own-3 is 4.45 times below the other specimens: was lbf taken for N, or" in said
     assert run([*command, "--unit-of", "force=lbf:own-3"]) == 0
 
 
@@ -157,7 +160,10 @@ def test_a_conversion_too_many_is_undone(tmp_path: Path, palette: Palette, capsy
     command = ["characterise", str(tmp_path), *SIZES]
     assert run(command) == 1
     said = capsys.readouterr().err
-    assert "was N converted as if it were lbf? Give --unit-of force=0.224809:own-3" in said
+    assert (
+        "was N converted as if it were lbf, or is a size wrong? Give --unit-of force=0.224809:own-3"
+        in said
+    )
     assert run([*command, "--unit-of", "force=0.224809:own-3"]) == 0
 
 
@@ -172,7 +178,7 @@ def test_a_ladder_out_of_order_names_the_unit(tmp_path: Path, palette: Palette, 
     assert run(["characterise", str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert "times softer than Own1, whose coordinate is lower" in said
-    assert "was lbf taken for N? Give --unit-of force=lbf:Own2" in said
+    assert "was lbf taken for N, or is a size wrong? Give --unit-of force=lbf:Own2" in said
     assert run(["characterise", str(tmp_path), "--unit-of", "force=lbf:Own2"]) == 0
 
 
