@@ -204,6 +204,7 @@ _COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "true stress": ("true_stress_MPa", "stress"),
     }
 )
+_OF = {"time": "s", "force": "N", "length": "mm", "stress": "MPa"}
 _UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
 
 
@@ -283,14 +284,12 @@ def column_of(heading: Heading, *, where: str) -> Column:
         if unit is None:
             raise FileError(
                 f"{where}: no unit, so that it may be a length or a strain; write it in the "
-                f"heading, as '{heading.text} (mm)' or '{heading.text} (%)', or name the columns "
-                "by position, as --columns time_s,strain_%,force_N"
+                f"heading, as '{heading.text} (mm)' or '{heading.text} (%)'"
             )
     name, quantity = _COLUMNS[meaning]
     if unit is None and meaning not in _UNIT_OPTIONAL:
         raise FileError(
-            f"{where}: no unit; write it in the heading, as '{heading.text} (unit)', "
-            f"or name the columns by position, with {name} for this one (--columns)"
+            f"{where}: no unit; write it in the heading, as '{heading.text} ({_OF[quantity]})'"
         )
     return Column(heading, name, unit_factor(quantity, unit or "", where=where))
 

@@ -229,6 +229,11 @@ def read_tensile(
         try:
             meaning = column_of(heading, where=where)
         except FileError as error:
+            if heading.meaning != "time" and heading.unit is None and columns is None:
+                example = _example(headings, [h.unit or "" if h else "" for h in headings])
+                raise FileError(
+                    f"{error}, or name the columns by position, for example --columns {example}"
+                ) from error
             if heading.meaning != "time":
                 raise
             notes.append(f"{error}; time is optional and is left out")

@@ -200,6 +200,7 @@ def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None
          r"not understood: 'Gap \(mm\)'"),
         ("Czas;Siła;Droga\ns;N;mm\n", "understood: none; not understood: 'Czas', 'Siła', 'Droga'"),
         ("Run 7\n\nCzas [s];Siła [kN];Wydłużenie [%]\n", "line 3: no heading"),
+        ("Temps;Charge;Déplacement\n", r"'Charge': no unit; write it .* as .Charge \(N"),
         ("a,b,c\n", "not understood: 'a', 'b', 'c'"),
     ],
 )  # fmt: skip
