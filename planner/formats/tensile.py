@@ -193,7 +193,7 @@ class _Layout:
 
 
 def read_tensile(
-    path: str | Path, *, columns: Sequence[str] | None = None
+    path: str | Path, *, columns: Sequence[str] | None = None, option: str = ""
 ) -> tuple[TensileTable, ...]:
     """Read the records in a file, one a specimen.
 
@@ -202,6 +202,8 @@ def read_tensile(
     columns
         Headings in place of the file's own, by position ("force_N", "Load (lbf)"; "-" leaves a
         column out), for a file without headings or without units.
+    option
+        What a user gives `columns` by, for messages; "" where there is no such option.
 
     Returns
     -------
@@ -216,10 +218,10 @@ def read_tensile(
     """
     path = Path(path)
     where = path.name
-    layout = _layout(read_text(path), where, columns)
+    layout = _layout(read_text(path), where, columns, option)
     head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
-    _refuse_side_by_side(headings, where)
+    _refuse_side_by_side(headings, where, option)
     meanings: dict[int, Column] = {}
     # A crosshead's absolute position serves only where nothing else tells the travel.
     for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
@@ -231,9 +233,7 @@ def read_tensile(
         except FileError as error:
             if heading.meaning != "time" and heading.unit is None and columns is None:
                 example = _example(headings, [h.unit or "" if h else "" for h in headings])
-                raise FileError(
-                    f"{error}, or name the columns by position, for example --columns {example}"
-                ) from error
+                raise FileError(f"{error}, or {_by_position(option, example)}") from error
             if heading.meaning != "time":
                 raise
             notes.append(f"{error}; time is optional and is left out")
@@ -280,7 +280,7 @@ def read_tensile(
     )
 
 
-def _refuse_side_by_side(headings: Sequence[Heading | None], where: str) -> None:
+def _refuse_side_by_side(headings: Sequence[Heading | None], where: str, option: str) -> None:
     """Refuse a file whose load and length stand in it again under the same headings.
 
     Raises
@@ -293,13 +293,17 @@ def _refuse_side_by_side(headings: Sequence[Heading | None], where: str) -> None
     if not _suffice(again):
         return
     second = texts.index(again[0].text, texts.index(again[0].text) + 1)
+    said = (
+        f"{where}: records stand side by side ({again[0].text!r} heads columns "
+        f"{texts.index(again[0].text) + 1} and {second + 1}); export one file a specimen"
+    )
+    if not option:
+        raise FileError(said)
     block = headings[second : second + len(set(texts))]
     example = _example(block, [h.unit or "" if h is not None else "" for h in block])
     raise FileError(
-        f"{where}: records stand side by side ({again[0].text!r} heads columns "
-        f"{texts.index(again[0].text) + 1} and {second + 1}); export one file a specimen, or copy "
-        "the file for each and read its record by position: the second by --columns "
-        f"{'-,' * second}{example}"
+        f"{said}, or copy the file for each and read its record by position: the second by "
+        f"{option} {'-,' * second}{example}"
     )
 
 
@@ -321,7 +325,7 @@ def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None
     return headings, [f"{where}: a MESURgauge file, {stated} by its head"]
 
 
-def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
+def _layout(text: str, name: str, columns: Sequence[str] | None, option: str) -> _Layout:
     if columns is not None:
         return _layout_by_position(text, name, columns)
     for separator in _SEPARATORS[:3]:
@@ -335,7 +339,7 @@ def _layout(text: str, name: str, columns: Sequence[str] | None) -> _Layout:
                 headings = _with_units(headings, body[0][1])
                 body = body[1:]
             return _Layout(_decimals(body, separator), headings, rows[:place], body)
-    raise FileError(f"{name}{_not_understood(text)}")
+    raise FileError(f"{name}{_not_understood(text, option)}")
 
 
 def _suffice(headings: Sequence[Heading | None]) -> bool:
@@ -358,8 +362,8 @@ def _decimals(body: Sequence[TextRow], separator: str) -> str:
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
 
 
-def _not_understood(text: str) -> str:
-    """Say which headings are not understood, and by which --columns the file can be read."""
+def _not_understood(text: str, option: str) -> str:
+    """Say which headings are not understood, and by which others the file can be read."""
     found = _nearest(text)
     if found is None:
         return (
@@ -384,10 +388,14 @@ def _not_understood(text: str) -> str:
     example = _example(headings, units)
     if not _suffice([parse_heading(name) for name in example.split(",")]):
         return f"{said}; export what is missing too"
-    return (
-        f"{said}; name the columns by position, for example --columns {example}"
-        " (a '-' leaves a column out)"
-    )
+    return f"{said}; {_by_position(option, example)}"
+
+
+def _by_position(option: str, example: str) -> str:
+    if not option:
+        return f"head the columns {example}"
+    left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
+    return f"name the columns by position, for example {option} {example}{left_out}"
 
 
 def _quoted(name: str) -> str:

@@ -529,7 +529,7 @@ def read_study(
         if rows and not own and not _names_specimens(path, rows, columns):
             notes.append(Caution(f"{path.name}: not named in {_SPECIMENS}; left out"))
             continue
-        for table in read_tensile(path, columns=columns):
+        for table in read_tensile(path, columns=columns, option="--columns"):
             row_of_table = _row(table, path, own, rows)
             if own and row_of_table is None:
                 said = f"specimen {table.specimen} has no row with this file in {_SPECIMENS}"

@@ -190,7 +190,7 @@ def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None
     path = tmp_path / "a.csv"
     path.write_text("Kraft (N);Dehnung\n0;0\n1;2\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"'Dehnung': no unit, .*'Dehnung \(mm\)'.*--columns"):
-        read_tensile(path)
+        read_tensile(path, option="--columns")
 
 
 @pytest.mark.parametrize(
@@ -209,11 +209,14 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     path = tmp_path / "a.csv"
     path.write_text(head + columns(";" if comma else ",", comma=comma), encoding="utf-8")
     with pytest.raises(FileError, match=said) as caught:
-        read_tensile(path)
+        read_tensile(path, option="--columns")
     example = re.search(r"--columns (\S+)", str(caught.value))
     assert example is not None
     (table,) = read_tensile(path, columns=example[1].split(","))
     assert len(table.lines) == len(TIME_S)
+    # Where no such option is, as for campaigns, the same stands as headings.
+    with pytest.raises(FileError, match="head the columns " + re.escape(example[1])):
+        read_tensile(path)
 
 
 def test_a_file_without_a_load_is_told_so(tmp_path: Path) -> None:
@@ -258,7 +261,7 @@ def test_records_side_by_side_are_not_dropped(tmp_path: Path) -> None:
         encoding="shift_jis",
     )
     with pytest.raises(FileError, match=r"side by side.*columns 1 and 4") as caught:
-        read_tensile(path)
+        read_tensile(path, option="--columns")
     example = re.search(r"--columns (\S+)", str(caught.value))
     assert example is not None
     (table,) = read_tensile(path, columns=example[1].split(","))
