@@ -16,6 +16,7 @@ from planner.gap.diagnosis import (
     UnitOf,
     name_of,
 )
+from planner.gap.effect import Form
 from planner.gap.effects import EFFECTS
 from planner.gap.summary import (
     axis_words,
@@ -62,27 +63,33 @@ def unit_of(column: str) -> str:
 
 
 def _size_words(effects: Sequence[FoundEffect]) -> Iterator[str]:
-    """Yield a sentence an effect: its parameters with their 90 % intervals."""
+    """Yield a sentence an effect: its parameters with their 90 % intervals, but for details."""
     for effect in effects:
         sizes = []
+        form = EFFECTS[effect.id].form(effect.form) if effect.id in EFFECTS else None
+        details = [n for n in effect.parameters if form is not None and n in form.details]
         for name, value in effect.parameters.items():
+            if name in details:
+                continue
             unit = effect.units.get(name, "1")
             ends = effect.interval.get(name)
             words = meaning(effect.id, effect.form, name)
             size = f"{_label(name, words)} {_shown(name, words, unit, value)}"
             if ends is not None:
                 size += f" (90 % interval {_span(name, words, unit, ends)})"
-            sizes.append(size + _at_bound(effect, name, value))
+            sizes.append(size + _at_bound(form, name, value))
         of = ""
         if effect.specimens:
             of = f" (in {listed(effect.specimens, most=_SPECIMENS)} only)"
-        form = f", {effect.form} form" if effect.form else ""
-        yield f"{effect.id}{form}{of}: {'; '.join(sizes)}."
+        called = f", {effect.form} form" if effect.form else ""
+        if details:
+            figures = "one more figure" if len(details) == 1 else f"{len(details)} more figures"
+            sizes.append(f"{figures} of its course in diagnosis.json")
+        yield f"{effect.id}{called}{of}: {'; '.join(sizes)}."
 
 
-def _at_bound(effect: FoundEffect, name: str, value: float) -> str:
+def _at_bound(form: Form | None, name: str, value: float) -> str:
     """Say that a size is as large or small as it may be, as far as the figures shown tell."""
-    form = EFFECTS[effect.id].form(effect.form) if effect.id in EFFECTS else None
     for parameter in form.parameters if form is not None else ():
         if parameter.name != name:
             continue

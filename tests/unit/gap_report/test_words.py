@@ -100,6 +100,16 @@ def test_figures_in_words() -> None:
     ]
 
 
+def test_details_of_a_course_are_counted_and_not_listed(examples: Examples) -> None:
+    """They have no words of their own; the document has them."""
+    form = next(f for f in EFFECTS["rate"].forms if len(f.details) > 1)
+    values = {p.name: p.high for p in form.parameters} | dict.fromkeys(form.details, 0.1)
+    found = (FoundEffect("rate", form.name, values, {}, {}),)
+    said = verdict_text(replace(examples["rate"], effect=found), width=10_000)
+    assert f"{len(form.details)} more figures of its course in diagnosis.json." in said
+    assert not any(name in said for name in form.details)
+
+
 def test_a_size_at_its_bound_is_said(examples: Examples) -> None:
     """A gain may be ln 4.448 +- 0.03 in its form of pounds; a slope 0.15 per kelvin at most."""
     found = (
