@@ -570,7 +570,10 @@ def _of_plan(
 _FINEST_MM = 0.05
 """At a step; from there slices double, so that 0.05 to 1 mm of bleeding is resolved."""
 
-_MOST = 56
+_MOST = 128
+"""Slices of a bar: with them a bar of fifteen steps 2 mm apart is within 0.6 % of its force at any
+bleeding; with half as many it is off by 6 %."""
+
 _STEEP_MM = 0.3
 _JUMP = 0.02
 _COORDINATE_CHANGE = 0.025
