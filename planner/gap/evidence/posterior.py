@@ -293,11 +293,11 @@ class Doubt:
     no more doubt than one.
     """
 
-    always: float = -2.83
-    missing: float = 1.84
-    inexact: float = 0.82
-    both: float = 8.62
-    unpredicted: float = 1.99
+    always: float = -2.789
+    missing: float = 2.009
+    inexact: float = 0.6053
+    both: float = 7.715
+    unpredicted: float = 1.149
 
     def share(self, hypothesis: Hypothesis, evidence: Evidence) -> float:
         """Return the share of a hypothesis' probability that goes to the unknown."""
