@@ -195,8 +195,8 @@ def _log_score(case: Case, ranking: Mapping[Effects, float]) -> float:
 
 
 _WEIGHTS = {"none": 10.0, "none-t4": 5.0, "none-scatter": 5.0}
-"""Of tiers; 1 of the others. A cause that is not there costs a lab more than one that is missed: with
-these, one clean campaign in fifty raises an alarm; with half of them, one in twenty-five."""
+"""Of tiers; 1 of the others. A cause that is not there costs a lab more than one that is missed:
+with these, one clean campaign of fifty raises an alarm; with half of them, one of twenty-five."""
 
 
 def mean_log_score(cases: Sequence[Case], now: Coefficients) -> float:
