@@ -160,6 +160,8 @@ class Palette:
     ----------
     materials
         Sorted by `Material.coordinate`, at least one.
+    base_resins
+        What its materials are jetted from; empty means the printer's own.
     sha256
         Of the file's bytes, so that a plan can say what it was planned with.
     """
@@ -168,6 +170,7 @@ class Palette:
     materials: tuple[Material, ...]
     reference: Reference = field(default_factory=Reference)
     source: str = ""
+    base_resins: tuple[str, ...] = ()
     sha256: str = ""
 
     def resolve(self, name: str) -> Material:
@@ -235,6 +238,7 @@ class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     material: list[_MaterialFile]
     reference: _ReferenceFile = _ReferenceFile()
     source: str = ""
+    base_resins: tuple[str, ...] = ()
 
 
 def load_palette(path: str | Path) -> Palette:
@@ -301,6 +305,7 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         materials=materials,
         reference=Reference(**msgspec.structs.asdict(file.reference)),
         source=file.source,
+        base_resins=file.base_resins,
         sha256=hashlib.sha256(data).hexdigest(),
     )
 
@@ -432,6 +437,8 @@ def _lines(palette: Palette) -> Iterator[str]:
     yield 'kind = "palette"'
     if palette.source:
         yield f"source = {_text(palette.source)}"
+    if palette.base_resins:
+        yield f"base_resins = [{', '.join(map(_text, palette.base_resins))}]"
     conditions = asdict(palette.reference)
     if any(value is not None for value in conditions.values()):
         yield from ("", "[reference]")

@@ -489,7 +489,7 @@ def grade(
         if wish.pitch_mm is None and not isinstance(along, PlanarField):
             pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
     pieces = design.cut(mesh, along, pitch_mm)
-    shells = shells_of(pieces, design.printed, scale.at_strain, machine, source.name)
+    shells = shells_of(pieces, design.printed, scale, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
     progress("verifying the shells")

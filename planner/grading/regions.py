@@ -113,9 +113,10 @@ def mixture(scale: StiffnessScale, modulus_MPa: float, machine: Printer) -> Prin
 
 
 def shells_of(
-    pieces: Pieces, printed: Sequence[Printed], at_strain: float, machine: Printer, name: str
+    pieces: Pieces, printed: Sequence[Printed], scale: StiffnessScale, machine: Printer, name: str
 ) -> tuple[Shell, ...]:
     """Unite the pieces of each material or mixture into one shell set, from soft to hard."""
+    resins = scale.palette.base_resins or machine.base_resins
     names = np.array([what.name for what in printed])
     occupied = piece_volumes_mm3(pieces) > 0.0
     used_ones = {what.name: what for what, some in zip(printed, occupied, strict=True) if some}
@@ -137,9 +138,9 @@ def shells_of(
                 properties={
                     "coordinate": f"{what.coordinate:.9g}",
                     "modulus_MPa": f"{what.modulus_MPa:.9g}",
-                    "at_strain": f"{at_strain:.9g}",
+                    "at_strain": f"{scale.at_strain:.9g}",
                     "operator_name": what.operator_name,
-                    "base_resins": ", ".join(machine.base_resins),
+                    "base_resins": ", ".join(resins),
                 },
                 constituents=what.constituents,
             )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import planner
 from planner.errors import PaletteError, UnknownNameError
 from planner.palette import Palette, load_palette, parse_palette
 from planner.printers import load_printer
@@ -130,3 +131,15 @@ def test_names_of_the_connex3(name: str, material: str) -> None:
 def test_names_that_stand_for_nothing_or_too_much(name: str, words: str) -> None:
     with pytest.raises(UnknownNameError, match=words):
         load_printer("connex3").palette().resolve(name)
+
+
+@pytest.mark.parametrize("resins", [("Rubber", "Glass"), ()])
+def test_the_3mf_names_the_resins_of_the_palette(resins: tuple[str, ...], tmp_path: Path) -> None:
+    """Its own, or else the printer's."""
+    head = f"base_resins = {list(resins)}\n[reference]"
+    path = tmp_path / "two.toml"
+    path.write_text(SOUND.replace("[reference]", head, 1))
+    part = Path(__file__).parents[2] / "samples" / "finger.stl"
+    plan = planner.grade(part, from_="Soft-1", to="Stiff", palette=path)
+    expected = ", ".join(resins or load_printer("connex3").base_resins)
+    assert {shell.properties["base_resins"] for shell in plan.shells} == {expected}

@@ -73,7 +73,8 @@ def palettes(draw: st.DrawFn) -> Palette:
     reference = Reference(
         strain_rate_per_s=draw(st.none() | positive), orientation=draw(st.sampled_from([None, "x"]))
     )
-    return Palette(draw(texts), materials, reference, draw(texts))
+    resins = draw(st.sampled_from([(), ("Soft", 'Hard "1"')]))
+    return Palette(draw(texts), materials, reference, draw(texts), resins)
 
 
 @settings(deadline=None, derandomize=True, max_examples=150)
@@ -85,6 +86,7 @@ def test_a_palette_is_read_back_as_it_was(palette: Palette) -> None:
     assert read.materials == palette.materials
     assert read.reference == palette.reference
     assert (read.name, read.source) == (palette.name, palette.source)
+    assert read.base_resins == palette.base_resins
     assert encode_palette(read) == data
 
 
