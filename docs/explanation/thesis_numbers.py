@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import load_printer
+from printers.connex3.agilus import gent_modulus_MPa
 from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms
@@ -24,11 +25,6 @@ MODEL = CoefficientModel(PALETTE)
 def shore_a(published: Published) -> float:
     """Nominal hardness: in the mixtures' names; FLX930 26 to 28, unconfirmed."""
     return 27.0 if published.id == "TangoPlus" else float(published.id[-2:])
-
-
-def gent_modulus_MPa(hardness: float) -> float:
-    """Young's modulus of a rubber from Shore A (Gent, Rubber Chem. Technol. 31, 1958)."""
-    return 0.0981 * (56.0 + 7.62336 * hardness) / (0.137505 * (254.0 - 2.54 * hardness))
 
 
 def straight_line_modulus_MPa(published: Published) -> float:

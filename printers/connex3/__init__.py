@@ -1,4 +1,4 @@
-"""The Stratasys Objet500 Connex3 with TangoPlus and VeroWhitePlus."""
+"""The Stratasys Objet500 Connex3 with TangoPlus or Agilus30 and VeroWhitePlus."""
 
 from importlib.resources import files
 
