@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, StrainField
@@ -12,6 +13,7 @@ from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.observations import BRANCHES, observation_model
 from planner.gap.segments import path_of
 from planner.materials.laws import make_law
+from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette, Reference
 from planner.simulation.bar import ProfileDesign, slice_edges_mm
 from planner.simulation.bar_solver import law_tables, predict
@@ -413,7 +415,7 @@ def test_first_and_last_cycles_are_compared_however_many_there_are(cycles, rows_
     found = observation_model(campaign(one, cycled("b", cycles, seed=1, rows_a_cycle=rows_a_cycle)))
     assert found.tests == ((0, 1),)
     times, table = found.setup.time_s[0], found.table
-    assert times[-1] == pytest.approx(40.0 * cycles, rel=0.01)
+    assert times[-1] == pytest.approx(40.0 * cycles, rel=0.015)
     step = table.step[(table.specimen == 0) & (table.branch == BRANCHES.index("reloading"))]
     # The last cycle begins 40 s before the end.
     assert (times[step] > 40.0 * (cycles - 1) - 0.5).all()
@@ -455,9 +457,25 @@ def test_unknown_section_is_one_and_said():
     assert "section is unknown" in found.limitations[0]
 
 
+@pytest.mark.parametrize("blur_mm", [0.1, 0.25, 0.5, 0.8])
+def test_slices_of_many_steps_are_fine_enough_for_bleeding(blur_mm: float):
+    """Stripes of 2 mm, eight times as stiff as the others: their compliance to half a usual scatter."""
+    steps = np.arange(2.0, 32.0, 2.0)
+    x = np.sort(np.concatenate([[0.0, 32.0], steps, steps]))
+    edges = slice_edges_mm(ProfileDesign("s", x, np.arange(len(x)) // 2 % 2))
+
+    def compliance(edges: FloatArray) -> float:
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        far = (middle[:, None] - steps) / blur_mm
+        mixture = ndtr(far) @ (-1.0) ** np.arange(len(steps))
+        return float(np.sum(np.diff(edges) * np.exp(-np.log(8.0) * mixture)))
+
+    assert compliance(edges) == pytest.approx(compliance(np.linspace(0.0, 32.0, 20_001)), rel=0.015)
+
+
 def test_slices_are_fine_at_steps_and_few():
     edges = slice_edges_mm(STEPPED)
-    assert len(edges) <= 57
+    assert len(edges) <= 129
     assert {15.0, 25.0} <= set(edges.tolist())
     for place in (15.0, 25.0):
         at = int(np.flatnonzero(edges == place)[0])
@@ -466,7 +484,7 @@ def test_slices_are_fine_at_steps_and_few():
         np.testing.assert_allclose(sizes[at + 1 : at + 4] / sizes[at : at + 3], 2.0, atol=0.35)
     many = np.repeat(np.arange(0.0, 41.0, 2.0), 2)[1:-1]
     striped = ProfileDesign("s", many, np.arange(len(many)) // 2 % 2)
-    assert len(slice_edges_mm(striped)) <= 57
+    assert len(slice_edges_mm(striped)) <= 129
     ramp = ProfileDesign("r", [0.0, 19.995, 20.005, 40.0], [0.0, 0.0, 1.0, 1.0])
     steep = slice_edges_mm(ramp)
     assert np.abs(steep - 20.0).min() < 1e-9
