@@ -459,7 +459,7 @@ def test_unknown_section_is_one_and_said():
 
 @pytest.mark.parametrize("blur_mm", [0.1, 0.25, 0.5, 0.8])
 def test_slices_of_many_steps_are_fine_enough_for_bleeding(blur_mm: float):
-    """Stripes of 2 mm, eight times as stiff as the others: their compliance to half a usual scatter."""
+    """Stripes of 2 mm, eight times as stiff as the others: compliance to half a usual scatter."""
     steps = np.arange(2.0, 32.0, 2.0)
     x = np.sort(np.concatenate([[0.0, 32.0], steps, steps]))
     edges = slice_edges_mm(ProfileDesign("s", x, np.arange(len(x)) // 2 % 2))
