@@ -17,6 +17,7 @@ __all__ = [
     "Blend",
     "CoefficientModel",
     "blend_for",
+    "bracketed",
     "coordinate_for",
     "nearest",
     "nearest_on",
@@ -74,13 +75,28 @@ def pchip_slopes(coordinate: FloatArray, values: _Values) -> _Values:
     return slopes
 
 
-def pchip_weights(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what the rise, and the slopes at both ends times the gap, add a share t of the gap on.
+def bracketed(
+    coordinate: FloatArray, m: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Return the nodes below and above places within them, how far between, 0..1, and the gap.
 
-    Hermite's: a cubic is its value at t = 0, plus these times (rise, gap d0, gap d1).
+    At a node the share is 0; at the last one both are it.
+    """
+    lower = np.asarray(np.searchsorted(coordinate, m, side="right") - 1)
+    upper = np.minimum(lower + 1, len(coordinate) - 1)
+    gap = coordinate[upper] - coordinate[lower]
+    return lower, upper, np.asarray((m - coordinate[lower]) / np.where(gap > 0.0, gap, 1.0)), gap
+
+
+def pchip_weights(
+    t: FloatArray, gap: FloatArray | float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the rise, and the slopes at both ends, add a share t of the gap on.
+
+    Hermite's: a cubic is its value at t = 0, plus these times (rise, d0, d1).
     """
     rest = 1.0 - t
-    return t * t * (3.0 - 2.0 * t), t * rest * rest, -t * t * rest
+    return t * t * (3.0 - 2.0 * t), gap * t * rest * rest, -gap * t * t * rest
 
 
 # ------------------------------------------------------------------------------------------------
@@ -155,16 +171,15 @@ class CoefficientModel:
         ArgumentError
             A coordinate outside the palette, or a strain not above -1.
         """
-        lower, upper, t = self.bracket(coordinate)
+        lower, upper, t, gap = self._bracketed(coordinate)
         ladder = self.grade_moduli_MPa(at_strain)
         # Beyond the working strains a law may lose its logarithm: nan says it.
         with np.errstate(invalid="ignore", divide="ignore"):
             slopes = pchip_slopes(self.coordinates, np.log(ladder))
             softer, harder = _rows(ladder, lower), _rows(ladder, upper)
-            rise, d0, d1 = pchip_weights(t)
-            gap = self.coordinates[upper] - self.coordinates[lower]
+            rise, d0, d1 = pchip_weights(t, gap)
             more = rise * np.log(harder / softer)
-            more += gap * (d0 * _rows(slopes, lower) + d1 * _rows(slopes, upper))
+            more += d0 * _rows(slopes, lower) + d1 * _rows(slopes, upper)
         return np.asarray(softer * np.exp(np.where(t > 0.0, more, 0.0)))
 
     def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
@@ -211,9 +226,8 @@ class CoefficientModel:
 
     def log_sd(self, coordinate: ArrayLike, wiener_variance: ArrayLike) -> FloatArray:
         """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`."""
-        lower, upper, t = self.bracket(coordinate)
+        lower, upper, t, gap = self._bracketed(coordinate)
         own = np.array([m.modulus_log_sd for m in self.palette.materials])
-        gap = self.coordinates[upper] - self.coordinates[lower]
         bridge = np.asarray(wiener_variance) * gap * t * (1.0 - t)
         return np.asarray(np.sqrt(((1.0 - t) * own[lower] + t * own[upper]) ** 2 + bridge))
 
@@ -236,9 +250,9 @@ class CoefficientModel:
             m, others = np.delete(c, k), np.delete(log_moduli, k, axis=0)
             h1, h2 = c[k] - c[k - 1], c[k + 1] - c[k]
             slopes = pchip_slopes(m, others)
-            rise, d0, d1 = pchip_weights(h1 / (h1 + h2))
+            rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
             foretold = others[k - 1] + rise * (others[k] - others[k - 1])
-            foretold += (h1 + h2) * (d0 * slopes[k - 1] + d1 * slopes[k])
+            foretold += d0 * slopes[k - 1] + d1 * slopes[k]
             squares.append((log_moduli[k] - foretold) ** 2 * (h1 + h2) / (h1 * h2))
         return np.asarray(np.mean(squares, axis=0))
 
@@ -252,6 +266,12 @@ class CoefficientModel:
         ArgumentError
             A coordinate outside the palette.
         """
+        return self._bracketed(coordinate)[:3]
+
+    def _bracketed(
+        self, coordinate: ArrayLike
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Return `bracket` with the gap between the two."""
         m = np.asarray(coordinate, dtype=np.float64)
         c = self.coordinates
         allowed = (m >= c[0]) & (m <= c[-1])
@@ -260,10 +280,7 @@ class CoefficientModel:
                 f"coordinate {m[~allowed].flat[0]:g}: palette {self.palette.name} goes from "
                 f"{c[0]:g} to {c[-1]:g}"
             )
-        lower = np.asarray(np.searchsorted(c, m, side="right") - 1)
-        upper = np.minimum(lower + 1, len(c) - 1)
-        gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
-        return lower, upper, np.asarray((m - c[lower]) / gap)
+        return bracketed(c, m)
 
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:

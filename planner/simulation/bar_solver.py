@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
 from planner.materials.laws import Law, make_law, secant_modulus_MPa
-from planner.materials.mixtures import pchip_slopes, pchip_weights
+from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
@@ -91,27 +91,15 @@ class LawTables:
     cubics: FloatArray
     sound_strain: FloatArray
 
-    def bracket(self, coordinate: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the materials below and above, and how far between; clipped to the palette.
+    def mixed(self, coordinate: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the materials below and above, clipped to the palette, and weights, (3, ...).
 
-        At a material the share is 0; at the last one both are it.
+        A mixture is its lower material, plus these times (upper - lower, slopes of both). At a
+        material all are 0.
         """
         c = self.coordinate
-        m = np.clip(coordinate, c[0], c[-1])
-        lower = np.asarray(np.searchsorted(c, m, side="right") - 1)
-        upper = np.minimum(lower + 1, len(c) - 1)
-        gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
-        return lower, upper, (m - c[lower]) / gap
-
-    def weights(self, coordinate: FloatArray) -> FloatArray:
-        """Return what the upper material and both slopes count for, (3, ...).
-
-        A mixture is its lower material, plus these times (upper - lower, slopes of both).
-        """
-        lower, upper, t = self.bracket(coordinate)
-        gap = self.coordinate[upper] - self.coordinate[lower]
-        rise, d0, d1 = pchip_weights(t)
-        return np.stack([rise, gap * d0, gap * d1])
+        lower, upper, t, gap = bracketed(c, np.clip(coordinate, c[0], c[-1]))
+        return lower, upper, np.stack(pchip_weights(t, gap))
 
     def stress_and_tangent_MPa(
         self, coordinate: ArrayLike, strain: ArrayLike
@@ -124,9 +112,8 @@ class LawTables:
             Strains of 0 and above; both broadcast.
         """
         e = np.asarray(strain, dtype=np.float64)
-        m = np.asarray(coordinate, dtype=np.float64)
-        lower, upper, _ = self.bracket(m)
-        rise, d0, d1 = self.weights(m)[..., None]
+        lower, upper, weights = self.mixed(np.asarray(coordinate, dtype=np.float64))
+        rise, d0, d1 = weights[..., None]
         intervals = self.cubics.shape[1]
         inside = np.minimum(e, intervals * self.strain_step)
         place = inside / self.strain_step
@@ -553,10 +540,10 @@ _SLICE = np.dtype(
 )  # fmt: skip
 """A slice as it is mounted, and where it stands.
 
-Its law: rows of the cubics, `LawTables.weights`, its changes. Of its strain: now, at the step
-before, the largest so far, and what of that stays for good. Of the law's stress: now and at the
-step before. A step bears `share` of the law's stress, and the `rest` of what relaxes. `alone` and
-`stiffness` are Newton's.
+Its law: rows of the cubics and weights (`LawTables.mixed`), and its changes. Of its strain: now, at
+the step before, the largest so far, and what of that stays for good. Of the law's stress: now and
+at the step before. A step bears `share` of the law's stress, and the `rest` of what relaxes.
+`alone` and `stiffness` are Newton's.
 """
 
 _Record: TypeAlias = Any
@@ -984,8 +971,8 @@ def predict(
     materials, ways = len(laws.coordinate), 2 if bars.pushed.any() else 1
     laws = replace(laws, cubics=laws.cubics[: ways * materials])
     slices = np.zeros(len(bars.coordinate), dtype=_SLICE)
-    slices["lower"], slices["upper"], _ = laws.bracket(bars.coordinate)
-    slices["rise"], slices["slope_0"], slices["slope_1"] = laws.weights(bars.coordinate)
+    slices["lower"], slices["upper"], weights = laws.mixed(bars.coordinate)
+    slices["rise"], slices["slope_0"], slices["slope_1"] = weights
     if len(bars.reference_relaxing):
         mixed = bool(slices["rise"].any())
         shares = np.tile(bars.reference_relaxing, (ways, 1))

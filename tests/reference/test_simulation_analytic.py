@@ -58,7 +58,7 @@ def test_the_tables_are_the_law_of_every_mixture() -> None:
     coordinate = np.concatenate([GRADES, rng.uniform(GRADES[0], GRADES[-1], 300)])
     breaks = np.array([m.elongation_at_break for m in PALETTE.materials])
     laws = law_tables(PALETTE, strain_end=2.0 * float(breaks.max()), farthest=math.inf)
-    lower, upper, _ = laws.bracket(coordinate)
+    lower, upper, _ = laws.mixed(coordinate)
     # The slopes at both ask for the grades beyond, too.
     first, last = np.maximum(lower - 1, 0), np.minimum(upper + 1, len(GRADES) - 1)
     rising = np.min([laws.sound_strain[k] for k in (first, lower, upper, last)], axis=0)
