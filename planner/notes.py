@@ -1,6 +1,8 @@
 """Notes: what was assumed, corrected or left out; and cautions, which ask for an act."""
 
-__all__ = ["Caution"]
+from collections.abc import Sequence
+
+__all__ = ["Caution", "listed"]
 
 
 class Caution(str):
@@ -11,3 +13,12 @@ class Caution(str):
     """
 
     __slots__ = ()
+
+
+def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> str:
+    """Write a list in a sentence, a long one in short."""
+    if most is not None and len(words) > most:
+        return f"{', '.join(words[:most])} {last} {len(words) - most} more"
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,7 +1,7 @@
 """What a diagnosis says in three sentences, and its names and figures in words."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.diagnosis import SIGNIFICANT, Diagnosis, Gap, Hypothesis
@@ -12,7 +12,6 @@ __all__ = [
     "best_of",
     "cause_words",
     "clear_places",
-    "listed",
     "number_words",
     "p_value",
     "percent",
@@ -52,15 +51,6 @@ def cause_words(name: str) -> str:
 def axis_words(axis: str) -> str:
     """Return an axis in words; a column that planner does not know keeps its name."""
     return _AXES.get(axis, f"column {axis}")
-
-
-def listed(words: Sequence[str], most: int | None = None, last: str = "and") -> str:
-    """Write a list in a sentence, a long one in short."""
-    if most is not None and len(words) > most:
-        return f"{', '.join(words[:most])} {last} {len(words) - most} more"
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def percent(share: float, digits: int = 2) -> str:

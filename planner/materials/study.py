@@ -19,7 +19,7 @@ from planner.formats.tensile import (
 )
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
-from planner.notes import Caution
+from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 
 __all__ = ["Study", "read_study"]
@@ -254,12 +254,8 @@ def _dimensions_of(
         area = None if width is None or thickness is None else width * thickness
     found = Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
     if from_head:
-        notes.append(f"{table.file}: its head gives {_listed(from_head)}")
+        notes.append(f"{table.file}: its head gives {listed(from_head)}")
     return found
-
-
-def _listed(words: Sequence[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _curve_of(
@@ -517,7 +513,7 @@ def read_study(
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
         rows = {row.specimen: row for row in read_specimens(listing)}
-        files = _with_listed(files, rows.values(), listing.parent)
+        files = _withlisted(files, rows.values(), listing.parent)
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
     by_file: dict[str, list[ListedSpecimen]] = {}
@@ -707,7 +703,7 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     return files, listing
 
 
-def _with_listed(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path) -> list[Path]:
+def _withlisted(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path) -> list[Path]:
     """Add the files that the list names, where only the list or its folder was given."""
     if files:
         return files

@@ -23,7 +23,6 @@ from planner.gap.summary import (
     best_of,
     cause_words,
     clear_places,
-    listed,
     number_words,
     p_value,
     percent,
@@ -31,6 +30,7 @@ from planner.gap.summary import (
     sentence,
     summary_of,
 )
+from planner.notes import listed
 
 __all__ = [
     "Table",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from planner.gap.diagnosis import Diagnosis
-from planner.report.gap_text import listed
+from planner.notes import listed
 
 __all__ = ["EXPECTATIONS", "Answer", "Expectation", "probability_with"]
 

@@ -10,13 +10,13 @@ from planner.gap.diagnosis import Diagnosis, FoundEffect
 from planner.gap.effects import effects_for
 from planner.gap.summary import (
     axis_words,
-    listed,
     number_words,
     p_value,
     percent,
     probability,
     sentence,
 )
+from planner.notes import listed
 from planner.palette import Palette
 from planner.report.gap_text import headline
 
