@@ -8,9 +8,10 @@ from importlib.resources import files
 import msgspec
 import numpy as np
 
-from planner.materials.laws import NeoHookean, secant_modulus_MPa
+from planner.materials.laws import NeoHookean, make_law, secant_modulus_MPa
 from planner.numerics import FloatArray
-from planner.palette import Palette, parse_palette
+from planner.palette import parse_palette
+from printers.connex3.derive import PALETTE
 from printers.connex3.thesis import load_thesis
 
 __all__ = [
@@ -189,20 +190,15 @@ def rubber_readings(sources: Sources) -> list[Reading]:
             shaken.shore_A,
         )
     )
-    tango, thesis = _tango(), load_thesis()
-    for published in thesis.elastomers[1:]:
-        parameters = tango.resolve(published.id).law.parameters
-        stretch = 1.0 + test.at_strain
-        stress = sum(
-            mu * (stretch ** (a - 1.0) - stretch ** (-a / 2.0 - 1.0))
-            for mu, a in zip(parameters["mu_MPa"], parameters["alpha"], strict=True)
-        )
+    tango = parse_palette(PALETTE.read_bytes(), name=PALETTE.stem)
+    for published in load_thesis().elastomers[1:]:
+        law = make_law(tango.resolve(published.id).law)
         readings.append(
             _one(
                 "Hemleben 2017",
                 "printers/connex3/palettes/connex3-tango-vero.toml",
                 published.id,
-                stress / test.at_strain,
+                float(secant_modulus_MPa(law, test.at_strain)),
                 float(published.id[-2:]),
             )
         )
@@ -221,12 +217,6 @@ def rigid_readings(sources: Sources) -> list[Reading]:
         *(_stated(entry, 1.0) for entry in sources.rigid),
         _one(stamp.source, stamp.address, "VeroUltraWhite", vero),
     ]
-
-
-def _tango() -> Palette:
-    name = "connex3-tango-vero"
-    file = files("printers.connex3") / "palettes" / f"{name}.toml"
-    return parse_palette(file.read_bytes(), name=name)
 
 
 def _bend(strain: float, test: Conditions) -> float:

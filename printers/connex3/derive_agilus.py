@@ -7,7 +7,7 @@ better: docs/explanation/agilus-numbers.md.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -78,11 +78,12 @@ def _votes(readings: Iterable[tuple[str, float]]) -> dict[str, float]:
 
 def _derived_palette(sources: Sources) -> Palette:
     *rubbers, rigid = sources.material
+    votes = list(rubber_votes(rubber_readings(sources)).values())
     return Palette(
         name=PALETTE.stem,
         materials=(
             # As on the Tango ladder, sixths; the rigid mixtures at 7/6 and 8/6 are left out.
-            *(_rubber(entry, k / 6.0, sources) for k, entry in enumerate(rubbers)),
+            *(_rubber(entry, k / 6.0, votes, sources) for k, entry in enumerate(rubbers)),
             _rigid(rigid, 1.5, sources),
         ),
         reference=Reference(
@@ -95,8 +96,7 @@ def _derived_palette(sources: Sources) -> Palette:
     )
 
 
-def _rubber(entry: Entry, coordinate: float, sources: Sources) -> Material:
-    votes = list(rubber_votes(rubber_readings(sources)).values())
+def _rubber(entry: Entry, coordinate: float, votes: Sequence[float], sources: Sources) -> Material:
     scale = math.exp(float(np.mean(votes)))
     modulus = scale * gent_modulus_MPa(entry.shore_A)
     mu = modulus / float(secant_modulus_MPa(NeoHookean(1.0), sources.test.at_strain))
