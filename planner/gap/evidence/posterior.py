@@ -16,6 +16,7 @@ from planner.gap.evidence.problem import (
     specimen_forces_N,
     squared_errors,
 )
+from planner.gap.evidence.search import GAIN
 from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import (
     Candidate,
@@ -439,7 +440,7 @@ def _gain_found(
     sd = 1.0 / np.sqrt(max(float(members @ inner @ members), 1e-12))
     factor, reach = float(np.exp(log_gain)), float(np.exp(_TAIL * sd))
     return FoundEffect(
-        "force-scale",
+        GAIN,
         "of-some-specimens",
         {"factor": factor},
         {"factor": (factor / reach, factor * reach)},

@@ -255,6 +255,8 @@ class Problem:
         Its raw features.
     residual : (N,)
         Measured less predicted, transformed.
+    unit_gains : (n,)
+        See `planner.gap.noise.unit_gains`.
     node_features : (nodes, N)
         Change of the transformed features at each node.
     calibration : (N, q)
@@ -275,6 +277,7 @@ class Problem:
     unpredicted: FloatArray
     sensitivity: FloatArray
     residual: FloatArray
+    unit_gains: FloatArray
     node_features: FloatArray
     calibration: FloatArray
     whitened: Whitened
@@ -416,8 +419,9 @@ def set_up(
     sensitivity = table.sensitivity(np.maximum(typical, np.abs(unpredicted)))
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
-    gains = np.where(field, 0.0, unit_gains(table)[table.specimen])
-    in_one_unit = table.transformed(table.measured_raw * np.exp(-gains)) - transformed[0]
+    of_units = unit_gains(table)
+    own = np.where(field, 0.0, of_units[table.specimen])
+    in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
     scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
     calibration = np.concatenate(
@@ -450,6 +454,7 @@ def set_up(
         unpredicted=unpredicted,
         sensitivity=sensitivity,
         residual=residual,
+        unit_gains=of_units,
         node_features=changes[len(ways) :],
         calibration=calibration,
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
@@ -510,7 +515,7 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     peak = problem.model.peaks_N
     measured = problem.model.measured_N / peak
     # As far as they are in one unit: a slip of the pen is no scatter.
-    peaks = peak[:, 0] * np.exp(-unit_gains(problem.table))
+    peaks = peak[:, 0] * np.exp(-problem.unit_gains)
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:

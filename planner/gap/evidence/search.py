@@ -11,7 +11,7 @@ from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, c
 from planner.gap.noise import UNIT_GAINS, Scatter
 from planner.numerics import FloatArray, IntArray, kernel
 
-__all__ = ["Search", "weigh_subset"]
+__all__ = ["GAIN", "Search", "weigh_subset"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -132,6 +132,9 @@ class Search:
 # ------------------------------------------------------------------------------------------------
 # Some specimens, but not the others, have their force off by one factor.
 
+
+GAIN = "force-scale"
+"""The effect that may hold for some specimens only."""
 
 _GAINS = np.geomspace(0.05, 0.6, 24)
 """Logarithms of a gain of some specimens. Numerical: each 11 % larger than the one before,
@@ -263,7 +266,7 @@ def weigh_subset(
         total = -np.inf
     return replace(
         beside,
-        effects=tuple(sorted({*beside.effects, "force-scale"})),
+        effects=tuple(sorted({*beside.effects, GAIN})),
         gain=beside.gain + gain,
         log_evidence=beside.log_evidence + total,
         members=members,

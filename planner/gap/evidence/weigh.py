@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.gap.campaign import axis_columns
 from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
-from planner.gap.evidence.search import Search, weigh_subset
+from planner.gap.evidence.search import GAIN, Search, weigh_subset
 from planner.gap.evidence.settle import Settled, World, joined, settle
 from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.gap.noise import UNIT_GAINS
@@ -85,9 +85,6 @@ _OF_SOME = 0.25
 """Prior share, of an effect that may hold for some specimens only, that it does. Chosen: faults of
 a machine mostly hold for all that it tested."""
 
-_GAIN: Effects = ("force-scale",)
-"""The effect that may hold for some specimens only."""
-
 ANY = "every test"
 """In place of an axis, of an unknown that goes along every test."""
 
@@ -141,9 +138,13 @@ class Weighed:
     @property
     def another_unit(self) -> float:
         """Evidence of some specimens in another unit, where that is what leads of one effect."""
-        if not self.beside_some or not _in_another_unit(self.best[_GAIN]):
+        if not self.beside_some or not _in_another_unit(self.best[(GAIN,)]):
             return -np.inf
-        return self.log_evidence[_GAIN, ""]
+        return self.log_evidence[(GAIN,), ""]
+
+    def relative(self, found: Candidate, world: World, log_share: float) -> float:
+        """Return a candidate's evidence in a world of such a share, over none in the plain one."""
+        return found.log_evidence + world.none - self.plain.none + log_share
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
@@ -186,8 +187,13 @@ def coarsened(
     """
     none = max(log_evidence.get(((), axis), -np.inf) for axis in ("", ANY))
     base = max(none, another_unit)
-    share = 1.0 / (1.0 + max(max(log_evidence.values()) - base, 0.0) / coarseness_nats)
+    share = _coarsening(max(log_evidence.values()) - base, coarseness_nats)
     return {key: log_prior[key] + share * (value - base) for key, value in log_evidence.items()}
+
+
+def _coarsening(most: float, coarseness_nats: float) -> float:
+    """Return how much evidence counts where the best hypothesis gains so much."""
+    return 1.0 / (1.0 + max(most, 0.0) / coarseness_nats)
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
@@ -207,9 +213,6 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
     exact = [(w, float(np.log(_DISCREPANCIES[0.0] * share))) for w, share in scaled]
     inexact = [(w, float(np.log(share))) for w, share in off]
     result.settled = _settled(problem, result.worlds, logs)
-    if result.settled:
-        likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none)
-        result.discrepancy = likeliest.world.discrepancy
     result.offer(Candidate(()))
     for world, share in scaled:
         result.add((), "", logs.none, world.none - plain.none + float(np.log(share)))
@@ -221,11 +224,8 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         else:
             result.add((), ANY, logs.any, evidence)
     if logs.some:
-        gains = problem.whitened.columns[:, problem.gains]
         for world, share in (*exact, *inexact):
-            e = world.elimination(problem.whitened.columns[:, 0], kept=gains)
-            subset = _subset(problem, e, Candidate(()), world)
-            _offer_some(problem, result, subset, world, share + np.log(_OF_SOME), logs)
+            _offer_some(problem, result, _of_some(world, logs), world, share, logs)
     for one in result.settled:
         for world, share in (*exact, *inexact):
             found = one.weighed(world, one.eliminated(world))
@@ -236,6 +236,9 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         _add_subset(problem, one, (*exact, *inexact), logs, result)
     if result.beside_some:
         result.discrepancy = result.beside_some[0].world.discrepancy
+    elif result.settled:
+        likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none)
+        result.discrepancy = likeliest.world.discrepancy
     for world, share in ((plain, float(np.log(_DISCREPANCIES[0.0]))), *inexact):
         _add_unknown(problem, world, share, logs, result)
     for one in _chosen(result, logs):
@@ -249,7 +252,7 @@ def _offer(
     result: Weighed, found: Candidate, world: World, log_share: float, logs: "_LogPriors"
 ) -> None:
     """Add a candidate without an unknown, weighed in one world."""
-    evidence = found.log_evidence + world.none - result.plain.none + log_share
+    evidence = result.relative(found, world, log_share)
     result.add(found.effects, "", logs.of(found.effects), evidence)
     if not world.discrepancy:
         _add(result.exact, found.effects, evidence)
@@ -270,17 +273,19 @@ def _offer_some(
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
     assert found.members is not None
-    axis = None if _in_another_unit(found) else _telling_column(problem, found.members > 0.5)
-    if axis is None:
+    if _in_another_unit(found):
         _offer(result, found, world, log_share, logs)
-        if problem.scatter.heterogeneous and not _in_another_unit(found):
-            # As well as a load cell's, it may be what a condition does that nobody wrote down.
-            evidence = found.log_evidence + world.none - result.plain.none + log_share
-            result.add((), "specimen", logs.single, evidence)
         return
-    effects = tuple(b.effect.id for b in found.branches)
-    evidence = found.log_evidence + world.none - result.plain.none + log_share
-    _add_axis(problem, effects, axis, evidence, logs, result)
+    evidence = result.relative(found, world, log_share)
+    axis = _telling_column(problem, found.members > 0.5)
+    if axis is not None:
+        effects = tuple(b.effect.id for b in found.branches)
+        _add_axis(problem, effects, axis, evidence, logs, result)
+        return
+    _offer(result, found, world, log_share, logs)
+    if problem.scatter.heterogeneous:
+        # As well as a load cell's, it may be what a condition does that nobody wrote down.
+        result.add((), "specimen", logs.single, evidence)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -288,7 +293,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
 
     None if the column is one that tells specimens one by one, or one along which gains may go.
     """
-    own = next(b.effect.where for b in problem.branches if b.effect.id in _GAIN)
+    own = next(b.effect.where for b in problem.branches if b.effect.id == GAIN)
     columns = axis_columns(problem.campaign)
     for number, name in enumerate(axis.axis for axis in problem.unknown):
         cells = columns.get(name)
@@ -308,10 +313,22 @@ def _in_another_unit(candidate: Candidate) -> bool:
     return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
 
-def _subset(problem: Problem, e: Elimination, beside: Candidate, world: World) -> Candidate:
-    """Return a candidate with a gain of some specimens; `e` keeps the gains after the target."""
+def _of_some(world: World, logs: "_LogPriors", one: Settled | None = None) -> Candidate:
+    """Return a gain of some specimens, alone or beside a settled effect, priors of forms included.
+
+    Its evidence is that over no effect in the world.
+    """
+    problem = world.problem
+    gains = problem.whitened.columns[:, problem.gains]
+    if one is None:
+        e, beside = world.elimination(problem.whitened.columns[:, 0], kept=gains), Candidate(())
+    else:
+        e = one.eliminated(world, gains)
+        beside = one.weighed(world, e)
     scatter = replace(problem.scatter, specimen=problem.scatter.specimen * world.scale)
-    return weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+    found = weigh_subset(e.products[1:, 0], e.products[1:, 1:], beside, scatter)
+    log_prior = logs.forms(beside) + float(np.log(_OF_SOME))
+    return replace(found, log_evidence=found.log_evidence + log_prior)
 
 
 def reweigh(
@@ -334,17 +351,12 @@ def reweigh(
     values = [c.log_evidence + logs.forms(c) for c in settled]
     base = 0.0
     if weighed.beside_some:
-        gains = problem.whitened.columns[:, problem.gains]
-        alone = world.elimination(problem.whitened.columns[:, 0], kept=gains)
-        some = [_subset(problem, alone, Candidate(()), world)]
-        for one in weighed.beside_some:
-            e = one.eliminated(world, gains)
-            some.append(_subset(problem, e, one.weighed(world, e), world))
+        some = [_of_some(world, logs, one) for one in (None, *weighed.beside_some)]
         settled += some
-        values += [c.log_evidence + logs.forms(c) + float(np.log(_OF_SOME)) for c in some]
+        values += [c.log_evidence for c in some]
         if np.isfinite(weighed.another_unit):
-            base = max(values[-len(some)], 0.0)
-    share = 1.0 / (1.0 + max([0.0, *(v - base for v in values)]) / priors.coarseness_nats)
+            base = max(some[0].log_evidence, 0.0)
+    share = _coarsening(max(values, default=0.0) - base, priors.coarseness_nats)
     found = [(logs.none - share * base, Candidate(()))]
     found += [
         (logs.of(c.effects) + share * (v - base), c) for v, c in zip(values, settled, strict=True)
@@ -465,10 +477,8 @@ def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) ->
     if some.members is None:
         return []
     gain = problem.gain_of(some)
-    target, nodes = (
-        problem.whitened.columns[:, 0] - gain,
-        problem.whitened.columns[:, problem.nodes],
-    )
+    columns = problem.whitened.columns
+    target, nodes = columns[:, 0] - gain, columns[:, problem.nodes]
     world = max(result.worlds, key=lambda w: w.elimination(target).none)
     others = _others(problem, world.elimination(target, kept=nodes), some.effects, logs)
     beside = [replace(c, members=some.members, log_gain=some.log_gain) for c in others]
@@ -571,11 +581,6 @@ def _add_subset(
     result: Weighed,
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
-    if one.candidate.effects == _GAIN:
-        return
-    gains = problem.whitened.columns[:, problem.gains]
-    for world, share in worlds:
-        e = one.eliminated(world, gains)
-        both = _subset(problem, e, one.weighed(world, e), world)
-        value = both.log_evidence + logs.forms(one.candidate) + np.log(_OF_SOME)
-        _offer_some(problem, result, replace(both, log_evidence=value), world, share, logs)
+    if one.candidate.effects != (GAIN,):
+        for world, share in worlds:
+            _offer_some(problem, result, _of_some(world, logs, one), world, share, logs)
