@@ -27,6 +27,7 @@ __all__ = [
     "LawParameters",
     "Material",
     "Palette",
+    "Reading",
     "Reference",
     "Uncertainty",
     "encode_palette",
@@ -39,6 +40,7 @@ __all__ = [
 LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "linear": ("modulus_MPa",),
+        "yielding": ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness"),
         "neo-hookean": ("mu_MPa",),
         "yeoh": ("c_MPa",),
         "ogden": ("mu_MPa", "alpha"),
@@ -51,6 +53,7 @@ LAW_PARAMETERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 _SAME_LENGTH = {"ogden": ("mu_MPa", "alpha")}
 _LENGTH = {
     "linear": {"modulus_MPa": 1},
+    "yielding": {"modulus_MPa": 1, "flow_MPa": 1, "hardening_MPa": 1, "sharpness": 1},
     "neo-hookean": {"mu_MPa": 1},
     "yeoh": {"c_MPa": 3},
     "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
@@ -115,6 +118,24 @@ class Uncertainty(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """What others say of a material's law: intervals hold both, plans use the material's own.
+
+    Attributes
+    ----------
+    name
+        How it was read, as "extensometer".
+    modulus_log_sd
+        Standard deviation of ln(modulus) about this law.
+    """
+
+    name: str
+    law: LawParameters
+    modulus_log_sd: float = 0.0
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Material:
     """One digital material.
 
@@ -133,9 +154,11 @@ class Material:
     modulus_log_sd
         Standard deviation of ln(modulus): how far a print's stiffness may lie from the law's.
     deformation
-        "elastic" (a hyperelastic law to break) or "plastic" (Young's modulus alone).
+        "elastic" (a hyperelastic law to break) or "plastic" (Young's modulus, and yield if known).
     uncertainty
         Of the law, where it was fitted to tests.
+    readings
+        What others say of the law, where sources differ by more than scatter.
     """
 
     id: str
@@ -150,6 +173,7 @@ class Material:
     modulus_log_sd: float = 0.0
     published: LawParameters | None = None
     uncertainty: Uncertainty | None = None
+    readings: tuple[Reading, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +232,13 @@ class Palette:
         return self.materials.index(material)
 
 
+class _ReadingFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    name: str
+    law: dict[str, Any]
+    modulus_log_sd: float = 0.0
+    source: str = ""
+
+
 class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     id: str
     coordinate: float
@@ -221,6 +252,7 @@ class _MaterialFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     modulus_log_sd: float = 0.0
     published: dict[str, Any] | None = None
     uncertainty: Uncertainty | None = None
+    reading: list[_ReadingFile] = []
 
 
 class _ReferenceFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -321,6 +353,7 @@ def _material(entry: _MaterialFile, name: str) -> Material:
         ("elongation_at_break", entry.elongation_at_break, 0.0),
         ("density_g_cm3", entry.density_g_cm3, 0.0),
         ("modulus_log_sd", entry.modulus_log_sd, -1e-300),
+        *(("reading: modulus_log_sd", r.modulus_log_sd, -1e-300) for r in entry.reading),
     ):
         if not math.isfinite(value) or value <= low:
             raise PaletteError(f"{where}: {key} is {value}; it must be finite and above {low:g}")
@@ -333,8 +366,14 @@ def _material(entry: _MaterialFile, name: str) -> Material:
         "published": None if published is None else _law(published, f"{where}: published"),
         "aliases": tuple(entry.aliases),
         "colour": colour.upper(),
+        "readings": tuple(
+            Reading(r.name, _law(r.law, f"{where}: reading: law"), r.modulus_log_sd, r.source)
+            for r in entry.reading
+        ),
     }
-    return Material(**{**msgspec.structs.asdict(entry), **read})
+    stated = msgspec.structs.asdict(entry)
+    del stated["reading"]
+    return Material(**{**stated, **read})
 
 
 def _law(table: Mapping[str, Any], where: str) -> LawParameters:
@@ -467,6 +506,13 @@ def _toml_material(material: Material) -> Iterator[str]:
         yield from _toml_law("published", material.published)
     if material.uncertainty is not None:
         yield from _uncertainty(material.uncertainty)
+    for reading in material.readings:
+        yield "[[material.reading]]"
+        yield f"name = {_text(reading.name)}"
+        yield f"modulus_log_sd = {_number(reading.modulus_log_sd)}"
+        if reading.source:
+            yield f"source = {_text(reading.source)}"
+        yield from _toml_law("reading.law", reading.law)
 
 
 def _toml_law(key: str, law: LawParameters) -> Iterator[str]:

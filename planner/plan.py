@@ -96,12 +96,12 @@ class Gradient:
 class Stiffness:
     """What "modulus" means: secant of the nominal stress from rest to a working strain.
 
-    The laws of rigid grades are straight lines, whose secant is the initial modulus.
+    Rigid grades are measured alike; plans of earlier versions have their initial modulus.
     """
 
     measure: Literal["secant-nominal"]
     at_strain: float
-    rigid_measure: Literal["initial-modulus"] = "initial-modulus"
+    rigid_measure: Literal["initial-modulus", "secant-nominal"] = "secant-nominal"
 
 
 @dataclass(frozen=True, slots=True)

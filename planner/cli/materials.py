@@ -98,13 +98,20 @@ def materials(
     Example: [bold]planner materials --at-strain 0.3[/bold]
     """
     import planner
-    from planner.cli.output import format_interval, format_number, print_document, print_table
+    from planner.cli.output import (
+        format_interval,
+        format_number,
+        print_document,
+        print_table,
+        tell_notes,
+    )
 
     scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
     if as_json:
         print_document(scale.document())
         return 0
     chosen = scale.palette
+    tell_notes(scale.remarks())
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -113,7 +120,8 @@ def materials(
                 f"{material.coordinate:.3f}",
                 format_number(modulus),
                 format_interval(interval),
-                f"{100 * material.elongation_at_break:.0f} %",
+                f"{100 * material.elongation_at_break:.0f} %"
+                + (" (past it)" if scale.broken_at(material) else ""),
                 f"{material.density_g_cm3:.3f}",
                 ", ".join(material.aliases),
             ]
@@ -155,6 +163,7 @@ def invert(
         format_number,
         print_document,
         print_table,
+        tell_notes,
     )
     from planner.printers import palette_of
 
@@ -166,6 +175,7 @@ def invert(
             {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
         )
     else:
+        tell_notes(note for mixture in found for note in mixture.notes)
         print_table(
             ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
             [
@@ -223,8 +233,8 @@ def characterise(
 ) -> int:
     """Take modulus, toughness, elongation and their spread from tensile tests.
 
-    Says whether each material deforms elastically (fit a law) or plastically (Young's modulus
-    alone). Exit code 1 when a material's specimens disagree about that or are more than twice
+    Says whether each material deforms elastically (a law of rubber fits) or plastically (one that
+    yields). Exit code 1 when a material's specimens disagree about that or are more than twice
     apart, or a figure looks like a wrong unit, also beside the printer's palette.
 
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o

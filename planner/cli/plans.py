@@ -247,7 +247,7 @@ def _table(plan: "Plan") -> None:
         columns,
         [[row.get(name, "") for name in columns] for row in (*rows, total)],
         title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
-        f"{plan.stiffness.at_strain:g}, of rigid grades the initial modulus",
+        f"{plan.stiffness.at_strain:g}",
         right=["#", "achieved", "error", "volume mm3", "mass g"],
         droppable=["95 % interval", "error", "#"],
         swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],

@@ -522,11 +522,18 @@ def grade(
         regions=regions,
         checks={**checks, **printing},
         findings=findings,
-        warnings=(*source.warnings, *followed, *unsure),
+        warnings=(*source.warnings, *followed, *unsure, *_remarks(scale, regions)),
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=machine.job_notes(),
     )
+
+
+def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...]:
+    """Return what to know of the moduli of the grades that the regions are printed in."""
+    lower, upper, t = scale.model.bracket([region.coordinate for region in regions])
+    used = {*lower.tolist(), *np.where(t > 0.0, upper, lower).tolist()}
+    return scale.remarks({scale.palette.materials[k].id for k in used})
 
 
 def _check_thickness(

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,6 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
+from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.mixtures import (
     Blend,
     CoefficientModel,
@@ -22,7 +23,7 @@ from planner.materials.mixtures import (
     thresholds_of,
 )
 from planner.numerics import FloatArray, IntArray
-from planner.palette import Palette
+from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
@@ -268,7 +269,8 @@ class StiffnessScale:
     Attributes
     ----------
     moduli_MPa
-        Secant moduli of the nominal stress at `at_strain`, strictly rising.
+        Secant moduli of the nominal stress at `at_strain`, strictly rising; at its break of a
+        material that breaks before.
     intervals_MPa
         95 % interval of each.
     """
@@ -284,6 +286,45 @@ class StiffnessScale:
         ids = [material.id for material in self.palette.materials]
         return self.moduli_MPa[ids.index(material_id)]
 
+    def broken_at(self, material: Material) -> float | None:
+        """Return where a material breaks that does not hold the working strain, else None."""
+        at = material.elongation_at_break
+        return at if at < self.at_strain else None
+
+    def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
+        """Return what a reader of the moduli has to know, a sentence each.
+
+        Which materials break before the working strain, and which are read otherwise by others.
+
+        Parameters
+        ----------
+        ids
+            The materials whose moduli are shown; all by default.
+        """
+        shown = [m for m in self.palette.materials if ids is None or m.id in ids]
+        broken = [f"{m.id} ({m.elongation_at_break:.3g})" for m in shown if self.broken_at(m)]
+        said = []
+        if broken:
+            said.append(
+                f"the working strain {self.at_strain:g} is past the break of {', '.join(broken)}; "
+                "the stiffness there is the secant modulus at the break"
+            )
+        readings: dict[str, list[str]] = {}
+        for material in shown:
+            held = min(self.at_strain, material.elongation_at_break)
+            for reading in material.readings:
+                other = float(secant_modulus_MPa(make_law(reading.law), held))
+                readings.setdefault(reading.name, []).append(
+                    f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
+                    f"{_at_rest(material.law):.4g})"
+                )
+        said += [
+            f"by {name} others find {', '.join(rows)}; the intervals hold both readings, and "
+            "--palette chooses (planner printers lists the palettes)"
+            for name, rows in readings.items()
+        ]
+        return tuple(said)
+
     def document(self) -> dict[str, Any]:
         """Return the materials and their stiffness as JSON holds them."""
         rows = zip(self.palette.materials, self.moduli_MPa, self.intervals_MPa, strict=True)
@@ -297,6 +338,7 @@ class StiffnessScale:
                     "coordinate": material.coordinate,
                     "modulus_MPa": modulus,
                     "modulus_interval_MPa": _known(interval),
+                    "modulus_at_strain": min(self.at_strain, material.elongation_at_break),
                     "elongation_at_break": material.elongation_at_break,
                     "density_g_cm3": material.density_g_cm3,
                     "deformation": material.deformation,
@@ -305,7 +347,12 @@ class StiffnessScale:
                 }
                 for material, modulus, interval in rows
             ],
+            "notes": list(self.remarks()),
         }
+
+
+def _at_rest(law: LawParameters) -> float:
+    return float(secant_modulus_MPa(make_law(law), 0.0))
 
 
 def _known(interval: tuple[float, float]) -> list[float] | None:
@@ -592,6 +639,8 @@ class Mixture:
         The interpolated blend, its modulus and the 95 % interval of that.
     range_MPa
         What the palette reaches.
+    notes
+        What to know of the materials named, one sentence each: `StiffnessScale.remarks`.
     """
 
     target_MPa: float
@@ -603,6 +652,7 @@ class Mixture:
     modulus_MPa: float
     interval_MPa: tuple[float, float]
     range_MPa: tuple[float, float]
+    notes: tuple[str, ...] = ()
 
     def blend_text(self) -> str:
         """Return the blend in words."""
@@ -628,6 +678,7 @@ class Mixture:
                 "modulus_MPa": self.modulus_MPa,
                 "modulus_interval_MPa": _known(self.interval_MPa),
             },
+            "notes": list(self.notes),
         }
 
 
@@ -686,4 +737,5 @@ def invert(
         modulus_MPa=float(scale.model.modulus_MPa(blend.coordinate, at_strain)),
         interval_MPa=(float(interval[0]), float(interval[1])),
         range_MPa=(low, high),
+        notes=scale.remarks({palette.materials[place].id, blend.lower, blend.upper}),
     )

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from types import MappingProxyType
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from planner.materials.fit import (
     minimise,
     sample_of,
 )
+from planner.materials.fit_yield import fit_yielding
 from planner.materials.laws import SeparableLaw
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -77,15 +77,11 @@ def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     own = [ratio[used & (sample.specimen == n)] for n in np.unique(sample.specimen)]
     levels = [float(r.mean()) for r in own if len(r)]
     within = np.sqrt(np.mean([r.var() for r in own if len(r)])) if levels else 0.0
-    return _scatter(levels, float(within))
+    return scatter_of_levels(levels, float(within))
 
 
-def scatter_of_moduli(moduli_MPa: Sequence[float]) -> ParameterScatter:
-    """Return the scatter of specimens' own moduli, all above zero."""
-    return _scatter([float(v) for v in np.log(np.asarray(moduli_MPa))], 0.0)
-
-
-def _scatter(levels: Sequence[float], misfit: float) -> ParameterScatter:
+def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatter:
+    """Return the scatter of specimens' own ln(stiffness), about a law that is `misfit` off."""
     from scipy.stats import t as student
 
     count = len(levels)
@@ -301,7 +297,7 @@ def _interval_rounded(values: FloatArray) -> FloatArray:
 
 
 # ------------------------------------------------------------------------------------------------
-# From one material's specimens to its law: hyperelastic where it is elastic, else linear.
+# From one material's specimens to its law: hyperelastic where it is elastic, else one that yields.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -311,7 +307,7 @@ class MaterialFit:
     Attributes
     ----------
     choice
-        The laws that were tried; None for a plastic material, which gets Young's modulus alone.
+        The laws that were tried; None for a plastic material, which gets a law that yields.
     notes
         What the user should know, one sentence each.
     """
@@ -355,7 +351,8 @@ def fit_material(
     found = characterise_material(material, curves)
     notes = [note for c in found.specimens for note in c.notes if "not shifted" not in note]
     if found.deformation.kind == "plastic":
-        law, uncertainty, scatter = _linear(found, level)
+        law, uncertainty, scatter = _plastic(found, curves, weighting, level)
+        notes.extend(_falls(material, curves))
         return MaterialFit(material, found, law, uncertainty, scatter, None, tuple(notes))
     sample = sample_of([_loading(curve) for curve in curves], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
@@ -447,26 +444,37 @@ def _fit_rounded(parameters: dict[str, tuple[float, ...]]) -> dict[str, tuple[fl
     return {k: tuple(float(f"{v:.4g}") for v in values) for k, values in parameters.items()}
 
 
-def _linear(
-    found: MaterialCharacteristics, level: float
+def _plastic(
+    found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
 ) -> tuple[LawParameters, Uncertainty, ParameterScatter]:
-    """Take Young's modulus: the specimens' geometric mean, with Student's interval of its ln."""
-    from scipy.stats import t as student
-
-    moduli = [c.modulus_MPa for c in found.specimens]
-    scatter = scatter_of_moduli(moduli)
-    mean = float(np.log(moduli).mean())
-    freedom = found.n - 1 if found.n > 1 else np.inf
-    half = float(student.ppf(0.5 + 0.5 * level, freedom)) * scatter.between / np.sqrt(found.n)
-    low, mean, high = (float(np.exp(v)) for v in (mean - half, mean, mean + half))
+    """Fit a law that yields, with Student's intervals of its parameters' logarithms."""
+    fit = fit_yielding(
+        found, curves, weighting=weighting, level=level, assumed_log_sd=ASSUMED_LOG_SD
+    )
     uncertainty = Uncertainty(
         specimens=found.n,
         level=level,
-        law_low={"modulus_MPa": (low,)},
-        law_high={"modulus_MPa": (high,)},
+        law_low=_fit_rounded(fit.low),
+        law_high=_fit_rounded(fit.high),
         basis=f"Student's t; scatter between {found.n} specimens"
         if found.n > 1
         else f"one specimen, {100 * ASSUMED_LOG_SD:g} % scatter between specimens assumed",
+        r2=fit.r2,
+        nrmse=fit.nrmse,
     )
-    parameters = MappingProxyType({"modulus_MPa": (mean,)})
-    return LawParameters("linear", parameters), uncertainty, scatter
+    return fit.law, uncertainty, scatter_of_levels(fit.levels, fit.misfit)
+
+
+_NOTABLE_FALL = 0.1
+"""Fall of stress behind the yield that is told. Chosen: the law then lies 5 % off on either side,
+as much as specimens scatter."""
+
+
+def _falls(material: str, curves: Sequence[Curve]) -> list[str]:
+    falls = [1.0 - float(c.stress_MPa[-1] / c.stress_MPa.max()) for c in curves]
+    if max(falls) <= _NOTABLE_FALL:
+        return []
+    return [
+        f"material {material}: the stress falls by up to {100 * max(falls):.0f} % behind the "
+        "yield; a law that plans are made with must rise, so it runs through the middle there"
+    ]

@@ -16,10 +16,13 @@ __all__ = [
     "Law",
     "Ogden",
     "SeparableLaw",
+    "Soundness",
+    "Yielding",
     "candidate_laws",
     "make_law",
     "positive_stretch",
     "secant_modulus_MPa",
+    "stability",
 ]
 
 
@@ -159,6 +162,66 @@ class Linear:
     def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
         """Return E."""
         return np.full_like(positive_stretch(stretch), self.modulus_MPa)
+
+
+@dataclass(frozen=True, slots=True)
+class Yielding:
+    """P = H e + (E - H) e / (1 + x^n)^(1/n), x = (E - H) |e| / Y, e = λ - 1: a plastic that yields.
+
+    A line of slope E at rest bends into P = Y + H e, the sharper the larger n. The tangent
+    H + (E - H) (1 + x^n)^(-1/n - 1) is positive everywhere; compression mirrors tension (Richard
+    and Abbott, J. Eng. Mech. Div. ASCE 101, 1975; with n = 2 Menegotto and Pinto's curve).
+
+    Parameters
+    ----------
+    modulus_MPa
+        E, Young's modulus.
+    flow_MPa
+        Y, where the line behind the yield meets zero strain.
+    hardening_MPa
+        H, the slope behind the yield; 0 or more, below E.
+    sharpness
+        n, above 0.
+    """
+
+    modulus_MPa: float
+    flow_MPa: float
+    hardening_MPa: float
+    sharpness: float
+
+    model = "yielding"
+
+    def __post_init__(self) -> None:
+        if not (
+            0.0 <= self.hardening_MPa < self.modulus_MPa
+            and self.flow_MPa > 0.0
+            and self.sharpness > 0.0
+        ):
+            raise ArgumentError(
+                "law 'yielding': flow_MPa and sharpness must be above 0, and hardening_MPa from 0 "
+                f"to below modulus_MPa; they are {self.flow_MPa:g}, {self.sharpness:g}, "
+                f"{self.hardening_MPa:g} and {self.modulus_MPa:g}"
+            )
+
+    def nominal_stress_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return H e + (E - H) e / (1 + x^n)^(1/n)."""
+        strain = positive_stretch(stretch) - 1.0
+        bent = np.exp(-self._log_bend(strain) / self.sharpness)
+        return strain * (self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent)
+
+    def tangent_MPa(self, stretch: ArrayLike) -> FloatArray:
+        """Return H + (E - H) (1 + x^n)^(-1/n - 1)."""
+        strain = positive_stretch(stretch) - 1.0
+        bent = np.exp(-self._log_bend(strain) * (1.0 / self.sharpness + 1.0))
+        return np.asarray(
+            self.hardening_MPa + (self.modulus_MPa - self.hardening_MPa) * bent, dtype=np.float64
+        )
+
+    def _log_bend(self, strain: FloatArray) -> FloatArray:
+        """Return ln(1 + x^n), whatever the size of x."""
+        with np.errstate(divide="ignore"):
+            log_x = np.log((self.modulus_MPa - self.hardening_MPa) / self.flow_MPa * np.abs(strain))
+        return np.asarray(np.logaddexp(0.0, self.sharpness * log_x))
 
 
 class _LinearForm:
@@ -448,6 +511,7 @@ def _first_invariant(stretch: FloatArray) -> FloatArray:
 
 _LAWS: Mapping[str, Callable[..., Law]] = {
     "linear": Linear,
+    "yielding": Yielding,
     "neo-hookean": NeoHookean,
     "yeoh": Yeoh,
     "ogden": Ogden,
@@ -507,8 +571,7 @@ _SMALL_STRAIN = 1e-5
 def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
     """Return nominal stress over engineering strain, P(1 + strain) / strain.
 
-    At strain 0 this is the initial modulus. A linear law's is its modulus at every strain, so
-    that a rigid grade's Young's modulus and an elastomer's secant are the same measure.
+    At strain 0 this is the initial modulus: one measure for soft and rigid grades alike.
 
     Raises
     ------
@@ -521,3 +584,119 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
     small = np.abs(strain) < _SMALL_STRAIN
     secant = law.nominal_stress_MPa(stretch) / np.where(small, 1.0, stretch - 1.0)
     return np.where(small, law.tangent_MPa(1.0 + strain / 2.0), secant)
+
+
+# ------------------------------------------------------------------------------------------------
+# How far a law is sound: where its stress rises, in tension and compression, in three loadings.
+#
+# An incompressible material of principal stretches a, b, c carries, of an energy W(a, b, c) and
+# with c free of load, the nominal stress P = dW/da - (c / a) dW/dc along a. The three loadings that
+# rubber is tested in have, with l the stretch,
+#
+#     uniaxial      l, l^-1/2, l^-1/2     equibiaxial   l, l, l^-2     planar   l, 1, 1/l.
+#
+# A term w(a) + w(b) + w(c) of Ogden's, w' = mu a^(alpha-1), gives P = mu (l^alpha - c^alpha) / l; an
+# energy of I1 gives P = 2 W'(I1) (l - c^2 / l). Martins' fibre lies along the pull and adds its own
+# stress there; across it, in equibiaxial loading, the matrix is alone and has to rise by itself.
+#
+# Drucker asks that true (Kirchhoff) stress l P rises with ln l. In tension a nominal stress that
+# rises says more, in compression the true stress does: both are asked. Ogden's law is sound
+# everywhere if every mu alpha is above 0 and every term alone rises.
+
+
+_SOUND_POINTS = 400
+"""Stretches looked at on either side of rest. Numerical: 0.001 to 0.003 apart."""
+
+_SOUND_FROM = 0.6
+"""Stretch that laws are looked at down to. Chosen: 40 % compression, beyond most soft parts."""
+
+_THINNED: Mapping[str, float] = {"uniaxial": -0.5, "planar": -1.0, "equibiaxial": -2.0}
+"""The loadings, and the power of the stretch by which the free direction thins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Soundness:
+    """Between which stretches a law's stress rises, by loading.
+
+    Attributes
+    ----------
+    asked
+        The stretches looked at: lowest and highest.
+    sound
+        Lowest and highest stretch about rest, of each loading that the law can be asked of.
+    """
+
+    asked: tuple[float, float]
+    sound: Mapping[str, tuple[float, float]]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the law is sound over all that was asked."""
+        return all(ends == self.asked for ends in self.sound.values())
+
+
+def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) -> Soundness:
+    """Return between which stretches a law is sound, in each loading it says anything of.
+
+    A law is sound where its nominal stress rises with the stretch, and so does its true stress.
+    Laws without an energy (linear, yielding) are asked for nominal stress in uniaxial loading
+    alone: they tell nothing of the others, nor of the cross-section that true stress acts on.
+
+    Parameters
+    ----------
+    strain_max
+        Up to which tension is looked at: the elongation at break, or the working strain.
+    stretch_min
+        Down to which compression is looked at.
+
+    Raises
+    ------
+    ArgumentError
+        The strain is not above 0, or the stretch not between 0 and 1.
+    """
+    if not (0.0 < strain_max < np.inf and 0.0 < stretch_min < 1.0):
+        raise ArgumentError(
+            f"strain {strain_max:g}, stretch {stretch_min:g}: the largest strain must be above 0, "
+            "the least stretch between 0 and 1"
+        )
+    asked = (stretch_min, 1.0 + strain_max)
+    no_energy = isinstance(law, Linear | Yielding)
+    ends = {}
+    for loading, thinned in _THINNED.items():
+        sides = []
+        for end in asked:
+            stretch = np.geomspace(1.0, end, _SOUND_POINTS + 1)
+            rises = np.ones(_SOUND_POINTS, dtype=bool)
+            courses = _courses_MPa(law, stretch, thinned)
+            for stress in courses:
+                for course in (stress,) if no_energy else (stress, stress * stretch):
+                    rises &= np.diff(course) * np.sign(end - 1.0) > 0.0
+            if courses:
+                sides.append(end if rises.all() else float(stretch[int(np.argmin(rises))]))
+        if sides:
+            ends[loading] = (sides[0], sides[1])
+    return Soundness(asked, ends)
+
+
+def _courses_MPa(law: Law, stretch: FloatArray, thinned: float) -> tuple[FloatArray, ...]:
+    """Return the nominal stresses that a loading carries; none where the law does not say."""
+    if thinned == _THINNED["uniaxial"]:
+        return (law.nominal_stress_MPa(stretch),)
+    free = stretch**thinned
+    if isinstance(law, Ogden):
+        terms = zip(law.mu_MPa, law.alpha, strict=True)
+        return (sum(((mu * (stretch**a - free**a) / stretch) for mu, a in terms), np.array(0.0)),)
+    if not isinstance(law, NeoHookean | Yeoh | Martins):
+        return ()
+    other = stretch if thinned == _THINNED["equibiaxial"] else np.ones_like(stretch)
+    j = stretch**2 + other**2 + free**2 - 3.0
+    shear = stretch - free**2 / stretch
+    if isinstance(law, NeoHookean):
+        return (law.mu_MPa * shear,)
+    if isinstance(law, Yeoh):
+        c1, c2, c3 = law.c_MPa
+        return (2.0 * (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * shear,)
+    matrix = 2.0 * law.c1 * law.c2_MPa * np.exp(law.c1 * j) * shear
+    extension = stretch - 1.0
+    along = matrix + 2.0 * law.c3 * law.c4_MPa * extension * np.exp(law.c3 * extension**2)
+    return (along, matrix) if thinned == _THINNED["equibiaxial"] else (along,)

@@ -123,6 +123,8 @@ class CoefficientModel:
     ----------
     laws
         Of the catalogue grades, from soft to hard.
+    readings
+        Of each grade, what others say: a law and the standard deviation of ln(modulus) about it.
     strain_limit
         Smallest elongation at break of the elastic grades (of all, if none is elastic): the
         working strains, over which stiffness is known to rise with the coordinate.
@@ -137,6 +139,7 @@ class CoefficientModel:
 
     palette: Palette
     laws: tuple[Law, ...] = field(init=False)
+    readings: tuple[tuple[tuple[Law, float], ...], ...] = field(init=False)
     strain_limit: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -151,6 +154,10 @@ class CoefficientModel:
                     "and a stress-free law here"
                 )
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
+        readings = (
+            tuple((make_law(r.law), r.modulus_log_sd) for r in m.readings) for m in materials
+        )
+        object.__setattr__(self, "readings", tuple(readings))
         object.__setattr__(self, "strain_limit", limit)
         _check_ladder(self)
 
@@ -160,19 +167,45 @@ class CoefficientModel:
         return np.array([m.coordinate for m in self.palette.materials])
 
     def grade_moduli_MPa(self, at_strain: ArrayLike) -> FloatArray:
-        """Return the secant moduli of the grades: one row a grade, soft to hard."""
-        return np.stack([secant_modulus_MPa(law, at_strain) for law in self.laws])
+        """Return the secant moduli of the grades: one row a grade, soft to hard.
+
+        A grade that breaks before the strain has its secant at its break: beyond it has none.
+        """
+        rows = zip(self.laws, self._held(at_strain), strict=True)
+        return np.stack([secant_modulus_MPa(law, strain) for law, strain in rows])
+
+    def _held(self, at_strain: ArrayLike) -> FloatArray:
+        """Return the strain of each grade, a row each: as asked, or its break."""
+        strain = np.asarray(at_strain, dtype=np.float64)
+        positive_stretch(1.0 + strain)
+        breaks = np.array([m.elongation_at_break for m in self.palette.materials])
+        return np.asarray(np.minimum(strain, breaks.reshape(-1, *(1,) * strain.ndim)))
 
     def modulus_MPa(self, coordinate: ArrayLike, at_strain: ArrayLike) -> FloatArray:
-        """Return the secant modulus of the nominal stress.
+        """Return the secant modulus of the nominal stress; that of grades as they hold it.
 
         Raises
         ------
         ArgumentError
             A coordinate outside the palette, or a strain not above -1.
         """
+        return self._between(coordinate, self.grade_moduli_MPa(at_strain))
+
+    def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
+        """Return the nominal stress, of laws that are followed beyond the grades' breaks too.
+
+        Raises
+        ------
+        ArgumentError
+            A coordinate outside the palette, or a stretch not above 0.
+        """
+        strain = positive_stretch(stretch) - 1.0
+        ladder = np.stack([secant_modulus_MPa(law, strain) for law in self.laws])
+        return self._between(coordinate, ladder) * strain
+
+    def _between(self, coordinate: ArrayLike, ladder: FloatArray) -> FloatArray:
+        """Return the moduli at coordinates, of those of the grades."""
         lower, upper, t, gap = self._bracketed(coordinate)
-        ladder = self.grade_moduli_MPa(at_strain)
         # Beyond the working strains a law may lose its logarithm: nan says it.
         with np.errstate(invalid="ignore", divide="ignore"):
             slopes = pchip_slopes(self.coordinates, np.log(ladder))
@@ -181,17 +214,6 @@ class CoefficientModel:
             more = rise * np.log(harder / softer)
             more += d0 * _rows(slopes, lower) + d1 * _rows(slopes, upper)
         return np.asarray(softer * np.exp(np.where(t > 0.0, more, 0.0)))
-
-    def nominal_stress_MPa(self, coordinate: ArrayLike, stretch: ArrayLike) -> FloatArray:
-        """Return the nominal stress.
-
-        Raises
-        ------
-        ArgumentError
-            A coordinate outside the palette, or a stretch not above 0.
-        """
-        strain = positive_stretch(stretch) - 1.0
-        return self.modulus_MPa(coordinate, strain) * strain
 
     def modulus_interval_MPa(
         self, coordinate: ArrayLike, at_strain: ArrayLike, level: float = 0.95
@@ -204,7 +226,8 @@ class CoefficientModel:
         left out and predicted from the others. Neighbours' errors are taken to go together
         (one source, one lab, one reading), so that they do not average out between: at a grade
         the interval is its own, between grades it is wider than their mean. As stiffness rises
-        with the coordinate, it ends where the intervals of both grades end.
+        with the coordinate, it ends where the intervals of both grades end. A grade that others
+        read otherwise has an interval that holds their intervals too.
 
         Raises
         ------
@@ -214,22 +237,56 @@ class CoefficientModel:
         if not 0.0 < level < 1.0:
             raise ArgumentError(f"level {level:g}: it must be between 0 and 1")
         normal = NormalDist().inv_cdf(0.5 + level / 2.0)
-        factor = np.exp(normal * self.log_sd(coordinate, self.wiener_variance(at_strain)))
         modulus = self.modulus_MPa(coordinate, at_strain)
+        variance, own = self.wiener_variance(at_strain), self.own_log_sds(at_strain, normal)
         lower, upper, _ = self.bracket(coordinate)
         ladder = self.grade_moduli_MPa(at_strain)
-        own = np.array([m.modulus_log_sd for m in self.palette.materials])
-        ends = [(_rows(ladder, k), np.exp(normal * own[k])) for k in (lower, upper)]
-        least = np.minimum(*(grade / width for grade, width in ends))
-        most = np.maximum(*(grade * width for grade, width in ends))
-        return np.maximum(modulus / factor, least), np.minimum(modulus * factor, most)
+        less, more = (
+            np.exp(
+                normal * self.log_sd(coordinate, variance, _rows(side, lower), _rows(side, upper))
+            )
+            for side in own
+        )
+        down, up = np.exp(normal * own)
+        least = np.minimum(*(_rows(ladder / down, k) for k in (lower, upper)))
+        most = np.maximum(*(_rows(ladder * up, k) for k in (lower, upper)))
+        return np.maximum(modulus / less, least), np.minimum(modulus * more, most)
 
-    def log_sd(self, coordinate: ArrayLike, wiener_variance: ArrayLike) -> FloatArray:
-        """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`."""
+    def own_log_sds(self, at_strain: ArrayLike, normal: float) -> FloatArray:
+        """Return the grades' standard deviations of ln(modulus) downwards and upwards.
+
+        They are `Material.modulus_log_sd`, or so much more that `normal` of them reach what
+        `normal` deviations of another reading reach; shape (2, grades, ...).
+        """
+        moduli, strains = self.grade_moduli_MPa(at_strain), self._held(at_strain)
+        sds = np.empty((2, *moduli.shape))
+        for k, (material, readings) in enumerate(
+            zip(self.palette.materials, self.readings, strict=True)
+        ):
+            sds[:, k] = material.modulus_log_sd
+            for law, sd in readings:
+                higher = np.log(secant_modulus_MPa(law, strains[k]) / moduli[k]) / normal
+                sds[0, k] = np.maximum(sds[0, k], sd - higher)
+                sds[1, k] = np.maximum(sds[1, k], sd + higher)
+        return sds
+
+    def log_sd(
+        self,
+        coordinate: ArrayLike,
+        wiener_variance: ArrayLike,
+        softer: FloatArray,
+        harder: FloatArray,
+    ) -> FloatArray:
+        """Return the standard deviation of ln(modulus), where σ² is `wiener_variance`.
+
+        Parameters
+        ----------
+        softer, harder
+            That of the grades below and above, as `own_log_sds` has them of one side.
+        """
         lower, upper, t, gap = self._bracketed(coordinate)
-        own = np.array([m.modulus_log_sd for m in self.palette.materials])
         bridge = np.asarray(wiener_variance) * gap * t * (1.0 - t)
-        return np.asarray(np.sqrt(((1.0 - t) * own[lower] + t * own[upper]) ** 2 + bridge))
+        return np.asarray(np.sqrt(((1.0 - t) * softer + t * harder) ** 2 + bridge))
 
     def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:
         """Return σ², the variance of ln(modulus) a unit of coordinate, at a strain.
@@ -296,6 +353,7 @@ def _check_ladder(model: CoefficientModel) -> None:
     name, materials = model.palette.name, model.palette.materials
     strains = np.linspace(0.0, model.strain_limit, _LADDER_STRAINS)
     moduli = model.grade_moduli_MPa(strains)
+    breaks = np.array([m.elongation_at_break for m in materials])
     for material, row in zip(materials, moduli, strict=True):
         bad = ~((row > 0.0) & np.isfinite(row))
         if bad.any():
@@ -318,6 +376,7 @@ def _check_ladder(model: CoefficientModel) -> None:
     between = model.coordinates[:-1] + np.outer(_PLACES, np.diff(model.coordinates))
     stress = model.nominal_stress_MPa(between[..., None], 1.0 + strains)
     rising = np.diff(moduli * strains) > 0.0
+    rising &= strains[1:] <= breaks[:, None]  # beyond its break nothing is known of a grade
     bad = (np.diff(stress) <= 0.0) & rising[:-1] & rising[1:]
     if bad.any():
         _, k, n = np.argwhere(bad)[0].tolist()

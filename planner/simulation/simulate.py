@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import BoolArray, FloatArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Material, Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
@@ -208,7 +208,7 @@ def _states(
 
 
 _YIELD_STRAIN = 0.02
-"""Rigid photopolymers leave Hooke's line at 2 to 3 %; palettes hold only their Young's moduli."""
+"""Rigid photopolymers leave Hooke's line at 2 to 3 %, where a palette's law knows no yield."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,14 +266,15 @@ def _break_findings(
 
 
 def _yield_notes(bar: Bar, model: CoefficientModel, reached: _Pulled) -> tuple[str, ...]:
-    """Say which rigid grades are strained past where Hooke's law is known to hold."""
+    """Say which rigid grades without a yield are strained past where Hooke's law is known."""
     lower, _, _ = model.bracket(bar.coordinate)
     most = reached.strain.max(axis=0, initial=0.0)
     notes = []
     for k in np.unique(lower).tolist():
         material = model.palette.materials[k]
         strain = float(most[lower == k].max())
-        if material.deformation == "plastic" and strain > _YIELD_STRAIN:
+        line = material.deformation == "plastic" and material.law.model == "linear"
+        if line and strain > _YIELD_STRAIN:
             notes.append(
                 f"{material.id} is known by Young's modulus alone and is strained by {strain:.3g}; "
                 f"such grades yield from about {_YIELD_STRAIN:g}, so the force is an upper bound"
@@ -528,8 +529,8 @@ def _force_interval_N(
         d ln F = Σ w_i d ln s_i,  w_i = l_i P_i / T_i / Σ l P / T,
 
     with length l, nominal stress P and tangent T; the weights add up to 1. d_i is that of
-    `CoefficientModel.modulus_interval_MPa`: the grades' own, and between grades the bridge's, not
-    cut where both grades' intervals end. All
+    `CoefficientModel.modulus_interval_MPa`: the grades' own, other readings' reach included, and
+    between grades the bridge's, not cut where both grades' intervals end. All
     d_i are taken to go together, so that the standard deviation of ln F is Σ w_i d_i. Whatever
     their correlation, it is not larger.
 
@@ -544,10 +545,25 @@ def _force_interval_N(
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)
     known = np.linspace(0.0, model.strain_limit, _STRAINS)
+    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     variance = np.interp(reached.strain, known, model.wiener_variance(known))
-    sd = np.sum(weight * model.log_sd(bar.coordinate, variance), axis=1)
-    factor = np.exp(NormalDist().inv_cdf(0.5 + level / 2.0) * sd)
-    return np.stack([reached.force_N / factor, reached.force_N * factor], axis=1)
+    beside = model.bracket(bar.coordinate)[:2]
+    ends = []
+    for sign, own in zip((-1.0, 1.0), model.own_log_sds(known, normal), strict=True):
+        softer, harder = (_of_slices(reached.strain, known, own, grade) for grade in beside)
+        sd = np.sum(weight * model.log_sd(bar.coordinate, variance, softer, harder), axis=1)
+        ends.append(reached.force_N * np.exp(sign * normal * sd))
+    return np.stack(ends, axis=1)
+
+
+def _of_slices(
+    strain: FloatArray, known: FloatArray, rows: FloatArray, grade: IntArray
+) -> FloatArray:
+    """Return at the strains of slices, (steps, n), what is known of the grade of each, (n,)."""
+    out = np.empty_like(strain)
+    for k in np.unique(grade).tolist():
+        out[:, grade == k] = np.interp(strain[:, grade == k], known, rows[k])
+    return out
 
 
 # ------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from planner.errors import ArgumentError, PaletteError
+from planner.materials.laws import secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel, coordinate_for, pchip_slopes
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import load_printer
@@ -157,20 +158,51 @@ def test_interval_encloses_the_modulus_and_widens_with_the_level(
     wider = CONNEX3.modulus_interval_MPa(m, strain, level + 0.005)
     assert wider[0] < low
     assert wider[1] > high
-    # It ends where those of the two grades end, and is even in the logarithm if it does not.
+    # It ends where those of the two grades end, and is even in the logarithm if it does not and
+    # no other reading reaches farther to one side.
     grades = CONNEX3.coordinates[list(map(int, CONNEX3.bracket(m)[:2]))]
     ends = CONNEX3.modulus_interval_MPa(grades, strain, level)
     assert ends[0].min() <= low
     assert high <= ends[1].max()
-    if ends[0].min() < low and high < ends[1].max():
+    alone = not any(CONNEX3.readings[int(k)] for k in CONNEX3.bracket(m)[:2])
+    if alone and ends[0].min() < low and high < ends[1].max():
         assert low * high == pytest.approx(modulus**2, rel=1e-12)
 
 
 def test_interval_at_a_grade_is_the_grades_own() -> None:
     low, high = CONNEX3.modulus_interval_MPa(CONNEX3.coordinates, 0.1)
     log_sd = np.log(high / low) / 2.0 / NormalDist().inv_cdf(0.975)
-    expected = [m.modulus_log_sd for m in CONNEX3.palette.materials]
-    np.testing.assert_allclose(log_sd, expected, rtol=1e-12)
+    expected = [m.modulus_log_sd for m in CONNEX3.palette.materials if not m.readings]
+    np.testing.assert_allclose(log_sd[: len(expected)], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("strain", [0.0, 0.02, 0.1, 0.17])
+def test_an_interval_holds_those_of_all_readings(strain: float) -> None:
+    normal = NormalDist().inv_cdf(0.975)
+    low, high = CONNEX3.modulus_interval_MPa(CONNEX3.coordinates, strain)
+    for k, material in enumerate(CONNEX3.palette.materials):
+        laws = [(CONNEX3.laws[k], material.modulus_log_sd), *CONNEX3.readings[k]]
+        moduli = np.array([float(secant_modulus_MPa(law, strain)) for law, _ in laws])
+        widths = np.exp(normal * np.array([sd for _, sd in laws]))
+        assert low[k] == pytest.approx((moduli / widths).min(), rel=1e-12)
+        assert high[k] == pytest.approx((moduli * widths).max(), rel=1e-12)
+
+
+def test_rigid_grades_hold_what_crosshead_and_extensometer_found() -> None:
+    """At rest: 95.6 and 343 MPa (the thesis), 1.4 to 2.5 and 2.0 to 2.5 GPa (extensometer)."""
+    low, high = CONNEX3.modulus_interval_MPa(CONNEX3.coordinates[[7, 9]], 0.0)
+    assert (low < [95.6, 343.0]).all()
+    assert (high > 2500.0).all()
+
+
+def test_a_grade_beyond_its_break_has_the_secant_at_its_break() -> None:
+    for place, material in zip(CONNEX3.coordinates, CONNEX3.palette.materials, strict=True):
+        at = min(0.4, material.elongation_at_break)
+        assert CONNEX3.modulus_MPa(place, 0.4) == CONNEX3.modulus_MPa(place, at)
+    # The law itself goes on: a simulation follows it there and says so.
+    rigid = CONNEX3.laws[9]
+    beyond = CONNEX3.nominal_stress_MPa(1.5, 1.4)
+    assert float(beyond) == pytest.approx(float(rigid.nominal_stress_MPa(1.4)), rel=1e-12)
 
 
 def test_wiener_variance_of_a_wiener_process() -> None:

@@ -16,7 +16,7 @@ from planner.materials.fit_intervals import (
     ASSUMED_LOG_SD,
     intervals,
     scatter_of_fit,
-    scatter_of_moduli,
+    scatter_of_levels,
 )
 from planner.materials.laws import (
     FITTED_MODELS,
@@ -139,14 +139,14 @@ def test_scatter_covers_the_next_print() -> None:
     hits = 0
     for _ in range(2000):
         levels = np.exp(0.05 * rng.standard_normal(4))
-        scatter = scatter_of_moduli(levels[:3].tolist())
+        scatter = scatter_of_levels(np.log(levels[:3]).tolist(), 0.0)
         hits += abs(np.log(levels[3]) - np.log(levels[:3]).mean()) <= 1.96 * scatter.log_sd
     # A binomial standard deviation of 0.5 %; four of them.
     assert hits / 2000 == pytest.approx(0.95, abs=0.02)
 
 
 def test_scatter_of_one_specimen_is_assumed() -> None:
-    scatter = scatter_of_moduli([1.0])
+    scatter = scatter_of_levels([0.0], 0.0)
     assert scatter.specimens == 1
     assert scatter.between == ASSUMED_LOG_SD
 

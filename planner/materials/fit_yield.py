@@ -1,0 +1,156 @@
+"""Fit a law that yields to specimens of a plastic material, and say how sure it is."""
+
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
+from planner.materials.fit import Sample, sample_of
+from planner.materials.laws import Yielding
+from planner.numerics import FloatArray
+from planner.palette import LawParameters
+
+__all__ = ["YieldFit", "fit_yielding"]
+
+
+# ------------------------------------------------------------------------------------------------
+# Young's modulus is the one that `characterise` measures, the specimens' geometric mean: one figure
+# under one name. Flow stress, hardening and sharpness are fitted to the curves, from the end of the
+# toe to the break: what a plan asks of a law is its secant at a strain, behind the yield too. All
+# three are sought in their logarithm within bounds, so that stress rises everywhere: a curve that
+# falls behind its yield is run through in the middle, and the misfit says so.
+
+
+_SHARPNESS = (0.5, 20.0)
+"""Bounds of the sharpness. Chosen: below, the bend begins at rest and the modulus means nothing;
+above, the knee is narrower than the points."""
+
+_HARDENING = (0.01, 0.9)
+"""Bounds of hardening strain over flow stress, and over the modulus. Chosen: stress rises by 1 % at
+least over a strain of 1, so that a pulled bar has one answer; and bends at all."""
+
+_SHARPNESS_STARTS = (0.8, 2.0, 6.0)
+
+
+class YieldFit(NamedTuple):
+    """A fitted law, the intervals of its parameters, and what the specimens' scatter is made of.
+
+    Attributes
+    ----------
+    low, high
+        Ends by symbol: Student's, of the logarithms of the specimens' own parameters.
+    levels
+        Mean of ln(stress over law) of each specimen.
+    misfit
+        Root mean square of the law's error along the curves, in the logarithm, once each
+        specimen's own level is taken out.
+    r2, nrmse
+        Of the stresses at the fitted points.
+    """
+
+    law: LawParameters
+    low: dict[str, tuple[float, ...]]
+    high: dict[str, tuple[float, ...]]
+    levels: tuple[float, ...]
+    misfit: float
+    r2: float
+    nrmse: float
+
+
+def fit_yielding(
+    found: MaterialCharacteristics,
+    curves: Sequence[Curve],
+    *,
+    weighting: str,
+    level: float,
+    assumed_log_sd: float,
+) -> YieldFit:
+    """Fit a yielding law to all specimens together, and to each by itself for the intervals.
+
+    Parameters
+    ----------
+    found
+        The specimens' characteristics, in the order of `curves`: their Young's moduli.
+    weighting
+        Of the residuals, as in `planner.materials.fit.sample_of`.
+    level
+        Coverage of the intervals.
+    assumed_log_sd
+        Standard deviation of ln(parameter) taken where there is one specimen alone.
+    """
+    from scipy.stats import t as student
+
+    whole = [toe_compensated(curve) for curve in curves]
+    moduli = [c.modulus_MPa for c in found.specimens]
+    sample = sample_of(whole, weighting=weighting)
+    law = _fitted(float(np.exp(np.mean(np.log(moduli)))), sample)
+    own = [
+        _logs(_fitted(modulus, sample_of([curve], weighting=weighting)))
+        for modulus, curve in zip(moduli, whole, strict=True)
+    ]
+    n = len(own)
+    sd = np.std(own, axis=0, ddof=1) if n > 1 else np.full(len(own[0]), assumed_log_sd)
+    half = float(student.ppf(0.5 + 0.5 * level, n - 1 if n > 1 else np.inf)) * sd / np.sqrt(n)
+    stress = law.nominal_stress_MPa(sample.stretch)
+    error = stress - sample.stress_MPa
+    used = sample.stress_MPa > 0.0
+    ratio = np.log(np.where(used, sample.stress_MPa, 1.0) / np.where(used, stress, 1.0))
+    each = [ratio[used & (sample.specimen == k)] for k in np.unique(sample.specimen)]
+    largest = float(sample.stress_MPa.max())
+    return YieldFit(
+        law=LawParameters(Yielding.model, MappingProxyType(_named(_logs(law)))),
+        low=_named(_logs(law) - half),
+        high=_named(_logs(law) + half),
+        levels=tuple(float(r.mean()) for r in each),
+        misfit=float(np.sqrt(np.mean([r.var() for r in each]))),
+        r2=1.0 - float(np.sum(error**2) / np.sum((sample.stress_MPa - _mean(sample)) ** 2)),
+        nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / largest,
+    )
+
+
+_SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
+
+
+def _logs(law: Yielding) -> FloatArray:
+    return np.log([getattr(law, symbol) for symbol in _SYMBOLS])
+
+
+def _named(logs: FloatArray) -> dict[str, tuple[float, ...]]:
+    """Return parameters by symbol; five digits, beyond which no test tells anything."""
+    return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
+
+
+def _mean(sample: Sample) -> float:
+    return float(sample.stress_MPa.mean())
+
+
+def _fitted(modulus_MPa: float, sample: Sample) -> Yielding:
+    """Return the law of a given modulus whose weighted squares are least, from several starts."""
+    from scipy.optimize import least_squares
+
+    largest, strain = float(sample.stress_MPa.max()), float(sample.stretch.max()) - 1.0
+    bounds = np.log(
+        [
+            (0.05 * largest, 20.0 * largest),
+            (_HARDENING[0] * largest, _HARDENING[1] * modulus_MPa),
+            _SHARPNESS,
+        ]
+    ).T
+
+    def law_of(logs: FloatArray) -> Yielding:
+        flow, hardening, sharpness = np.exp(logs).tolist()
+        return Yielding(modulus_MPa, flow, hardening, sharpness)
+
+    def residuals(logs: FloatArray) -> FloatArray:
+        stress = law_of(logs).nominal_stress_MPa(sample.stretch)
+        return np.asarray((stress - sample.stress_MPa) * sample.factor)
+
+    hardening = np.clip(0.05 * largest / strain, *np.exp(bounds[:, 1]))
+    starts = [np.log([0.9 * largest, hardening, n]) for n in _SHARPNESS_STARTS]
+    best = min(
+        (least_squares(residuals, start, bounds=(bounds[0], bounds[1])) for start in starts),
+        key=lambda found: float(found.cost),
+    )
+    return law_of(best.x)

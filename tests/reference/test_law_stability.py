@@ -1,0 +1,90 @@
+"""How far laws are sound, against closed forms and numerical energies."""
+
+import numpy as np
+import pytest
+
+from planner.errors import ArgumentError
+from planner.materials.laws import (
+    Law,
+    Linear,
+    Martins,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+    Yielding,
+    _courses_MPa,
+    stability,
+)
+
+LOADINGS = ("uniaxial", "planar", "equibiaxial")
+
+
+def energy(law: Law, a: float, b: float, c: float) -> float:
+    """Return W of the principal stretches, the fibre along the first."""
+    if isinstance(law, Ogden):
+        terms = zip(law.mu_MPa, law.alpha, strict=True)
+        return sum(mu / alpha * (a**alpha + b**alpha + c**alpha - 3.0) for mu, alpha in terms)
+    j = a * a + b * b + c * c - 3.0
+    if isinstance(law, NeoHookean):
+        return 0.5 * law.mu_MPa * j
+    if isinstance(law, Yeoh):
+        return sum(ci * j ** (i + 1) for i, ci in enumerate(law.c_MPa))
+    assert isinstance(law, Martins)
+    matrix = law.c2_MPa * (np.exp(law.c1 * j) - 1.0)
+    return float(matrix + law.c4_MPa * (np.exp(law.c3 * (a - 1.0) ** 2) - 1.0))
+
+
+LAWS = (
+    NeoHookean(0.4),
+    Yeoh((0.3, -0.02, 0.004)),
+    Ogden((0.6, -0.4), (2.0, -1.5)),
+    Martins(0.2, 1.0, 0.5, 0.3),
+)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("loading", "thinned"), [("planar", -1.0), ("equibiaxial", -2.0)])
+def test_stresses_are_the_energys(law: Law, loading: str, thinned: float) -> None:
+    """P = dW/da - (c / a) dW/dc by central differences, c free of load."""
+    for stretch in (0.7, 0.95, 1.3, 1.8):
+        b, c = (1.0 if loading == "planar" else stretch), stretch**thinned
+        h = 1e-5
+        by_a = (energy(law, stretch + h, b, c) - energy(law, stretch - h, b, c)) / (2.0 * h)
+        by_c = (energy(law, stretch, b, c + h) - energy(law, stretch, b, c - h)) / (2.0 * h)
+        along = float(_courses_MPa(law, np.array([stretch]), thinned)[0][0])
+        # Differences over 1e-5 of energies near 1: rounding leaves 1e-9 or so.
+        assert along == pytest.approx(by_a - c / stretch * by_c, rel=1e-6, abs=1e-7)
+
+
+def test_positive_products_are_sound_in_every_loading() -> None:
+    for law in (NeoHookean(1.0), Ogden((-2.0, 0.5), (-3.0, 4.0))):
+        found = stability(law, 2.0, stretch_min=0.3)
+        assert found.ok
+        assert set(found.sound) == set(LOADINGS)
+
+
+def test_a_law_whose_stress_turns_in_compression_says_where() -> None:
+    """TangoPlus as it was fitted before: P' = 0 at a stretch that a root finder gives too."""
+    from scipy.optimize import brentq
+
+    law = Ogden((0.2631345, 0.4236421), (-1.5, 1.5))
+    found = stability(law, 1.0, stretch_min=0.6)
+    assert not found.ok
+    true = brentq(lambda s: float(law.nominal_stress_MPa(s) + s * law.tangent_MPa(s)), 0.6, 0.95)
+    # To the step between the stretches looked at, 0.0013.
+    assert found.sound["uniaxial"][0] == pytest.approx(true, abs=2e-3)
+    assert found.sound["equibiaxial"][1] < 1.2
+    assert found.sound["planar"] == (0.6, 2.0)
+
+
+def test_laws_of_one_loading_are_asked_of_that_alone() -> None:
+    for law in (Linear(100.0), Yielding(1000.0, 30.0, 10.0, 3.0)):
+        found = stability(law, 0.3)
+        assert set(found.sound) == {"uniaxial"}
+        assert found.ok
+
+
+def test_ranges_that_mean_nothing_are_refused() -> None:
+    for strain, stretch in ((0.0, 0.6), (0.5, 1.0), (0.5, 0.0), (np.inf, 0.6)):
+        with pytest.raises(ArgumentError, match="the largest strain must be above 0"):
+            stability(NeoHookean(1.0), strain, stretch_min=stretch)
