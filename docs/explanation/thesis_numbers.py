@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.materials.laws import Ogden, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel
 from planner.printers import load_printer
 from printers.connex3.agilus import gent_modulus_MPa
@@ -20,6 +21,17 @@ FOLDER = Path(__file__).parent
 THESIS = load_thesis()
 PALETTE = load_printer("connex3").palette()
 MODEL = CoefficientModel(PALETTE)
+
+FORMER = {
+    "TangoPlus": Ogden((0.2631345, 0.4236421), (-1.5, 1.5)),
+    "FLX9740": Ogden((0.782701, 0.7923873), (-1.0, 1.5)),
+    "FLX9750": Ogden((0.7173868, 1.182566), (-1.5, 1.5)),
+    "FLX9760": Ogden((1.235658, 2.02937), (-1.5, 1.5)),
+    "FLX9770": Ogden((2.494, 5.839602), (-1.5, 1.0)),
+    "FLX9785": Ogden((-1.501023, 0.07287953), (-4.0, 5.5)),
+    "FLX9795": Ogden((-1.359657, -7.66368, -1.359674), (-26.0, -2.0, 13.0)),
+}
+"""The laws that follow tension closest, without a look at compression."""
 
 
 def shore_a(published: Published) -> float:
@@ -52,6 +64,18 @@ def tables() -> dict[str, list[list[str]]]:
     """Return the page's tables by name: a heading row, then the rows."""
     variable = [["grade", "R², x = strain", "R², x = 1 + strain", "stress at rest if x = 1, MPa"]]
     toe = [["grade", "onset", "toe", "tangent, MPa", "terms", "RMS of fit", "reading, sd of ln E"]]
+    compression = [
+        [
+            "grade",
+            "RMS in tension: closest",
+            "sound",
+            "at stretch 0.8, MPa: closest",
+            "sound",
+            "neo-Hooke",
+            "closest law sound from",
+        ]
+    ]
+    rigid = [["grade", "crosshead, at rest", "at 10 %", "extensometer, at rest", "at 10 %"]]
     ladder = [
         [
             "grade",
@@ -80,6 +104,9 @@ def tables() -> dict[str, list[list[str]]]:
         ]
         ladder.append(row)
         if not published.c:
+            other = make_law(material.readings[0].law)
+            secants = [secant_modulus_MPa(one, [0.0, 0.1]).tolist() for one in (law, other)]
+            rigid.append([published.id, *(f"{v:.4g}" for pair in secants for v in pair)])
             continue
         variable.append(
             [
@@ -102,7 +129,27 @@ def tables() -> dict[str, list[list[str]]]:
                 f"{reading_log_sd(curve):.3f}",
             ]
         )
-    return {"variable": variable, "toe": toe, "ladder": ladder}
+        closest = FORMER[published.id]
+        both = (closest, law)
+        off = [relative_rms(one, strain, curve.nominal_stress_MPa(strain)) for one in both]  # type: ignore[arg-type]
+        pushed = [float(one.nominal_stress_MPa(0.8)) for one in both]
+        hooke = float(law.tangent_MPa(1.0)) / 3.0 * (0.8 - 0.8**-2)
+        lowest = stability(closest, published.elongation_at_break).sound["uniaxial"][0]
+        compression.append(
+            [
+                published.id,
+                *(f"{100 * one:.2f} %" for one in off),
+                *(f"{one:.3g}" for one in (*pushed, hooke)),
+                f"{lowest:.2f}",
+            ]
+        )
+    return {
+        "variable": variable,
+        "toe": toe,
+        "compression": compression,
+        "ladder": ladder,
+        "rigid": rigid,
+    }
 
 
 def with_tables(page: str, tables: dict[str, list[list[str]]]) -> str:

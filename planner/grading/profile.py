@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
-from planner.materials.laws import make_law, secant_modulus_MPa
+from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     Blend,
     CoefficientModel,
@@ -294,7 +294,8 @@ class StiffnessScale:
     def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
         """Return what a reader of the moduli has to know, a sentence each.
 
-        Which materials break before the working strain, and which are read otherwise by others.
+        Which materials break before the working strain, and which are read otherwise by others;
+        of a whole palette also which laws are unsound in compression.
 
         Parameters
         ----------
@@ -318,6 +319,8 @@ class StiffnessScale:
                     f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
                     f"{_at_rest(material.law):.4g})"
                 )
+        if ids is None:
+            said += _unsound(self.palette)
         said += [
             f"by {name} others find {', '.join(rows)}; the intervals hold both readings, and "
             "--palette chooses (planner printers lists the palettes)"
@@ -349,6 +352,22 @@ class StiffnessScale:
             ],
             "notes": list(self.remarks()),
         }
+
+
+def _unsound(palette: Palette) -> list[str]:
+    """Say down to which stretch laws may be used in compression that are not sound to 0.6."""
+    ends = []
+    for material in palette.materials:
+        found = stability(make_law(material.law), material.elongation_at_break)
+        lowest = found.sound["uniaxial"][0]
+        if lowest > found.asked[0]:
+            ends.append(f"{material.id} ({lowest:.2f})")
+    if not ends:
+        return []
+    return [
+        "in compression the stress of some laws falls, do not use them below the stretch: "
+        + ", ".join(ends)
+    ]
 
 
 def _at_rest(law: LawParameters) -> float:
