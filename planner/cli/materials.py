@@ -111,7 +111,6 @@ def materials(
         print_document(scale.document())
         return 0
     chosen = scale.palette
-    tell_notes(scale.remarks())
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -134,6 +133,7 @@ def materials(
         droppable=["also called", "g/cm3", "break"],
         swatches=[material.colour for material in chosen.materials],
     )
+    tell_notes(scale.remarks())
     return 0
 
 
@@ -175,7 +175,6 @@ def invert(
             {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
         )
     else:
-        tell_notes(note for mixture in found for note in mixture.notes)
         print_table(
             ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
             [
@@ -195,6 +194,7 @@ def invert(
             right=["target MPa", "MPa", "error", "m"],
             droppable=["95 % interval", "error"],
         )
+        tell_notes(note for mixture in found for note in mixture.notes)
         for mixture in found:
             if not mixture.reachable:
                 finding(

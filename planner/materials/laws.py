@@ -596,8 +596,8 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
 #     uniaxial      l, l^-1/2, l^-1/2     equibiaxial   l, l, l^-2     planar   l, 1, 1/l.
 #
 # A term w(a) + w(b) + w(c) of Ogden's, w' = mu a^(alpha-1), gives P = mu (l^alpha - c^alpha) / l,
-# an energy of I1 gives P = 2 W'(I1) (l - c^2 / l). Martins' fibre lies along the pull and adds its own
-# stress there; across it, in equibiaxial loading, the matrix is alone and has to rise by itself.
+# an energy of I1 gives P = 2 W'(I1) (l - c^2 / l). Martins' fibre lies along the pull and adds its
+# own stress there; across it, in equibiaxial loading, the matrix has to rise by itself.
 #
 # Drucker asks that true (Kirchhoff) stress l P rises with ln l. In tension a nominal stress that
 # rises says more, in compression the true stress does: both are asked. Ogden's law is sound

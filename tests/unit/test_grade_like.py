@@ -66,8 +66,8 @@ def test_the_targets_stay_and_the_cuts_move_to_meet_them(first, palette) -> None
     assert plan.gradient.field == first.gradient.field
     # The softest is needed nowhere any more: its neighbour, softened, is nearer to 0.36 MPa.
     assert plan.regions[0].material == "FLX9740"
-    # Within half a step between neighbours everywhere: ln(24.7 / 7.8) / 2 is the widest.
-    assert max(abs(np.log1p(e)) for r in plan.regions for e in r.error) < 0.58
+    # Within half a step between neighbours everywhere: ln(26.0 / 7.8) / 2 is the widest.
+    assert max(abs(np.log1p(e)) for r in plan.regions for e in r.error) < 0.61
 
 
 def test_with_the_same_palette_it_is_the_same_print(first, tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_plan_says_what_it_follows(first, palette, tmp_path: Path) -> None:
     plan = planner.grade(MESH, like=folder, palette=softer(palette, 0.65))
     again = planner.read_plan(plan.write(tmp_path / "again"))
     gradient = json.loads((tmp_path / "again" / "plan.json").read_text())["gradient"]
-    assert gradient["from"] == "0.36166963MPa"
+    assert gradient["from"] == "0.357150185MPa"
     assert gradient["to"] == "24.6733625MPa"
     assert gradient["like"]["palette"]["name"] == "connex3-tango-vero"
     assert (gradient["like"]["from"], gradient["like"]["to"]) == ("TangoPlus", "FLX9795")
@@ -106,7 +106,7 @@ def test_targets_out_of_reach_are_said(first, palette, tmp_path: Path, capsys) -
     command = ["grade", str(part), "--like", str(folder), "--palette", str(stiff)]
     assert run([*command, "-o", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().err
-    assert "target 0.362 .. 0.723 MPa at field 0.000 .. 0.164 is out of reach" in told
+    assert "target 0.357 .. 0.714 MPa at field 0.000 .. 0.162 is out of reach" in told
     assert "the nearest is TangoPlus with 0.723 MPa" in told
 
 
