@@ -31,6 +31,10 @@ _HARDENING = (0.01, 0.9)
 """Bounds of hardening strain over flow stress, and over the modulus. Chosen: stress rises by 1 % at
 least over a strain of 1, so that a pulled bar has one answer; and bends at all."""
 
+_OPEN = float(np.log(1000.0))
+"""Half width of an interval of ln(parameter) from which on it is open. Chosen: then the tests do not
+tell the parameter's size."""
+
 _SHARPNESS_STARTS = (0.8, 2.0, 6.0)
 
 
@@ -40,7 +44,8 @@ class YieldFit(NamedTuple):
     Attributes
     ----------
     low, high
-        Ends by symbol: Student's, of the logarithms of the specimens' own parameters.
+        Ends by symbol: Student's, of the logarithms of the specimens' own parameters; 0 and
+        infinite where the tests do not tell it.
     levels
         Mean of ln(stress over law) of each specimen.
     misfit
@@ -93,6 +98,7 @@ def fit_yielding(
     n = len(own)
     sd = np.std(own, axis=0, ddof=1) if n > 1 else np.full(len(own[0]), assumed_log_sd)
     half = float(student.ppf(0.5 + 0.5 * level, n - 1 if n > 1 else np.inf)) * sd / np.sqrt(n)
+    half = np.where(half > _OPEN, np.inf, half)
     stress = law.nominal_stress_MPa(sample.stretch)
     error = stress - sample.stress_MPa
     used = sample.stress_MPa > 0.0

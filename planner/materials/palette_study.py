@@ -449,6 +449,12 @@ def _problem(palette: Palette) -> str | None:
 def _findings(fit: MaterialFit) -> list[str]:
     """Return what speaks against the specimens, and against the law that was chosen."""
     said = list(doubts(fit.characteristics))
+    r2 = fit.uncertainty.r2
+    if fit.choice is None and r2 is not None and r2 < _SMALLEST_R2:
+        said.append(
+            f"material {fit.material}: a law that yields describes it badly (R2 {r2:.3f}; at least "
+            f"{_SMALLEST_R2:g} is asked): look at the specimens"
+        )
     chosen = None if fit.choice is None else fit.choice.chosen
     if chosen is not None and (
         chosen.fit.r2 < _SMALLEST_R2 or chosen.held_out_error > _LARGEST_HELD_OUT_ERROR
