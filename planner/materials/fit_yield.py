@@ -32,8 +32,8 @@ _HARDENING = (0.01, 0.9)
 least over a strain of 1, so that a pulled bar has one answer; and bends at all."""
 
 _OPEN = float(np.log(1000.0))
-"""Half width of an interval of ln(parameter) from which on it is open. Chosen: then the tests do not
-tell the parameter's size."""
+"""Half width of an interval of ln(parameter) from which on it is open. Chosen: then the tests do
+not tell the parameter's size."""
 
 _SHARPNESS_STARTS = (0.8, 2.0, 6.0)
 
