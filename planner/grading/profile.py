@@ -323,7 +323,8 @@ class StiffnessScale:
             said += _unsound(self.palette)
         said += [
             f"at strain {self.at_strain:g} others find, by {name}, {', '.join(rows)}; the "
-            "intervals hold both readings, and --palette chooses (planner printers lists the palettes)"
+            "intervals hold both readings, and --palette chooses (planner printers lists the "
+            "palettes)"
             for name, rows in readings.items()
         ]
         return tuple(said)
