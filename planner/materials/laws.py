@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import ArgumentError
+from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.numerics import FloatArray
 from planner.palette import LAW_PARAMETERS, LawParameters
 
@@ -19,6 +19,7 @@ __all__ = [
     "Soundness",
     "Yielding",
     "candidate_laws",
+    "law_name",
     "make_law",
     "positive_stretch",
     "secant_modulus_MPa",
@@ -77,7 +78,9 @@ class SeparableLaw(Law, Protocol):
         """Map points of the unit cube, shape (s, q), to starts within the bounds."""
         ...
 
-    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(
+        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return columns and their derivatives by their own parameter.
 
         Parameters
@@ -86,6 +89,9 @@ class SeparableLaw(Law, Protocol):
             Shape (n,).
         a
             Nonlinear parameters of s candidates, shape (s, q).
+        planar
+            Of planar loading (pure shear, width held) instead of uniaxial. Equibiaxial loading
+            to l is uniaxial loading to l^-2, with stress -P(l^-2) / l^3.
 
         Returns
         -------
@@ -138,6 +144,10 @@ def positive_stretch(stretch: ArrayLike) -> FloatArray:
 
 _LARGEST_ALPHA = 30.0
 """Bound of the Ogden exponents: beyond it a term is nothing but a step at the last point."""
+
+_SMALLEST_ALPHA = -10.0
+"""Their lower bound: at stretch 0.6 a term of this exponent alone is 25 times as stiff as a
+neo-Hookean one of the same initial modulus, so that a sound law has next to none of it."""
 
 _LARGEST_TERMS = 3
 """Ogden terms tried; a fourth is never identified by one mode of deformation."""
@@ -231,8 +241,8 @@ class _LinearForm:
     columns: ClassVar[int]
     nonlinear = 0
 
-    def _columns(self, stretch: FloatArray) -> FloatArray:
-        """Return the columns, (n, p)."""
+    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
+        """Return the columns, (n, p): W'(I1 - 3) times `front`, which is half of d(I1) / dl."""
         raise NotImplementedError
 
     def bounds(self, stretch_max: float) -> FloatArray:
@@ -243,9 +253,11 @@ class _LinearForm:
         """Return the empty start."""
         return fraction[:, :0]
 
-    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(
+        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the columns, which are those of every candidate."""
-        phi = self._columns(stretch)
+        phi = self._columns(*_front_and_invariant(stretch, planar))
         shape = (len(a), *phi.shape)
         return np.broadcast_to(phi, shape), np.empty((*shape[:2], 0))
 
@@ -277,8 +289,8 @@ class NeoHookean(_LinearForm):
         stretch = positive_stretch(stretch)
         return self.mu_MPa * (1.0 + 2.0 * stretch**-3)
 
-    def _columns(self, stretch: FloatArray) -> FloatArray:
-        return _uniaxial(stretch)[:, None]
+    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
+        return front[:, None]
 
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
         """Return mu in MPa."""
@@ -316,9 +328,9 @@ class Yeoh(_LinearForm):
             2.0 + 4.0 * stretch**-3
         )
 
-    def _columns(self, stretch: FloatArray) -> FloatArray:
-        invariant = _first_invariant(stretch)[:, None] ** np.arange(3)
-        columns: FloatArray = 2.0 * _uniaxial(stretch)[:, None] * np.arange(1, 4) * invariant
+    def _columns(self, front: FloatArray, invariant: FloatArray) -> FloatArray:
+        powers = invariant[:, None] ** np.arange(3)
+        columns: FloatArray = 2.0 * front[:, None] * np.arange(1, 4) * powers
         return columns
 
     def parameters(self, a: FloatArray, c: FloatArray) -> dict[str, tuple[float, ...]]:
@@ -376,24 +388,31 @@ class Ogden:
 
     def bounds(self, stretch_max: float) -> FloatArray:
         """Return the bounds of each exponent."""
-        return np.tile([-_LARGEST_ALPHA, _LARGEST_ALPHA], (self.nonlinear, 1))
+        return np.tile([_SMALLEST_ALPHA, _LARGEST_ALPHA], (self.nonlinear, 1))
 
     def start(self, fraction: FloatArray, stretch_max: float) -> FloatArray:
         """Spread starts denser near zero, where rubbers lie; sorted, for terms can be swapped."""
-        t = 2.0 * fraction - 1.0
-        return np.sort(_LARGEST_ALPHA * t * np.abs(t), axis=1)
+        below = np.sqrt(-_SMALLEST_ALPHA)
+        t = -below + fraction * (below + np.sqrt(_LARGEST_ALPHA))
+        return np.sort(t * np.abs(t), axis=1)
 
-    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (l^(a-1) - l^(-a/2-1)) / (1.5 a) and its derivative by a.
+    def evaluate(
+        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (l^(a-1) - l^(-m a-1)) / (1.5 a) and its derivative by a; m is 1/2, planar 1.
 
-        With x = ln l and h = 0.75 a x it is exp(a x / 4) x / l * sinh(h) / h.
+        With x = ln l and h = (1 + m) a x / 2 it is, but for a factor, exp((1 - m) a x / 2) x / l *
+        sinh(h) / h.
         """
         x = np.log(stretch)[None, :, None]
-        quarter = 0.25 * a[:, None, :] * x
-        root = np.exp(quarter)
-        # The one exponential serves both: exp(h) is its cube.
-        h = 3.0 * quarter
-        up = root * root * root
+        ax = a[:, None, :] * x
+        if planar:
+            h, root = ax, np.ones_like(ax)
+            up = np.exp(h)
+        else:
+            h, root = 0.75 * ax, np.exp(0.25 * ax)
+            # The one exponential serves both: exp(h) is its cube.
+            up = root * root * root
         down = 1.0 / up
         square = h * h
         small = square < 1e-4
@@ -404,9 +423,10 @@ class Ogden:
         slope = np.where(
             small, h * (1.0 / 3.0 + square / 30.0), (0.5 * (up + down) - quotient) / safe
         )
-        scale = root * (x / stretch[None, :, None])
+        scale = root * ((4.0 / 3.0 if planar else 1.0) * x / stretch[None, :, None])
         phi = scale * quotient
-        return phi, x * (0.25 * phi + 0.75 * scale * slope)
+        along, across = (0.0, 1.0) if planar else (0.25, 0.75)
+        return phi, x * (along * phi + across * scale * slope)
 
     def divisor(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return 1.5 alpha: E_i = 1.5 mu_i alpha_i."""
@@ -470,10 +490,13 @@ class Martins:
         out: FloatArray = np.exp(low + fraction * (high - low))
         return out
 
-    def evaluate(self, stretch: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(
+        self, stretch: FloatArray, a: FloatArray, *, planar: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the two columns and their derivatives by c1 and c3."""
-        front = np.stack([2.0 * _uniaxial(stretch), 2.0 * (stretch - 1.0)], axis=-1)
-        inner = np.stack([_first_invariant(stretch), (stretch - 1.0) ** 2], axis=-1)
+        matrix, invariant = _front_and_invariant(stretch, planar)
+        front = np.stack([2.0 * matrix, 2.0 * (stretch - 1.0)], axis=-1)
+        inner = np.stack([invariant, (stretch - 1.0) ** 2], axis=-1)
         phi = front * np.exp(a[:, None, :] * inner)
         return phi, phi * inner
 
@@ -491,11 +514,15 @@ class Martins:
         }
 
 
-def _uniaxial(stretch: FloatArray) -> FloatArray:
-    """Return l - l^-2, exact near one."""
+def _front_and_invariant(stretch: FloatArray, planar: bool) -> tuple[FloatArray, FloatArray]:
+    """Return half of dI1/dl, l - l^-2 or planar l - l^-3, and I1 - 3, exact near one."""
     strain = stretch - 1.0
-    out: FloatArray = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
-    return out
+    if planar:
+        square = stretch * stretch
+        front = strain * (stretch + 1.0) * (square + 1.0) / (square * stretch)
+        return front, (strain * (stretch + 1.0) / stretch) ** 2
+    front = strain * (stretch * stretch + stretch + 1.0) / (stretch * stretch)
+    return front, _first_invariant(stretch)
 
 
 def _first_invariant(stretch: FloatArray) -> FloatArray:
@@ -544,21 +571,26 @@ FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
 """The laws that can be fitted, in each number of terms that is tried, with any parameters."""
 
 
-def candidate_laws(model: str) -> tuple[SeparableLaw, ...]:
-    """Return what ``--law`` stands for: one model in all its numbers of terms, or "all".
+def law_name(law: SeparableLaw) -> str:
+    """Return the model with its number of terms where there is a choice, as "ogden-2"."""
+    return f"{law.model}-{law.columns}" if len(FITTED_MODELS[law.model]) > 1 else law.model
+
+
+def candidate_laws(name: str) -> tuple[SeparableLaw, ...]:
+    """Return what ``--law`` stands for: a model in all its numbers of terms, one of them, or "all".
 
     Raises
     ------
-    ArgumentError
-        No such model.
+    UnknownNameError
+        No such law.
     """
-    if model == "all":
-        return tuple(law for laws in FITTED_MODELS.values() for law in laws)
-    if model not in FITTED_MODELS:
-        raise ArgumentError(
-            f"law {model!r}: no such law; choose one of {', '.join(FITTED_MODELS)}, all"
-        )
-    return FITTED_MODELS[model]
+    every = tuple(law for laws in FITTED_MODELS.values() for law in laws)
+    known = {**FITTED_MODELS, **{law_name(law): (law,) for law in every}, "all": every}
+    wanted = name.strip().casefold()
+    if wanted not in known:
+        hint = did_you_mean(wanted, known)
+        raise UnknownNameError(f"law {name!r}: no such law; {hint}choose one of {', '.join(known)}")
+    return known[wanted]
 
 
 # ------------------------------------------------------------------------------------------------
