@@ -341,7 +341,11 @@ def fit(
         "palette.toml"
     ),
     law: Annotated[
-        str, Option(help="ogden, yeoh, martins, neo-hookean, or all: the best is chosen.")
+        str,
+        Option(
+            help="neo-hookean, yeoh, martins, ogden, ogden-1, -2 or -3 (terms), or all: the best "
+            "is chosen."
+        ),
     ] = "all",
     name: Annotated[str | None, Option(help="Name of the palette; else that of the file.")] = None,
     weighting: Annotated[
@@ -439,6 +443,7 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
 
     _print_candidates(result)
     _print_parameters(result)
+    _print_secants(result)
     for material in result.palette.materials:
         fit = result.fits[material.id]
         reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
@@ -507,6 +512,27 @@ def _print_parameters(result: "PaletteStudy") -> None:
         title="Parameters",
         right=["value", "next print's sd"],
     )
+
+
+def _print_secants(result: "PaletteStudy") -> None:
+    from planner.cli.output import format_number, print_table
+
+    rows = []
+    level = 0.95
+    for material in result.palette.materials:
+        name, level = material.id, result.fits[material.id].uncertainty.level
+        for one in result.fits[material.id].secants:
+            known = math.isfinite(one.high_MPa)
+            ends = _interval(one.low_MPa, one.high_MPa) if known else "unknown"
+            rows.append([name, f"{one.strain:g}", format_number(one.value_MPa, 4), ends])
+            name = ""
+    if rows:
+        print_table(
+            ["material", "strain", "secant MPa", f"{100 * level:g} % interval"],
+            rows,
+            title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
+            right=["strain", "secant MPa"],
+        )
 
 
 def _interval(low: float, high: float) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from planner.errors import ArgumentError
 from planner.materials.characterise import (
+    MINIMUM_POINTS,
+    SECANT_STRAINS,
     Curve,
     MaterialCharacteristics,
     characterise_material,
@@ -53,7 +55,7 @@ class ParameterScatter:
     specimens
         How many were tested.
     between
-        Between specimens; `ASSUMED_LOG_SD` for a single one.
+        Between specimens; `ASSUMED_LOG_SD` for a single one, or one record given several times.
     misfit
         Root mean square of the law's error along the curve, once each specimen's own level is
         taken out.
@@ -85,7 +87,7 @@ def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatte
     from scipy.stats import t as student
 
     count = len(levels)
-    if count < 2:
+    if count < 2 or np.ptp(levels) < _SAME:
         spread = ASSUMED_LOG_SD
         return ParameterScatter(
             count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit))
@@ -97,15 +99,18 @@ def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatte
 
 
 # ------------------------------------------------------------------------------------------------
-# Intervals of fitted parameters that know that points along one curve are not independent.
+# Intervals that know that points along one curve are not independent: the unit is the specimen.
 #
-# The profile of the cost over one parameter gives the interval's shape, skewed or open as it may
-# be; how far the cost may rise is set by the scatter between specimens (the adjustment of a
+# What users read, stress and secant modulus at a strain, is all but linear in the specimens'
+# curves, whatever the law: Student's t of the specimens' influences (the jackknife, linearised).
+#
+# A parameter is not. The profile of the cost over it gives its interval's shape, skewed or open as
+# it may be; how far the cost may rise is set by the scatter between specimens (the adjustment of a
 # clustered likelihood by R. Chandler and S. Bate 2007): Student's t with one degree of freedom
-# fewer than specimens, squared, times the ratio of the parameter's variance between specimens (the
-# linearised jackknife, one specimen left out in turn) to the one that independent points would
-# have. For a law that is linear in its parameter and specimens of equal sampling that is the t
-# interval of the specimens' own estimates.
+# fewer than specimens, squared, times the ratio of the variance of the parameter's score between
+# specimens to the one that independent points would have. Both are taken where the profile is, not
+# at the best fit, for the law may bend in between. For a law that is linear in its parameter and
+# specimens of equal sampling that is the t interval of the specimens' own estimates.
 
 
 _ROUNDS = 14
@@ -114,8 +119,14 @@ _ROUNDS = 14
 _CLOSE = 0.02
 """Relative error of the crossing's distance at which the search ends."""
 
+_FLAT = 1e-5
+"""Gain per step, as a share of the cost, at which a point of a profile is left."""
+
 _FLOOR = 1e-10
 """Added to the normal matrix of unit columns: directions without information stay finite."""
+
+_SAME = 1e-6
+"""Relative difference under which specimens are one record given twice: no test repeats so."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,70 +138,109 @@ class Intervals:
     a, c
         Low and high, shapes (q, 2) and (p, 2), in the file's terms; infinite where the tests
         leave a side open, for the profile meets the law's bound first (zero below, for a
-        parameter that is positive).
+        parameter that is positive). All are open where specimens say nothing of their scatter.
     level
         Nominal coverage.
-    profiled
-        Shape (q + p,): true where the profile gives the interval, false where Student's t does.
-    basis
-        "specimens" or "one specimen": the latter leaves out the scatter between specimens.
-    independent_points
-        How many independent points the curve of a single specimen counts for; None otherwise.
+    known
+        Whether the scatter between specimens is known: there are two that differ.
     """
 
     a: FloatArray
     c: FloatArray
     level: float
-    profiled: BoolArray
-    basis: str
-    independent_points: float | None
+    known: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SecantInterval:
+    """A law's secant modulus at a strain, and how sure it is; stress is strain times it.
+
+    Attributes
+    ----------
+    strain
+        Engineering strain; 0 stands for the initial modulus.
+    low_MPa, high_MPa
+        Ends of the interval of the specimens' mean; 0 and infinity where it is unknown.
+    """
+
+    strain: float
+    value_MPa: float
+    low_MPa: float
+    high_MPa: float
 
 
 def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
-    """Return intervals of all parameters of a fit.
+    """Return intervals of all parameters of a fit, by profiles."""
+    q, p = fit.law.nonlinear, fit.law.columns
+    if not _scatter_known(sample):
+        ends = np.tile([-np.inf, np.inf], (q + p, 1))
+        return Intervals(ends[:q], ends[q:], level, False)
+    spread = np.sqrt(_moves_variance(fit, sample, np.eye(q + p)))
+    ends = _crossings(fit, sample, _student(level, sample.specimens), spread)
+    return Intervals(ends[:q], ends[q:], level, True)
 
-    Nonlinear parameters are profiled, and so is the coefficient beside a single one.
-    Coefficients of linear laws have Student's interval, which is their profile's; those of laws
-    with several nonlinear terms too, for their profiles have many branches, of which no search
-    finds the lowest reliably.
-    """
+
+def secant_intervals(
+    fit: LawFit, sample: Sample, strains: Sequence[float], level: float = 0.95
+) -> tuple[SecantInterval, ...]:
+    """Return the law's secant moduli at strains from 0 up to the largest that was tested."""
+    tested = np.array([e for e in strains if 1.0 + e <= sample.stretch.max()])
+    # At rest the secant is the slope, which stress at a small strain gives to seven digits.
+    strain = np.maximum(tested, 1e-7)
+    derivative, stress = _derivatives(fit.law, fit.a, fit.c, 1.0 + strain)
+    if _scatter_known(sample):
+        variance = _moves_variance(fit, sample, (derivative / stress[:, None]).T)
+        half = _student(level, sample.specimens) * np.sqrt(variance)
+    else:
+        half = np.full(len(strain), np.inf)
+    value = stress / strain
+    rows = zip(tested, value, value * np.exp(-half), value * np.exp(half), strict=True)
+    return tuple(SecantInterval(*(float(v) for v in row)) for row in rows)
+
+
+def _scatter_known(sample: Sample) -> bool:
+    """Return whether at least two specimens differ in their mean secant."""
+    own = _own(sample)
+    means = [float(np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0))) for i in own]
+    return float(np.ptp(means)) > _SAME * abs(float(np.mean(means)))
+
+
+def _student(level: float, specimens: int) -> float:
     from scipy.stats import t as student
 
-    q, p = fit.law.nonlinear, fit.law.columns
-    jacobian, residual = _linearised(fit, sample)
-    size = np.sqrt((jacobian**2).sum(axis=0))
-    unit = jacobian / size
-    inverse = np.linalg.inv(unit.T @ unit + _FLOOR * np.eye(p + q))
-    count = sample.specimens
-    variance: FloatArray
-    if count > 1:
-        moves = np.stack([_without(unit, residual, own) for own in _own(sample)])
-        variance = (moves**2).sum(axis=0) * (count - 1) / count
-        freedom, points, basis = count - 1.0, None, "specimens"
-    else:
-        points = _independent_points(residual, sample)
-        freedom, basis = max(points - (p + q), 1.0), "one specimen"
-        variance = np.diag(inverse) * float(residual @ residual) / freedom
-    t = float(student.ppf(0.5 + 0.5 * level, freedom))
-    reach = t * np.sqrt(variance) / size
-    rise = t * t * variance / np.diag(inverse)
-    best = np.concatenate([fit.a, fit.c])
-    ends = best[:, None] + reach[:, None] * np.array([-1.0, 1.0])
-    profiled = np.arange(q + p if q == p == 1 else q)
-    ends[profiled] = _crossings(fit, sample, profiled, reach, rise)
-    by_profile = np.isin(np.arange(q + p), profiled)
-    return Intervals(ends[:q], ends[q:], level, by_profile, basis, points)
+    return float(student.ppf(0.5 + 0.5 * level, specimens - 1))
 
 
-def _linearised(fit: LawFit, sample: Sample) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative of the scaled residual by (a, file's c), and the residual."""
-    phi, slope = fit.law.evaluate(sample.stretch, fit.a[None])
-    divisor, change = (d[0] for d in fit.law.divisor(fit.a[None]))
+def _derivatives(
+    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative of stress by (a, file's c), shape (n, q + p), and the stress."""
+    phi, slope = law.evaluate(stretch, a[None])
+    divisor, change = (d[0] for d in law.divisor(a[None]))
     by_c = phi[0] * divisor
-    by_a = (slope[0] * divisor + phi[0] * change) * fit.c if fit.law.nonlinear else slope[0]
-    factor = sample.factor
-    residual = factor * (by_c @ fit.c - sample.stress_MPa)
-    return factor[:, None] * np.concatenate([by_a, by_c], axis=1), residual
+    by_a = (slope[0] * divisor + phi[0] * change) * c if law.nonlinear else slope[0]
+    return np.concatenate([by_a, by_c], axis=1), by_c @ c
+
+
+def _linearised(
+    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit columns of the scaled residual's derivative, their sizes, and the residual."""
+    derivative, stress = _derivatives(law, a, c, sample.stretch)
+    jacobian = sample.factor[:, None] * derivative
+    size = np.sqrt((jacobian**2).sum(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    return jacobian / size, size, sample.factor * (stress - sample.stress_MPa)
+
+
+def _moves_variance(fit: LawFit, sample: Sample, directions: FloatArray) -> FloatArray:
+    """Return the variance between specimens of linear forms (q + p, k) of the parameters."""
+    unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample)
+    own = _own(sample)
+    moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
+    count = len(own)
+    out: FloatArray = moves.var(axis=0) * (count - 1.0)
+    return out
 
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
@@ -204,32 +254,38 @@ def _own(sample: Sample) -> list[BoolArray]:
     return [sample.specimen == number for number in np.unique(sample.specimen)]
 
 
-def _independent_points(residual: FloatArray, sample: Sample) -> float:
-    """Return n (1 - r) / (1 + r), r the correlation of neighbouring residuals along strain."""
-    ordered = residual[np.argsort(sample.stretch, kind="stable")]
-    r = float(ordered[1:] @ ordered[:-1] / max(float(ordered @ ordered), 1e-300))
-    r = min(max(r, 0.0), 0.99)
-    return len(residual) * (1.0 - r) / (1.0 + r)
+def _allowed_rise(
+    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample, which: int
+) -> float:
+    """Return the variance between specimens of the profile's score over its square's, at a fit.
+
+    The score is that of one parameter, freed of what the others could do instead.
+    """
+    unit, _, residual = _linearised(law, a, c, sample)
+    others = np.delete(unit, which, axis=1)
+    normal = others.T @ others + _FLOOR * np.eye(others.shape[1])
+    score = unit[:, which] - others @ np.linalg.solve(normal, others.T @ unit[:, which])
+    each = np.array([score[i] @ residual[i] for i in _own(sample)])
+    count = len(each)
+    return float(count * each.var(ddof=1) / max(float(score @ score), 1e-300))
 
 
-def _crossings(
-    fit: LawFit, sample: Sample, profiled: IntArray, reach: FloatArray, rise: FloatArray
-) -> FloatArray:
-    """Return where each parameter's profile has risen by `rise`, below and above, shape (k, 2).
+def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> FloatArray:
+    """Return where each parameter's profile has risen too far, below and above, shape (k, 2).
 
-    `profiled` (k,) numbers the parameters, nonlinear ones first. The square root of the rise
-    grows about evenly with the distance, so that a secant step from the best fit all but hits;
-    it is kept within the bracket found so far.
+    Nonlinear parameters come first. The square root of the rise grows about evenly with the
+    distance, so that a secant step from the best fit all but hits; it is kept within the bracket
+    found so far.
     """
     q = fit.law.nonlinear
-    k = len(profiled)
+    k = len(spread)
     best = np.concatenate([fit.a, fit.c])
-    which, side = np.repeat(profiled, 2), np.tile([-1.0, 1.0], k)
+    which, side = np.repeat(np.arange(k), 2), np.tile([-1.0, 1.0], k)
     limit = np.full(2 * k, np.inf)
     bounds = fit.law.bounds(float(sample.stretch.max()))
     limit[: 2 * q] = (np.abs(bounds - fit.a[:, None])).ravel()
-    target = np.maximum(rise, 1e-12 * fit.objective)[which]
-    distance = np.maximum(reach, 1e-9 * np.abs(best) + 1e-300)[which]
+    farthest = 10.0 * np.maximum(np.abs(best), 1e-300)
+    distance = np.clip(t * spread, 1e-6 * np.abs(best) + 1e-300, farthest)[which]
     inside, outside = np.zeros(2 * k), np.full(2 * k, np.inf)
     near = np.tile(fit.a, (2 * k, 1))
     open_ended = np.zeros(2 * k, dtype=bool)
@@ -237,8 +293,14 @@ def _crossings(
     for _ in range(_ROUNDS):
         distance[todo] = np.minimum(distance[todo], limit[todo])
         at = distance[todo]
-        cost, near[todo] = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
-        ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target[todo])
+        cost, a, c = _profile(fit, sample, which[todo], best, side[todo] * at, near[todo])
+        near[todo] = _interval_rounded(a)
+        allowed = [
+            _allowed_rise(fit.law, own_a, own_c, sample, which[row])
+            for row, own_a, own_c in zip(todo, a, c, strict=True)
+        ]
+        target = t * t * np.maximum(allowed, 1e-12 * fit.objective)
+        ratio = np.sqrt(np.maximum(cost - fit.objective, 0.0) / target)
         under = ratio < 1.0
         inside[todo] = np.where(under, np.maximum(inside[todo], at), inside[todo])
         outside[todo] = np.where(under, outside[todo], np.minimum(outside[todo], at))
@@ -267,8 +329,8 @@ def _profile(
     best: FloatArray,
     offset: FloatArray,
     near: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the least cost with one parameter held a row, and the nonlinear ones there.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the least cost with one parameter held a row, and the parameters there.
 
     Each is sought from the best fit and from the last point of this profile.
     """
@@ -283,10 +345,13 @@ def _profile(
     for start in starts:
         start[rows[by_a], which[by_a]] = at[by_a]
     held = Held(np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1)))
-    found = minimise(fit.law, sample, np.concatenate(starts), held)
+    found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_FLAT, exact=True)
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
-    return cost[lowest, rows], _interval_rounded(found.a.reshape(*cost.shape, q)[lowest, rows])
+    a = found.a.reshape(*cost.shape, q)[lowest, rows]
+    c = found.c.reshape(*cost.shape, -1)[lowest, rows]
+    c = np.where(np.isnan(held_c), c / fit.law.divisor(a)[0], c)
+    return cost[lowest, rows], a, c
 
 
 def _interval_rounded(values: FloatArray) -> FloatArray:
@@ -294,6 +359,66 @@ def _interval_rounded(values: FloatArray) -> FloatArray:
     scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
     out: FloatArray = np.where(np.isfinite(values), np.round(values / scale, 3) * scale, values)
     return out
+
+
+# ------------------------------------------------------------------------------------------------
+# Slack before a specimen bears: stress stays where it is, and then rises at once.
+#
+# The tangent of a rubber's curve, by which a toe is found (ASTM D638), is never straight: its zero
+# lies before the end of the slack. Here the curve behind the slack is Mooney's, which bends.
+
+
+_SLACK_RANGE = 0.3
+"""Strain behind the record's beginning over which Mooney's form describes an elastomer."""
+
+_LARGEST_SLACK = 0.1
+_SLACK_STEPS = 101
+_SLACK_ERRORS = 2.0
+"""Standard errors by which the specimens' slack together differs from none."""
+
+
+def loading(curves: Sequence[Curve]) -> list[Curve]:
+    """Return the curves from the end of their slack, or toe, to their largest stress.
+
+    Slack is the grips' and the series', so that the specimens together decide whether there is
+    any; each then has its own. How far it may be off shows in the specimens' scatter.
+    """
+    found = [_slack(curve) for curve in curves]
+    # Noise alone gains about one.
+    if sum(max(gain - 1.0, 0.0) for _, gain in found) > _SLACK_ERRORS**2:
+        whole = [
+            curve.part(curve.strain >= slack, origin=slack)
+            for curve, (slack, _) in zip(curves, found, strict=True)
+        ]
+    else:
+        whole = [toe_compensated(curve) for curve in curves]
+    return [curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1)) for curve in whole]
+
+
+def _slack(curve: Curve) -> tuple[float, float]:
+    """Return the strain at which a specimen begins to bear, and how much better that fits.
+
+    The gain is that in the sum of squares over the scatter's variance, as a squared number of
+    standard errors, with the neighbours' correlation taken off; 0 where there is no slack.
+    """
+    peak = int(np.argmax(curve.stress_MPa)) + 1
+    near = (np.arange(len(curve.strain)) < peak) & (curve.strain - curve.strain[0] <= _SLACK_RANGE)
+    x, y = curve.strain[near], curve.stress_MPa[near]
+    if len(x) < 3 * MINIMUM_POINTS or x[0] < 0.0:
+        return 0.0, 0.0
+    slack = np.linspace(0.0, min(_LARGEST_SLACK, 0.3 * float(x[-1])), _SLACK_STEPS)
+    stretch = 1.0 + np.maximum(x - slack[:, None], 0.0)
+    front = stretch - stretch**-2
+    basis, _ = np.linalg.qr(np.stack([np.ones_like(front), front, front / stretch], axis=2))
+    scatter = y - np.einsum("snk,sk->sn", basis, np.einsum("snk,n->sk", basis, y))
+    squares = (scatter**2).sum(axis=1)
+    at = int(np.argmin(squares))
+    best = float(squares[at])
+    if at == _SLACK_STEPS - 1 or not best > 0.0:
+        return 0.0, 0.0
+    correlation = max(float(scatter[at, 1:] @ scatter[at, :-1]) / best, 0.0)
+    independent = (len(x) - 4) * (1.0 - correlation) / (1.0 + correlation)
+    return float(slack[at]), float(squares[0] - best) / best * independent
 
 
 # ------------------------------------------------------------------------------------------------
@@ -306,6 +431,9 @@ class MaterialFit:
 
     Attributes
     ----------
+    secants
+        What the law says at some strains, with intervals; empty for a plastic material, whose
+        secant modulus is Young's at every strain.
     choice
         The laws that were tried; None for a plastic material, which gets a law that yields.
     notes
@@ -319,6 +447,7 @@ class MaterialFit:
     scatter: ParameterScatter
     choice: Choice | None
     notes: tuple[str, ...]
+    secants: tuple[SecantInterval, ...] = ()
 
     @property
     def elongation_at_break(self) -> float:
@@ -354,7 +483,7 @@ def fit_material(
         law, uncertainty, scatter = _plastic(found, curves, weighting, level)
         notes.extend(_falls(material, curves))
         return MaterialFit(material, found, law, uncertainty, scatter, None, tuple(notes))
-    sample = sample_of([_loading(curve) for curve in curves], weighting=weighting)
+    sample = sample_of(loading(curves), weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
     try:
         choice = choose_law(laws, sample, working, starts=starts)
@@ -381,13 +510,8 @@ def fit_material(
         scatter_of_fit(chosen.fit, sample),
         choice,
         tuple(notes),
+        secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level),
     )
-
-
-def _loading(curve: Curve) -> Curve:
-    """Return the curve from the end of its toe to its largest stress."""
-    curve = toe_compensated(curve)
-    return curve.part(slice(int(np.argmax(curve.stress_MPa)) + 1))
 
 
 def _doubts(material: str, chosen: LawCandidate) -> list[str]:
@@ -413,26 +537,18 @@ def _doubts(material: str, chosen: LawCandidate) -> list[str]:
 
 def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
     law = chosen.fit.law
-    by_profile = ends.profiled.astype(np.float64)
-    flags = law.parameters(by_profile[: law.nonlinear], by_profile[law.nonlinear :])
-    kinds = {
-        kind: ", ".join(symbol for symbol, values in flags.items() if values[0] == flag)
-        for kind, flag in (("profile", 1.0), ("Student's t", 0.0))
-    }
-    ways = " and ".join(f"{kind} ({symbols})" for kind, symbols in kinds.items() if symbols)
-    if ends.independent_points is None:
-        scatter = f"scatter between {count} specimens"
+    if ends.known:
+        basis = f"profile; scatter between {count} specimens"
+    elif count > 1:
+        basis = f"unknown: {count} specimens of one record tell no scatter"
     else:
-        scatter = (
-            f"one specimen as {ends.independent_points:.3g} independent points, without the "
-            "scatter between specimens"
-        )
+        basis = "unknown: one specimen tells nothing of the scatter between specimens"
     return Uncertainty(
         specimens=count,
         level=ends.level,
         law_low=_fit_rounded(law.parameters(ends.a[:, 0], ends.c[:, 0])),
         law_high=_fit_rounded(law.parameters(ends.a[:, 1], ends.c[:, 1])),
-        basis=f"{ways}; {scatter}; held out: {scheme}",
+        basis=f"{basis}; held out: {scheme}",
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
         held_out_error=float(f"{chosen.held_out_error:.3g}"),

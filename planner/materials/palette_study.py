@@ -341,7 +341,8 @@ def fit(
     printer, palette, compare
         What they are compared with; see `characterise`.
     law
-        ``ogden``, ``yeoh``, ``martins``, ``neo-hookean``, or ``all``: the best is chosen.
+        ``neo-hookean``, ``yeoh``, ``martins``, ``ogden``, ``ogden-1``, ``-2`` or ``-3`` (terms),
+        or ``all``: the best is chosen.
     name
         Name of the palette; ``palette`` by default, on the command line that of the file.
     weighting
@@ -366,8 +367,10 @@ def fit(
     Raises
     ------
     ArgumentError
-        An unknown law, weighting or material, no stable law, or coordinates that do not rise
-        with stiffness.
+        An unknown weighting or material, no stable law, or coordinates that do not rise with
+        stiffness.
+    UnknownNameError
+        An unknown law.
     FileError
         A curve or a column that no figure can rest on.
 
@@ -622,6 +625,15 @@ def _material_document(material: Material, fit: MaterialFit) -> dict[str, Any]:
         "law_high": _plain(fit.uncertainty.law_high),
         "interval_level": fit.uncertainty.level,
         "interval_basis": fit.uncertainty.basis,
+        "secants": [
+            {
+                "strain": one.strain,
+                "secant_MPa": one.value_MPa,
+                "low_MPa": one.low_MPa if np.isfinite(one.high_MPa) else None,
+                "high_MPa": one.high_MPa if np.isfinite(one.high_MPa) else None,
+            }
+            for one in fit.secants
+        ],
         "reason": fit.choice.reason if fit.choice else fit.characteristics.deformation.reason,
         "candidates": [_candidate_document(c, c is chosen) for c in candidates],
     }
@@ -644,6 +656,7 @@ def _candidate_document(candidate: LawCandidate, chosen: bool) -> dict[str, Any]
         "nrmse": fit.nrmse,
         "stable": candidate.unstable_strain is None,
         "unstable_at_strain": candidate.unstable_strain,
+        "determined": candidate.determined,
         "starts": fit.convergence.starts,
         "starts_converged": fit.convergence.converged,
         "starts_agreeing": fit.convergence.agreeing,

@@ -256,8 +256,9 @@ def test_the_report_says_why_and_what_intervals_rest_on(capsys) -> None:
     assert run(["fit", "A.csv", "--law", "ogden"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"^A: ogden-\d .*held-out error", out, re.M)
-    assert re.search(r"^  intervals: profile \(.*alpha\).*; one specimen as", out, re.M)
-    assert "without the scatter between specimens" in out
+    said = r"^  intervals: unknown: one specimen tells nothing of the scatter between specimens;"
+    assert re.search(said, out, re.M)
+    assert re.search(r"^ +0\.1 +[\d.]+ +unknown", out, re.M)
 
 
 @pytest.mark.parametrize(
@@ -272,15 +273,24 @@ def test_intervals_in_words(ends: tuple[float, float], text: str) -> None:
     assert _interval(*ends) == text
 
 
-def test_no_stable_law_says_what_to_try(capsys) -> None:
-    """A softening curve: Yeoh's cubic falls within the margin beyond the break."""
+def test_a_law_that_would_fall_is_held_and_found_to_follow_badly(capsys) -> None:
+    """A softening curve: Yeoh's cubic would fall behind it, and is kept from that."""
     strain = np.linspace(0.0, 1.0, 81)
-    rows = "".join(f"{e:.6f},{np.tanh(2 * e):.6f}\n" for e in strain)
+    rows = "".join(f"{e:.6f},{np.tanh(4 * e):.6f}\n" for e in strain)
     Path("A.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
-    assert run(["fit", "A.csv", "--law", "yeoh"]) == 2
-    error = capsys.readouterr().err
-    assert "no law is stable" in error
-    assert "--law all" in error
+    assert run(["fit", "A.csv", "--law", "yeoh", "--no-compare"]) == 1
+    assert "yeoh describes it badly" in capsys.readouterr().err
+
+
+def test_a_number_of_terms_can_be_forced(capsys) -> None:
+    write_curve("A.csv", 0.3)
+    assert run(["fit", "A.csv", "--law", "ogden-2", "--json", "--starts", "6"]) == 0
+    (material,) = json.loads(capsys.readouterr().out)["materials"]
+    assert len(material["law"]["alpha"]) == 2
+    assert material["law_low"]["mu_MPa"] == [None, None]
+    assert {one["low_MPa"] for one in material["secants"]} == {None}
+    assert run(["fit", "A.csv", "--law", "ogden2", "--force"]) == 2
+    assert "did you mean ogden-2" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["RTV615", "Ecoflex 00-30", "SortaClear 40"])

@@ -1,0 +1,115 @@
+"""How often intervals of fits hold the truth, by simulation; its table is in docs/explanation.
+
+    python -m benchmarks.fit_coverage [studies a cell]
+
+Each study's specimens scatter about the law in level (6 %) and in shape (3 % a unit of strain),
+break within a tenth of the nominal strain, and carry noise of 0.3 % of the largest stress that is
+correlated over ten points. The truth is the law without scatter.
+"""
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.materials.characterise import Curve
+from planner.materials.fit import fit_law, law_stress_MPa, sample_of
+from planner.materials.fit_intervals import intervals, loading, scatter_of_fit, secant_intervals
+from planner.materials.laws import SeparableLaw, candidate_laws
+from planner.numerics import FloatArray
+
+LEVEL_SD, SHAPE_SD, NOISE, CORRELATION = 0.06, 0.03, 0.003, 0.9
+STRAINS = (0.0, 0.1, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A law that specimens scatter about, and the slack that their records begin with."""
+
+    name: str
+    law: str
+    a: tuple[float, ...]
+    c: tuple[float, ...]
+    break_strain: float = 1.5
+    slack: float = 0.0
+
+    @property
+    def form(self) -> SeparableLaw:
+        """The law's form."""
+        (form,) = candidate_laws(self.law)
+        return form
+
+    def stress_MPa(self, strain: FloatArray) -> FloatArray:
+        """Return nominal stress behind the slack."""
+        return law_stress_MPa(self.form, np.array(self.a), np.array(self.c), 1.0 + strain)
+
+
+TRUTHS = (
+    Truth("neo-Hookean", "neo-hookean", (), (0.4,)),
+    Truth("neo-Hookean, slack 2 %", "neo-hookean", (), (0.4,), slack=0.02),
+    Truth("Yeoh", "yeoh", (), (0.2, -0.01, 0.002)),
+    Truth("Ogden, one term", "ogden-1", (2.5,), (0.3,)),
+    Truth("Ogden, one term, slack 2 %", "ogden-1", (2.5,), (0.3,), slack=0.02),
+    Truth("Ogden, two terms", "ogden-2", (1.3, 8.0), (0.4, 2e-3)),
+    Truth("Ogden, two terms, to strain 3", "ogden-2", (1.3, 8.0), (0.4, 2e-4), break_strain=3.0),
+    Truth("Ogden, three terms", "ogden-3", (1.3, 5.0, 12.0), (0.5, 2e-3, 1e-6), break_strain=3.0),
+    Truth("Martins", "martins", (0.15, 0.4), (0.5, 0.2), break_strain=2.0),
+)
+
+
+def curve(truth: Truth, rng: np.random.Generator, name: str, noise: float = NOISE) -> Curve:
+    """Return one specimen's record."""
+    strain = np.linspace(0.0, truth.break_strain * rng.uniform(0.9, 1.1), 300)[1:]
+    borne = np.maximum(strain - truth.slack, 1e-9)
+    scatter = LEVEL_SD * rng.standard_normal() + SHAPE_SD * rng.standard_normal() * borne
+    stress = truth.stress_MPa(borne) * np.exp(scatter)
+    course = rng.standard_normal(len(strain))
+    for i in range(1, len(course)):
+        course[i] += CORRELATION * course[i - 1]
+    return Curve(name, strain, stress + noise * stress.max() * course)
+
+
+def study(truth: Truth, seed: int, specimens: int) -> dict[str, bool]:
+    """Return which intervals of one study hold the truth."""
+    rng = np.random.default_rng([seed, specimens, TRUTHS.index(truth)])
+    curves = [curve(truth, rng, f"S{n}") for n in range(specimens)]
+    if truth.slack:
+        curves = loading(curves)
+    sample = sample_of(curves)
+    fit = fit_law(truth.form, sample, starts=12)
+    held = {}
+    ends = intervals(fit, sample)
+    for symbol, values in (("a", truth.a), ("c", truth.c)):
+        for number, (value, (low, high)) in enumerate(
+            zip(values, getattr(ends, symbol), strict=True)
+        ):
+            held[f"{symbol}{number + 1}"] = bool(low <= value <= high)
+    log_sd = scatter_of_fit(fit, sample).log_sd
+    level, shape = LEVEL_SD * rng.standard_normal(), SHAPE_SD * rng.standard_normal()
+    for one in secant_intervals(fit, sample, STRAINS):
+        near = max(one.strain, 1e-6)
+        true = float(truth.stress_MPa(np.array([near]))[0]) / near
+        held[f"E({one.strain:g})"] = one.low_MPa <= true <= one.high_MPa
+        next_print = np.log(true / one.value_MPa) + level + shape * one.strain
+        held[f"next({one.strain:g})"] = bool(abs(next_print) <= 1.96 * log_sd)
+    return held
+
+
+def main() -> None:
+    studies = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    only = sys.argv[2:]
+    print(
+        f"{studies} studies a cell: a binomial deviation of {100 * np.sqrt(0.0475 / studies):.1f} %"
+    )
+    for truth in TRUTHS:
+        if only and truth.law not in only:
+            continue
+        for specimens in (3, 5):
+            found = [study(truth, seed, specimens) for seed in range(studies)]
+            shares = {key: 100 * np.mean([one[key] for one in found]) for key in found[0]}
+            cells = ", ".join(f"{key} {share:.1f}" for key, share in shares.items())
+            print(f"{truth.name}, {specimens} specimens: {cells}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
