@@ -90,7 +90,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         The model cannot follow: its stress would fall before the break.
     """
     law = material.law
-    if law.model == "linear" or float(np.ptp(log_factor)) < _EVEN:
+    if law.model in ("linear", "yielding") or float(np.ptp(log_factor)) < _EVEN:
         even = log_factor.mean()
         parameters = {
             name: tuple(v * float(np.exp(even)) for v in values) if _is_stress(name) else values
