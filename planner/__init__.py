@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from planner.gap.virtual import synthesise_campaign
     from planner.grading.check import Certificate, Difference, check, diff
     from planner.grading.grade import grade
-    from planner.grading.profile import Mixture, Profile, StiffnessScale, invert, list_materials
+    from planner.grading.invert import Mixture, invert
+    from planner.grading.profile import Profile, StiffnessScale, list_materials
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
     from planner.report.gap_page import write_diagnosis
+    from planner.report.material_figures import materials_figure
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.simulate import Simulation, simulate
@@ -75,6 +77,7 @@ __all__ = [
     "list_materials",
     "load_palette",
     "load_printer",
+    "materials_figure",
     "read_campaign",
     "read_diagnosis",
     "read_plan",
@@ -99,12 +102,14 @@ _MODULES = {
     "planner.gap.virtual": "synthesise_campaign",
     "planner.grading.check": "Certificate Difference check diff",
     "planner.grading.grade": "grade",
-    "planner.grading.profile": "Mixture Profile StiffnessScale invert list_materials",
+    "planner.grading.invert": "Mixture invert",
+    "planner.grading.profile": "Profile StiffnessScale list_materials",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
     "planner.palette": "Material Palette load_palette write_palette",
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",
     "planner.report.gap_page": "write_diagnosis",
+    "planner.report.material_figures": "materials_figure",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
     "planner.simulation.simulate": "Simulation simulate",

@@ -24,10 +24,12 @@ from planner.cli.output import (
     ThicknessMm,
     UnitsOf,
     WidthMm,
+    check_targets,
     split_columns,
 )
 
 if TYPE_CHECKING:
+    from planner.grading.invert import Mixture
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
 
@@ -91,11 +93,16 @@ def materials(
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     at_strain: AtStrain = 0.1,
+    figure: Annotated[
+        Path | None,
+        Option(help="SVG file to write: the ladder with its interval, each material's stress."),
+    ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
 
-    Example: [bold]planner materials --at-strain 0.3[/bold]
+    Example: [bold]planner materials --at-strain 0.3 --figure ladder.svg[/bold]
     """
     import planner
     from planner.cli.output import (
@@ -103,10 +110,15 @@ def materials(
         format_number,
         print_document,
         print_table,
+        say,
         tell_notes,
     )
+    from planner.formats.files import write_whole
 
+    check_targets(force=force, figure=figure)
     scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
+    if figure is not None:
+        write_whole(figure, planner.materials_figure(scale))
     if as_json:
         print_document(scale.document())
         return 0
@@ -134,6 +146,8 @@ def materials(
         swatches=[material.colour for material in chosen.materials],
     )
     tell_notes(scale.remarks())
+    if figure is not None:
+        say(f"wrote {figure}")
     return 0
 
 
@@ -143,8 +157,12 @@ def materials(
 
 def invert(
     modulus_MPa: Annotated[
-        list[float], Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
-    ],
+        list[float] | None, Option("--modulus", "-m", help="Wanted modulus in MPa; repeatable.")
+    ] = None,
+    coordinate: Annotated[
+        list[float] | None,
+        Option(help="Or the reverse: a coordinate whose stiffness and law are told; repeatable."),
+    ] = None,
     at_strain: AtStrain = 0.1,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
@@ -152,49 +170,36 @@ def invert(
 ) -> int:
     """Find the digital material, and the blend of two, that has a wanted stiffness.
 
-    Exit code 1 when a modulus is out of reach; the nearest that can be printed is reported.
+    With --coordinate: what stands at a place of the palette. Exit code 1 when a modulus is out of
+    reach; the nearest that can be printed is reported.
 
-    Example: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold]
+    Examples: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold],
+    [bold]planner invert --coordinate 0.4[/bold]
     """
     import planner
-    from planner.cli.output import (
-        finding,
-        format_interval,
-        format_number,
-        print_document,
-        print_table,
-        tell_notes,
-    )
+    from planner.cli.output import finding, format_number, print_document, tell_notes
+    from planner.errors import ArgumentError
     from planner.printers import palette_of
 
+    if not modulus_MPa and not coordinate:
+        raise ArgumentError("give --modulus, a wanted modulus in MPa, or --coordinate, a place")
     chosen = palette_of(palette, printer)
-    found = [planner.invert(value, at_strain=at_strain, palette=chosen) for value in modulus_MPa]
+    found = [planner.invert(v, at_strain=at_strain, palette=chosen) for v in modulus_MPa or ()]
+    at = [
+        planner.invert(coordinate=m, at_strain=at_strain, palette=chosen) for m in coordinate or ()
+    ]
     if as_json:
-        results = [mixture.document() for mixture in found]
+        results = [mixture.document() for mixture in (*found, *at)]
         print_document(
             {"schema": 1, "palette": chosen.name, "at_strain": at_strain, "results": results}
         )
     else:
-        print_table(
-            ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
-            [
-                [
-                    format_number(mixture.target_MPa, 4),
-                    mixture.nearest,
-                    format_number(mixture.nearest_modulus_MPa, 4),
-                    f"{100 * (mixture.nearest_modulus_MPa / mixture.target_MPa - 1):+.1f} %",
-                    mixture.blend_text(),
-                    f"{mixture.blend.coordinate:.4f}",
-                    format_number(mixture.modulus_MPa, 4),
-                    format_interval(mixture.interval_MPa),
-                ]
-                for mixture in found
-            ],
-            title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
-            right=["target MPa", "MPa", "error", "m"],
-            droppable=["95 % interval", "error"],
-        )
-        tell_notes(note for mixture in found for note in mixture.notes)
+        title = f"{chosen.name}: secant modulus at strain {at_strain:g}"
+        if found:
+            _print_wanted(found, title)
+        if at:
+            _print_places(at, title)
+        tell_notes(note for mixture in (*found, *at) for note in mixture.notes)
         for mixture in found:
             if not mixture.reachable:
                 finding(
@@ -203,6 +208,81 @@ def invert(
                     f"nearest is {mixture.nearest}"
                 )
     return 0 if all(mixture.reachable for mixture in found) else 1
+
+
+def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
+    from planner.cli.output import format_interval, format_number, print_table
+
+    print_table(
+        ["target MPa", "nearest", "MPa", "error", "blend", "m", "MPa", "95 % interval"],
+        [
+            [
+                format_number(target, 4),
+                mixture.nearest,
+                format_number(mixture.nearest_modulus_MPa, 4),
+                f"{100 * (mixture.nearest_modulus_MPa / target - 1):+.1f} %",
+                mixture.blend_text(),
+                f"{mixture.blend.coordinate:.4f}",
+                format_number(mixture.modulus_MPa, 4),
+                format_interval(mixture.interval_MPa),
+            ]
+            for mixture in found
+            if (target := mixture.target_MPa) is not None
+        ],
+        title=title,
+        right=["target MPa", "MPa", "error", "m"],
+        droppable=["95 % interval", "error"],
+    )
+
+
+def _print_places(found: "Sequence[Mixture]", title: str) -> None:
+    """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
+    from planner.cli.output import format_interval, format_number, print_table, say
+
+    print_table(
+        ["m", "blend", "MPa", "95 % interval", "nearest", "MPa", "error"],
+        [
+            [
+                f"{mixture.blend.coordinate:g}",
+                mixture.blend_text(),
+                format_number(mixture.modulus_MPa, 4),
+                format_interval(mixture.interval_MPa),
+                mixture.nearest,
+                format_number(mixture.nearest_modulus_MPa, 4),
+                f"{100 * (mixture.nearest_modulus_MPa / mixture.modulus_MPa - 1):+.1f} %",
+            ]
+            for mixture in found
+        ],
+        title=title,
+        right=["m", "MPa", "error"],
+        droppable=["error"],
+    )
+    print_table(
+        ["m", "strain", "secant MPa", "95 % interval"],
+        [
+            [
+                "" if number else f"{mixture.blend.coordinate:g}",
+                f"{one.strain:g}",
+                format_number(one.modulus_MPa, 4),
+                format_interval(one.interval_MPa),
+            ]
+            for mixture in found
+            for number, one in enumerate(mixture.secants)
+        ],
+        title="Secant moduli (stress is strain times it; strain 0: at rest)",
+        right=["m", "strain", "secant MPa"],
+    )
+    for mixture in found:
+        where = f"m {mixture.blend.coordinate:g}: "
+        if mixture.law is None:
+            say(f"{where}between materials that yield no law in closed form stands for the blend")
+            continue
+        parameters = "; ".join(
+            f"{symbol} {', '.join(format_number(v, 4) for v in values)}"
+            for symbol, values in mixture.law.law.parameters.items()
+        )
+        error = f" ({100 * mixture.law.error:.2g} % RMS off the blend)" if mixture.law.error else ""
+        say(f"{where}{mixture.law.law.model} law, {parameters}{error}")
 
 
 # ------------------------------------------------------------------------------------------------

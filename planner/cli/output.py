@@ -1,6 +1,7 @@
 """What a person or a program reads: the only place that prints; and options of many commands."""
 
 import contextlib
+import itertools
 import json
 import re
 import shutil
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
+
+from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -32,6 +35,7 @@ __all__ = [
     "ThicknessMm",
     "UnitsOf",
     "WidthMm",
+    "check_targets",
     "complain",
     "finding",
     "format_interval",
@@ -269,11 +273,31 @@ AtStrain = Annotated[
 ]
 
 
+def check_targets(*, force: bool, figure: Path | None = None, **targets: Path | None) -> None:
+    """Refuse files to write that are there already, share a name, or are a figure but no SVG.
+
+    Parameters
+    ----------
+    figure, targets
+        By the option that names each; None where it is not given.
+    """
+    from planner.formats.files import check_absent
+
+    if figure is not None and figure.suffix.casefold() != ".svg":
+        raise ArgumentError(f"--figure {figure}: its ending must be .svg")
+    given = {f"--{option}": path for option, path in {**targets, "figure": figure}.items() if path}
+    for (option, path), (other, beside) in itertools.combinations(given.items(), 2):
+        if path == beside:
+            raise ArgumentError(f"{option} and {other} name one file; give each its own")
+    for path in given.values():
+        check_absent(path, force=force)
+
+
 # ------------------------------------------------------------------------------------------------
-# Options of the commands that read tensile tests and write one file.
+# Options of the commands that read tensile tests and write files.
 
 
-Force = Annotated[bool, Option("--force", help="Replace the output file.")]
+Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
 TensileFiles = Annotated[
     list[Path],
     Argument(

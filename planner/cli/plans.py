@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, PaletteName, Quiet
+from planner.cli.output import AsJson, PaletteName, Quiet, check_targets
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -510,17 +510,11 @@ def simulate(
     """
     import planner
     from planner.cli.output import print_document
-    from planner.formats.files import check_absent, write_whole
+    from planner.formats.files import write_whole
 
     if output is not None and output.suffix.casefold() not in (".csv", ".json"):
         raise ArgumentError(f"--output {output}: its ending must be .csv or .json")
-    if figure is not None and figure.suffix.casefold() != ".svg":
-        raise ArgumentError(f"--figure {figure}: its ending must be .svg")
-    targets = [path for path in (output, field, figure) if path is not None]
-    if len(set(targets)) < len(targets):
-        raise ArgumentError("--output, --field and --figure name one file; give each its own")
-    for path in targets:
-        check_absent(path, force=force)
+    check_targets(force=force, output=output, field=field, figure=figure)
     result = planner.simulate(
         source,
         to_strain=to_strain,
@@ -548,7 +542,7 @@ def simulate(
     if as_json:
         print_document(result.json())
     elif not quiet:
-        _simulate_report(result, targets)
+        _simulate_report(result, [path for path in (output, field, figure) if path])
     return 0 if result.ok else 1
 
 

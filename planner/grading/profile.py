@@ -14,11 +14,8 @@ from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
-    Blend,
     CoefficientModel,
-    blend_for,
     coordinate_for,
-    nearest,
     nearest_on,
     thresholds_of,
 )
@@ -31,15 +28,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Band",
-    "Mixture",
     "Profile",
     "StiffnessScale",
     "between",
     "distinct_positions",
     "dithered_profile",
     "equal_bands",
-    "invert",
     "is_dithered",
+    "known_interval",
     "list_materials",
     "natural_bands",
     "profile_of",
@@ -341,7 +337,7 @@ class StiffnessScale:
                     "id": material.id,
                     "coordinate": material.coordinate,
                     "modulus_MPa": modulus,
-                    "modulus_interval_MPa": _known(interval),
+                    "modulus_interval_MPa": known_interval(interval),
                     "modulus_at_strain": min(self.at_strain, material.elongation_at_break),
                     "elongation_at_break": material.elongation_at_break,
                     "density_g_cm3": material.density_g_cm3,
@@ -375,7 +371,7 @@ def _at_rest(law: LawParameters) -> float:
     return float(secant_modulus_MPa(make_law(law), 0.0))
 
 
-def _known(interval: tuple[float, float]) -> list[float] | None:
+def known_interval(interval: tuple[float, float]) -> list[float] | None:
     """Return an interval as JSON holds it; null of a palette that states no uncertainty."""
     return list(interval) if interval[0] < interval[1] else None
 
@@ -639,123 +635,3 @@ def profile_of(description: Mapping[str, Any]) -> Profile:
             f"plan.json: gradient.profile is not one that planner writes ({error!r}); grade the "
             "part again"
         ) from error
-
-
-# ------------------------------------------------------------------------------------------------
-# The inverse question: which material, or which blend of two, has a wanted stiffness.
-
-
-@dataclass(frozen=True, slots=True)
-class Mixture:
-    """The answer for one wanted modulus.
-
-    Attributes
-    ----------
-    reachable
-        Whether the palette's range holds the target; if not, `blend` is the nearest end.
-    nearest
-        Catalogue material nearest in log stiffness.
-    blend, modulus_MPa, interval_MPa
-        The interpolated blend, its modulus and the 95 % interval of that.
-    range_MPa
-        What the palette reaches.
-    notes
-        What to know of the materials named, one sentence each: `StiffnessScale.remarks`.
-    """
-
-    target_MPa: float
-    at_strain: float
-    reachable: bool
-    nearest: str
-    nearest_modulus_MPa: float
-    blend: Blend
-    modulus_MPa: float
-    interval_MPa: tuple[float, float]
-    range_MPa: tuple[float, float]
-    notes: tuple[str, ...] = ()
-
-    def blend_text(self) -> str:
-        """Return the blend in words."""
-        if self.blend.fraction == 0.0 or self.blend.lower == self.blend.upper:
-            return self.blend.lower
-        if self.blend.fraction == 1.0:
-            return self.blend.upper
-        share = 100.0 * self.blend.fraction
-        return f"{100.0 - share:.1f} % {self.blend.lower} + {share:.1f} % {self.blend.upper}"
-
-    def document(self) -> dict[str, Any]:
-        """Return the answer as JSON holds it; moduli in MPa with all their digits."""
-        return {
-            "target_modulus_MPa": self.target_MPa,
-            "reachable": self.reachable,
-            "range_MPa": list(self.range_MPa),
-            "nearest": {"material": self.nearest, "modulus_MPa": self.nearest_modulus_MPa},
-            "blend": {
-                "coordinate": self.blend.coordinate,
-                "lower": self.blend.lower,
-                "upper": self.blend.upper,
-                "fraction": self.blend.fraction,
-                "modulus_MPa": self.modulus_MPa,
-                "modulus_interval_MPa": _known(self.interval_MPa),
-            },
-            "notes": list(self.notes),
-        }
-
-
-def invert(
-    modulus_MPa: float,
-    *,
-    at_strain: float = 0.1,
-    printer: str | Printer = "connex3",
-    palette: str | Path | Palette | None = None,
-) -> Mixture:
-    """Find the digital material, and the blend of two, that has a wanted stiffness.
-
-    Parameters
-    ----------
-    modulus_MPa
-        Wanted secant modulus.
-    at_strain
-        Working strain: stiffness is the secant modulus of the nominal stress up to it.
-    printer, palette
-        By name, file or value; the printer's default palette if not given.
-
-    Returns
-    -------
-    Mixture
-        `Mixture.reachable` is false where the palette ends before that modulus; the mixture is then
-        the nearest that can be printed.
-
-    Raises
-    ------
-    ArgumentError
-        The modulus is not a positive number, or the strain is out of range.
-    UnknownNameError, PaletteError
-        No such printer or palette, or a palette file that breaks the schema.
-
-    Examples
-    --------
-    >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
-    '70.8 % FLX9750 + 29.2 % FLX9760'
-    """
-    if not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
-        raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")
-    palette = palette_of(palette, printer)
-    scale = stiffness_scale(palette, at_strain)
-    low, high = scale.moduli_MPa[0], scale.moduli_MPa[-1]
-    within = min(max(modulus_MPa, low), high)
-    blend = blend_for(scale.model, within, at_strain)
-    place = int(nearest(scale.model, within, at_strain))
-    interval = scale.model.modulus_interval_MPa(blend.coordinate, at_strain)
-    return Mixture(
-        target_MPa=modulus_MPa,
-        at_strain=at_strain,
-        reachable=low * (1 - 1e-9) <= modulus_MPa <= high * (1 + 1e-9),
-        nearest=palette.materials[place].id,
-        nearest_modulus_MPa=scale.moduli_MPa[place],
-        blend=blend,
-        modulus_MPa=float(scale.model.modulus_MPa(blend.coordinate, at_strain)),
-        interval_MPa=(float(interval[0]), float(interval[1])),
-        range_MPa=(low, high),
-        notes=scale.remarks({palette.materials[place].id, blend.lower, blend.upper}),
-    )

@@ -16,6 +16,7 @@ from planner.palette import Palette
 __all__ = [
     "Blend",
     "CoefficientModel",
+    "blend_at",
     "blend_for",
     "bracketed",
     "coordinate_for",
@@ -505,7 +506,17 @@ def blend_for(model: CoefficientModel, modulus_MPa: float, at_strain: float) -> 
     ArgumentError
         As `nearest`.
     """
-    coordinate = float(coordinate_for(model, float(modulus_MPa), at_strain))
+    return blend_at(model, float(coordinate_for(model, float(modulus_MPa), at_strain)))
+
+
+def blend_at(model: CoefficientModel, coordinate: float) -> Blend:
+    """Return what stands at a coordinate.
+
+    Raises
+    ------
+    ArgumentError
+        The coordinate is outside the palette.
+    """
     lower, upper, t = model.bracket(coordinate)
     ids = [material.id for material in model.palette.materials]
     return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)

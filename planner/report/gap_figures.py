@@ -18,6 +18,7 @@ from planner.report.svg import (
     disc,
     frame,
     line,
+    log_ticks,
     picture,
     rectangle,
     ring,
@@ -409,14 +410,7 @@ def _x_ticks(points: Points, chart: Chart) -> Sequence[tuple[float, str]]:
         return [(float(i), n) for i, n in enumerate(points.names) if i % every == 0]
     if not points.log:
         return [(value, f"{value:g}") for value in ticks(*chart.x_range, 6)]
-    low, high = chart.x_range
-    steps = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
-    return [
-        (math.log10(step) + power, f"{step * 10.0**power:g}")
-        for power in range(math.floor(low), math.ceil(high) + 1)
-        for step in steps
-        if low <= math.log10(step) + power <= high
-    ]
+    return log_ticks(*chart.x_range)
 
 
 def _y_range(panels: Sequence[Points]) -> tuple[float, float]:

@@ -16,9 +16,12 @@ __all__ = [
     "GREY",
     "INK",
     "Chart",
+    "band",
+    "cross",
     "disc",
     "frame",
     "line",
+    "log_ticks",
     "picture",
     "rectangle",
     "ring",
@@ -88,13 +91,14 @@ def frame(
     x_label: str,
     y_label: str,
     x_ticks: Sequence[tuple[float, str]] | None = None,
+    y_ticks: Sequence[tuple[float, str]] | None = None,
     most_ticks: int = _TICKS,
 ) -> Iterator[str]:
     """Draw grid, figures and names of both axes.
 
     Parameters
     ----------
-    x_ticks
+    x_ticks, y_ticks
         Places and what to write there, in place of round figures.
     most_ticks
         About how many round figures an axis has room for.
@@ -106,10 +110,12 @@ def frame(
         x = chart.x(value)
         yield f'<path d="M{x:.2f},{chart.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'
         yield text(x, bottom + 16.0, words, anchor="middle")
-    for value in ticks(*chart.y_range, most_ticks):
+    if y_ticks is None:
+        y_ticks = [(value, f"{value:g}") for value in ticks(*chart.y_range, most_ticks)]
+    for value, words in y_ticks:
         y = chart.y(value)
         yield f'<path d="M{chart.left:.2f},{y:.2f}H{right:.2f}" stroke="{_GRID}"/>'
-        yield text(chart.left - 6.0, y + 4.0, f"{value:g}", anchor="end")
+        yield text(chart.left - 6.0, y + 4.0, words, anchor="end")
     corner = f"M{chart.left:.2f},{chart.top:.2f}V{bottom:.2f}H{right:.2f}"
     yield f'<path d="{corner}" fill="none" stroke="{INK}"/>'
     yield text(chart.left + chart.width / 2.0, bottom + 36.0, x_label, anchor="middle")
@@ -130,17 +136,17 @@ def _dashes(dash: str) -> str:
     return f' stroke-dasharray="{dash}"' if dash else ""
 
 
-def _band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
+def band(chart: Chart, x: FloatArray, low: FloatArray, high: FloatArray, *, colour: str) -> str:
     """Fill what lies between two lines."""
     back = chart.path(x[::-1], low[::-1]).replace("M", "L", 1)
     return f'<path d="{chart.path(x, high)}{back}Z" fill="{colour}" stroke="none"/>'
 
 
-def _marker(chart: Chart, x: float, y: float, *, colour: str) -> str:
-    """Mark a point with a cross."""
-    a, b = chart.x(x), chart.y(y)
-    cross = f"M{a - 5:.2f},{b - 5:.2f}l10,10m0,-10l-10,10"
-    return f'<path d="{cross}" stroke="{colour}" stroke-width="2.5"/>'
+def cross(x: float, y: float, *, colour: str, arm: float = 5.0) -> str:
+    """Mark a place of the picture with a cross."""
+    d = f"{2.0 * arm:g}"
+    across = f"M{x - arm:.2f},{y - arm:.2f}l{d},{d}m0,-{d}l-{d},{d}"
+    return f'<path d="{across}" stroke="{colour}" stroke-width="{0.5 * arm:g}"/>'
 
 
 def segment(
@@ -209,6 +215,17 @@ def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:
     return tuple(float(f"{n * step:.12g}") for n in range(first, last + 1))
 
 
+def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """Return decades, with 2 and 5 where there are few, between logarithms to base 10."""
+    steps = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
+    return [
+        (math.log10(step) + power, f"{step * 10.0**power:g}")
+        for power in range(math.floor(low), math.ceil(high) + 1)
+        for step in steps
+        if low <= math.log10(step) + power <= high
+    ]
+
+
 def runs(known: BoolArray) -> list[slice]:
     """Return the stretches of steps that are known, in order."""
     turns = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
@@ -264,7 +281,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     chart = Chart(
         _LEFT, _TOP, _WIDTH, _HEIGHT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max())))
     )
-    yield _band(chart, x, low, high, colour=_BAND)
+    yield band(chart, x, low, high, colour=_BAND)
     yield from frame(
         chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
     )
@@ -275,7 +292,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     note = f"band: {100 * simulation.level:g} % of prints"
     if beyond.any():
         yield line(chart, x[first:], force[first:], colour=_CURVE, dash="3,4")
-        yield _marker(chart, float(x[first]), float(force[first]), colour=_BREAK)
+        yield cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=_BREAK)
         note += "; cross: break, dotted beyond it"
     yield text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
 

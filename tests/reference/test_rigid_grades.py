@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 import planner
 from planner.errors import ArgumentError, PaletteError
-from planner.grading.profile import invert, list_materials
+from planner.grading.invert import invert
+from planner.grading.profile import list_materials
 from planner.materials.characterise import Curve, characterise_material
 from planner.materials.fit_intervals import fit_material
 from planner.materials.fit_yield import fit_yielding

@@ -196,7 +196,7 @@ def test_an_internal_error_is_70_and_says_so(monkeypatch, capsys) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("nought")
 
-    monkeypatch.setattr("planner.grading.profile.invert", broken)
+    monkeypatch.setattr("planner.grading.invert.invert", broken)
     assert run(["invert", "-m", "1"]) == 70
     assert "bug in planner" in capsys.readouterr().err
 
@@ -205,7 +205,7 @@ def test_an_interrupt_is_130(monkeypatch, capsys) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("planner.grading.profile.invert", interrupted)
+    monkeypatch.setattr("planner.grading.invert.invert", interrupted)
     assert run(["invert", "-m", "1"]) == 130
     assert "interrupted" in capsys.readouterr().err
 
@@ -299,7 +299,7 @@ def test_an_interrupt_within_a_compiled_loop_is_130(monkeypatch, capsys) -> None
         except KeyboardInterrupt as error:
             raise SystemError("returned a result with an exception set") from error
 
-    monkeypatch.setattr("planner.grading.profile.invert", interrupted)
+    monkeypatch.setattr("planner.grading.invert.invert", interrupted)
     assert run(["invert", "-m", "1"]) == 130
     assert "interrupted" in capsys.readouterr().err
 

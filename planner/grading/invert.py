@@ -1,0 +1,230 @@
+"""Which material or blend has a wanted stiffness; and what stands at a wanted coordinate."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from planner.errors import ArgumentError
+from planner.grading.profile import known_interval, stiffness_scale
+from planner.materials.characterise import SECANT_STRAINS, Curve
+from planner.materials.fit import fit_law, sample_of
+from planner.materials.laws import candidate_laws
+from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest
+from planner.palette import LawParameters, Material, Palette
+from planner.printers import Printer, palette_of
+
+__all__ = ["Mixture", "invert"]
+
+
+@dataclass(frozen=True, slots=True)
+class MixtureLaw:
+    """A law for other programs that stands for a mixture, which planner itself interpolates.
+
+    Attributes
+    ----------
+    error
+        Root mean square of its relative error in stress; 0 of a material of the palette.
+    """
+
+    law: LawParameters
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class MixtureSecant:
+    """The secant modulus of a mixture at a strain, 0 for the initial one, and its 95 % interval."""
+
+    strain: float
+    modulus_MPa: float
+    interval_MPa: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """The answer for one wanted modulus, or one coordinate.
+
+    Attributes
+    ----------
+    target_MPa
+        The wanted modulus; None where a coordinate was asked for.
+    reachable
+        Whether the palette's range holds the target; if not, `blend` is the nearest end.
+    nearest
+        Catalogue material nearest in log stiffness.
+    blend, modulus_MPa, interval_MPa
+        The interpolated blend, its modulus and the 95 % interval of that.
+    range_MPa
+        What the palette reaches.
+    notes
+        What to know of the materials named, one sentence each: `StiffnessScale.remarks`.
+    secants
+        Of a coordinate: its stiffness at more strains, up to the first break of its materials.
+    law
+        Of a coordinate: a law that stands for it; None between materials that yield.
+    """
+
+    target_MPa: float | None
+    at_strain: float
+    reachable: bool
+    nearest: str
+    nearest_modulus_MPa: float
+    blend: Blend
+    modulus_MPa: float
+    interval_MPa: tuple[float, float]
+    range_MPa: tuple[float, float]
+    notes: tuple[str, ...] = ()
+    secants: tuple[MixtureSecant, ...] = ()
+    law: MixtureLaw | None = None
+
+    def blend_text(self) -> str:
+        """Return the blend in words."""
+        if self.blend.fraction == 0.0 or self.blend.lower == self.blend.upper:
+            return self.blend.lower
+        if self.blend.fraction == 1.0:
+            return self.blend.upper
+        share = 100.0 * self.blend.fraction
+        return f"{100.0 - share:.1f} % {self.blend.lower} + {share:.1f} % {self.blend.upper}"
+
+    def document(self) -> dict[str, Any]:
+        """Return the answer as JSON holds it; moduli in MPa with all their digits."""
+        found: dict[str, Any] = {
+            "target_modulus_MPa": self.target_MPa,
+            "reachable": self.reachable,
+            "range_MPa": list(self.range_MPa),
+            "nearest": {"material": self.nearest, "modulus_MPa": self.nearest_modulus_MPa},
+            "blend": {
+                "coordinate": self.blend.coordinate,
+                "lower": self.blend.lower,
+                "upper": self.blend.upper,
+                "fraction": self.blend.fraction,
+                "modulus_MPa": self.modulus_MPa,
+                "modulus_interval_MPa": known_interval(self.interval_MPa),
+            },
+            "notes": list(self.notes),
+        }
+        if self.target_MPa is None:
+            found["secants"] = [
+                {
+                    "strain": one.strain,
+                    "modulus_MPa": one.modulus_MPa,
+                    "modulus_interval_MPa": known_interval(one.interval_MPa),
+                }
+                for one in self.secants
+            ]
+            found["law"] = None if self.law is None else _law_document(self.law)
+        return found
+
+
+def _law_document(found: MixtureLaw) -> dict[str, Any]:
+    parameters = {symbol: list(values) for symbol, values in found.law.parameters.items()}
+    return {"model": found.law.model, **parameters, "relative_error": found.error}
+
+
+def invert(
+    modulus_MPa: float | None = None,
+    *,
+    coordinate: float | None = None,
+    at_strain: float = 0.1,
+    printer: str | Printer = "connex3",
+    palette: str | Path | Palette | None = None,
+) -> Mixture:
+    """Find the digital material, and the blend of two, that has a wanted stiffness.
+
+    Parameters
+    ----------
+    modulus_MPa
+        Wanted secant modulus.
+    coordinate
+        In its place, the coordinate m whose stiffness and law are wanted.
+    at_strain
+        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+    printer, palette
+        By name, file or value; the printer's default palette if not given.
+
+    Returns
+    -------
+    Mixture
+        `Mixture.reachable` is false where the palette ends before that modulus; the mixture is then
+        the nearest that can be printed.
+
+    Raises
+    ------
+    ArgumentError
+        Neither or both are given, the modulus is not a positive number, or coordinate or strain
+        are out of range.
+    UnknownNameError, PaletteError
+        No such printer or palette, or a palette file that breaks the schema.
+
+    Examples
+    --------
+    >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
+    '70.8 % FLX9750 + 29.2 % FLX9760'
+    """
+    if (modulus_MPa is None) is (coordinate is None):
+        raise ArgumentError("give `modulus_MPa`, a wanted modulus, or `coordinate`, a place; one")
+    if modulus_MPa is not None and not (math.isfinite(modulus_MPa) and modulus_MPa > 0.0):
+        raise ArgumentError(f"`modulus_MPa` {modulus_MPa:g}: it must be above 0 MPa")
+    palette = palette_of(palette, printer)
+    scale = stiffness_scale(palette, at_strain)
+    model, low, high = scale.model, scale.moduli_MPa[0], scale.moduli_MPa[-1]
+    if modulus_MPa is not None:
+        blend = blend_for(model, min(max(modulus_MPa, low), high), at_strain)
+    elif coordinate is not None:
+        blend = blend_at(model, coordinate)
+    modulus, interval = _modulus(model, blend.coordinate, at_strain)
+    place = int(nearest(model, modulus, at_strain))
+    return Mixture(
+        target_MPa=modulus_MPa,
+        at_strain=at_strain,
+        reachable=modulus_MPa is None or low * (1 - 1e-9) <= modulus_MPa <= high * (1 + 1e-9),
+        nearest=palette.materials[place].id,
+        nearest_modulus_MPa=scale.moduli_MPa[place],
+        blend=blend,
+        modulus_MPa=modulus,
+        interval_MPa=interval,
+        range_MPa=(low, high),
+        notes=scale.remarks({palette.materials[place].id, blend.lower, blend.upper}),
+        secants=() if coordinate is None else _secants(model, blend),
+        law=None if coordinate is None else _law(model, blend),
+    )
+
+
+def _modulus(
+    model: CoefficientModel, coordinate: float, at_strain: float
+) -> tuple[float, tuple[float, float]]:
+    low, high = model.modulus_interval_MPa(coordinate, at_strain)
+    return float(model.modulus_MPa(coordinate, at_strain)), (float(low), float(high))
+
+
+def _secants(model: CoefficientModel, blend: Blend) -> tuple[MixtureSecant, ...]:
+    first_break = min(material.elongation_at_break for material in _ends(model, blend))
+    strains = (strain for strain in (0.0, *SECANT_STRAINS) if strain <= first_break)
+    return tuple(MixtureSecant(e, *_modulus(model, blend.coordinate, e)) for e in strains)
+
+
+def _ends(model: CoefficientModel, blend: Blend) -> list[Material]:
+    ids = {blend.lower, blend.upper}
+    return [material for material in model.palette.materials if material.id in ids]
+
+
+_POINTS = 60
+"""Strains that a mixture's law is fitted at, even up to the first break."""
+
+
+def _law(model: CoefficientModel, blend: Blend) -> MixtureLaw | None:
+    """Return the law of a material, or Ogden's of as many terms as its neighbours have at most."""
+    ends = _ends(model, blend)
+    if len(ends) == 1:
+        return MixtureLaw(ends[0].law, 0.0)
+    if any(material.deformation != "elastic" for material in ends):
+        return None
+    strain = np.linspace(0.0, min(m.elongation_at_break for m in ends), _POINTS + 1)[1:]
+    stress = model.nominal_stress_MPa(blend.coordinate, 1.0 + strain)
+    sample = sample_of([Curve("mixture", strain, stress)], points=None)
+    # One that is no Ogden law has as much freedom as two terms: neo-Hooke's less, Yeoh's more.
+    terms = max(len(material.law.parameters.get("alpha", (0.0, 0.0))) for material in ends)
+    fit = fit_law(candidate_laws(f"ogden-{terms}")[0], sample)
+    return MixtureLaw(fit.parameters, math.sqrt(fit.cost))

@@ -1,0 +1,191 @@
+"""The figure of a palette: its ladder of stiffness, and each grade's stress to its break."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from planner.grading.profile import StiffnessScale
+from planner.materials.laws import make_law, secant_modulus_MPa
+from planner.report.svg import (
+    INK,
+    Chart,
+    band,
+    cross,
+    disc,
+    frame,
+    line,
+    log_ticks,
+    picture,
+    ring,
+    segment,
+    text,
+)
+
+__all__ = ["materials_figure"]
+
+
+_LEFT, _TOP, _WIDTH, _HEIGHT = 64.0, 100.0, 520.0, 380.0
+_BETWEEN, _MARGIN = 84.0, 24.0
+_MODEL, _BAND, _OTHER, _QUIET = "#1f5fa8", "#d3e1f1", "#c0562b", "#5c5c5c"
+
+_PLACES = 60
+"""Places drawn between two grades."""
+
+_FROM_STRAIN, _STRAINS = 0.01, 200
+"""Where the stress begins, which a logarithm needs, and strains drawn."""
+
+_SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
+"""Size of the names, about the width of a letter, and from line to line; in pixels."""
+
+
+def materials_figure(scale: StiffnessScale) -> bytes:
+    """Draw a palette's ladder of stiffness with its interval, and each grade's stress to its break.
+
+    Parameters
+    ----------
+    scale
+        What `planner.list_materials` returns.
+
+    Returns
+    -------
+    bytes
+        The figure as SVG.
+
+    Examples
+    --------
+    >>> figure = planner.materials_figure(planner.list_materials(at_strain=0.2))  # doctest: +SKIP
+    >>> Path("ladder.svg").write_bytes(figure)  # doctest: +SKIP
+    """
+    second = _LEFT + _WIDTH + _BETWEEN
+    return picture(
+        second + _WIDTH + _MARGIN,
+        _TOP + _HEIGHT + 52.0,
+        [*_ladder(scale), *_stresses(scale, second)],
+        title=f"{scale.palette.name}: stiffness of its materials",
+    )
+
+
+def _ladder(scale: StiffnessScale) -> Iterator[str]:
+    materials, strain = scale.palette.materials, scale.at_strain
+    grades = [material.coordinate for material in materials]
+    steps = [np.linspace(a, b, _PLACES, endpoint=False) for a, b in pairwise(grades)]
+    m = np.concatenate([*steps, grades[-1:]])
+    low, high = scale.model.modulus_interval_MPa(m, strain)
+    others = [
+        (material.coordinate, float(secant_modulus_MPa(make_law(reading.law), held)))
+        for material in materials
+        for reading in material.readings
+        for held in [min(strain, material.elongation_at_break)]
+    ]
+    most = max([float(high.max()), *(modulus for _, modulus in others)])
+    room = 0.05 * (grades[-1] - grades[0]) or 0.5
+    chart = Chart(
+        _LEFT,
+        _TOP,
+        _WIDTH,
+        _HEIGHT,
+        (grades[0] - room, grades[-1] + room),
+        _decades(float(low.min()), most),
+    )
+    yield band(chart, m, np.log10(low), np.log10(high), colour=_BAND)
+    yield from frame(
+        chart,
+        x_label="coordinate m of the material",
+        y_label=f"secant modulus at strain {strain:g}, MPa",
+        y_ticks=log_ticks(*chart.y_range),
+    )
+    yield line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=_MODEL)
+    for coordinate, modulus in others:
+        yield ring(chart.x(coordinate), _log_y(chart, modulus), colour=_OTHER, radius=4.5)
+    at = [(chart.x(c), _log_y(chart, v)) for c, v in zip(grades, scale.moduli_MPa, strict=True)]
+    for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
+        bottom, top = (_log_y(chart, end) for end in ends)
+        yield segment((x, bottom), (x, top), colour=_MODEL)
+        yield disc(x, y, colour=INK, radius=6.0)
+        yield disc(x, y, colour=material.colour, radius=4.8)
+    # A ladder rises, so that there is room below a grade on its right and above it on its left.
+    right = chart.left + chart.width
+    names = [material.id for material in materials]
+    below = [x + 9.0 + _LETTER * len(name) < right for (x, _), name in zip(at, names, strict=True)]
+    placed = [
+        (x + 9.0, y + 15.0, "start") if fits else (x - 9.0, y - 9.0, "end")
+        for (x, y), fits in zip(at, below, strict=True)
+    ]
+    yield from _names(names, placed)
+    yield from _ladder_key(bool(others))
+
+
+def _ladder_key(others: bool) -> Iterator[str]:
+    y, x = 52.0, _LEFT
+    yield disc(x + 6.0, y, colour=INK, radius=6.0)
+    yield disc(x + 6.0, y, colour="#ffffff", radius=4.8)
+    yield text(x + 18.0, y + 4.0, "material", colour=_QUIET)
+    yield segment((x + 82.0, y), (x + 110.0, y), colour=_MODEL, width=2.0)
+    yield text(x + 116.0, y + 4.0, "between them", colour=_QUIET)
+    yield segment((x + 212.0, y), (x + 240.0, y), colour=_BAND, width=12.0)
+    yield text(x + 246.0, y + 4.0, "95 % of prints", colour=_QUIET)
+    if others:
+        yield ring(x + 348.0, y, colour=_OTHER, radius=4.5)
+        yield text(x + 358.0, y + 4.0, "the same read otherwise", colour=_QUIET)
+
+
+def _stresses(scale: StiffnessScale, left: float) -> Iterator[str]:
+    """Draw each grade's law to its break, over a logarithm: grades differ by decades."""
+    materials = scale.palette.materials
+    curves = []
+    for material, law in zip(materials, scale.model.laws, strict=True):
+        strain = np.linspace(_FROM_STRAIN, material.elongation_at_break, _STRAINS)
+        curves.append((strain, law.nominal_stress_MPa(1.0 + strain)))
+    longest = max(float(strain[-1]) for strain, _ in curves)
+    stresses = [float(v) for _, stress in curves for v in (stress[0], stress[-1])]
+    # Names stand behind the ends of the curves.
+    letters = max(len(material.id) for material in materials)
+    reach = longest / (1.0 - (_LETTER * letters + 14.0) / _WIDTH)
+    y_range = _decades(min(stresses), max(stresses))
+    chart = Chart(left, _TOP, _WIDTH, _HEIGHT, (0.0, reach), y_range)
+    yield from frame(
+        chart,
+        x_label="strain",
+        y_label="nominal stress of each law to its break, MPa",
+        y_ticks=log_ticks(*chart.y_range),
+    )
+    if scale.at_strain < longest:
+        x = chart.x(scale.at_strain)
+        yield segment((x, _TOP), (x, _TOP + _HEIGHT), colour=_QUIET, width=1.2, dash="5,4")
+        yield text(x + 5.0, _TOP + _HEIGHT - 8.0, "working strain", colour=_QUIET, size=_SMALL)
+    ends = []
+    for material, (strain, stress) in zip(materials, curves, strict=True):
+        y = np.log10(stress)
+        yield line(chart, strain, y, colour=INK, width=3.2)
+        yield line(chart, strain, y, colour=material.colour, width=2.0)
+        x_end, y_end = chart.x(float(strain[-1])), chart.y(float(y[-1]))
+        yield cross(x_end, y_end, colour=INK, arm=4.0)
+        ends.append((x_end + 8.0, y_end + 4.0, "start"))
+    yield from _names([material.id for material in materials], ends)
+
+
+def _names(names: Sequence[str], places: Sequence[tuple[float, float, str]]) -> Iterator[str]:
+    """Write names beside marks, from the lowest up; what would cover another moves up."""
+    taken = [(x - 15.0, x - 3.0, y) for x, y, anchor in places if anchor == "start"]
+    for name, (x, y, anchor) in sorted(
+        zip(names, places, strict=True), key=lambda item: -item[1][1]
+    ):
+        start = x - _LETTER * len(name) if anchor == "end" else x
+        stop = start + _LETTER * len(name)
+        for left, right, at in sorted(taken, key=lambda box: -box[2]):
+            if start < right and left < stop and abs(at - y) < _LINE:
+                y = at - _LINE
+        taken.append((start, stop, y))
+        yield text(x, y, name, anchor=anchor, size=_SMALL)
+
+
+def _log_y(chart: Chart, value: float) -> float:
+    return chart.y(float(np.log10(value)))
+
+
+def _decades(low: float, high: float) -> tuple[float, float]:
+    """Return the logarithms of a range with some room on either side."""
+    ends = np.log10([low, high])
+    room = 0.05 * float(ends[1] - ends[0]) or 0.5
+    return float(ends[0]) - room, float(ends[1]) + room

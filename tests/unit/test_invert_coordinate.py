@@ -1,0 +1,69 @@
+"""planner invert --coordinate: what stands at a place of the palette."""
+
+import json
+
+import numpy as np
+import pytest
+
+import planner
+from planner.cli import run
+from planner.errors import ArgumentError
+from planner.materials.laws import make_law
+
+
+def test_it_is_the_reverse_of_a_wanted_modulus() -> None:
+    there = planner.invert(coordinate=0.4, at_strain=0.2)
+    back = planner.invert(there.modulus_MPa, at_strain=0.2)
+    # Newton's method within brackets ends at a rounding.
+    assert back.blend.coordinate == pytest.approx(0.4, rel=1e-12)
+    assert back.interval_MPa == pytest.approx(there.interval_MPa, rel=1e-9)
+    assert (there.target_MPa, there.reachable, there.nearest) == (None, True, "FLX9750")
+    assert there.blend_text() == "60.0 % FLX9750 + 40.0 % FLX9760"
+
+
+def test_its_law_has_the_stiffness_that_the_model_has() -> None:
+    there = planner.invert(coordinate=0.4)
+    assert there.law is not None
+    law, model = make_law(there.law.law), planner.list_materials().model
+    strain = np.linspace(0.01, 0.7, 40)
+    ours, exact = law.nominal_stress_MPa(1.0 + strain), model.nominal_stress_MPa(0.4, 1.0 + strain)
+    # Two terms stand for a mean of two laws of two terms; specimens scatter by 5 %.
+    np.testing.assert_allclose(ours, exact, rtol=1e-3)
+    assert there.law.error < 1e-3
+    assert [one.strain for one in there.secants] == [0.0, 0.1, 0.5]
+    for one in there.secants:
+        assert one.interval_MPa[0] < one.modulus_MPa < one.interval_MPa[1]
+
+
+def test_a_material_has_its_own_law_and_a_yielding_blend_none() -> None:
+    there = planner.invert(coordinate=0.5)
+    own = next(m for m in planner.list_materials().palette.materials if m.id == "FLX9760")
+    assert there.law is not None
+    assert (there.law.law, there.law.error) == (own.law, 0.0)
+    assert planner.invert(coordinate=1.2).law is None
+
+
+def test_the_command(capsys) -> None:
+    assert run(["invert", "--coordinate", "0.4", "--modulus", "1.2", "--json"]) == 0
+    wanted, at = json.loads(capsys.readouterr().out)["results"]
+    assert "law" not in wanted
+    assert at["target_modulus_MPa"] is None
+    assert at["blend"]["coordinate"] == 0.4
+    assert at["law"]["model"] == "ogden"
+    assert run(["invert", "--coordinate", "0.4"]) == 0
+    said = capsys.readouterr().out
+    assert "60.0 % FLX9750 + 40.0 % FLX9760" in said
+    assert "m 0.4: ogden law, mu_MPa" in said
+
+
+@pytest.mark.parametrize("place", ["2", "-0.1", "nan"])
+def test_a_place_outside_the_palette_is_refused(capsys, place: str) -> None:
+    assert run(["invert", f"--coordinate={place}"]) == 2
+    assert "goes from 0 to 1.5" in capsys.readouterr().err
+
+
+def test_neither_or_both_are_refused(capsys) -> None:
+    assert run(["invert"]) == 2
+    assert "--coordinate" in capsys.readouterr().err
+    with pytest.raises(ArgumentError, match="one"):
+        planner.invert(1.0, coordinate=0.4)
