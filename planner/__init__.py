@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
     from planner.report.gap_page import write_diagnosis
-    from planner.report.material_figures import materials_figure
+    from planner.report.material_figures import characterisation_figure, materials_figure
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.simulate import Simulation, simulate
@@ -63,6 +63,7 @@ __all__ = [
     "Simulation",
     "SliceStack",
     "StiffnessScale",
+    "characterisation_figure",
     "characterise",
     "check",
     "correct",
@@ -109,7 +110,7 @@ _MODULES = {
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",
     "planner.report.gap_page": "write_diagnosis",
-    "planner.report.material_figures": "materials_figure",
+    "planner.report.material_figures": "characterisation_figure materials_figure",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
     "planner.simulation.simulate": "Simulation simulate",

@@ -307,6 +307,10 @@ def characterise(
     at_strain: Annotated[
         list[float] | None, Option("--at-strain", help="Strain of a secant modulus; repeatable.")
     ] = None,
+    figure: Annotated[
+        Path | None,
+        Option(help="SVG file to write: each curve with its toe, modulus, yield and break."),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -318,14 +322,13 @@ def characterise(
     apart, or a figure looks like a wrong unit, also beside the printer's palette.
 
     Example: [bold]planner characterise tests/*.csv --width-mm 3 --thickness-mm 2 --gauge-mm 15 -o
-    materials.csv[/bold]
+    materials.csv --figure tests.svg[/bold]
     """
     import planner
     from planner.cli.output import finding, print_document, say, tell_notes
-    from planner.formats.files import check_absent, encode_document, write_whole
+    from planner.formats.files import encode_document, write_whole
 
-    if output is not None:
-        check_absent(output, force=force)
+    check_targets(force=force, output=output, figure=figure)
     found = planner.characterise(
         files,
         specimens=specimens,
@@ -342,6 +345,8 @@ def characterise(
     )
     if output is not None:
         write_whole(output, found.csv())
+    if figure is not None:
+        write_whole(figure, planner.characterisation_figure(found))
     if as_json:
         print_document(encode_document(found.document()))
     elif not quiet:
@@ -349,8 +354,9 @@ def characterise(
         _tables(found.materials)
         for one in found.materials:
             say(f"{one.material}: {one.deformation.kind}; {one.deformation.reason}")
-        if output is not None:
-            say(f"wrote {output}")
+        for path in (output, figure):
+            if path is not None:
+                say(f"wrote {path}")
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1

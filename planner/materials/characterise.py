@@ -515,6 +515,8 @@ class Characteristics:
     modulus_uncompensated_MPa
         Stress over strain at the end of the linear part with strains as recorded: what the
         modulus would be without compensation. The modulus itself where there is no toe.
+    zero_strain
+        Where the line of that slope meets zero stress; 0 behind a toe that was taken off.
     toe_strain
         What was taken off the strains; 0 where there is no toe.
     toughness_MJ_m3
@@ -531,6 +533,7 @@ class Characteristics:
     modulus_MPa: float
     modulus_uncompensated_MPa: float
     linear_strain: tuple[float, float]
+    zero_strain: float
     toe_strain: float
     toughness_MJ_m3: float
     elongation_at_break: float
@@ -625,6 +628,7 @@ def characterise_curve(
         if part.toe_strain
         else part.modulus_MPa,
         linear_strain=(float(strain[part.start]), float(strain[end])),
+        zero_strain=part.zero_strain - part.toe_strain,
         toe_strain=part.toe_strain,
         toughness_MJ_m3=float(np.trapezoid(curve.stress_MPa, strain)) + origin_area,
         elongation_at_break=elongation,

@@ -5,7 +5,7 @@ import io
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from planner.formats.tables import number
 from planner.formats.tensile import ListedSpecimen
 from planner.materials.characterise import (
     SECANT_STRAINS,
+    Curve,
     MaterialCharacteristics,
     Spread,
     characterise_material,
@@ -58,11 +59,14 @@ class Characterisation:
         What was corrected, assumed or left out when the tests were read, one sentence each.
     unit_slips
         Where a unit seems to have been taken for another, one sentence each.
+    curves
+        The specimens' curves by material, strains as recorded.
     """
 
     materials: tuple[MaterialCharacteristics, ...]
     notes: tuple[str, ...] = ()
     unit_slips: tuple[str, ...] = ()
+    curves: Mapping[str, Sequence[Curve]] = field(default_factory=dict)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -184,7 +188,7 @@ def characterise(
     ]
     against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, None)
-    return Characterisation(tuple(found), (*study.notes, *asked), slips)
+    return Characterisation(tuple(found), (*study.notes, *asked), slips, study.groups)
 
 
 def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> Palette | None:
@@ -212,7 +216,7 @@ def _unit_slips(
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
     specimens = []
     for c in material.specimens:
-        figures = {field.name: getattr(c, field.name) for field in fields(c)}
+        figures = {one.name: getattr(c, one.name) for one in fields(c)}
         figures["secant_MPa"] = {f"{k:g}": v for k, v in c.secant_MPa.items()}
         figures["deformation"] = c.deformation.kind
         del figures["notes"]

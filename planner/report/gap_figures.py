@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +15,10 @@ from planner.report.svg import (
     GREY,
     INK,
     Chart,
+    Panel,
     disc,
     frame,
+    in_rows,
     line,
     log_ticks,
     picture,
@@ -69,23 +71,7 @@ _GRID = "#e4e4e4"
 # What figures share: panels in rows, and bars from the left.
 
 
-_Panel = Callable[[float, float], Iterator[str]]
-"""Of its left and top."""
-
 _TOP = 84.0
-
-
-def _panels(
-    panels: Sequence[_Panel], across: int, left: float, cell: tuple[float, float]
-) -> tuple[list[str], float, float]:
-    """Return panels set in rows, and where the last cells end."""
-    parts: list[str] = []
-    for number, panel in enumerate(panels):
-        row, column = divmod(number, across)
-        parts += panel(left + column * cell[0], _TOP + row * cell[1])
-    rows = math.ceil(len(panels) / across)
-    return parts, min(len(panels), across) * cell[0], _TOP + rows * cell[1]
-
 
 _BARS_LEFT, _BARS_WIDTH, _BARS_RIGHT = 290.0, 380.0, 90.0
 
@@ -311,13 +297,13 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
         shown = [(p, replace(q, after=np.full_like(q.before, np.nan))) for p, q in shown]
     y_range = _y_range([points for _, points in shown])
 
-    def panel(place: Location, points: Points) -> _Panel:
+    def panel(place: Location, points: Points) -> Panel:
         return lambda left, top: _residual_panel(
             place, points, Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
         )
 
     panels = [panel(place, points) for place, points in shown]
-    parts, width, height = _panels(panels, _ACROSS, 66.0, (440.0, 280.0))
+    parts, width, height = in_rows(panels, _ACROSS, (66.0, _TOP), (440.0, 280.0))
     return picture(
         width + 16.0,
         height - 16.0,
@@ -457,10 +443,10 @@ def _curves_figure(diagnosis: Diagnosis) -> bytes | None:
         return None
     title = "The tests with the largest gap" if len(order) > len(shown) else "Every test"
 
-    def panel(test: int) -> _Panel:
+    def panel(test: int) -> Panel:
         return lambda left, top: _curves_panel(traces, test, left, top)
 
-    parts, width, height = _panels([panel(test) for test in shown], 3, 62.0, (292.0, 256.0))
+    parts, width, height = in_rows([panel(test) for test in shown], 3, (62.0, _TOP), (292.0, 256.0))
     return picture(
         max(width + 20.0, 470.0),
         height + 4.0,

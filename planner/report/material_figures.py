@@ -1,4 +1,4 @@
-"""The figure of a palette: its ladder of stiffness, and each grade's stress to its break."""
+"""Figures of materials: a palette's ladder of stiffness, and what tensile tests show."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -6,14 +6,19 @@ from itertools import pairwise
 import numpy as np
 
 from planner.grading.profile import StiffnessScale
+from planner.materials.characterise import Characteristics, Curve, MaterialCharacteristics
 from planner.materials.laws import make_law, secant_modulus_MPa
+from planner.materials.palette_study import Characterisation
+from planner.numerics import FloatArray
 from planner.report.svg import (
     INK,
     Chart,
+    Panel,
     band,
     cross,
     disc,
     frame,
+    in_rows,
     line,
     log_ticks,
     picture,
@@ -22,21 +27,27 @@ from planner.report.svg import (
     text,
 )
 
-__all__ = ["materials_figure"]
+__all__ = ["characterisation_figure", "materials_figure", "specimen_key", "specimen_line"]
+
+
+_QUIET = "#5c5c5c"
+_SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
+"""Size of small words, about the width of their letters, and from line to line; in pixels."""
+
+
+# ------------------------------------------------------------------------------------------------
+# The figure of a palette: its ladder, and each grade's stress to its break.
 
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 64.0, 100.0, 520.0, 380.0
 _BETWEEN, _MARGIN = 84.0, 24.0
-_MODEL, _BAND, _OTHER, _QUIET = "#1f5fa8", "#d3e1f1", "#c0562b", "#5c5c5c"
+_MODEL, _BAND, _OTHER = "#1f5fa8", "#d3e1f1", "#c0562b"
 
 _PLACES = 60
 """Places drawn between two grades."""
 
 _FROM_STRAIN, _STRAINS = 0.01, 200
 """Where the stress begins, which a logarithm needs, and strains drawn."""
-
-_SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
-"""Size of the names, about the width of a letter, and from line to line; in pixels."""
 
 
 def materials_figure(scale: StiffnessScale) -> bytes:
@@ -189,3 +200,141 @@ def _decades(low: float, high: float) -> tuple[float, float]:
     ends = np.log10([low, high])
     room = 0.05 * float(ends[1] - ends[0]) or 0.5
     return float(ends[0]) - room, float(ends[1]) + room
+
+
+# ------------------------------------------------------------------------------------------------
+# The figure of tensile tests: every specimen's curve with its toe, modulus, yield and break.
+
+
+_PANEL_WIDTH, _PANEL_HEIGHT, _ACROSS = 300.0, 210.0, 3
+_CELL = (384.0, 316.0)
+_CORNER = (64.0, 120.0)
+
+# Okabe and Ito's colours, told apart by the colour-blind; then the same, dashed.
+_SPECIMENS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+_DASHES = ("", "7,3", "2,3")
+
+_SHOWN_NAMES = 6
+_SHOWN_POINTS = 400
+_LETTERS = 22
+"""Letters of a specimen's name that have room beside the curves."""
+
+
+def characterisation_figure(found: Characterisation) -> bytes:
+    """Draw every specimen's curve, with its toe, Young's modulus, yield and break.
+
+    Parameters
+    ----------
+    found
+        What `planner.characterise` returns.
+
+    Returns
+    -------
+    bytes
+        The figure as SVG.
+
+    Examples
+    --------
+    >>> figure = planner.characterisation_figure(planner.characterise(["tests"]))  # doctest: +SKIP
+    >>> Path("tests.svg").write_bytes(figure)  # doctest: +SKIP
+    """
+
+    def panel(one: MaterialCharacteristics) -> Panel:
+        return lambda left, top: _tests_panel(one, found.curves[one.material], left, top)
+
+    shown = [panel(one) for one in found.materials]
+    parts, width, height = in_rows(shown, _ACROSS, _CORNER, _CELL)
+    return picture(
+        max(width, 2.0 * _CELL[0]),
+        height - 40.0,
+        [*_tests_key(), *parts],
+        title="Tensile tests: curves as recorded",
+    )
+
+
+def _tests_key() -> Iterator[str]:
+    y = 52.0
+    yield segment((20.0, y), (48.0, y), colour=INK, width=1.4, dash="5,4")
+    yield text(54.0, y + 4.0, "Young's modulus", colour=_QUIET)
+    yield disc(176.0, y, colour=INK)
+    yield text(186.0, y + 4.0, "end of the toe", colour=_QUIET)
+    yield ring(296.0, y, colour=INK)
+    yield text(306.0, y + 4.0, "yield", colour=_QUIET)
+    yield cross(366.0, y, colour=INK, arm=4.0)
+    yield text(376.0, y + 4.0, "break", colour=_QUIET)
+
+
+def _tests_panel(
+    one: MaterialCharacteristics, curves: Sequence[Curve], left: float, top: float
+) -> Iterator[str]:
+    longest = max(float(curve.strain[-1]) for curve in curves)
+    lowest = min(0.0, *(float(curve.strain[0]) for curve in curves))
+    highest = max(float(curve.stress_MPa.max()) for curve in curves)
+    # The names stand above the curves, left of where they end.
+    names = min(len(curves), _SHOWN_NAMES + 1)
+    room = 1.08 + (names * _LINE + 6.0) / _PANEL_HEIGHT
+    chart = Chart(
+        left, top, _PANEL_WIDTH, _PANEL_HEIGHT, (lowest, 1.05 * longest), (0.0, room * highest)
+    )
+    modulus = one.spreads["modulus_MPa"].mean
+    heading = f"{one.material}: {modulus:.3g} MPa, deforms {one.deformation.kind}ally"
+    yield text(left - 44.0, top - 32.0, heading, size=13.0)
+    yield from frame(
+        chart, x_label="strain as recorded", y_label="nominal stress, MPa", most_ticks=6
+    )
+    for number, curve in enumerate(curves):
+        yield specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    for number, (specimen, curve) in enumerate(zip(one.specimens, curves, strict=True)):
+        yield from _marks(chart, specimen, curve, _SPECIMENS[number % len(_SPECIMENS)])
+    yield from specimen_key(chart, [curve.specimen for curve in curves])
+
+
+def _marks(chart: Chart, specimen: Characteristics, curve: Curve, colour: str) -> Iterator[str]:
+    toe, zero = specimen.toe_strain, specimen.toe_strain + specimen.zero_strain
+    # To where the eye sees whether it is a tangent: twice the linear part, within the chart.
+    end = zero + min(
+        2.0 * (specimen.linear_strain[1] - specimen.zero_strain),
+        0.8 * specimen.strength_MPa / specimen.modulus_MPa,
+    )
+    start = max(zero, chart.x_range[0])
+    ends = [(x, specimen.modulus_MPa * (x - zero)) for x in (start, end)]
+    (x0, y0), (x1, y1) = ((chart.x(x), chart.y(y)) for x, y in ends)
+    yield segment((x0, y0), (x1, y1), colour=INK, width=1.1, dash="5,4")
+    if toe:
+        yield disc(chart.x(toe), chart.y(0.0), colour=colour)
+    if specimen.yield_strain is not None:
+        at = toe + specimen.yield_strain
+        y = float(np.interp(at, curve.strain, curve.stress_MPa))
+        yield ring(chart.x(at), chart.y(y), colour=colour)
+    yield cross(
+        chart.x(float(curve.strain[-1])),
+        chart.y(float(curve.stress_MPa[-1])),
+        colour=colour,
+        arm=4.0,
+    )
+
+
+def specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> str:
+    """Draw the curve of a material's n-th specimen, at so many points as can be seen."""
+    at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
+    colour, dash = _look(number)
+    return line(chart, x[at], y[at], colour=colour, width=1.6, dash=dash)
+
+
+def specimen_key(chart: Chart, names: Sequence[str]) -> Iterator[str]:
+    """Name the first specimens at the top left of a chart."""
+    x, y = chart.left + 8.0, chart.top + 12.0
+    for number, name in enumerate(names[:_SHOWN_NAMES]):
+        colour, dash = _look(number)
+        at = y + _LINE * number
+        yield segment((x, at - 4.0), (x + 20.0, at - 4.0), colour=colour, width=1.6, dash=dash)
+        # Names of specimens differ at their ends.
+        cut = name if len(name) <= _LETTERS else f"…{name[1 - _LETTERS :]}"
+        yield text(x + 26.0, at, cut, size=_SMALL, colour=_QUIET)
+    if len(names) > _SHOWN_NAMES:
+        more = f"and {len(names) - _SHOWN_NAMES} more"
+        yield text(x + 26.0, y + _LINE * _SHOWN_NAMES, more, size=_SMALL, colour=_QUIET)
+
+
+def _look(number: int) -> tuple[str, str]:
+    return _SPECIMENS[number % len(_SPECIMENS)], _DASHES[number // len(_SPECIMENS) % len(_DASHES)]

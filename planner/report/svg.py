@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -16,10 +16,12 @@ __all__ = [
     "GREY",
     "INK",
     "Chart",
+    "Panel",
     "band",
     "cross",
     "disc",
     "frame",
+    "in_rows",
     "line",
     "log_ticks",
     "picture",
@@ -83,6 +85,23 @@ def picture(
     )
     lines = [text(20.0, 28.0, heading or title, size=15.0), *parts]
     return (head + "\n".join(lines) + "\n</svg>\n").encode("utf-8")
+
+
+Panel = Callable[[float, float], Iterator[str]]
+"""Draws a part of a picture, of its left and top."""
+
+
+def in_rows(
+    panels: Sequence[Panel], across: int, corner: tuple[float, float], cell: tuple[float, float]
+) -> tuple[list[str], float, float]:
+    """Return panels set in rows from a corner, their width, and where the last row ends."""
+    left, top = corner
+    parts: list[str] = []
+    for number, panel in enumerate(panels):
+        row, column = divmod(number, across)
+        parts += panel(left + column * cell[0], top + row * cell[1])
+    rows = math.ceil(len(panels) / across)
+    return parts, min(len(panels), across) * cell[0], top + rows * cell[1]
 
 
 def frame(

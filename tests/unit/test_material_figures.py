@@ -3,10 +3,12 @@
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import planner
 from planner.cli import run
+from planner.materials.palette_study import Characterisation
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -65,3 +67,50 @@ def test_materials_writes_its_figure_once(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize("palette", ["connex3-tango-vero-extensometer", "connex3-agilus-vero"])
 def test_every_palette_of_the_printer_has_a_figure(palette: str) -> None:
     words(planner.materials_figure(planner.list_materials(palette=palette)))
+
+
+@pytest.fixture(scope="module")
+def tests(samples: Path) -> Characterisation:
+    return planner.characterise([samples / "tensile"])
+
+
+def test_tests_have_a_curve_a_specimen(tests: Characterisation) -> None:
+    figure = planner.characterisation_figure(tests)
+    assert figure == planner.characterisation_figure(tests)
+    said = words(figure)
+    for material in tests.materials:
+        assert any(text.startswith(f"{material.material}: ") for text in said)
+        for specimen in material.specimens:
+            assert said.count(specimen.specimen) == 1
+    # Three specimens of each of three materials, in the same three colours.
+    for colour in ("#0072b2", "#d55e00", "#009e73"):
+        assert strokes(figure, colour) == 3
+
+
+def test_the_slope_is_a_tangent_of_its_curve(tests: Characterisation) -> None:
+    for material in tests.materials:
+        for one, curve in zip(material.specimens, tests.curves[material.material], strict=True):
+            assert one.toe_strain == 0.0 or one.zero_strain == 0.0
+            # A rubber's tangent begins at rest, to 0.2 % of noise over its slope.
+            assert abs(one.zero_strain) < 0.01
+            middle = float(np.mean(one.linear_strain))
+            drawn = one.modulus_MPa * (middle - one.zero_strain)
+            measured = np.interp(one.toe_strain + middle, curve.strain, curve.stress_MPa)
+            # A line lies on its curve within the noise; an arc has left its tangent by a fifth.
+            assert drawn == pytest.approx(measured, rel=0.02 if one.toe_strain else 0.25)
+
+
+def test_characterise_writes_its_figure(tmp_path: Path, samples: Path, capsys) -> None:
+    figure, table = tmp_path / "tests.svg", tmp_path / "tests.csv"
+    command = ["characterise", str(samples / "tensile"), "--figure", str(figure), "-o", str(table)]
+    assert run(command) == 0
+    said = capsys.readouterr().out
+    assert f"wrote {table}" in said
+    assert f"wrote {figure}" in said
+    words(figure.read_bytes())
+    table.unlink()
+    assert run(command) == 2  # the figure is there, so that no table is written either
+    assert not table.exists()
+    same = [*command[:2], "--figure", str(tmp_path / "a.svg"), "-o", str(tmp_path / "a.svg")]
+    assert run(same) == 2
+    assert "name one file" in capsys.readouterr().err
