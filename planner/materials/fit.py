@@ -27,6 +27,7 @@ __all__ = [
     "law_stress_MPa",
     "minimise",
     "sample_of",
+    "students_t",
     "unstable_strain",
 ]
 
@@ -159,7 +160,9 @@ def _weights(specimen: IntArray) -> FloatArray:
 # search over a alone: fewer dimensions, better conditioned, and no start values for c. The Jacobian
 # is Kaufman's, whose gradient is exact (G. Golub and V. Pereyra 1973; L. Kaufman 1975). All starts
 # go through Levenberg-Marquardt together as one batch of arrays, on points thinned out; the lowest
-# go on to the minimum with second derivatives, taken by differences of that gradient.
+# go on to the minimum. The damping follows how much of the foreseen gain a step makes (H. Nielsen
+# 1999): a fixed factor up and down wastes every second step in the long bent valley along which two
+# terms exchange their parts, and where a row of `SoundRows` pulls at the law.
 
 
 _CONVERGED_GRADIENT = 1e-6
@@ -170,7 +173,7 @@ _RIDGE = 1e-4
 nothing where terms differ; where two coincide it keeps them from growing to many times the stress
 and cancelling: tests do not determine such pairs, and they would make figures of noise."""
 
-_ITERATIONS = 40
+_ITERATIONS = 80
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,7 +240,6 @@ def minimise(
     held: Held | None = None,
     flat: float = 1e-14,
     iterations: int = _ITERATIONS,
-    exact: bool = False,
 ) -> Solutions:
     """Minimise the sample's cost over a law's parameters from each start.
 
@@ -251,9 +253,6 @@ def minimise(
         Share of the cost that a step has to gain for a search to go on.
     iterations
         At most so many steps.
-    exact
-        Steps by the gradient's differences instead of Gauss and Newton's matrix, which creeps
-        where a row of `SoundRows` pulls at the law.
     """
     problem = _Problem(law, sample)
     low, high = law.bounds(float(sample.stretch.max())).T
@@ -262,7 +261,7 @@ def minimise(
     held_a = np.zeros((s, q), dtype=bool) if held is None else held.a
     held_c = np.full((s, law.columns), np.nan) if held is None else held.c
     state = problem.project(a, held_c)
-    damping = np.full(s, 1e-2)
+    damping, raised = np.full(s, 0.1), np.full(s, 2.0)
     gradient = np.zeros(s)
     converged = np.full(s, q == 0)
     active = np.flatnonzero(~converged)
@@ -279,43 +278,30 @@ def minimise(
         length = np.sqrt(square * now.cost[:, None])
         cosine = np.abs(slope) / np.where(length > 0, length, 1.0)
         gradient[active] = cosine.max(axis=1)
-        if exact:
-            normal = _curvature(problem, at, held_c[active], now, stuck)
-            square = np.einsum("skk->sk", normal)
+        damped = normal.copy()
         diagonal = np.where(square > 0, square, 1.0)
-        normal[:, range(q), range(q)] = diagonal * (1.0 + damping[active])[:, None]
-        step = -np.linalg.solve(normal, slope[:, :, None])[:, :, 0]
+        damped[:, range(q), range(q)] = diagonal * (1.0 + damping[active])[:, None]
+        step = -np.linalg.solve(damped, slope[:, :, None])[:, :, 0]
         trial = np.clip(at + step, low, high)
         after = problem.project(trial, held_c[active], now.broken)
         better = after.cost < now.cost
         gained = now.cost - after.cost > flat * now.cost
         small = np.abs(trial - at).max(axis=1) <= 1e-10 * (1.0 + np.abs(at).max(axis=1))
-        damping[active] *= np.where(better, 0.2, 5.0)
+        taken = trial - at
+        foreseen = -np.einsum(
+            "sk,sk->s", taken, 2.0 * slope + (normal @ taken[:, :, None])[:, :, 0]
+        )
+        share = (now.cost - after.cost) / np.where(foreseen > 0.0, foreseen, np.inf)
+        eased = np.clip(1.0 - (2.0 * share - 1.0) ** 3, 1.0 / 3.0, 2.0)
+        damping[active] *= np.where(better, eased, raised[active])
         damping[active] = np.maximum(damping[active], 1e-10)
+        raised[active] = np.where(better, 2.0, 2.0 * raised[active])
         a[active] = np.where(better[:, None], trial, at)
         state.take(active[better], after.rows(np.flatnonzero(better)))
         done = (gradient[active] < _CONVERGED_GRADIENT) | (better & ~gained) | (~better & small)
         converged[active] |= done
         active = active[~done]
     return Solutions(a, state.coefficients, state.cost, gradient, converged)
-
-
-def _curvature(
-    problem: "_Problem", at: FloatArray, held_c: FloatArray, now: "_State", stuck: BoolArray
-) -> FloatArray:
-    """Return half the cost's second derivatives, each eigenvalue made positive."""
-    s, q = at.shape
-    step = 1e-5 * (1.0 + np.abs(at))
-    moved = np.repeat(at[None], q, axis=0)
-    moved[range(q), :, range(q)] += step.T
-    rows = moved.reshape(q * s, q)
-    slopes = problem.project(rows, np.tile(held_c, (q, 1)), np.tile(now.broken, (q, 1))).slope
-    change = (slopes.reshape(q, s, q) - now.slope).transpose(1, 0, 2) / step[:, :, None]
-    change = np.where(stuck[:, :, None] | stuck[:, None, :], 0.0, change)
-    value, vector = np.linalg.eigh(0.5 * (change + change.transpose(0, 2, 1)))
-    value = np.maximum(np.abs(value), 1e-12 * np.abs(value).max(axis=1, initial=0.0)[:, None])
-    out: FloatArray = (vector * value[:, None, :]) @ vector.transpose(0, 2, 1)
-    return out
 
 
 class _State(NamedTuple):
@@ -332,7 +318,13 @@ class _State(NamedTuple):
     broken: BoolArray
 
     def rows(self, index: IntArray) -> "_State":
-        return _State(*(values[index] for values in self))
+        return _State(
+            self.coefficients[index],
+            self.cost[index],
+            self.slope[index],
+            self.normal[index],
+            self.broken[index],
+        )
 
     def take(self, index: IntArray, other: "_State") -> None:
         for values, new in zip(self, other, strict=True):
@@ -382,8 +374,8 @@ class _Problem:
             both, rows = both @ turn, rows @ turn
         square = both.transpose(0, 2, 1) @ both
         inner = self.target @ both
-        norm = np.where(free, np.sqrt(np.einsum("spp->sp", square[:, :p, :p])), 1.0)
-        norm = np.where(norm > 0.0, norm, 1.0)
+        size = np.einsum("spp->sp", square[:, :p, :p])
+        norm = np.sqrt(np.where(free & (size > 0.0), size, 1.0))
         # A row with enormous entries, as of an exponent of 30, would swamp the others' digits.
         largest = np.abs(rows[:, :, :p] / norm[:, None, :]).max(axis=2, initial=0.0)
         rows = rows / np.maximum(largest / _LARGEST_ROW, 1.0)[:, :, None]
@@ -468,13 +460,12 @@ def _solved(
 ) -> FloatArray:
     """Return the minimum over the free coefficients of a quadratic form, given the held ones."""
     p = free.shape[1]
-    right = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
+    aim = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
     matrix = np.where(free[:, :, None] & free[:, None, :], matrix, 0.0)
     diagonal = np.einsum("spp->sp", matrix)
     # The last term is above the rounding of the first, so that no matrix is singular.
     matrix[:, range(p), range(p)] += np.where(free, 1e-14 * diagonal, 1.0)
-    out: FloatArray = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    return out
+    return np.asarray(np.linalg.solve(matrix, aim[:, :, None])[:, :, 0], dtype=np.float64)
 
 
 def _normal_matrix(
@@ -608,7 +599,8 @@ _ROUGH_POINTS = 75
 
 _POLISHED = 4
 
-_FLAT = 1e-10
+_POLISH = 40
+_FLAT = 1e-13
 """Gain per step at which the lowest are left: figures are rounded long before."""
 
 _SIGNIFICANT_DIGITS = 5
@@ -652,6 +644,8 @@ class LawFit:
         As a palette file holds them.
     a, c
         Nonlinear parameters (q,) and the law's coefficients (p,) in file terms.
+    lowest
+        Nonlinear parameters (k, q) at which the lowest searches ended.
     cost
         Mean square of the residual over its scale; see `Sample`.
     objective
@@ -667,6 +661,7 @@ class LawFit:
     parameters: LawParameters
     a: FloatArray
     c: FloatArray
+    lowest: FloatArray
     cost: float
     objective: float
     r2: float
@@ -692,7 +687,6 @@ def fit_law(
     starts: int = STARTS,
     shift: float = 0.5,
     also: FloatArray | None = None,
-    steps: int = _ITERATIONS,
 ) -> LawFit:
     """Fit a law by multi-start variable projection.
 
@@ -704,8 +698,6 @@ def fit_law(
         Moves the pattern of starts; see `spread_starts`.
     also
         Further starts, shape (k, q).
-    steps
-        At most so many from the lowest starts to the minimum.
     """
     spread = spread_starts(law, sample, starts, shift)
     if also is not None and law.nonlinear:
@@ -714,14 +706,14 @@ def fit_law(
     rough = minimise(law, sample.part(thin), spread, flat=_ROUGH, iterations=_ROUGH_ITERATIONS)
     cost, converged = minimise(law, sample, rough.a, iterations=0).cost, rough.converged
     lowest = np.argsort(cost, kind="stable")[:_POLISHED]
-    found = minimise(law, sample, rough.a[lowest], flat=_FLAT, iterations=steps, exact=True)
+    found = minimise(law, sample, rough.a[lowest], flat=_FLAT, iterations=_POLISH)
     best = _best(found)
     cost[lowest], converged[lowest] = found.cost, found.converged
     a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
     held = Held(np.ones((1, law.nonlinear), dtype=bool), np.full((1, law.columns), np.nan))
     final = minimise(law, sample, a[None], held)
     a = final.a[0]
-    c = final.c[0] / law.divisor(final.a)[0][0]
+    c = _file_coefficients(law, final)[0]
     residual = law_stress_MPa(law, a, c, sample.stretch) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
@@ -733,6 +725,7 @@ def fit_law(
         parameters=LawParameters(law.model, MappingProxyType(law.parameters(a, c))),
         a=a,
         c=c,
+        lowest=found.a,
         cost=float(((sample.factor * residual) ** 2).sum()),
         objective=float(final.cost[0]),
         r2=r2,
@@ -756,6 +749,11 @@ def law_stress_MPa(
     """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
     phi, _ = law.evaluate(stretch, a[None], planar=planar)
     out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
+    return out
+
+
+def _file_coefficients(law: SeparableLaw, found: Solutions) -> FloatArray:
+    out: FloatArray = found.c / law.divisor(found.a)[0]
     return out
 
 
@@ -820,11 +818,9 @@ def _falling(stretch: FloatArray, measure: FloatArray) -> FloatArray:
 # Choose a law by what it predicts of a specimen that took no part in the fit.
 
 
-_FOLD_STARTS = 4
-"""Starts of a fit with a specimen left out, beside the one at the whole fit."""
-
 _FOLD_STEPS = 12
-"""Steps of such a fit: what it predicts is known to a share of its own error by then."""
+"""Steps of a fit with a specimen left out, which begins where the lowest searches of the whole fit
+ended: what it predicts is known to a share of its own error by then."""
 
 _BLOCKS = 7
 """Blocks along strain for a single specimen; the outer two are never left out, because a law is
@@ -888,7 +884,6 @@ def choose_law(
     working_strain: float,
     *,
     starts: int = STARTS,
-    shift: float = 0.5,
 ) -> Choice:
     """Fit every law, leave one specimen out in turn, and choose.
 
@@ -906,7 +901,7 @@ def choose_law(
         The sample holds fewer points than the smallest law has parameters.
     """
     folds, scheme = _folds(sample)
-    fits = [fit_law(law, sample, starts=starts, shift=shift) for law in laws]
+    fits = [fit_law(law, sample, starts=starts) for law in laws]
     points = len(sample.stretch) - max(int(fold.sum()) for fold in folds)
     usable = [fit for fit in fits if fit.parameter_count < points]
     if not usable:
@@ -915,9 +910,7 @@ def choose_law(
             "on what is left out; measure more points or choose a law of fewer parameters"
         )
     candidates = tuple(
-        LawCandidate(
-            fit, unstable_strain(fit, working_strain), *_held_out(fit, sample, folds, shift)
-        )
+        LawCandidate(fit, unstable_strain(fit, working_strain), *_held_out(fit, sample, folds))
         for fit in usable
     )
     stable = [c for c in candidates if c.unstable_strain is None]
@@ -954,31 +947,33 @@ def _asked(fold: BoolArray, sample: Sample) -> BoolArray:
     return asked
 
 
-def _held_out(
-    fit: LawFit, sample: Sample, folds: Sequence[BoolArray], shift: float
-) -> tuple[FloatArray, bool]:
+def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[FloatArray, bool]:
     """Return the error on each fold left out, and whether every column's part is determined."""
-    from scipy.stats import t as student
-
     errors, parts = [], []
     for fold in folds:
         known = sample.part(~fold)
-        again = fit_law(
-            fit.law, known, starts=_FOLD_STARTS, shift=shift, also=fit.a[None], steps=_FOLD_STEPS
-        )
+        found = minimise(fit.law, known, fit.lowest, flat=_ROUGH, iterations=_FOLD_STEPS)
+        best = _best(found)
         asked = sample.part(_asked(fold, sample))
-        predicted = law_stress_MPa(fit.law, again.a, again.c, asked.stretch)
-        error = (predicted - asked.stress_MPa) / asked.scale_MPa
+        phi, _ = fit.law.evaluate(sample.stretch, found.a[best][None])
+        stress = phi[0] * found.c[best]
+        error = (stress.sum(axis=1)[_asked(fold, sample)] - asked.stress_MPa) / asked.scale_MPa
         errors.append(np.sqrt(np.mean(error**2)))
-        phi, _ = fit.law.evaluate(sample.stretch, again.a[None])
-        part = sample.factor[:, None] * phi[0] * again.c * fit.law.divisor(again.a[None])[0][0]
+        part = sample.factor[:, None] * stress
         parts.append(np.sqrt((part**2).sum(axis=0)))
     count = len(folds)
     if count < 2:
         return np.array(errors), True
     # The jackknife's variance; the whole stress, divided by its own size, has about size one.
     spread = np.std(parts, axis=0) * np.sqrt(count - 1.0)
-    return np.array(errors), bool(np.all(student.ppf(0.975, count - 1) * spread < 1.0))
+    return np.array(errors), bool(np.all(students_t(0.95, count) * spread < 1.0))
+
+
+def students_t(level: float, specimens: int) -> float:
+    """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(specimens - 1, 0.5 + 0.5 * level))
 
 
 def _standard_error(values: FloatArray) -> float:

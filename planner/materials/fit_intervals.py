@@ -27,6 +27,7 @@ from planner.materials.fit import (
     law_stress_MPa,
     minimise,
     sample_of,
+    students_t,
 )
 from planner.materials.fit_yield import fit_yielding
 from planner.materials.laws import SeparableLaw
@@ -84,8 +85,6 @@ def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
 
 def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatter:
     """Return the scatter of specimens' own ln(stiffness), about a law that is `misfit` off."""
-    from scipy.stats import t as student
-
     count = len(levels)
     if count < 2 or np.ptp(levels) < _SAME:
         spread = ASSUMED_LOG_SD
@@ -93,7 +92,7 @@ def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatte
             count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit))
         )
     between = float(np.std(levels, ddof=1))
-    widened = float(student.ppf(0.975, count - 1)) / NormalDist().inv_cdf(0.975)
+    widened = students_t(0.95, count) / NormalDist().inv_cdf(0.975)
     predictive = between * widened * np.sqrt(1.0 + 1.0 / count)
     return ParameterScatter(count, between, misfit, float(np.hypot(predictive, misfit)))
 
@@ -119,7 +118,7 @@ _ROUNDS = 14
 _CLOSE = 0.02
 """Relative error of the crossing's distance at which the search ends."""
 
-_FLAT = 1e-5
+_FLAT = 1e-7
 """Gain per step, as a share of the cost, at which a point of a profile is left."""
 
 _FLOOR = 1e-10
@@ -176,7 +175,7 @@ def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
         ends = np.tile([-np.inf, np.inf], (q + p, 1))
         return Intervals(ends[:q], ends[q:], level, False)
     spread = np.sqrt(_moves_variance(fit, sample, np.eye(q + p)))
-    ends = _crossings(fit, sample, _student(level, sample.specimens), spread)
+    ends = _crossings(fit, sample, students_t(level, sample.specimens), spread)
     return Intervals(ends[:q], ends[q:], level, True)
 
 
@@ -190,7 +189,7 @@ def secant_intervals(
     derivative, stress = _derivatives(fit.law, fit.a, fit.c, 1.0 + strain)
     if _scatter_known(sample):
         variance = _moves_variance(fit, sample, (derivative / stress[:, None]).T)
-        half = _student(level, sample.specimens) * np.sqrt(variance)
+        half = students_t(level, sample.specimens) * np.sqrt(variance)
     else:
         half = np.full(len(strain), np.inf)
     value = stress / strain
@@ -203,12 +202,6 @@ def _scatter_known(sample: Sample) -> bool:
     own = _own(sample)
     means = [float(np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0))) for i in own]
     return float(np.ptp(means)) > _SAME * abs(float(np.mean(means)))
-
-
-def _student(level: float, specimens: int) -> float:
-    from scipy.stats import t as student
-
-    return float(student.ppf(0.5 + 0.5 * level, specimens - 1))
 
 
 def _derivatives(
@@ -259,15 +252,20 @@ def _allowed_rise(
 ) -> float:
     """Return the variance between specimens of the profile's score over its square's, at a fit.
 
-    The score is that of one parameter, freed of what the others could do instead.
+    The score is that of one parameter, freed of what the others could do instead. Away from the
+    best fit every specimen's has a share in the slope of the cost, by how much it tells of the
+    parameter; what is left is how far the specimens differ.
     """
     unit, _, residual = _linearised(law, a, c, sample)
     others = np.delete(unit, which, axis=1)
     normal = others.T @ others + _FLOOR * np.eye(others.shape[1])
     score = unit[:, which] - others @ np.linalg.solve(normal, others.T @ unit[:, which])
     each = np.array([score[i] @ residual[i] for i in _own(sample)])
+    told = np.array([score[i] @ score[i] for i in _own(sample)])
+    whole = max(float(told.sum()), 1e-300)
     count = len(each)
-    return float(count * each.var(ddof=1) / max(float(score @ score), 1e-300))
+    apart = each - told / whole * each.sum()
+    return float(count / (count - 1.0) * (apart @ apart) / whole)
 
 
 def _crossings(fit: LawFit, sample: Sample, t: float, spread: FloatArray) -> FloatArray:
@@ -345,7 +343,7 @@ def _profile(
     for start in starts:
         start[rows[by_a], which[by_a]] = at[by_a]
     held = Held(np.tile(held_a, (len(starts), 1)), np.tile(held_c, (len(starts), 1)))
-    found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_FLAT, exact=True)
+    found = minimise(fit.law, sample, np.concatenate(starts), held, flat=_FLAT)
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
     a = found.a.reshape(*cost.shape, q)[lowest, rows]

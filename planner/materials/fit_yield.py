@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
-from planner.materials.fit import Sample, sample_of
+from planner.materials.fit import Sample, sample_of, students_t
 from planner.materials.laws import Yielding
 from planner.numerics import FloatArray
 from planner.palette import LawParameters
@@ -85,8 +85,6 @@ def fit_yielding(
     assumed_log_sd
         Standard deviation of ln(parameter) taken where there is one specimen alone.
     """
-    from scipy.stats import t as student
-
     whole = [toe_compensated(curve) for curve in curves]
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
@@ -97,7 +95,7 @@ def fit_yielding(
     ]
     n = len(own)
     sd = np.std(own, axis=0, ddof=1) if n > 1 else np.full(len(own[0]), assumed_log_sd)
-    half = float(student.ppf(0.5 + 0.5 * level, n - 1 if n > 1 else np.inf)) * sd / np.sqrt(n)
+    half = (students_t(level, n) if n > 1 else 1.96) * sd / np.sqrt(n)
     half = np.where(half > _OPEN, np.inf, half)
     stress = law.nominal_stress_MPa(sample.stretch)
     error = stress - sample.stress_MPa

@@ -274,9 +274,9 @@ def test_intervals_in_words(ends: tuple[float, float], text: str) -> None:
 
 
 def test_a_law_that_would_fall_is_held_and_found_to_follow_badly(capsys) -> None:
-    """A softening curve: Yeoh's cubic would fall behind it, and is kept from that."""
+    """A curve that bends at once: a cubic would fall behind the bend, and is kept from that."""
     strain = np.linspace(0.0, 1.0, 81)
-    rows = "".join(f"{e:.6f},{np.tanh(4 * e):.6f}\n" for e in strain)
+    rows = "".join(f"{e:.6f},{np.tanh(8 * e):.6f}\n" for e in strain)
     Path("A.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
     assert run(["fit", "A.csv", "--law", "yeoh", "--no-compare"]) == 1
     assert "yeoh describes it badly" in capsys.readouterr().err

@@ -21,11 +21,12 @@ OGDEN = {law.columns: law for law in FITTED_MODELS["ogden"]}
 
 STRETCH = np.linspace(1.0, 3.0, 41)[1:]
 LAWS = [law for laws in FITTED_MODELS.values() for law in laws]
+# Truths that are sound in every mode: a search that is held to that cannot reach others.
 EXACT = [
     (NEO_HOOKEAN, [], [0.4]),
     (YEOH, [], [0.2, -0.01, 0.002]),
     (OGDEN[1], [2.5], [0.3]),
-    (OGDEN[2], [-0.5, 4.0], [-0.1, 0.05]),
+    (OGDEN[2], [-2.0, 4.0], [-0.1, 0.05]),
     (OGDEN[3], [-0.5, 1.3, 6.0], [-0.05, 0.6, 0.001]),
     (MARTINS, [0.2, 0.5], [0.3, 0.2]),
 ]
@@ -76,8 +77,7 @@ def test_exact_data_are_fitted_exactly(law: SeparableLaw, a: list[float], c: lis
     found = minimise(law, sample, spread_starts(law, sample, 50))
     # The ridge alone keeps the cost from zero: 1e-4 squared times shares of a few units.
     assert found.cost.min() < 1e-6
-    # Beside the exact minimum of three terms lie valleys in which the steps get short.
-    assert found.converged.mean() > 0.6
+    assert found.converged.mean() > 0.9
 
 
 def test_a_linear_law_is_the_least_squares_solution() -> None:
@@ -109,7 +109,7 @@ def test_the_search_ends_at_a_minimum(law: SeparableLaw) -> None:
 
 
 def test_held_parameters_stay_and_cost_more() -> None:
-    law, a, c = OGDEN[2], [-0.5, 4.0], [-0.1, 0.05]
+    law, a, c = OGDEN[2], [-2.0, 4.0], [-0.1, 0.05]
     sample = _sample(law, a, c)
     held = Held(np.array([[False, False]]), np.array([[np.nan, 0.06]]))
     found = minimise(law, sample, np.array([a]), held)
