@@ -186,6 +186,9 @@ class Palette:
         Sorted by `Material.coordinate`, at least one.
     base_resins
         What its materials are jetted from; empty means the printer's own.
+    hardness
+        Nominal Shore A of the printer's rubbers over the coordinate, soft to hard, of mixtures
+        that are no material of the palette too; pairs of (coordinate, Shore A), none if unknown.
     sha256
         Of the file's bytes, so that a plan can say what it was planned with.
     """
@@ -195,6 +198,7 @@ class Palette:
     reference: Reference = field(default_factory=Reference)
     source: str = ""
     base_resins: tuple[str, ...] = ()
+    hardness: tuple[tuple[float, float], ...] = ()
     sha256: str = ""
 
     def resolve(self, name: str) -> Material:
@@ -263,12 +267,18 @@ class _ReferenceFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     orientation: Literal["x", "y", "z"] | None = None
 
 
+class _HardnessFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    coordinate: list[float]
+    shore_A: list[float]
+
+
 class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     schema: int
     name: str
     kind: Literal["palette"]
     material: list[_MaterialFile]
     reference: _ReferenceFile = _ReferenceFile()
+    hardness: _HardnessFile | None = None
     source: str = ""
     base_resins: tuple[str, ...] = ()
 
@@ -338,8 +348,21 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         reference=Reference(**msgspec.structs.asdict(file.reference)),
         source=file.source,
         base_resins=file.base_resins,
+        hardness=() if file.hardness is None else _hardness(file.hardness, name),
         sha256=hashlib.sha256(data).hexdigest(),
     )
+
+
+def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...]:
+    pairs = tuple(zip(table.coordinate, table.shore_A, strict=False))
+    rising = all(a < c and b < d for (a, b), (c, d) in itertools.pairwise(pairs))
+    finite = all(math.isfinite(m) and 0.0 < shore < 100.0 for m, shore in pairs)
+    if not (len(table.coordinate) == len(table.shore_A) >= 2 and rising and finite):
+        raise PaletteError(
+            f"palette {name}: hardness: coordinate and shore_A must be lists of one length, two "
+            "figures or more, both rising, and Shore A between 0 and 100"
+        )
+    return pairs
 
 
 def _material(entry: _MaterialFile, name: str) -> Material:
@@ -482,6 +505,11 @@ def _lines(palette: Palette) -> Iterator[str]:
     if any(value is not None for value in conditions.values()):
         yield from ("", "[reference]")
         yield from _pairs(conditions)
+    if palette.hardness:
+        coordinates, shore = zip(*palette.hardness, strict=True)
+        yield from ("", "[hardness]")
+        yield f"coordinate = {_toml_list(coordinates)}"
+        yield f"shore_A = {_toml_list(shore)}"
     for material in palette.materials:
         yield from ("", "[[material]]")
         yield from _toml_material(material)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from planner.materials.laws import Ogden, make_law, secant_modulus_MPa, stability
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.printers import load_printer
-from printers.connex3.agilus import gent_modulus_MPa
 from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms

@@ -3,6 +3,7 @@
 python docs/explanation/thesis_reproduced.py [PNG FOLDER]
 """
 
+import math
 import sys
 from functools import cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from thesis_numbers import FOLDER, MODEL, PALETTE, THESIS, area_MJ_m3, with_tables
 
+from planner.materials.mixtures import pchip_slopes, pchip_weights
 from planner.numerics import FloatArray
 from printers.connex3.algorithm_one import (
     LiteralCurve,
@@ -21,6 +23,7 @@ from printers.connex3.algorithm_one import (
     pooled_squared_error_MPa2,
     quadratics_through,
 )
+from printers.connex3.derive import SPECIMEN_LOG_SD
 from printers.connex3.leave_one_out import (
     HeldOut,
     held_out,
@@ -40,6 +43,8 @@ CURVES = [published_curve(THESIS, p) for p in ELASTOMERS]
 TOE_OFF = [published_curve(THESIS, p, toe_off=True) for p in ELASTOMERS]
 THROUGH = quadratics_through([c.coordinate for c in CURVES], [p.c for p in ELASTOMERS])
 BOTH_STRAINS = "crosshead strain (literal), strain with the toe taken off (consistent)"
+SPECIMENS = 3
+"""Of each mixture: "tensile testing was done in triplicate" (section 3.0.2)."""
 LITERAL, CONSISTENT, HELD = "#C2410C", "#1D4ED8", "#0F766E"
 
 
@@ -167,17 +172,51 @@ def table_algorithm() -> list[list[str]]:
 
 def table_held_out() -> list[list[str]]:
     """Leave one grade out: normalised RMSE of the whole curve."""
-    head = ["grade", "literal, crosshead", "consistent, crosshead"]
-    rows = [[*head, "literal, toe off", "consistent, toe off"]]
-    columns = ("literal", "consistent_crosshead", "literal_toe_off", "consistent")
-    for row in held_out_rows():
-        rows.append([row.id, *(f"{getattr(row, c):.3f}" for c in columns)])
-    means = [fmean(getattr(r, c) for r in held_out_rows()) for c in columns]
-    rows.append(["mean", *(f"{m:.3f}" for m in means)])
+    head = ["literal", "straight", "over m", "over hardness"]
+    rows = [
+        [
+            "grade",
+            *(f"{name}, crosshead" for name in head),
+            *(f"{name}, toe off" for name in head),
+            "scatter alone",
+        ]
+    ]
+    columns = (
+        *("literal", "straight_crosshead", "even_crosshead", "consistent_crosshead"),
+        *("literal_toe_off", "straight", "even", "consistent"),
+    )
+    figures = [[getattr(row, c) for c in columns] for row in held_out_rows()]
+    for k, (row, of) in enumerate(zip(held_out_rows(), figures, strict=True), start=1):
+        of.append(scatter_alone(k))
+        rows.append([row.id, *(f"{v:.3f}" for v in of)])
+    rows.append(["mean", *(f"{fmean(c):.3f}" for c in zip(*figures, strict=True))])
     last, curve = ELASTOMERS[-1], TOE_OFF[-1]
     predicted = without(PALETTE, last.id).nominal_stress_MPa(curve.coordinate, 1.0 + curve.strain)
-    rows.append([last.id, "", "", "", f"{normalised_rmse(curve.stress_MPa, predicted):.3f}"])
+    error = normalised_rmse(curve.stress_MPa, predicted)
+    rows.append([last.id, *[""] * (len(columns) - 1), f"{error:.3f}", ""])
     return rows
+
+
+def scatter_alone(place: int) -> float:
+    """Error to expect of a grade left out, were the model right: of the tests' scatter alone.
+
+    Each grade's curve is the mean of the thesis' three specimens, and off its own by a factor. How
+    much the others' factors move the prediction, at strain 0.1, are the weights of the cubic.
+    """
+    kept = [k for k in range(len(PALETTE.materials)) if k != place]
+    places, values = MODEL.places, np.log(MODEL.grade_moduli_MPa(0.1))
+    ways = values[kept, None] + 1e-30j * np.eye(len(kept))
+    slopes = pchip_slopes(places[kept], ways)
+    h1, h2 = places[place] - places[place - 1], places[place + 1] - places[place]
+    rise, d0, d1 = pchip_weights(np.asarray(h1 / (h1 + h2)), h1 + h2)
+    below, above = place - 1, place
+    foretold = ways[below] + rise * (ways[above] - ways[below])
+    foretold += d0 * slopes[below] + d1 * slopes[above]
+    weights = foretold.imag * 1e30
+    log_sd = SPECIMEN_LOG_SD / math.sqrt(SPECIMENS) * math.hypot(1.0, *weights)
+    stress = TOE_OFF[place].stress_MPa
+    # The mean size of a normal deviate is sqrt(2 / π) of its standard deviation.
+    return float(math.sqrt(2.0 / math.pi) * log_sd * np.sqrt(np.mean(stress**2)) / stress.max())
 
 
 def table_coverage() -> list[list[str]]:

@@ -1,6 +1,7 @@
 """Stiffness between a palette's grades, and the grade or blend that has a wanted one."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import TypeVar
@@ -20,10 +21,12 @@ __all__ = [
     "blend_for",
     "bracketed",
     "coordinate_for",
+    "gent_modulus_MPa",
     "nearest",
     "nearest_on",
     "pchip_slopes",
     "pchip_weights",
+    "places_of",
     "thresholds_of",
 ]
 
@@ -101,13 +104,63 @@ def pchip_weights(
 
 
 # ------------------------------------------------------------------------------------------------
+# The place of a mixture: where it lies on the scale that the logarithm of stiffness is even over.
+#
+# A coordinate counts the mixtures, and a printer's mixtures are not even steps of stiffness: they
+# are named by their hardness, and from Shore A 85 to 95 a rubber stiffens as from 40 to 60. So the
+# place is the logarithm of the modulus that Gent's relation gives for the nominal hardness; between
+# the mixtures whose hardness is known it is the monotone cubic above over m, beyond them it goes
+# straight on. A palette that tells no hardness has its coordinates for places.
+
+
+def gent_modulus_MPa(shore_A: float) -> float:
+    """Young's modulus of a rubber from Shore A (Gent, Rubber Chem. Technol. 31, 1958)."""
+    return 0.0981 * (56.0 + 7.62336 * shore_A) / (0.137505 * (254.0 - 2.54 * shore_A))
+
+
+def places_of(hardness: Sequence[tuple[float, float]], coordinate: ArrayLike) -> FloatArray:
+    """Return the places of coordinates on the scale of `Palette.hardness`."""
+    m = np.asarray(coordinate, dtype=np.float64)
+    if not hardness:
+        return m
+    known, places, slopes = _scale(hardness)
+    inside = np.clip(m, known[0], known[-1])
+    lower, upper, t, gap = bracketed(known, inside)
+    rise, d0, d1 = pchip_weights(t, gap)
+    place = places[lower] + rise * (places[upper] - places[lower])
+    place += d0 * slopes[lower] + d1 * slopes[upper]
+    return np.asarray(place + (m - inside) * slopes[np.where(m < known[0], 0, -1)])
+
+
+def _coordinates_at(hardness: Sequence[tuple[float, float]], place: FloatArray) -> FloatArray:
+    """Return the coordinates that have places: the inverse of `places_of`."""
+    if not hardness:
+        return place
+    known, places, slopes = _scale(hardness)
+    inside = np.clip(place, places[0], places[-1])
+    found = _inverse(known, places, slopes, inside)
+    return np.asarray(found + (place - inside) / slopes[np.where(place < places[0], 0, -1)])
+
+
+def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the coordinates of known hardness, their places, and the slopes there."""
+    known = np.array([m for m, _ in hardness])
+    places = np.log([gent_modulus_MPa(shore) for _, shore in hardness])
+    slopes = pchip_slopes(known, places)
+    # The parabola's slope at an end may be 0, and beyond it nothing would rise.
+    steps = np.diff(places) / np.diff(known)
+    slopes[[0, -1]] = np.where(slopes[[0, -1]] > 0.0, slopes[[0, -1]], steps[[0, -1]])
+    return known, places, slopes
+
+
+# ------------------------------------------------------------------------------------------------
 # Stiffness at any coordinate of a palette, between its catalogue grades too.
 #
-# At every strain the logarithm of the secant modulus is the monotone cubic above in the coordinate.
+# At every strain the logarithm of the secant modulus is the monotone cubic above in the place.
 # Hence a blend is stress-free at rest, is exact at the grades, lies between its neighbours and
 # stiffens with m at every strain; the course has no kink at a grade. About it stands a Wiener
-# process in m known at the grades, which gives the interval: a Brownian bridge between grades that
-# are themselves uncertain.
+# process in the place known at the grades, which gives the interval: a Brownian bridge between
+# grades that are themselves uncertain.
 
 
 _LADDER_STRAINS = 201
@@ -167,6 +220,11 @@ class CoefficientModel:
         """Coordinates of the grades, strictly rising."""
         return np.array([m.coordinate for m in self.palette.materials])
 
+    @property
+    def places(self) -> FloatArray:
+        """Places of the grades (`places_of`), strictly rising."""
+        return places_of(self.palette.hardness, self.coordinates)
+
     def grade_moduli_MPa(self, at_strain: ArrayLike) -> FloatArray:
         """Return the secant moduli of the grades: one row a grade, soft to hard.
 
@@ -209,7 +267,7 @@ class CoefficientModel:
         lower, upper, t, gap = self._bracketed(coordinate)
         # Beyond the working strains a law may lose its logarithm: nan says it.
         with np.errstate(invalid="ignore", divide="ignore"):
-            slopes = pchip_slopes(self.coordinates, np.log(ladder))
+            slopes = pchip_slopes(self.places, np.log(ladder))
             softer, harder = _rows(ladder, lower), _rows(ladder, upper)
             rise, d0, d1 = pchip_weights(t, gap)
             more = rise * np.log(harder / softer)
@@ -222,13 +280,14 @@ class CoefficientModel:
         """Return the interval that holds a print's modulus with probability `level`.
 
         ln(modulus) is normal about the model's, with variance
-        ((1-t) sa + t sb)² + σ² (mb - ma) t (1-t): the grades' own `Material.modulus_log_sd`, and
-        the bridge of a Wiener process whose σ the palette's grades give when each in turn is
-        left out and predicted from the others. Neighbours' errors are taken to go together
-        (one source, one lab, one reading), so that they do not average out between: at a grade
-        the interval is its own, between grades it is wider than their mean. As stiffness rises
-        with the coordinate, it ends where the intervals of both grades end. A grade that others
-        read otherwise has an interval that holds their intervals too.
+        ((1-t) sa + t sb)² + σ² (b - a) t (1-t), t the share of the way between the places a and
+        b of the grades beside: the grades' own `Material.modulus_log_sd`, and the bridge of a
+        Wiener process whose σ the palette's grades give when each in turn is left out and
+        predicted from the others. Neighbours' errors are taken to go together (one source, one
+        lab, one reading), so that they do not average out between: at a grade the interval is its
+        own, between grades it is wider than their mean. As stiffness rises with the coordinate,
+        it ends where the intervals of both grades end. A grade that others read otherwise has an
+        interval that holds their intervals too.
 
         Raises
         ------
@@ -285,12 +344,12 @@ class CoefficientModel:
         softer, harder
             That of the grades below and above, as `own_log_sds` has them of one side.
         """
-        lower, upper, t, gap = self._bracketed(coordinate)
+        _, _, t, gap = self._bracketed(coordinate)
         bridge = np.asarray(wiener_variance) * gap * t * (1.0 - t)
         return np.asarray(np.sqrt(((1.0 - t) * softer + t * harder) ** 2 + bridge))
 
     def wiener_variance(self, at_strain: ArrayLike) -> FloatArray:
-        """Return σ², the variance of ln(modulus) a unit of coordinate, at a strain.
+        """Return σ², the variance of ln(modulus) a unit of place, at a strain.
 
         The mean square of what each grade between the others is off their monotone cubic, each
         over the variance that a bridge of σ = 1 has there, h1 h2 / (h1 + h2) of the gaps beside
@@ -299,7 +358,7 @@ class CoefficientModel:
         the gap, so that half-way the variance is that of a uniform place on the step, step²/12.
         One grade has none.
         """
-        c, log_moduli = self.coordinates, np.log(self.grade_moduli_MPa(at_strain))
+        c, log_moduli = self.places, np.log(self.grade_moduli_MPa(at_strain))
         if len(c) < 3:
             steps = np.diff(log_moduli, axis=0)
             return np.asarray(np.sum(steps**2, axis=0) / (3.0 * (c[-1] - c[0] or 1.0)))
@@ -324,12 +383,17 @@ class CoefficientModel:
         ArgumentError
             A coordinate outside the palette.
         """
-        return self._bracketed(coordinate)[:3]
+        c = self.coordinates
+        lower, upper, _, _ = self._bracketed(coordinate)
+        gap = np.where(upper > lower, c[upper] - c[lower], 1.0)
+        # A place may round to the grade's where the coordinate is a hair below it.
+        m = np.asarray(coordinate, dtype=np.float64)
+        return lower, upper, np.maximum(m - c[lower], 0.0) / gap
 
     def _bracketed(
         self, coordinate: ArrayLike
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Return `bracket` with the gap between the two."""
+        """Return the grades below and above, how far between their places, and their gap."""
         m = np.asarray(coordinate, dtype=np.float64)
         c = self.coordinates
         allowed = (m >= c[0]) & (m <= c[-1])
@@ -338,7 +402,7 @@ class CoefficientModel:
                 f"coordinate {m[~allowed].flat[0]:g}: palette {self.palette.name} goes from "
                 f"{c[0]:g} to {c[-1]:g}"
             )
-        return bracketed(c, m)
+        return bracketed(self.places, places_of(self.palette.hardness, m))
 
 
 def _rows(table: FloatArray, row: IntArray) -> FloatArray:
@@ -445,10 +509,21 @@ def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: f
     """
     ladder, c = _ladder_MPa(model, at_strain), model.coordinates
     target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
-    lower = np.searchsorted(ladder, target, side="right") - 1
-    upper = np.minimum(lower + 1, len(c) - 1)
-    gaps, rises = np.diff(c, append=c[-1]), np.diff(np.log(ladder), append=np.log(ladder[-1]))
-    slopes = pchip_slopes(c, np.log(ladder))
+    places, moduli = model.places, np.log(ladder)
+    place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
+    at = np.searchsorted(ladder, target)  # of a grade's own modulus, exactly its coordinate
+    found = np.clip(_coordinates_at(model.palette.hardness, place), c[0], c[-1])
+    return np.asarray(np.where(ladder[at] == target, c[at], found))
+
+
+def _inverse(
+    nodes: FloatArray, values: FloatArray, slopes: FloatArray, wanted: FloatArray
+) -> FloatArray:
+    """Return where a rising cubic through nodes has the values wanted, clamped to its range."""
+    wanted = np.clip(wanted, values[0], values[-1])
+    lower = np.searchsorted(values, wanted, side="right") - 1
+    upper = np.minimum(lower + 1, len(nodes) - 1)
+    gaps, rises = np.diff(nodes, append=nodes[-1]), np.diff(values, append=values[-1])
     ahead = np.append(slopes[1:], 0.0)
     cubics = np.stack(
         [
@@ -457,8 +532,8 @@ def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: f
             gaps * (slopes + ahead) - 2.0 * rises,
         ]
     )
-    t = _rising_root(np.log(target / ladder[lower]).ravel(), cubics, lower.ravel())
-    return np.minimum(c[lower] + t.reshape(target.shape) * gaps[lower], c[upper])
+    t = _rising_root((wanted - values[lower]).ravel(), cubics, lower.ravel())
+    return np.minimum(nodes[lower] + t.reshape(wanted.shape) * gaps[lower], nodes[upper])
 
 
 _BISECTIONS = 60

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
 from planner.materials.laws import Law, make_law, secant_modulus_MPa
-from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights
+from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights, places_of
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
@@ -40,7 +40,7 @@ __all__ = [
 #
 # The logarithm of the secant modulus (nominal stress over strain) of every material stands on a
 # uniform grid of strain, as cubics through values and slopes; and so does its slope over the
-# coordinate there, of the monotone cubic through all materials. A mixture lies on that cubic, as
+# place there, of the monotone cubic through all materials. A mixture lies on that cubic, as
 # everywhere in planner. For all mixtures of the Connex3 the error of the stress is below 1e-9 of
 # it. Nothing is asked of the order of the materials' stiffness, so that palettes whose laws cross
 # can be diagnosed too: where steps beside a material differ in sign, its slope is 0.
@@ -69,17 +69,19 @@ the travel to tell the strain."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawTables:
-    """ln(secant modulus) of every material of a palette over strain, and its slope over m.
+    """ln(secant modulus) of every material of a palette over strain, and its slope over the place.
 
     Attributes
     ----------
-    coordinate : (M,)
-        Of the materials, rising.
+    coordinate, place : (M,)
+        Of the materials, rising; see `planner.materials.mixtures.places_of`.
+    hardness
+        `Palette.hardness`, which tells places between.
     strain_step
         Width of an interval.
     cubics : (2 M, intervals, 2, 4)
-        In the place within the interval, 0 to 1, of ln(secant in MPa) and of its slope over the
-        coordinate. The first M in tension, then the same materials in compression, over the
+        In the share of the interval, 0 to 1, of ln(secant in MPa) and of its slope over the
+        place. The first M in tension, then the same materials in compression, over the
         strain's size.
     sound_strain : (M,)
         Where each law ends in tension: it ceases to rise there, or is not followed further.
@@ -87,6 +89,8 @@ class LawTables:
     """
 
     coordinate: FloatArray
+    place: FloatArray
+    hardness: tuple[tuple[float, float], ...]
     strain_step: float
     cubics: FloatArray
     sound_strain: FloatArray
@@ -98,7 +102,8 @@ class LawTables:
         material all are 0.
         """
         c = self.coordinate
-        lower, upper, t, gap = bracketed(c, np.clip(coordinate, c[0], c[-1]))
+        place = places_of(self.hardness, np.clip(coordinate, c[0], c[-1]))
+        lower, upper, t, gap = bracketed(self.place, place)
         return lower, upper, np.stack(pchip_weights(t, gap))
 
     def stress_and_tangent_MPa(
@@ -164,11 +169,14 @@ def law_tables(
         pulled.append(table)
         pushed.append(other)
     coordinate = np.array([m.coordinate for m in palette.materials])
+    place = places_of(palette.hardness, coordinate)
     return LawTables(
         coordinate=coordinate,
+        place=place,
+        hardness=palette.hardness,
         strain_step=float(nodes[1]),
         cubics=_cubics_of(
-            coordinate,
+            place,
             np.stack([values for values, _, _ in (*pulled, *pushed)]),
             np.stack([slopes for _, slopes, _ in (*pulled, *pushed)]),
         ),
@@ -210,25 +218,25 @@ def _table_cubics(
 
 
 def _cubics_of(
-    coordinate: FloatArray, values: FloatArray, slopes: FloatArray, *, mixed: bool = True
+    place: FloatArray, values: FloatArray, slopes: FloatArray, *, mixed: bool = True
 ) -> FloatArray:
     """Return `LawTables.cubics` of ln(secant) at N nodes of strain, and of its slope an interval.
 
-    Their slopes over m are exact at the nodes, and so is their course over strain, but where laws
-    cross: there it has a kink.
+    Their slopes over the place are exact at the nodes, and so is their course over strain, but
+    where laws cross: there it has a kink.
 
     Parameters
     ----------
     values, slopes : (n M, N)
     mixed
-        Whether slopes over m are wanted; pure materials do without, in half the time.
+        Whether slopes over the place are wanted; pure materials do without, in half the time.
     """
     of = [(values, slopes)]
     if mixed:
         # A complex step: the imaginary part is the derivative by the strain, below any rounding.
-        nodes = (values + 1e-30j * slopes).reshape(-1, len(coordinate), values.shape[1])
-        over_m = np.concatenate([pchip_slopes(coordinate, way) for way in nodes])
-        of.append((over_m.real, over_m.imag * 1e30))
+        nodes = (values + 1e-30j * slopes).reshape(-1, len(place), values.shape[1])
+        over = np.concatenate([pchip_slopes(place, way) for way in nodes])
+        of.append((over.real, over.imag * 1e30))
     cubics = np.empty((len(values), values.shape[1] - 1, len(of), 4))
     for k, (y, dy) in enumerate(of):
         step, before, after = np.diff(y), dy[:, :-1], dy[:, 1:]
@@ -322,7 +330,7 @@ def instantaneous(
     ratio = np.maximum(stress[1:].T / shown[:, 1:], 1e-3)
     change = np.log(np.concatenate([ratio[:, :1], ratio], axis=1))
     slopes += np.gradient(change, axis=1)
-    cubics = _cubics_of(laws.coordinate, log_secant + change, slopes, mixed=mixed)
+    cubics = _cubics_of(laws.place, log_secant + change, slopes, mixed=mixed)
     return replace(laws, cubics=cubics)
 
 

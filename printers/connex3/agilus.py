@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from planner.materials.laws import NeoHookean, make_law, secant_modulus_MPa
+from planner.materials.mixtures import gent_modulus_MPa
 from planner.numerics import FloatArray
 from planner.palette import parse_palette
 from printers.connex3.derive import PALETTE
@@ -21,7 +22,6 @@ __all__ = [
     "Relaxation",
     "Sources",
     "Stated",
-    "gent_modulus_MPa",
     "load_sources",
     "rigid_readings",
     "rubber_readings",
@@ -159,11 +159,6 @@ def load_sources() -> Sources:
     """Read ``agilus.toml``."""
     text = (files("printers.connex3") / "agilus.toml").read_bytes()
     return msgspec.toml.decode(text, type=Sources)
-
-
-def gent_modulus_MPa(shore_A: float) -> float:
-    """Young's modulus of a rubber from Shore A (Gent, Rubber Chem. Technol. 31, 1958)."""
-    return 0.0981 * (56.0 + 7.62336 * shore_A) / (0.137505 * (254.0 - 2.54 * shore_A))
 
 
 def rubber_readings(sources: Sources) -> list[Reading]:

@@ -71,6 +71,7 @@ class _Entry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     id: str
     aliases: list[str]
     colour: str
+    shore_A: float | None = None
     extensometer: _Extensometer | None = None
 
 
@@ -151,6 +152,11 @@ def _derived_palette(reading: Literal["crosshead", "extensometer"]) -> Palette:
         name=file.stem,
         materials=tuple(materials),
         reference=_REFERENCE,
+        hardness=tuple(
+            (thesis.coordinate(published), entry.shore_A)
+            for published, entry in zip(thesis.materials, catalogue.material, strict=True)
+            if entry.shore_A is not None
+        ),
         source=f"{thesis.source}; see docs/explanation/thesis-numbers.md",
     )
 

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from planner.materials.laws import NeoHookean, secant_modulus_MPa
+from planner.materials.mixtures import gent_modulus_MPa
 from planner.palette import LawParameters, Material, Palette, Reference, encode_palette
 from printers.connex3.agilus import (
     Entry,
     Reading,
     Sources,
-    gent_modulus_MPa,
     load_sources,
     rigid_readings,
     rubber_readings,
@@ -86,6 +86,7 @@ def _derived_palette(sources: Sources) -> Palette:
             *(_rubber(entry, k / 6.0, votes, sources) for k, entry in enumerate(rubbers)),
             _rigid(rigid, 1.5, sources),
         ),
+        hardness=tuple((k / 6.0, entry.shore_A) for k, entry in enumerate(rubbers)),
         reference=Reference(
             strain_rate_per_s=sources.test.strain_rate_per_s,
             temperature_C=sources.test.temperature_C,

@@ -36,7 +36,10 @@ STRAIN_STEP = 0.0025
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """How far both models are off a grade that took no part; each the normalised RMSE.
+    """How far models are off a grade that took no part; each the normalised RMSE.
+
+    The consistent model knows the nominal hardness of the grade, which is in its name, and nothing
+    else of it; without the hardness it has the coordinate alone.
 
     Attributes
     ----------
@@ -49,6 +52,10 @@ class HeldOut:
     consistent_crosshead
         `CoefficientModel` moved right by a toe interpolated from the neighbours' over m, so that
         nothing of the grade itself is known.
+    even, even_crosshead
+        As the two before, without the hardness.
+    straight, straight_crosshead
+        ln(secant modulus) straight over the coordinate between the grades beside.
     """
 
     id: str
@@ -56,6 +63,10 @@ class HeldOut:
     literal_toe_off: float
     consistent: float
     consistent_crosshead: float
+    even: float
+    even_crosshead: float
+    straight: float
+    straight_crosshead: float
 
 
 def published_curve(thesis: Thesis, published: Published, *, toe_off: bool = False) -> LiteralCurve:
@@ -88,11 +99,14 @@ def without(palette: Palette, material: str) -> CoefficientModel:
 
 
 def held_out(thesis: Thesis, palette: Palette, published: Published) -> HeldOut:
-    """Return both models' errors for an elastomer with elastomers on both sides."""
+    """Return the models' errors for an elastomer with elastomers on both sides."""
     m = thesis.coordinate(published)
     place = thesis.elastomers.index(published)
     neighbours = [correct(thesis.elastomers[k]).toe for k in (place - 1, place + 1)]
     model = without(palette, published.id)
+    even = without(replace(palette, hardness=()), published.id)
+    beside = tuple(palette.materials[k] for k in (place - 1, place + 1))
+    straight = CoefficientModel(replace(palette, materials=beside, hardness=()))
     crosshead = published_curve(thesis, published)
     toe_off = published_curve(thesis, published, toe_off=True)
 
@@ -100,16 +114,21 @@ def held_out(thesis: Thesis, palette: Palette, published: Published) -> HeldOut:
         quadratics = literal_without(thesis, published, toe_off=toe_off)
         return normalised_rmse(curve.stress_MPa, quadratics.literal_stress_MPa(m, curve.strain))
 
-    def consistent(strain: FloatArray) -> float:
+    def consistent(model: CoefficientModel, strain: FloatArray) -> float:
         predicted = model.nominal_stress_MPa(m, 1.0 + np.maximum(strain, 0.0))
         return normalised_rmse(crosshead.stress_MPa, predicted)
 
+    moved = crosshead.strain - float(np.mean(neighbours))
     return HeldOut(
         id=published.id,
         literal=literal(crosshead, toe_off=False),
         literal_toe_off=literal(toe_off, toe_off=True),
-        consistent=consistent(toe_off.strain),
-        consistent_crosshead=consistent(crosshead.strain - float(np.mean(neighbours))),
+        consistent=consistent(model, toe_off.strain),
+        consistent_crosshead=consistent(model, moved),
+        even=consistent(even, toe_off.strain),
+        even_crosshead=consistent(even, moved),
+        straight=consistent(straight, toe_off.strain),
+        straight_crosshead=consistent(straight, moved),
     )
 
 

@@ -12,14 +12,13 @@ import pytest
 
 import planner
 from planner.materials.laws import NeoHookean
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.palette import parse_palette
 from planner.printers import load_printer
 from printers.connex3.agilus import (
     Reading,
     Relaxation,
     Stated,
-    gent_modulus_MPa,
     load_sources,
     rigid_readings,
     rubber_readings,
@@ -40,7 +39,8 @@ def test_the_script_makes_the_shipped_palette() -> None:
 
 def test_the_printer_offers_it_after_its_own() -> None:
     machine = load_printer("connex3")
-    assert machine.palettes == ("connex3-tango-vero", PALETTE.stem)
+    own = ("connex3-tango-vero", "connex3-tango-vero-extensometer")
+    assert machine.palettes == (*own, PALETTE.stem)
     assert machine.palette(PALETTE.stem).sha256 == SHIPPED.sha256
     assert machine.operator_name("FLXA9850") == "FLXA9850-DM"
 

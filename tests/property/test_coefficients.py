@@ -12,7 +12,13 @@ from scipy.interpolate import PchipInterpolator
 
 from planner.errors import ArgumentError, PaletteError
 from planner.materials.laws import secant_modulus_MPa
-from planner.materials.mixtures import CoefficientModel, coordinate_for, pchip_slopes
+from planner.materials.mixtures import (
+    CoefficientModel,
+    coordinate_for,
+    gent_modulus_MPa,
+    pchip_slopes,
+)
+from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import load_printer
 
@@ -56,9 +62,17 @@ def laddered(steps: list[tuple[float, float]]) -> CoefficientModel:
 
 
 def test_between_grades_it_is_the_monotone_cubic_of_fritsch_and_butland() -> None:
+    """Over the place, which is one too, of Gent's logarithm over m, as far as hardness is known."""
     m, strains = np.linspace(0.0, LAST, 301), np.linspace(0.0, 0.55, 56)
     ladder = np.log(CONNEX3.grade_moduli_MPa(strains))
-    expected = PchipInterpolator(CONNEX3.coordinates, ladder, axis=0)(m)
+    known, shore = np.array(CONNEX3.palette.hardness).T
+    scale = PchipInterpolator(known, [np.log(gent_modulus_MPa(s)) for s in shore])
+
+    def place(at: FloatArray) -> FloatArray:
+        inside = np.minimum(at, known[-1])
+        return np.asarray(scale(inside) + scale(known[-1], 1) * (at - inside))
+
+    expected = PchipInterpolator(place(CONNEX3.coordinates), ladder, axis=0)(place(m))
     found = np.log(CONNEX3.modulus_MPa(m[:, None], strains))
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
@@ -99,6 +113,42 @@ def test_slopes_are_scipys_whatever_the_order(gaps: list[float], seed: int) -> N
     # Central differences; some steps pass so close to 0 that theirs are rough.
     rough = np.abs((near[1] - near[0]) / 2e-6 - with_step)[settled]
     assert np.quantile(rough, 0.9) < 1e-4 / min(gaps)
+
+
+HARDNESS = ((0.0, 30.0), (0.2, 60.0), (1.0, 90.0))
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    place=st.floats(0.0, 1.0),
+    moduli=st.lists(st.floats(0.01, 3.0), min_size=3, max_size=3),
+    ends=st.tuples(st.floats(-1.0, 0.1), st.floats(0.3, 2.0)),
+)
+def test_hardness_of_other_mixtures_moves_what_lies_between(
+    place: float, moduli: list[float], ends: tuple[float, float]
+) -> None:
+    """Grades in and out of the table: rising, exact at the grades, undone."""
+    c = np.array([ends[0], 0.2, ends[1]])
+    ladder = np.exp(np.cumsum(moduli))
+    grades = zip(c.tolist(), ladder.tolist(), strict=True)
+    model = CoefficientModel(
+        replace(palette(*((m, linear(E)) for m, E in grades)), hardness=HARDNESS)
+    )
+    m = np.clip(c[0] + np.sort([place, 0.05, 0.4, 0.9]) * (c[-1] - c[0]), c[0], c[-1])
+    found = model.modulus_MPa(m, 0.1)
+    assert (model.modulus_MPa(c, 0.1) == model.grade_moduli_MPa(0.1)).all()
+    # 1e-13: roundings of an exponential, where the modulus hardly rises.
+    assert (np.diff(found) >= -1e-13 * found[1:]).all()
+    back = model.modulus_MPa(coordinate_for(model, found, 0.1), 0.1)
+    np.testing.assert_allclose(back, found, rtol=1e-12)
+
+
+def test_rubbers_as_stiff_as_their_hardness_says_need_no_test_between() -> None:
+    """Of moduli that are Gent's, each grade's is found from the others whatever its coordinate."""
+    shore = dict(HARDNESS)
+    ends = palette(*((m, linear(gent_modulus_MPa(shore[m]))) for m in (0.0, 1.0)))
+    model = CoefficientModel(replace(ends, hardness=HARDNESS))
+    assert float(model.modulus_MPa(0.2, 0.1)) == pytest.approx(gent_modulus_MPa(60.0), rel=1e-12)
 
 
 def test_one_cubic_between_two_grades_is_the_straight_line() -> None:
@@ -228,7 +278,7 @@ def test_wiener_variance_is_that_of_the_model_without_each_grade() -> None:
         others = CoefficientModel(replace(CONNEX3.palette, materials=kept))
         m = float(CONNEX3.coordinates[k])
         off = np.log(CONNEX3.modulus_MPa(m, 0.1) / others.modulus_MPa(m, 0.1))
-        before, after = np.diff(CONNEX3.coordinates)[k - 1 : k + 1]
+        before, after = np.diff(CONNEX3.places)[k - 1 : k + 1]
         squares.append(off**2 * (before + after) / (before * after))
     assert float(CONNEX3.wiener_variance(0.1)) == pytest.approx(np.mean(squares), rel=1e-12)
 

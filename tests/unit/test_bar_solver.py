@@ -385,7 +385,8 @@ def test_one_law_alone_is_as_instantaneous_as_among_others():
     """What relaxes at its own rate: the same law, to rounding, with other materials beside it."""
     rubbers = [material(f"r{m}", m, "yeoh", c_MPa=(0.2 + m, 0.0, 0.0)) for m in (0.0, 1.0)]
     laws = law_tables(Palette("p", tuple(rubbers)))
-    alone = replace(laws, coordinate=laws.coordinate[:1], cubics=laws.cubics[[0, 2]])
+    first = {"coordinate": laws.coordinate[:1], "place": laws.place[:1]}
+    alone = replace(laws, **first, cubics=laws.cubics[[0, 2]])
     relaxing = np.zeros((4, len(RELAXATION_TIMES_s)))
     relaxing[:, 5:8] = 0.2
     both = instantaneous(laws, relaxing, 0.01)

@@ -88,6 +88,25 @@ def test_a_fault_is_named(old: str, new: str, words: str) -> None:
     assert "two.toml" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "lists",
+    [
+        ("[0.0, 1.0]", "[30.0, 60.0, 90.0]"),
+        ("[0.0]", "[30.0]"),
+        ("[0.0, 1.0]", "[60.0, 30.0]"),
+        ("[1.0, 1.0]", "[30.0, 60.0]"),
+        ("[0.0, 1.0]", "[30.0, 100.0]"),
+        ("[0.0, nan]", "[30.0, 60.0]"),
+    ],
+)
+def test_a_scale_of_hardness_rises_or_is_refused(lists: tuple[str, str]) -> None:
+    table = "\n[hardness]\ncoordinate = {}\nshore_A = {}\n"
+    sound = parse(SOUND + table.format("[0.0, 1.0]", "[30.0, 60.0]"))
+    assert sound.hardness == ((0.0, 30.0), (1.0, 60.0))
+    with pytest.raises(PaletteError, match=r"two\.toml: hardness: .* both rising"):
+        parse(SOUND + table.format(*lists))
+
+
 def test_no_material_is_refused() -> None:
     with pytest.raises(PaletteError, match="needs at least one"):
         parse('schema = 1\nname = "none"\nkind = "palette"\nmaterial = []')

@@ -74,7 +74,8 @@ def palettes(draw: st.DrawFn) -> Palette:
         strain_rate_per_s=draw(st.none() | positive), orientation=draw(st.sampled_from([None, "x"]))
     )
     resins = draw(st.sampled_from([(), ("Soft", 'Hard "1"')]))
-    return Palette(draw(texts), materials, reference, draw(texts), resins)
+    hardness = draw(st.sampled_from([(), ((0.0, 27.0), (1.0, 95.5))]))
+    return Palette(draw(texts), materials, reference, draw(texts), resins, hardness)
 
 
 @settings(deadline=None, derandomize=True, max_examples=150)
@@ -86,7 +87,7 @@ def test_a_palette_is_read_back_as_it_was(palette: Palette) -> None:
     assert read.materials == palette.materials
     assert read.reference == palette.reference
     assert (read.name, read.source) == (palette.name, palette.source)
-    assert read.base_resins == palette.base_resins
+    assert (read.base_resins, read.hardness) == (palette.base_resins, palette.hardness)
     assert encode_palette(read) == data
 
 
