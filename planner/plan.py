@@ -97,11 +97,18 @@ class Stiffness:
     """What "modulus" means: secant of the nominal stress from rest to a working strain.
 
     Rigid grades are measured alike; plans of earlier versions have their initial modulus.
+
+    Attributes
+    ----------
+    alternatives
+        By option, such as "with --blend dither": the worst ratio of target and achieved modulus
+        that it would leave, where that is smaller than the plan's own.
     """
 
     measure: Literal["secant-nominal"]
     at_strain: float
     rigid_measure: Literal["initial-modulus", "secant-nominal"] = "secant-nominal"
+    alternatives: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -135,6 +135,7 @@ def print_table(
     right: Sequence[str] = (),
     droppable: Sequence[str] = (),
     swatches: Sequence[str] | None = None,
+    abridged: str | None = None,
 ) -> None:
     """Write a table to stdout. No figure is ever cut short.
 
@@ -146,11 +147,18 @@ def print_table(
         Columns to leave out, the first one first, where the terminal is too narrow.
     swatches
         A colour "#RRGGBB" a row, shown in front where colour is on.
+    abridged
+        Where rows are left out of the middle of a table that a terminal cannot show at once, what
+        is said of them; by default all rows are written.
     """
     from rich.console import Console
     from rich.measure import Measurement
 
     console = Console(highlight=False)
+    if abridged is not None and console.is_terminal and len(rows) > _rows_shown(console.height):
+        rows, swatches = _shortened(rows, swatches, _rows_shown(console.height))
+    else:
+        abridged = None
     wide = console.options.update(max_width=10_000)
     shown = list(range(len(columns)))
     swatches = None if console.color_system is None else swatches
@@ -164,6 +172,30 @@ def print_table(
         console.print(title, style="bold", soft_wrap=True)
     console.width = max(console.width, Measurement.get(console, wide, table).maximum)
     console.print(table)
+    if abridged is not None:
+        console.print(abridged, soft_wrap=True)
+
+
+_AROUND = 10
+"""Lines of a terminal that are kept for what stands about a table."""
+
+_LEAST_ROWS = 10
+
+
+def _rows_shown(height: int) -> int:
+    return max(height - _AROUND, _LEAST_ROWS)
+
+
+def _shortened(
+    rows: Sequence[Sequence[str]], swatches: Sequence[str] | None, most: int
+) -> tuple[Sequence[Sequence[str]], Sequence[str] | None]:
+    """Put one row, which says how many there are, in place of the middle ones."""
+    first, last = (most + 1) // 2, most // 2 - 1
+    gap = ["...", f"{len(rows) - first - last} more", *[""] * (len(rows[0]) - 2)]
+    kept = [*rows[:first], gap, *rows[-last:]]
+    if swatches is not None:
+        swatches = [*swatches[:first], "default", *swatches[-last:]]
+    return kept, swatches
 
 
 def _table(
@@ -202,8 +234,8 @@ def format_number(value: float, digits: int = 3) -> str:
 
 
 def format_range(ends: Sequence[float]) -> str:
-    """Write the two ends of a range with three significant digits."""
-    return " .. ".join(format_number(end) for end in ends)
+    """Write the two ends of a range with three significant digits, or the one that they are."""
+    return " .. ".join(dict.fromkeys(format_number(end) for end in ends))
 
 
 def format_interval(ends: Sequence[float]) -> str:

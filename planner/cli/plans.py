@@ -66,8 +66,9 @@ def grade(
     profile: Annotated[
         str | None,
         Option(
-            help="log (by default), linear, smooth, steps:N, or a CSV file with position (0..1) "
-            "and modulus_MPa or material."
+            help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
+            "material between the ends), or a CSV file with position (0..1) and modulus_MPa or "
+            "material."
         ),
     ] = None,
     bands: Annotated[
@@ -98,6 +99,13 @@ def grade(
         Option(
             help="Working strain: stiffness is the secant modulus of the nominal stress up to it; "
             "0.1 by default."
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float | None,
+        Option(
+            help="Relative error of the stiffness that is accepted, as 0.25; by default what is "
+            "left where each place is printed in the material nearest to its target."
         ),
     ] = None,
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
@@ -146,6 +154,7 @@ def grade(
             blend=blend,
             cell_mm=cell_mm,
             at_strain=at_strain,
+            tolerance=tolerance,
             unit=unit,
             printer=printer,
             palette=palette,
@@ -170,6 +179,7 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     for remark in (*plan.part.repairs, *plan.warnings):
         warn(f"{plan.part.file}: {remark}")
     _table(plan)
+    _tell_error(plan)
     for missed in plan.unreachable:
         low, high = missed.target_modulus_MPa
         finding(
@@ -201,6 +211,20 @@ def _mm_along(field: Mapping[str, object]) -> tuple[float, float]:
     return 0.0, span if isinstance(span, float) else 1.0
 
 
+def _tell_error(plan: "Plan") -> None:
+    """Say how far the stiffness is off its target at worst, and what would make it less."""
+    from planner.cli.output import say
+    from planner.grading.stiffness_error import error_text
+
+    check = plan.checks.get("worst_stiffness_error")
+    if check is None:
+        return
+    better = [
+        f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
+    ]
+    say(f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}")
+
+
 def _blend_text(region: "Region") -> str:
     """Say in a few words what a region has to do with its neighbour."""
     blend = region.blend or {}
@@ -229,9 +253,9 @@ def _table(plan: "Plan") -> None:
                 f"{begin + u * way:.{2 if long else 4}f}" for u in r.field
             ),
             "target MPa": format_range(r.target_modulus_MPa),
-            "achieved": format_number(r.modulus_MPa),
+            "achieved MPa": format_number(r.modulus_MPa),
             "95 % interval": format_interval(r.modulus_interval_MPa),
-            "error": f"{100 * r.error[0]:+.0f} .. {100 * r.error[1]:+.0f} %",
+            "error": " .. ".join(dict.fromkeys(f"{100 * e:+.0f}" for e in r.error)) + " %",
             "volume mm3": format_number(r.volume_mm3, 4),
             "mass g": format_number(r.mass_g),
         }
@@ -248,8 +272,9 @@ def _table(plan: "Plan") -> None:
         [[row.get(name, "") for name in columns] for row in (*rows, total)],
         title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
         f"{plan.stiffness.at_strain:g}",
-        right=["#", "achieved", "error", "volume mm3", "mass g"],
-        droppable=["95 % interval", "error", "#"],
+        right=["#", "achieved MPa", "error", "volume mm3", "mass g"],
+        droppable=["#", "95 % interval", "mass g", "volume mm3", "error"],
+        abridged="the rows left out are in plan.json",
         swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
     )
 

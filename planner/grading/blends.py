@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 
@@ -116,18 +115,18 @@ def blend_interval_MPa(
 ) -> tuple[float, float]:
     """Return the interval that holds a print's modulus with 95 % probability.
 
-    The materials' errors go together, as everywhere in planning: the larger of their scatters is
-    taken, and the relative error of the estimate is added to it.
+    The materials' errors go together, as everywhere in planning: the wider of their intervals is
+    taken, either way, and the relative error of the estimate is added to it.
 
     Parameters
     ----------
     lower, upper
         Places of the materials from soft to hard.
     """
-    materials = scale.palette.materials
-    log_sd = max(materials[lower].modulus_log_sd, materials[upper].modulus_log_sd)
-    factor = math.exp(NormalDist().inv_cdf(0.975) * log_sd) * (1.0 + error)
-    return modulus_MPa / factor, modulus_MPa * factor
+    ends = [(scale.moduli_MPa[k], *scale.intervals_MPa[k]) for k in (lower, upper)]
+    less = max(own / low for own, low, _ in ends) * (1.0 + error)
+    more = max(high / own for own, _, high in ends) * (1.0 + error)
+    return modulus_MPa / less, modulus_MPa * more
 
 
 # ------------------------------------------------------------------------------------------------

@@ -47,7 +47,8 @@ from planner.grading.profile import (
     stiffness_scale,
 )
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
-from planner.grading.wish import End, Wish, targets_of, whole_wish
+from planner.grading.stiffness_error import alternatives, stiffness_check, tolerance_for
+from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import Part, make_part, part_from_arrays, place
 from planner.numerics import FloatArray, IntArray, Point
@@ -377,13 +378,14 @@ def grade(
     from_: End | None = None,
     to: End | None = None,
     axis: str | tuple[float, float, float] | None = None,
-    profile: str | Path | Profile | None = None,
+    profile: Wished | None = None,
     bands: int | None = None,
     field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
     pitch_mm: float | None = None,
     blend: str | None = None,
     cell_mm: float | None = None,
     at_strain: float | None = None,
+    tolerance: float | None = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
@@ -409,7 +411,10 @@ def grade(
         Direction of the gradient: ``x``, ``-z``, ``"1,0,1"`` or three numbers; the part's longest
         extent by default.
     profile
-        ``log`` (by default), ``linear``, ``smooth``, ``steps:N``, a CSV file, or a `Profile`.
+        ``log`` (by default), ``linear``, ``smooth``, ``steps:N``, ``grades`` (an equal length of
+        each material between the ends), a CSV file, or a `Profile`. Also rows of (position,
+        modulus), positions rising from 0 to 1, moduli as `from_` and `to`; or a function of the
+        position that returns MPa. What is not a name has its own targets.
     bands
         Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
         the cuts lie where the nearest material, or the mixture, changes.
@@ -429,6 +434,10 @@ def grade(
         Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
     at_strain
         Working strain of the secant modulus; 0.1 by default.
+    tolerance
+        Relative error of the stiffness that is accepted, as 0.25: the check
+        ``worst_stiffness_error`` holds up to a ratio of 1.25 between target and achieved modulus,
+        either way. By default what the nearest material at every place leaves.
     printer, palette
         By name, file or value; the Connex3 and the printer's default palette if not given.
     unit
@@ -469,6 +478,9 @@ def grade(
     choice = _blend_choice(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
+    limit = tolerance_for(
+        None if tolerance is None else as_number(tolerance, "`tolerance`"), target, scale
+    )
 
     progress("reading the part")
     source = _open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
@@ -496,6 +508,7 @@ def grade(
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
     printing, findings = design.held(mesh, along, pieces, shells, pitch_mm, scale, machine)
+    stiffness, off = stiffness_check(regions, target, scale, limit)
     followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
@@ -518,10 +531,14 @@ def grade(
             design.says,
             None if earlier is None else earlier.says,
         ),
-        stiffness=Stiffness("secant-nominal", scale.at_strain),
+        stiffness=Stiffness(
+            "secant-nominal",
+            scale.at_strain,
+            alternatives=alternatives(regions, target, scale),
+        ),
         regions=regions,
-        checks={**checks, **printing},
-        findings=findings,
+        checks={**checks, "worst_stiffness_error": stiffness, **printing},
+        findings=(*off, *findings),
         warnings=(*source.warnings, *followed, *unsure, *_remarks(scale, regions)),
         unreachable=_unreachable(target, scale),
         shells=shells,

@@ -2,12 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
@@ -34,12 +35,14 @@ __all__ = [
     "distinct_positions",
     "dithered_profile",
     "equal_bands",
+    "grades_between",
     "is_dithered",
     "known_interval",
     "list_materials",
     "natural_bands",
     "profile_of",
     "read_profile",
+    "sampled_profile",
     "shortfalls",
     "stiffness_scale",
 ]
@@ -52,7 +55,7 @@ __all__ = [
 _Shape = Literal["log", "linear", "smooth"]
 _SHAPES: dict[str, _Shape] = {"log": "log", "linear": "linear", "smooth": "smooth"}
 _LEAST_MPa, _MOST_MPa = 1e-6, 1e7  # far beyond any solid that is printed
-_PROFILES = ("log", "linear", "smooth", "steps:N", "FILE.csv")
+_PROFILES = ("log", "linear", "smooth", "steps:N", "grades", "FILE.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +195,74 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
             positions += [i / count, (i + 1) / count]
             moduli += [start_MPa * ratio ** (i / (count - 1))] * 2
         return Profile(spec, tuple(positions), tuple(moduli), "log")
-    hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5"])
+    hint = did_you_mean(spec, ["log", "linear", "smooth", "steps:5", "grades"])
     raise ArgumentError(f"`profile` {spec}: no such profile; {hint}it takes {', '.join(_PROFILES)}")
+
+
+def grades_between(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> Profile:
+    """Give each material between two moduli, both included, an equal length of the field.
+
+    Parameters
+    ----------
+    moduli_MPa
+        Of the catalogue materials, strictly rising.
+
+    Raises
+    ------
+    ArgumentError
+        Fewer than two materials lie there.
+    """
+    low, high = sorted((start_MPa, end_MPa))
+    slack = 1.0 + _SAME_MODULUS
+    steps = [modulus for modulus in moduli_MPa if low / slack <= modulus <= high * slack]
+    if len(steps) < 2:
+        raise ArgumentError(
+            f"`profile` grades: {len(steps) or 'no'} material of the palette lies between "
+            f"{low:.3g} and {high:.3g} MPa; it takes two or more"
+        )
+    if start_MPa > end_MPa:
+        steps.reverse()
+    positions = [i / len(steps) for i in range(len(steps) + 1)]
+    return Profile(
+        "grades",
+        tuple(u for pair in itertools.pairwise(positions) for u in pair),
+        tuple(modulus for modulus in steps for _ in range(2)),
+        "log",
+    )
+
+
+_SAMPLES = 257
+"""Places at which a function is read. Chosen: between them it is followed to 1e-4 of its bend."""
+
+
+def sampled_profile(modulus_MPa: Callable[[FloatArray], ArrayLike]) -> Profile:
+    """Follow a function of the position, 0 to 1, that returns moduli in MPa.
+
+    It is read at 257 places, log-linear between them, so that a jump becomes a steep ramp.
+
+    Parameters
+    ----------
+    modulus_MPa
+        Takes an array of positions, or one position at a time.
+
+    Raises
+    ------
+    ArgumentError
+        It returns something else than a modulus for each position.
+    """
+    u = np.linspace(0.0, 1.0, _SAMPLES)
+    try:
+        moduli = np.asarray(modulus_MPa(u), dtype=np.float64)
+    except (TypeError, ValueError):  # it takes one at a time
+        each = (np.asarray(modulus_MPa(v), dtype=object) for v in u)
+        moduli = np.array([as_number(value.flat[0], "`profile`: the function") for value in each])
+    if moduli.shape not in ((), u.shape):
+        raise ArgumentError(
+            f"`profile`: the function returns an array of shape {moduli.shape} for {len(u)} "
+            "positions; it must return a modulus in MPa for each"
+        )
+    values = np.broadcast_to(moduli, u.shape).tolist()
+    return Profile("function", tuple(u.tolist()), tuple(values), "log")
 
 
 def read_profile(

@@ -2,24 +2,34 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
+
+from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
 from planner.fields.basic import Field
 from planner.fields.parse import field_text
 from planner.formats.mesh_file import MILLIMETRES
 from planner.formats.tables import QUANTITY_UNITS
-from planner.grading.profile import Profile, StiffnessScale, between, profile_of, read_profile
+from planner.grading.profile import (
+    Profile,
+    StiffnessScale,
+    between,
+    grades_between,
+    profile_of,
+    read_profile,
+    sampled_profile,
+)
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
 
-__all__ = ["Earlier", "End", "Wish", "targets_of", "whole_wish"]
+__all__ = ["Earlier", "End", "Wish", "Wished", "targets_of", "whole_wish"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -30,6 +40,12 @@ End: TypeAlias = str | float | Material
 """Where a gradient begins or ends: a material by name or value, or a modulus, in MPa or as text
 with its unit."""
 
+Wished: TypeAlias = (
+    str | Path | Profile | Sequence[tuple[float, End]] | Callable[[FloatArray], ArrayLike]
+)
+"""A target along the field: a shape or CSV file by name, a value, rows of position and modulus, or
+a function of the position."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
@@ -37,7 +53,7 @@ class Wish:
 
     start: End | None = None
     end: End | None = None
-    profile: str | Path | Profile | None = None
+    profile: Wished | None = None
     axis: str | tuple[float, float, float] | None = None
     field: str | Field | Callable[[FloatArray], FloatArray] | None = None
     pitch_mm: float | None = None
@@ -216,15 +232,16 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
         _, start = _end(wish.start, "from_", scale)
         _, end = _end(wish.end, "to", scale)
         return profile, start, end
-    if not isinstance(profile, (str, Path)):
-        raise ArgumentError(
-            f"profile is a {type(profile).__name__}; give a name, a CSV file or a planner.Profile"
-        )
     if _has_targets(profile):
         if wish.start is not None or wish.end is not None:
+            named = f" {profile}" if isinstance(profile, (str, Path)) else ""
             raise ArgumentError(
-                f"`profile` {profile} names its own targets; leave out `from_` and `to`"
+                f"`profile`{named} names its own targets; leave out `from_` and `to`"
             )
+        if callable(profile):
+            return sampled_profile(profile), None, None
+        if not isinstance(profile, (str, Path)):
+            return _listed(profile, scale), None, None
         moduli = {m.id: scale.modulus_of(m.id) for m in palette.materials}
         return read_profile(profile, moduli, lambda called: palette.resolve(called).id), None, None
     if wish.start is None or wish.end is None:
@@ -240,10 +257,28 @@ def targets_of(wish: Wish, scale: StiffnessScale) -> tuple[Profile, str | None, 
             f"`from_` {_called(wish.start)} and `to` {_called(wish.end)} are one material or "
             f"modulus, {start}; a gradient needs two"
         )
+    if str(profile) == "grades":
+        return grades_between(start_MPa, end_MPa, scale.moduli_MPa), start, end
     return between(str(profile), start_MPa, end_MPa), start, end
 
 
-def _has_targets(profile: str | Path | Profile | None) -> bool:
+def _listed(rows: object, scale: StiffnessScale) -> Profile:
+    """Return the target that rows of position and modulus give, log-linear between them."""
+    positions, moduli = [], []
+    try:
+        for position, end in rows:  # type: ignore[attr-defined]
+            positions.append(position)
+            moduli.append(_end(end, "profile", scale)[0])
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"`profile` is a {type(rows).__name__}; give a name, a CSV file, a planner.Profile, a "
+            "function of the position, or rows of (position, modulus) such as [(0, 'Tango'), "
+            "(1, '7MPa')]"
+        ) from None
+    return Profile("list", tuple(positions), tuple(moduli), "log")
+
+
+def _has_targets(profile: Wished | None) -> bool:
     """Return whether a profile names its own targets, so that it needs no ends."""
     if isinstance(profile, str):
         return profile.casefold().endswith(".csv")

@@ -1,0 +1,143 @@
+"""How far what is printed is off the target stiffness, and what another blend would make of it."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from planner.errors import ArgumentError
+from planner.grading.blends import blend_segments
+from planner.grading.profile import Profile, StiffnessScale, natural_bands
+from planner.materials.homogenisation import dither_table
+from planner.plan import Check, Finding, Region
+
+__all__ = ["Tolerance", "alternatives", "error_text", "stiffness_check", "tolerance_for"]
+
+# An error is a ratio, 1 or more: achieved over target where what is printed is too stiff, target
+# over achieved where it is too soft. A ratio of 2 is as bad either way.
+
+
+_ROUNDING = 1e-9
+"""Relative: a band that ends where the material changes misses its target by the limit itself."""
+
+_LARGEST = 1e6
+"""Of a tolerance; a palette from rubber to glass spans less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far the printed stiffness may be off its target, as a ratio.
+
+    Attributes
+    ----------
+    ratio
+        At most so many times as stiff or as soft as wanted.
+    stated
+        Whether the user said so; else it is what the nearest material leaves at the worst place.
+    """
+
+    ratio: float
+    stated: bool
+
+
+def tolerance_for(stated: float | None, target: Profile, scale: StiffnessScale) -> Tolerance:
+    """Return the limit of the stiffness error.
+
+    Parameters
+    ----------
+    stated
+        Relative error that is accepted, as 0.25; by default what is left where every place of
+        the target is printed in the material nearest to it.
+
+    Raises
+    ------
+    ArgumentError
+        A tolerance below 0, or so large that nothing could miss it.
+    """
+    if stated is None:
+        return Tolerance(_of_nearest(target, scale), False)
+    if not 0.0 <= stated <= _LARGEST:
+        raise ArgumentError(
+            f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}; it is a fraction, so "
+            "25 % is 0.25"
+        )
+    return Tolerance(1.0 + stated, True)
+
+
+def stiffness_check(
+    regions: Sequence[Region], target: Profile, scale: StiffnessScale, tolerance: Tolerance
+) -> tuple[Check, tuple[Finding, ...]]:
+    """Hold the stiffness of all regions against what was wanted there.
+
+    Returns
+    -------
+    check : Check
+        The worst ratio of all regions, with its limit.
+    findings : tuple of Finding
+        Where the worst is, and what would make it smaller; empty where the check holds.
+    """
+    worst = max(regions, key=region_error)
+    ratio = region_error(worst)
+    ok = ratio <= tolerance.ratio * (1.0 + _ROUNDING)
+    check = Check(ratio, tolerance.ratio, ok)
+    if ok:
+        return check, ()
+    low, high = worst.target_modulus_MPa
+    limit = "the tolerance" if tolerance.stated else "what the nearest material leaves"
+    better = [
+        f"{option} it is {error_text(error)}"
+        for option, error in alternatives(regions, target, scale).items()
+    ]
+    cures = [*better, f"--tolerance {_rounded_up(ratio - 1.0):g} accepts it"]
+    message = (
+        f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
+        f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
+        f"up to {error_text(ratio)}, more than {limit}, {error_text(tolerance.ratio)}; "
+        + "; ".join(cures)
+    )
+    return check, (Finding("stiffness", message, worst.material),)
+
+
+def alternatives(
+    regions: Iterable[Region], target: Profile, scale: StiffnessScale
+) -> dict[str, float]:
+    """Return the worst ratio that other options would leave, where it is smaller.
+
+    Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
+    one of the two.
+    """
+    ratio = max(region_error(region) for region in regions)
+    moduli = scale.moduli_MPa
+    between = [s for s in blend_segments(target, moduli) if s.lower < s.upper]
+    cells = max(
+        (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
+        default=1.0,
+    )
+    found = {"without --bands": _of_nearest(target, scale), "with --blend dither": cells}
+    return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
+
+
+def region_error(region: Region) -> float:
+    """Return by what ratio a region is off its target, at its worst place."""
+    return max(1.0 + region.error[1], 1.0 / (1.0 + region.error[0]))
+
+
+def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
+    """Return the worst ratio of the nearest materials, of what of the target they reach."""
+    moduli = scale.moduli_MPa
+    least, most = moduli[0], moduli[-1]
+    worst = 1.0
+    for band in natural_bands(target, moduli):
+        low, high = (min(max(value, least), most) for value in band.target_MPa)
+        worst = max(worst, moduli[band.grade] / low, high / moduli[band.grade])
+    return worst
+
+
+def error_text(ratio: float) -> str:
+    """Say a ratio as an error: in per cent, or as a factor where that reads better."""
+    return f"{100.0 * (ratio - 1.0):.2g} %" if ratio < 2.0 else f"a factor of {ratio:.3g}"
+
+
+def _rounded_up(value: float) -> float:
+    """Return two significant digits that are not below a value."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit

@@ -1,0 +1,127 @@
+"""The stiffness error as a check; targets as functions, rows and grades."""
+
+import itertools
+import math
+import re
+
+import manifold3d as m3
+import numpy as np
+import pytest
+
+import planner
+from planner.cli import run
+from planner.errors import ArgumentError
+
+BAR = m3.Manifold.cube([80.0, 20.0, 20.0]).to_mesh()
+MESH = (np.asarray(BAR.vert_properties[:, :3]), np.asarray(BAR.tri_verts))
+ENDS = {"from_": "Tango", "to": "Vero"}
+
+
+@pytest.fixture(scope="module")
+def moduli() -> dict[str, float]:
+    scale = planner.list_materials()
+    ids = [material.id for material in scale.palette.materials]
+    return dict(zip(ids, scale.moduli_MPa, strict=True))
+
+
+def _error(plan: planner.Plan) -> float:
+    return plan.checks["worst_stiffness_error"].value
+
+
+def test_nearest_materials_leave_half_of_the_largest_step(moduli) -> None:
+    """Half-way between two in the logarithm, either is off by the root of their ratio."""
+    plan = planner.grade(MESH, **ENDS)
+    ladder = list(moduli.values())
+    steps = [b / a for a, b in itertools.pairwise(ladder)]
+    check = plan.checks["worst_stiffness_error"]
+    assert check.value == pytest.approx(math.sqrt(max(steps)), rel=1e-9)
+    assert check.limit == pytest.approx(check.value, rel=1e-9)
+    assert plan.ok
+
+
+def test_coarse_bands_fail_and_the_remedies_keep_their_word(capsys, tmp_path) -> None:
+    plan = planner.grade(MESH, **ENDS, bands=2)
+    assert not plan.ok
+    (finding,) = [f for f in plan.findings if f.kind == "stiffness"]
+    assert "a factor of" in finding.message
+    promised = plan.stiffness.alternatives
+    assert promised["without --bands"] == pytest.approx(_error(planner.grade(MESH, **ENDS)))
+    dithered = planner.grade(MESH, **ENDS, blend="dither", cell_mm=2.0)
+    assert promised["with --blend dither"] == pytest.approx(_error(dithered))
+    accepted = float(re.search(r"--tolerance (\S+) accepts", finding.message)[1])
+    again = planner.grade(MESH, **ENDS, bands=2, tolerance=accepted)
+    assert again.checks["worst_stiffness_error"].ok
+    part = tmp_path / "bar.stl"
+    _write_stl(part)
+    common = ["grade", str(part), "--from", "Tango", "--to", "Vero", "--bands", "2", "--dry-run"]
+    assert run(common) == 1
+    out = capsys.readouterr()
+    assert "worst_stiffness_error" in out.out
+    assert "with --blend dither" in out.out
+    assert finding.message in out.err
+    assert run([*common, "--tolerance", str(accepted)]) == 0
+
+
+@pytest.mark.parametrize("tolerance", [-0.1, math.nan, 1e9])
+def test_a_tolerance_is_a_fraction(tolerance) -> None:
+    with pytest.raises(ArgumentError, match="tolerance"):
+        planner.grade(MESH, **ENDS, tolerance=tolerance)
+
+
+def test_grades_have_equal_lengths_and_no_error(moduli) -> None:
+    """The thesis' part: one step a material."""
+    plan = planner.grade(MESH, **ENDS, profile="grades")
+    assert [r.material for r in plan.regions] == list(moduli)
+    ends = np.array([r.field for r in plan.regions])
+    assert np.diff(ends, axis=1) == pytest.approx(0.1, abs=1e-9)
+    assert _error(plan) == pytest.approx(1.0, rel=1e-9)
+    back = planner.grade(MESH, from_="FLX9760", to="FLX9740", profile="grades")
+    assert [r.material for r in back.regions] == ["FLX9760", "FLX9750", "FLX9740"]
+    # Between moduli: those that lie there, and no other.
+    some = planner.grade(MESH, from_="1MPa", to="0.01GPa", profile="grades")
+    assert [r.material for r in some.regions] == ["FLX9750", "FLX9760", "FLX9770", "FLX9785"]
+    with pytest.raises(ArgumentError, match="two or more"):
+        planner.grade(MESH, from_="1MPa", to="1.1MPa", profile="grades")
+
+
+def test_a_profile_may_be_rows_or_a_function() -> None:
+    rows = planner.grade(MESH, profile=[(0, "Tango"), (0.25, "900kPa"), (1, 7)])
+    assert rows.gradient.profile["positions"] == [0.0, 0.25, 1.0]
+    assert rows.gradient.profile["moduli_MPa"][1:] == [0.9, 7.0]
+    whole = planner.grade(MESH, profile=lambda u: 0.5 * 14.0**u)
+    ends = planner.grade(MESH, from_=0.5, to=7.0)
+    # Both are the same log-linear target, one of them through 257 knots.
+    for a, b in zip(whole.regions, ends.regions, strict=True):
+        assert a.field == pytest.approx(b.field, abs=1e-9)
+    one_by_one = planner.grade(MESH, profile=lambda u: 0.5 * math.pow(14.0, u))
+    assert one_by_one.regions == whole.regions
+
+
+@pytest.mark.parametrize(
+    ("profile", "said"),
+    [
+        (3, "rows of"),
+        ([1, 2], "rows of"),
+        ([(0, "Tango"), (0.5, "Vero")], "from 0 to 1"),
+        ([(0, "Tango"), (1, "0.1 parsec")], "parsec"),
+        (lambda u: u[:3], "for each"),
+        (lambda u: -1.0, "moduli must lie"),
+        (lambda u: "stiff", "function"),
+        (lambda u: None, "function"),
+    ],
+)
+def test_other_profiles_are_refused(profile, said) -> None:
+    with pytest.raises(planner.PlannerError, match=said):
+        planner.grade(MESH, profile=profile)
+
+
+def test_own_targets_take_no_ends() -> None:
+    with pytest.raises(ArgumentError, match="leave out"):
+        planner.grade(MESH, **ENDS, profile=[(0, 1.0), (1, 2.0)])
+
+
+def _write_stl(path) -> None:
+    triangles = MESH[0][MESH[1]].astype("<f4")
+    record = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    record["v"] = triangles
+    path.write_bytes(b"\0" * 80 + np.uint32(len(triangles)).tobytes() + record.tobytes())
