@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from planner.materials.algorithm_one import QuadraticCoefficients, literal_stress_MPa
 from planner.materials.laws import Ogden, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.printers import load_printer
-from printers.connex3.algorithm_one import QuadraticCoefficients
 from printers.connex3.derive import fit_strains, reading_log_sd
 from printers.connex3.ogden_fit import relative_rms
-from printers.connex3.thesis import Published, literal_stress_MPa, load_thesis
+from printers.connex3.thesis import Published, load_thesis
 from printers.connex3.toe import correct
 
 FOLDER = Path(__file__).parent

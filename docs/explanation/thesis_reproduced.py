@@ -13,26 +13,20 @@ from typing import Any
 import numpy as np
 from thesis_numbers import FOLDER, MODEL, PALETTE, THESIS, area_MJ_m3, with_tables
 
-from planner.materials.mixtures import pchip_slopes, pchip_weights
-from planner.numerics import FloatArray
-from printers.connex3.algorithm_one import (
+from planner.materials.algorithm_one import (
     LiteralCurve,
     QuadraticCoefficients,
     QuadraticFit,
     algorithm_one,
+    literal_stress_MPa,
     pooled_squared_error_MPa2,
     quadratics_through,
 )
+from planner.materials.mixtures import pchip_slopes, pchip_weights
+from planner.materials.quadratic_study import normalised_rmse, r_squared, without
+from planner.numerics import FloatArray
 from printers.connex3.derive import SPECIMEN_LOG_SD
-from printers.connex3.leave_one_out import (
-    HeldOut,
-    held_out,
-    normalised_rmse,
-    published_curve,
-    r_squared,
-    without,
-)
-from printers.connex3.thesis import literal_stress_MPa
+from printers.connex3.leave_one_out import HeldOut, held_out, published_curve
 from printers.connex3.toe import correct
 
 FIGURES = ("thesis-figure-3-1", "thesis-figure-3-2", "thesis-figure-4-1")

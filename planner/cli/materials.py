@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from planner.grading.invert import Mixture
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
+    from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
 
 # ------------------------------------------------------------------------------------------------
 # planner printers.
@@ -443,6 +444,13 @@ def fit(
     density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
     starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
     level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
+    coefficients: Annotated[
+        str | None,
+        Option(
+            help="quadratic: also run Algorithm 1 of Hemleben's thesis, coefficients as quadratics "
+            "of m, and compare what it predicts; the palette is the same."
+        ),
+    ] = None,
     specimens: SpecimensFile = None,
     material: MaterialName = None,
     width_mm: WidthMm = None,
@@ -479,6 +487,7 @@ def fit(
             density=_figures(density, "--density"),
             starts=starts,
             level=level,
+            coefficients=coefficients,
             specimens=specimens,
             material=material,
             width_mm=width_mm,
@@ -535,6 +544,8 @@ def _print_report(result: "PaletteStudy", output: Path) -> None:
         reason = fit.characteristics.deformation.reason if fit.choice is None else fit.choice.reason
         say(f"{material.id}: {reason}")
         say(f"  intervals: {fit.uncertainty.basis}")
+    if result.quadratic is not None:
+        _print_quadratic(result.quadratic)
     say(f"palette {result.palette.name} written to {output}")
 
 
@@ -619,6 +630,48 @@ def _print_secants(result: "PaletteStudy") -> None:
             title="Secant moduli of the mean (stress is strain times it; strain 0: at rest)",
             right=["strain", "secant MPa"],
         )
+
+
+def _print_quadratic(found: "QuadraticStudy") -> None:
+    from planner.cli.output import format_number, print_table, say
+
+    names = [f"c{number}" for number in range(1, 7)]
+    print_table(
+        ["material", "m", *names],
+        [
+            [row.id, f"{row.curve.coordinate:.3g}", *(format_number(c, 4) for c in row.fit.c)]
+            for row in found.rows
+        ],
+        title="Algorithm 1, lines 1 to 3: eq. 3.8 of each material (Hemleben 2017)",
+        right=["m", *names],
+    )
+    print_table(
+        ["", "q2", "q1", "q0"],
+        [
+            [name, *(format_number(q, 4) for q in row)]
+            for name, row in zip(names, found.quadratics.model.rows, strict=True)
+        ],
+        title="Algorithm 1, lines 4 to 7: c = q2 m² + q1 m + q0",
+        right=["q2", "q1", "q0"],
+    )
+    fits = ["R2: eq. 3.8", "quadratics", "palette's law"]
+    left_out = ["left out: quadratics", "mixtures"]
+
+    def errors(row: "QuadraticRow") -> list[str]:
+        predicted = (row.quadratics_without, row.mixtures_without)
+        return [
+            *(f"{one.r2:.4f}" for one in (row.own, row.quadratics, row.law)),
+            *("-" if one is None else f"{100 * one.nrmse:.1f} %" for one in predicted),
+        ]
+
+    print_table(
+        ["material", *fits, *left_out],
+        [[row.id, *errors(row)] for row in found.rows],
+        title="How well each fits; and the error of what the other materials predict",
+        right=[*fits, *left_out],
+    )
+    for remark in found.remarks():
+        say(remark)
 
 
 def _interval(low: float, high: float) -> str:

@@ -436,6 +436,8 @@ class MaterialFit:
         The laws that were tried; None for a plastic material, which gets a law that yields.
     notes
         What the user should know, one sentence each.
+    curves
+        The specimens' curves that the law was fitted to: behind slack or toe.
     """
 
     material: str
@@ -446,6 +448,7 @@ class MaterialFit:
     choice: Choice | None
     notes: tuple[str, ...]
     secants: tuple[SecantInterval, ...] = ()
+    curves: tuple[Curve, ...] = ()
 
     @property
     def elongation_at_break(self) -> float:
@@ -480,8 +483,12 @@ def fit_material(
     if found.deformation.kind == "plastic":
         law, uncertainty, scatter = _plastic(found, curves, weighting, level)
         notes.extend(_falls(material, curves))
-        return MaterialFit(material, found, law, uncertainty, scatter, None, tuple(notes))
-    sample = sample_of(loading(curves), weighting=weighting)
+        whole = tuple(toe_compensated(curve) for curve in curves)
+        return MaterialFit(
+            material, found, law, uncertainty, scatter, None, tuple(notes), curves=whole
+        )
+    loaded = tuple(loading(curves))
+    sample = sample_of(loaded, weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
     try:
         choice = choose_law(laws, sample, working, starts=starts)
@@ -509,6 +516,7 @@ def fit_material(
         choice,
         tuple(notes),
         secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level),
+        loaded,
     )
 
 

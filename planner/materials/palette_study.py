@@ -26,6 +26,7 @@ from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
+from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import Study, read_study
 from planner.materials.unit_slips import (
     Comparison,
@@ -286,6 +287,8 @@ class PaletteStudy:
     findings
         What speaks against a material's figures or its law, one sentence each; the problem is
         not among them.
+    quadratic
+        Algorithm 1 of Hemleben's thesis on the same tests, if asked for.
     """
 
     palette: Palette
@@ -293,6 +296,7 @@ class PaletteStudy:
     notes: tuple[str, ...]
     problem: str | None
     findings: tuple[str, ...] = ()
+    quadratic: QuadraticStudy | None = None
 
     @property
     def ok(self) -> bool:
@@ -311,6 +315,7 @@ class PaletteStudy:
             "notes": list(self.notes),
             "problem": self.problem,
             "findings": list(self.findings),
+            **({} if self.quadratic is None else {"quadratic": self.quadratic.document()}),
         }
 
 
@@ -324,6 +329,7 @@ def fit(
     density: Mapping[str, float] | None = None,
     starts: int = STARTS,
     level: float = 0.95,
+    coefficients: str | None = None,
     specimens: str | Path | None = None,
     material: str | None = None,
     width_mm: float | None = None,
@@ -360,6 +366,9 @@ def fit(
         Starts of each search.
     level
         Coverage of the intervals.
+    coefficients
+        ``quadratic`` runs Algorithm 1 of Hemleben's thesis beside: every coefficient of eq. 3.8 as
+        a quadratic of m. The palette is the same.
     progress
         Told which material is fitted.
 
@@ -395,6 +404,8 @@ def fit(
     )
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
+    if coefficients not in (None, "quadratic"):
+        raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, coordinate)
@@ -437,7 +448,11 @@ def fit(
     by_id = {ids[called]: fits[called] for called in ordered}
     findings = (*slips, *(said for called in ordered for said in _findings(fits[called])))
     problem = _problem(fitted_palette)
-    return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings)
+    quadratic = None
+    if coefficients is not None:
+        progress("running Algorithm 1")
+        quadratic = quadratic_study(fitted_palette, by_id, level)
+    return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings, quadratic)
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:

@@ -13,11 +13,12 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from planner.materials.algorithm_one import literal_stress_MPa
 from planner.materials.laws import make_law
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette, Reading, Reference, encode_palette
 from printers.connex3.ogden_fit import fit_ogden, relative_rms
-from printers.connex3.thesis import Published, Thesis, literal_stress_MPa, load_thesis
+from printers.connex3.thesis import Published, Thesis, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct
 
 __all__ = [

@@ -8,26 +8,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray
-from planner.palette import Palette
-from printers.connex3.algorithm_one import (
+from planner.materials.algorithm_one import (
     LiteralCurve,
     QuadraticCoefficients,
     algorithm_one,
+    literal_stress_MPa,
     quadratics_through,
 )
-from printers.connex3.thesis import Published, Thesis, literal_stress_MPa
+from planner.materials.mixtures import CoefficientModel
+from planner.materials.quadratic_study import normalised_rmse, without
+from planner.numerics import FloatArray
+from planner.palette import Palette
+from printers.connex3.thesis import Published, Thesis
 from printers.connex3.toe import correct
 
 __all__ = [
     "HeldOut",
     "held_out",
     "literal_without",
-    "normalised_rmse",
     "published_curve",
-    "r_squared",
-    "without",
 ]
 
 STRAIN_STEP = 0.0025
@@ -92,12 +91,6 @@ def literal_without(
     return algorithm_one(curves, start).model
 
 
-def without(palette: Palette, material: str) -> CoefficientModel:
-    """Return the coefficient model of a palette without one material."""
-    kept = tuple(m for m in palette.materials if m.id != material)
-    return CoefficientModel(replace(palette, materials=kept))
-
-
 def held_out(thesis: Thesis, palette: Palette, published: Published) -> HeldOut:
     """Return the models' errors for an elastomer with elastomers on both sides."""
     m = thesis.coordinate(published)
@@ -130,14 +123,3 @@ def held_out(thesis: Thesis, palette: Palette, published: Published) -> HeldOut:
         straight=consistent(straight, toe_off.strain),
         straight_crosshead=consistent(straight, moved),
     )
-
-
-def normalised_rmse(measured: FloatArray, predicted: FloatArray) -> float:
-    """Return the root mean square error over the largest measured value."""
-    return float(np.sqrt(np.mean((predicted - measured) ** 2)) / np.max(measured))
-
-
-def r_squared(measured: FloatArray, predicted: FloatArray) -> float:
-    """Return 1 - Σ(measured - predicted)² / Σ(measured - mean)²; below 0 a constant is better."""
-    scatter = np.sum((measured - measured.mean()) ** 2)
-    return float(1.0 - np.sum((measured - predicted) ** 2) / scatter)

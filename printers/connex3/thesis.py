@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from planner.numerics import FloatArray
 
-__all__ = ["Published", "Thesis", "literal_stress_MPa", "literal_tangent_MPa", "load_thesis"]
+__all__ = ["Published", "Thesis", "literal_tangent_MPa", "load_thesis"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,29 +61,7 @@ def load_thesis() -> Thesis:
 
 
 # ------------------------------------------------------------------------------------------------
-# Eq. 3.8: P = Σ c_i (x^c_j - 2^(c_j-1) x^(-c_j/2)), (i, j) = (1, 2), (3, 4), (5, 6), x the strain.
-#
-# From S. Hemleben, Modeling a Spectrum of 3D Printed Materials for Soft Robots, Oregon State
-# University, 2017. What the thesis calls λ is the engineering strain x = stretch - 1, and the
-# factor 2^(c-1) comes of (2/√λ)^c in place of 2 (1/√λ)^c in the energy. Hence the stress neither
-# vanishes nor stays finite at rest; palettes tell the strains between which it holds.
-
-
-def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
-    """Return eq. 3.8 at strains above 0, wherever they are.
-
-    Parameters
-    ----------
-    c
-        Six coefficients along the last axis; the other axes broadcast with `strain`.
-    """
-    c = np.asarray(c, dtype=np.float64)
-    x = np.asarray(strain, dtype=np.float64)
-    stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
-    for i in (0, 2, 4):
-        a, b = c[..., i], c[..., i + 1]
-        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
-    return stress
+# The slope of eq. 3.8, whose stress is in `planner.materials.algorithm_one`.
 
 
 def literal_tangent_MPa(c: ArrayLike, strain: ArrayLike, order: int = 1) -> FloatArray:
@@ -92,7 +70,7 @@ def literal_tangent_MPa(c: ArrayLike, strain: ArrayLike, order: int = 1) -> Floa
     Parameters
     ----------
     c, strain
-        As `literal_stress_MPa`.
+        As `planner.materials.algorithm_one.literal_stress_MPa`.
     """
     c = np.asarray(c, dtype=np.float64)
     x = np.asarray(strain, dtype=np.float64)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.materials.algorithm_one import literal_stress_MPa
 from planner.numerics import FloatArray
-from printers.connex3.thesis import Published, literal_stress_MPa, literal_tangent_MPa
+from printers.connex3.thesis import Published, literal_tangent_MPa
 
 __all__ = ["CorrectedCurve", "correct", "flattest_tangent"]
 

@@ -9,15 +9,18 @@ import pytest
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
-from printers.connex3.algorithm_one import (
+from planner.materials.algorithm_one import (
     LiteralCurve,
     QuadraticCoefficients,
     algorithm_one,
+    individual_fit,
+    literal_stress_MPa,
     pooled_squared_error_MPa2,
     quadratics_through,
 )
-from printers.connex3.leave_one_out import published_curve, r_squared
-from printers.connex3.thesis import literal_stress_MPa, load_thesis
+from planner.materials.quadratic_study import r_squared
+from printers.connex3.leave_one_out import published_curve
+from printers.connex3.thesis import load_thesis
 
 THESIS = load_thesis()
 PRINTED = QuadraticCoefficients(THESIS.quadratics)
@@ -141,3 +144,40 @@ def test_a_start_that_overflows() -> None:
     start = QuadraticCoefficients(((0.0, 0.0, 1e6),) * 6)
     with pytest.raises(ArgumentError, match="error at the start is not finite"):
         algorithm_one(CURVES, start)
+
+
+def test_lines_1_to_3_find_each_curve_again() -> None:
+    """From one start, the medians of Table 3.2, to curves that eq. 3.8 describes exactly."""
+    for curve in CURVES:
+        fit = individual_fit(curve)
+        found = literal_stress_MPa(fit.c, curve.strain)
+        # Six numbers follow a smooth curve of six numbers; the searches' tolerances are 1e-6, 1e-4.
+        assert r_squared(curve.stress_MPa, found) > 0.9999
+        assert fit.squared_error_MPa2 == pytest.approx(np.sum((found - curve.stress_MPa) ** 2))
+
+
+def test_the_main_terms_of_table_3_2_come_back_where_its_medians_are() -> None:
+    """FLX9760 stands in the middle of the table; c1 and c2, small, are not determined."""
+    fit = individual_fit(CURVES[3])
+    # 5 %: c1, which stands in for a part of c5.
+    np.testing.assert_allclose(fit.c[2:], TABLE[3][2:], rtol=0.05)
+
+
+def test_intervals_of_the_coefficients_are_those_of_a_linear_fit() -> None:
+    """Noise of known size: the half widths hold the truth of the well determined ones."""
+    rng, c = np.random.default_rng(5), np.array(TABLE[3])
+    strain = np.linspace(0.05, 0.7, 400)
+    stress = literal_stress_MPa(c, strain)
+    noisy = LiteralCurve(0.5, strain, stress + 1e-3 * rng.standard_normal(len(strain)))
+    fit = individual_fit(noisy)
+    # Six numbers take six of 400 residuals of variance 1e-6; five standard errors.
+    assert fit.squared_error_MPa2 == pytest.approx(394e-6, rel=5.0 * np.sqrt(2.0 / 394.0))
+    assert all(half > 0.0 for half in fit.half)
+    narrow = individual_fit(noisy, 0.5)
+    # Student's t with 394 degrees of freedom at 97.5 and 75 %: 1.9660 and 0.6752.
+    np.testing.assert_allclose(np.array(fit.half) / narrow.half, 1.9660 / 0.6752, rtol=1e-3)
+
+
+def test_too_few_points_are_refused() -> None:
+    with pytest.raises(ArgumentError, match="6 points do not determine"):
+        individual_fit(LiteralCurve(0.0, np.linspace(0.1, 0.6, 6), np.linspace(0.1, 0.6, 6)))

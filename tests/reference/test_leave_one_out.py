@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from planner.materials.mixtures import CoefficientModel
+from planner.materials.quadratic_study import normalised_rmse, r_squared, without
 from planner.printers import load_printer
-from printers.connex3.leave_one_out import (
-    HeldOut,
-    held_out,
-    normalised_rmse,
-    published_curve,
-    r_squared,
-    without,
-)
+from printers.connex3.leave_one_out import HeldOut, held_out, published_curve
 from printers.connex3.thesis import load_thesis
 
 THESIS = load_thesis()

@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from planner.materials.algorithm_one import QuadraticCoefficients, literal_stress_MPa
 from planner.materials.laws import Martins, Yeoh
 from planner.numerics import FloatArray
-from printers.connex3.algorithm_one import QuadraticCoefficients
-from printers.connex3.thesis import Published, literal_stress_MPa, literal_tangent_MPa, load_thesis
+from printers.connex3.thesis import Published, literal_tangent_MPa, load_thesis
 from printers.connex3.toe import correct, flattest_tangent
 
 THESIS = load_thesis()

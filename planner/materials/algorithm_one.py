@@ -3,22 +3,54 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError
 from planner.numerics import FloatArray
-from printers.connex3.thesis import literal_stress_MPa
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 __all__ = [
     "LiteralCurve",
+    "LiteralFit",
     "QuadraticCoefficients",
     "QuadraticFit",
     "algorithm_one",
+    "individual_fit",
+    "literal_stress_MPa",
     "pooled_squared_error_MPa2",
     "quadratics_through",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# Eq. 3.8: P = Σ c_i (x^c_j - 2^(c_j-1) x^(-c_j/2)), (i, j) = (1, 2), (3, 4), (5, 6), x the strain.
+#
+# From S. Hemleben, Modeling a Spectrum of 3D Printed Materials for Soft Robots, Oregon State
+# University, 2017. What the thesis calls λ is the engineering strain x = stretch - 1, and the
+# factor 2^(c-1) comes of (2/√λ)^c in place of 2 (1/√λ)^c in the energy. Hence the stress neither
+# vanishes nor stays finite at rest; palettes tell the strains between which it holds.
+
+
+def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
+    """Return eq. 3.8 at strains above 0, wherever they are.
+
+    Parameters
+    ----------
+    c
+        Six coefficients along the last axis; the other axes broadcast with `strain`.
+    """
+    c = np.asarray(c, dtype=np.float64)
+    x = np.asarray(strain, dtype=np.float64)
+    stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
+    for i in (0, 2, 4):
+        a, b = c[..., i], c[..., i + 1]
+        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
+    return stress
 
 
 # ------------------------------------------------------------------------------------------------
@@ -51,13 +83,18 @@ class QuadraticCoefficients:
 
 
 # ------------------------------------------------------------------------------------------------
-# Algorithm 1 of Hemleben's thesis: quadratics in the coordinate, fitted to all curves at once.
+# Algorithm 1 of Hemleben's thesis: each material's coefficients (lines 1 to 3), their quadratics in
+# the coordinate (4 and 5), and these fitted to all curves at once (6 and 7).
 #
 # Kept to reproduce the source and to be compared with; planning uses
 # `planner.materials.mixtures`.
 
 
 _LN2 = math.log(2.0)
+
+_START = (0.0788, -0.0216, 1.9908, 0.6354, 1.6999, -0.2853)
+"""c1 to c6 that lines 1 to 3 start from: the medians of the thesis' Table 3.2, whose own start is
+not printed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +138,31 @@ class LiteralCurve:
 
 
 @dataclass(frozen=True, slots=True)
+class LiteralFit:
+    """Eq. 3.8 fitted to one material.
+
+    Attributes
+    ----------
+    c
+        c1 to c6.
+    half
+        Half of each coefficient's interval, as Matlab's confint has it: from the slopes at the
+        fit, points taken as independent. Hence too narrow for another specimen, and as wide as it
+        likes where terms stand in for one another.
+    squared_error_MPa2
+        Sum of squared stress errors.
+    evaluations, converged
+        As in `QuadraticFit`, of the simplex (line 3).
+    """
+
+    c: tuple[float, ...]
+    half: tuple[float, ...]
+    squared_error_MPa2: float
+    evaluations: int
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
 class QuadraticFit:
     """What Algorithm 1 came to.
 
@@ -118,6 +180,62 @@ class QuadraticFit:
     squared_error_MPa2: float
     evaluations: int
     converged: bool
+
+
+def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
+    """Fit eq. 3.8 to one material as the thesis does (lines 1 to 3).
+
+    Levenberg and Marquardt's method first, with the limits of Matlab's curve fitting (tolerances
+    of 1e-6, 600 evaluations), then the simplex on the sum of squared errors, both unweighted. All
+    materials start alike but for their size of stress: three terms stand in for one another, and
+    coefficients of terms in another order would have no course in m.
+
+    Raises
+    ------
+    ArgumentError
+        The curve has no more points than coefficients.
+    """
+    from scipy.optimize import least_squares
+    from scipy.stats import t as student
+
+    freedom = len(curve.strain) - 6
+    if freedom < 1:
+        raise ArgumentError(
+            f"curve at coordinate {curve.coordinate:g}: {len(curve.strain)} points do not "
+            "determine the six coefficients of eq. 3.8; give more"
+        )
+
+    start = np.array(_START)
+    shape = literal_stress_MPa(start, curve.strain)
+    start[::2] *= float(shape @ curve.stress_MPa) / float(shape @ shape)
+
+    def residuals(c: FloatArray) -> FloatArray:
+        # Large numbers in place of infinite ones, which the method turns back from.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.nan_to_num(literal_stress_MPa(c, curve.strain) - curve.stress_MPa)
+
+    fitted = least_squares(residuals, start, method="lm", ftol=1e-6, xtol=1e-6, max_nfev=600)
+    found = _simplex(_pooled([curve], 0), fitted.x)
+    slopes = _slopes(found.x, curve.strain)
+    spread = np.sqrt(found.fun / freedom * np.diag(np.linalg.pinv(slopes.T @ slopes)))
+    half = float(student.ppf(0.5 + level / 2.0, freedom)) * spread
+    return LiteralFit(
+        c=tuple(float(v) for v in found.x),
+        half=tuple(float(v) for v in half),
+        squared_error_MPa2=float(found.fun),
+        evaluations=int(found.nfev),
+        converged=bool(found.success),
+    )
+
+
+def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return the derivatives of eq. 3.8 by its six coefficients, a row a strain."""
+    columns = []
+    for factor, exponent in c.reshape(3, 2):
+        up, down = strain**exponent, 0.5 * (4.0 / strain) ** (exponent / 2.0)
+        columns.append(up - down)
+        columns.append(factor * (np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down))
+    return np.stack(columns, axis=1)
 
 
 def quadratics_through(coordinates: ArrayLike, coefficients: ArrayLike) -> QuadraticCoefficients:
@@ -151,35 +269,25 @@ def pooled_squared_error_MPa2(
     model: QuadraticCoefficients, curves: Sequence[LiteralCurve]
 ) -> float:
     """Return the sum of squared stress errors over all points of all curves, unweighted."""
-    return _pooled(curves)(np.array(model.rows).ravel())
+    return _pooled(curves, 2)(np.array(model.rows).ravel())
 
 
 def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) -> QuadraticFit:
     """Lower the pooled squared error from `start` as the thesis does (lines 6 and 7).
 
-    Nelder and Mead's simplex over the 18 numbers with the defaults of Matlab's fminsearch, which
-    are scipy's too: a first simplex 5 % wide, tolerances of 1e-4 on numbers and error, at most
-    200 evaluations and iterations a number. It is a local search that usually ends at that limit.
+    The simplex over the 18 numbers is a local search that usually ends at its limit.
 
     Raises
     ------
     ArgumentError
         Fewer than three different coordinates, or the error at `start` is not finite.
     """
-    from scipy.optimize import minimize
-
     _check_coordinates(np.array([curve.coordinate for curve in curves]))
-    error = _pooled(curves)
+    error = _pooled(curves, 2)
     first = np.array(start.rows).ravel()
     if not math.isfinite(error(first)):
         raise ArgumentError("the pooled error at the start is not finite; give another start")
-    limit = 200 * first.size
-    found = minimize(
-        error,
-        first,
-        method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit},
-    )
+    found = _simplex(error, first)
     return QuadraticFit(
         model=_model(found.x.reshape(6, 3)),
         squared_error_MPa2=float(found.fun),
@@ -188,19 +296,36 @@ def algorithm_one(curves: Sequence[LiteralCurve], start: QuadraticCoefficients) 
     )
 
 
-def _pooled(curves: Sequence[LiteralCurve]) -> Callable[[FloatArray], float]:
-    """Return the pooled squared error as a function of the 18 numbers.
+def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "OptimizeResult":
+    """Search as Matlab's fminsearch does, whose defaults are scipy's too.
+
+    Nelder and Mead's: a first simplex 5 % wide, tolerances of 1e-4 on numbers and error, at most
+    200 evaluations and iterations a number.
+    """
+    from scipy.optimize import minimize
+
+    limit = 200 * first.size
+    return minimize(
+        error,
+        first,
+        method="Nelder-Mead",
+        options={"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit},
+    )
+
+
+def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray], float]:
+    """Return the pooled squared error as a function of the numbers of six polynomials in m.
 
     The powers of eq. 3.8 are taken as exponentials of logarithms found once, for speed.
     """
-    powers = np.vander([curve.coordinate for curve in curves], 3)
+    powers = np.vander([curve.coordinate for curve in curves], degree + 1)
     which = np.repeat(np.arange(len(curves)), [len(curve.strain) for curve in curves])
     measured = np.concatenate([curve.stress_MPa for curve in curves])
     up = np.log(np.concatenate([curve.strain for curve in curves]))
     down = _LN2 - up / 2.0
 
     def error(numbers: FloatArray) -> float:
-        c = (powers @ numbers.reshape(6, 3).T)[which].T
+        c = (powers @ numbers.reshape(6, degree + 1).T)[which].T
         residual = -measured
         # A simplex may stray to where a power overflows: an infinite error, which it leaves.
         with np.errstate(over="ignore", invalid="ignore"):
