@@ -26,10 +26,12 @@ if TYPE_CHECKING:
     from planner.grading.grade import grade
     from planner.grading.invert import Mixture, invert
     from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.materials.fit_tables import fit_tables
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
+    from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
     from planner.report.material_figures import characterisation_figure, materials_figure
     from planner.report.svg import simulation_figure
@@ -71,6 +73,8 @@ __all__ = [
     "diagnose",
     "diff",
     "fit",
+    "fit_figure",
+    "fit_tables",
     "grade",
     "installed_printers",
     "invert",
@@ -105,10 +109,12 @@ _MODULES = {
     "planner.grading.grade": "grade",
     "planner.grading.invert": "Mixture invert",
     "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.materials.fit_tables": "fit_tables",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
     "planner.palette": "Material Palette load_palette write_palette",
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",
+    "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.material_figures": "characterisation_figure materials_figure",
     "planner.report.svg": "simulation_figure",

@@ -29,6 +29,7 @@ from planner.cli.output import (
 )
 
 if TYPE_CHECKING:
+    from planner.formats.files import FolderKind
     from planner.grading.invert import Mixture
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
@@ -461,6 +462,14 @@ def fit(
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
+    figure: Annotated[
+        Path | None,
+        Option(help="SVG file to write: tests over laws, residuals, mixtures between."),
+    ] = None,
+    tables: Annotated[
+        Path | None,
+        Option(help="Folder to write: the tables as CSV, with intervals."),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -470,13 +479,18 @@ def fit(
     Exit code 1 when the palette cannot be used as it is, because its laws cross, when replicates
     are more than twice apart, or when a law describes its material badly.
 
-    Example: [bold]planner fit samples/tensile --law all -o lab.toml[/bold]
+    Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
     import planner
-    from planner.cli.output import finding, print_document, progress, tell_notes
-    from planner.formats.files import check_absent, encode_document
+    from planner.cli.output import finding, print_document, progress, say, tell_notes
+    from planner.errors import ArgumentError
+    from planner.formats.files import check_target, encode_document, new_folder, write_whole
 
-    check_absent(output, force=force)
+    check_targets(force=force, output=output, figure=figure)
+    if tables is not None:
+        if tables in (output, figure):
+            raise ArgumentError(f"--tables {tables}: that is a file to write; name a folder")
+        check_target(tables, force=force, kind=_tables_kind(), option="tables")
     with progress(not (quiet or as_json)) as stage:
         result = planner.fit(
             files,
@@ -501,11 +515,20 @@ def fit(
             progress=stage,
         )
     planner.write_palette(result.palette, output, force=force)
+    if figure is not None:
+        write_whole(figure, planner.fit_figure(result))
+    if tables is not None:
+        with new_folder(tables, force=force, kind=_tables_kind(), option="tables") as folder:
+            for table, data in planner.fit_tables(result).items():
+                (folder / table).write_bytes(data)
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
         tell_notes(result.notes)
         _print_report(result, output)
+        for path in (figure, tables):
+            if path is not None:
+                say(f"wrote {path}")
         for said in result.findings:
             finding(said)
         if result.problem is not None:
@@ -514,6 +537,14 @@ def fit(
                 "palette"
             )
     return 0 if result.ok else 1
+
+
+def _tables_kind() -> "FolderKind":
+    """Return what is written into a folder of tables."""
+    from planner.formats.files import FolderKind
+
+    names = ("characteristics", "laws", "coefficients", "quadratics", "goodness")
+    return FolderKind("laws.csv", tuple(f"{name}.csv" for name in names))
 
 
 def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:

@@ -95,12 +95,21 @@ _NAMED = 5
 
 
 def check_target(
-    folder: str | Path, *, force: bool = False, kind: FolderKind | None = _PLAN
+    folder: str | Path,
+    *,
+    force: bool = False,
+    kind: FolderKind | None = _PLAN,
+    option: str = "output",
 ) -> Path:
     """Make sure that a folder may be written, before hours are spent on its content.
 
     An absent or empty folder may; one that holds files of its kind alone may with `force`, unless
     its kind is None; anything else never.
+
+    Parameters
+    ----------
+    option
+        By which the folder is named.
 
     Returns
     -------
@@ -119,25 +128,25 @@ def check_target(
             if not content:
                 return target
             if kind is None:
-                raise OutputError(f"{folder}: exists already; name another folder with `output`")
+                raise OutputError(f"{folder}: exists already; name another folder with `{option}`")
             if kind.mark not in content:
                 raise OutputError(
                     f"{folder}: exists and holds no {kind.mark}, so planner did not write it and "
-                    "does not replace it; name another folder with `output`"
+                    f"does not replace it; name another folder with `{option}`"
                 )
             strangers = _strangers(target, kind)
             if strangers:
                 raise OutputError(
                     f"{folder}: holds {_listed(strangers)}, which planner did not write and does "
-                    "not delete; move that elsewhere, or name another folder with `output`"
+                    f"not delete; move that elsewhere, or name another folder with `{option}`"
                 )
             if not force:
                 raise OutputError(
                     f"{folder}: exists already; replace it with `force`, or name another folder "
-                    "with `output`"
+                    f"with `{option}`"
                 )
         elif target.exists():
-            raise OutputError(f"{folder}: is a file; name a folder with `output`")
+            raise OutputError(f"{folder}: is a file; name a folder with `{option}`")
         elif not target.parent.is_dir():
             raise OutputError(
                 f"{folder}: there is no folder {target.parent} to put it into; create that first"
@@ -149,7 +158,11 @@ def check_target(
 
 @contextmanager
 def new_folder(
-    folder: str | Path, *, force: bool = False, kind: FolderKind | None = _PLAN
+    folder: str | Path,
+    *,
+    force: bool = False,
+    kind: FolderKind | None = _PLAN,
+    option: str = "output",
 ) -> Iterator[Path]:
     """Write a folder whole or not at all.
 
@@ -163,6 +176,8 @@ def new_folder(
         The target; see `check_target` for what may be there.
     force
         Replace an earlier folder of the same kind.
+    option
+        As in `check_target`.
 
     Yields
     ------
@@ -175,16 +190,17 @@ def new_folder(
         The target may not be written, or the system refused: no permission, no space. Or the
         target is written and a rest of the earlier folder is left; the message says where.
     """
-    target = check_target(folder, force=force, kind=kind)
+    target = check_target(folder, force=force, kind=kind, option=option)
     scratch = None
     try:
         scratch = _make_sibling(target, "partial")
         yield scratch
-        check_target(folder, force=force, kind=kind)  # what has come there meanwhile
+        # What has come there meanwhile.
+        check_target(folder, force=force, kind=kind, option=option)
         earlier = _exchange(scratch, target)
     except OSError as error:
         raise OutputError(
-            f"{folder}: {_reason(error)}; nothing was written; choose another place with `output`"
+            f"{folder}: {_reason(error)}; nothing was written; choose another place with `{option}`"
         ) from error
     finally:
         if scratch is not None:

@@ -27,7 +27,13 @@ from planner.report.svg import (
     text,
 )
 
-__all__ = ["characterisation_figure", "materials_figure", "specimen_key", "specimen_line"]
+__all__ = [
+    "characterisation_figure",
+    "headroom",
+    "materials_figure",
+    "specimen_key",
+    "specimen_line",
+]
 
 
 _QUIET = "#5c5c5c"
@@ -270,11 +276,13 @@ def _tests_panel(
     longest = max(float(curve.strain[-1]) for curve in curves)
     lowest = min(0.0, *(float(curve.strain[0]) for curve in curves))
     highest = max(float(curve.stress_MPa.max()) for curve in curves)
-    # The names stand above the curves, left of where they end.
-    names = min(len(curves), _SHOWN_NAMES + 1)
-    room = 1.08 + (names * _LINE + 6.0) / _PANEL_HEIGHT
     chart = Chart(
-        left, top, _PANEL_WIDTH, _PANEL_HEIGHT, (lowest, 1.05 * longest), (0.0, room * highest)
+        left,
+        top,
+        _PANEL_WIDTH,
+        _PANEL_HEIGHT,
+        (lowest, 1.05 * longest),
+        (0.0, headroom(len(curves), _PANEL_HEIGHT) * highest),
     )
     modulus = one.spreads["modulus_MPa"].mean
     heading = f"{one.material}: {modulus:.3g} MPa, deforms {one.deformation.kind}ally"
@@ -319,6 +327,11 @@ def specimen_line(chart: Chart, number: int, x: FloatArray, y: FloatArray) -> st
     at = np.unique(np.linspace(0, len(x) - 1, _SHOWN_POINTS).round().astype(np.int64))
     colour, dash = _look(number)
     return line(chart, x[at], y[at], colour=colour, width=1.6, dash=dash)
+
+
+def headroom(specimens: int, height: float) -> float:
+    """Return by what an axis exceeds its curves, so that the specimens' names stand above them."""
+    return 1.08 + (min(specimens, _SHOWN_NAMES + 1) * _LINE + 6.0) / height
 
 
 def specimen_key(chart: Chart, names: Sequence[str]) -> Iterator[str]:
