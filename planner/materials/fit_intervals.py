@@ -29,8 +29,8 @@ from planner.materials.fit import (
     sample_of,
     students_t,
 )
-from planner.materials.fit_yield import fit_yielding
-from planner.materials.laws import SeparableLaw
+from planner.materials.fit_yield import by_symbol, fit_yielding, logs
+from planner.materials.laws import SeparableLaw, secant_modulus_MPa
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
@@ -128,6 +128,11 @@ _SAME = 1e-6
 """Relative difference under which specimens are one record given twice: no test repeats so."""
 
 
+_OPEN = float(np.log(1000.0))
+"""Half width of an interval of ln(parameter) from which on it is open. Chosen: then the tests do
+not tell the parameter's size."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Intervals:
     """Two-sided intervals of a fit's parameters.
@@ -177,6 +182,15 @@ def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
     spread = np.sqrt(_moves_variance(fit, sample, np.eye(q + p)))
     ends = _crossings(fit, sample, students_t(level, sample.specimens), spread)
     return Intervals(ends[:q], ends[q:], level, True)
+
+
+def _half_widths(own: FloatArray, level: float) -> FloatArray:
+    """Return the half widths of Student's intervals of the specimens' logarithms (n, k)."""
+    count = len(own)
+    if count < 2 or float(np.ptp(own, axis=0).max(initial=0.0)) < _SAME:
+        return np.full(own.shape[1], np.inf)
+    half = students_t(level, count) * own.std(axis=0, ddof=1) / np.sqrt(count)
+    return np.where(half > _OPEN, np.inf, half)
 
 
 def secant_intervals(
@@ -430,8 +444,7 @@ class MaterialFit:
     Attributes
     ----------
     secants
-        What the law says at some strains, with intervals; empty for a plastic material, whose
-        secant modulus is Young's at every strain.
+        What the law says at rest and at some strains up to the largest tested, with intervals.
     choice
         The laws that were tried; None for a plastic material, which gets a law that yields.
     notes
@@ -481,12 +494,8 @@ def fit_material(
     found = characterise_material(material, curves)
     notes = [note for c in found.specimens for note in c.notes if "not shifted" not in note]
     if found.deformation.kind == "plastic":
-        law, uncertainty, scatter = _plastic(found, curves, weighting, level)
         notes.extend(_falls(material, curves))
-        whole = tuple(toe_compensated(curve) for curve in curves)
-        return MaterialFit(
-            material, found, law, uncertainty, scatter, None, tuple(notes), curves=whole
-        )
+        return _plastic(found, curves, tuple(notes), weighting, level)
     loaded = tuple(loading(curves))
     sample = sample_of(loaded, weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
@@ -543,12 +552,7 @@ def _doubts(material: str, chosen: LawCandidate) -> list[str]:
 
 def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
     law = chosen.fit.law
-    if ends.known:
-        basis = f"profile; scatter between {count} specimens"
-    elif count > 1:
-        basis = f"unknown: {count} specimens of one record tell no scatter"
-    else:
-        basis = "unknown: one specimen tells nothing of the scatter between specimens"
+    basis = f"profile; scatter between {count} specimens" if ends.known else _unknown(count)
     return Uncertainty(
         specimens=count,
         level=ends.level,
@@ -561,30 +565,55 @@ def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str)
     )
 
 
+def _unknown(count: int) -> str:
+    if count > 1:
+        return f"unknown: {count} specimens of one record tell no scatter"
+    return "unknown: one specimen tells nothing of the scatter between specimens"
+
+
 def _fit_rounded(parameters: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
     """Round ends of intervals, which are found to 2 %, to four digits."""
     return {k: tuple(float(f"{v:.4g}") for v in values) for k, values in parameters.items()}
 
 
 def _plastic(
-    found: MaterialCharacteristics, curves: Sequence[Curve], weighting: str, level: float
-) -> tuple[LawParameters, Uncertainty, ParameterScatter]:
-    """Fit a law that yields, with Student's intervals of its parameters' logarithms."""
-    fit = fit_yielding(
-        found, curves, weighting=weighting, level=level, assumed_log_sd=ASSUMED_LOG_SD
+    found: MaterialCharacteristics,
+    curves: Sequence[Curve],
+    notes: tuple[str, ...],
+    weighting: str,
+    level: float,
+) -> MaterialFit:
+    """Fit a law that yields, with intervals of what the specimens' own laws say."""
+    fit = fit_yielding(found, curves, weighting=weighting)
+    own = np.array([logs(law) for law in fit.own])
+    half = _half_widths(own, level)
+    low, high = logs(fit.law) - half, logs(fit.law) + half
+    strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= fit.sample.stretch.max()]
+    each = np.log([secant_modulus_MPa(law, strains) for law in fit.own])
+    value = secant_modulus_MPa(fit.law, strains)
+    wide = _half_widths(each, level)
+    ends = zip(strains, value, value * np.exp(-wide), value * np.exp(wide), strict=True)
+    return MaterialFit(
+        material=found.material,
+        characteristics=found,
+        law=fit.parameters,
+        uncertainty=Uncertainty(
+            specimens=found.n,
+            level=level,
+            law_low=_fit_rounded(by_symbol(np.where(fit.at_low, -np.inf, low))),
+            law_high=_fit_rounded(by_symbol(np.where(fit.at_high, np.inf, high))),
+            basis=f"Student's t; scatter between {found.n} specimens"
+            if np.isfinite(wide).any()
+            else _unknown(found.n),
+            r2=fit.r2,
+            nrmse=fit.nrmse,
+        ),
+        scatter=scatter_of_levels(fit.levels, fit.misfit),
+        choice=None,
+        notes=notes,
+        secants=tuple(SecantInterval(*(float(v) for v in row)) for row in ends),
+        curves=tuple(toe_compensated(curve) for curve in curves),
     )
-    uncertainty = Uncertainty(
-        specimens=found.n,
-        level=level,
-        law_low=_fit_rounded(fit.low),
-        law_high=_fit_rounded(fit.high),
-        basis=f"Student's t; scatter between {found.n} specimens"
-        if found.n > 1
-        else f"one specimen, {100 * ASSUMED_LOG_SD:g} % scatter between specimens assumed",
-        r2=fit.r2,
-        nrmse=fit.nrmse,
-    )
-    return fit.law, uncertainty, scatter_of_levels(fit.levels, fit.misfit)
 
 
 _NOTABLE_FALL = 0.1

@@ -1,18 +1,18 @@
-"""Fit a law that yields to specimens of a plastic material, and say how sure it is."""
+"""Fit a law that yields to specimens of a plastic material."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
 from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
-from planner.materials.fit import Sample, sample_of, students_t
+from planner.materials.fit import Sample, sample_of
 from planner.materials.laws import Yielding
-from planner.numerics import FloatArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters
 
-__all__ = ["YieldFit", "fit_yielding"]
+__all__ = ["YieldFit", "by_symbol", "fit_yielding", "logs"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -31,21 +31,24 @@ _HARDENING = (0.01, 0.9)
 """Bounds of hardening strain over flow stress, and over the modulus. Chosen: stress rises by 1 % at
 least over a strain of 1, so that a pulled bar has one answer; and bends at all."""
 
-_OPEN = float(np.log(1000.0))
-"""Half width of an interval of ln(parameter) from which on it is open. Chosen: then the tests do
-not tell the parameter's size."""
-
 _SHARPNESS_STARTS = (0.8, 2.0, 6.0)
 
 
-class YieldFit(NamedTuple):
-    """A fitted law, the intervals of its parameters, and what the specimens' scatter is made of.
+_AT_BOUND = 0.01
+"""Distance of ln(parameter) from its bound that counts as being there: the search keeps inside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class YieldFit:
+    """A fitted law, those of the specimens by themselves, and what their scatter is made of.
 
     Attributes
     ----------
-    low, high
-        Ends by symbol: Student's, of the logarithms of the specimens' own parameters; 0 and
-        infinite where the tests do not tell it.
+    own
+        Each specimen's law.
+    at_low, at_high
+        Shape (4,), in the order of `Yielding`: whether the parameter of some specimen lies at its
+        lower or upper bound, so that its test leaves that side open.
     levels
         Mean of ln(stress over law) of each specimen.
     misfit
@@ -55,24 +58,26 @@ class YieldFit(NamedTuple):
         Of the stresses at the fitted points.
     """
 
-    law: LawParameters
-    low: dict[str, tuple[float, ...]]
-    high: dict[str, tuple[float, ...]]
+    law: Yielding
+    own: tuple[Yielding, ...]
+    at_low: BoolArray
+    at_high: BoolArray
+    sample: Sample
     levels: tuple[float, ...]
     misfit: float
     r2: float
     nrmse: float
 
+    @property
+    def parameters(self) -> LawParameters:
+        """The law as a palette file holds it."""
+        return LawParameters(Yielding.model, MappingProxyType(by_symbol(logs(self.law))))
+
 
 def fit_yielding(
-    found: MaterialCharacteristics,
-    curves: Sequence[Curve],
-    *,
-    weighting: str,
-    level: float,
-    assumed_log_sd: float,
+    found: MaterialCharacteristics, curves: Sequence[Curve], *, weighting: str = "relative"
 ) -> YieldFit:
-    """Fit a yielding law to all specimens together, and to each by itself for the intervals.
+    """Fit a yielding law to all specimens together, and to each by itself.
 
     Parameters
     ----------
@@ -80,23 +85,16 @@ def fit_yielding(
         The specimens' characteristics, in the order of `curves`: their Young's moduli.
     weighting
         Of the residuals, as in `planner.materials.fit.sample_of`.
-    level
-        Coverage of the intervals.
-    assumed_log_sd
-        Standard deviation of ln(parameter) taken where there is one specimen alone.
     """
     whole = [toe_compensated(curve) for curve in curves]
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
-    law = _fitted(float(np.exp(np.mean(np.log(moduli)))), sample)
+    law, _ = _fitted(float(np.exp(np.mean(np.log(moduli)))), sample)
     own = [
-        _logs(_fitted(modulus, sample_of([curve], weighting=weighting)))
+        _fitted(modulus, sample_of([curve], weighting=weighting))
         for modulus, curve in zip(moduli, whole, strict=True)
     ]
-    n = len(own)
-    sd = np.std(own, axis=0, ddof=1) if n > 1 else np.full(len(own[0]), assumed_log_sd)
-    half = (students_t(level, n) if n > 1 else 1.96) * sd / np.sqrt(n)
-    half = np.where(half > _OPEN, np.inf, half)
+    sides = np.array([side for _, side in own])
     stress = law.nominal_stress_MPa(sample.stretch)
     error = stress - sample.stress_MPa
     used = sample.stress_MPa > 0.0
@@ -104,9 +102,11 @@ def fit_yielding(
     each = [ratio[used & (sample.specimen == k)] for k in np.unique(sample.specimen)]
     largest = float(sample.stress_MPa.max())
     return YieldFit(
-        law=LawParameters(Yielding.model, MappingProxyType(_named(_logs(law)))),
-        low=_named(_logs(law) - half),
-        high=_named(_logs(law) + half),
+        law=law,
+        own=tuple(one for one, _ in own),
+        at_low=np.asarray((sides < 0).any(axis=0)),
+        at_high=np.asarray((sides > 0).any(axis=0)),
+        sample=sample,
         levels=tuple(float(r.mean()) for r in each),
         misfit=float(np.sqrt(np.mean([r.var() for r in each]))),
         r2=1.0 - float(np.sum(error**2) / np.sum((sample.stress_MPa - _mean(sample)) ** 2)),
@@ -117,11 +117,12 @@ def fit_yielding(
 _SYMBOLS = ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
 
 
-def _logs(law: Yielding) -> FloatArray:
+def logs(law: Yielding) -> FloatArray:
+    """Return the logarithms of the parameters, shape (4,)."""
     return np.log([getattr(law, symbol) for symbol in _SYMBOLS])
 
 
-def _named(logs: FloatArray) -> dict[str, tuple[float, ...]]:
+def by_symbol(logs: FloatArray) -> dict[str, tuple[float, ...]]:
     """Return parameters by symbol; five digits, beyond which no test tells anything."""
     return {s: (float(f"{v:.5g}"),) for s, v in zip(_SYMBOLS, np.exp(logs).tolist(), strict=True)}
 
@@ -130,8 +131,11 @@ def _mean(sample: Sample) -> float:
     return float(sample.stress_MPa.mean())
 
 
-def _fitted(modulus_MPa: float, sample: Sample) -> Yielding:
-    """Return the law of a given modulus whose weighted squares are least, from several starts."""
+def _fitted(modulus_MPa: float, sample: Sample) -> tuple[Yielding, IntArray]:
+    """Return the law of a given modulus whose weighted squares are least, from several starts.
+
+    Of each parameter also -1 or 1 where it lies at its lower or upper bound, else 0.
+    """
     from scipy.optimize import least_squares
 
     largest, strain = float(sample.stress_MPa.max()), float(sample.stretch.max()) - 1.0
@@ -157,4 +161,6 @@ def _fitted(modulus_MPa: float, sample: Sample) -> Yielding:
         (least_squares(residuals, start, bounds=(bounds[0], bounds[1])) for start in starts),
         key=lambda found: float(found.cost),
     )
-    return law_of(best.x)
+    low, high = bounds
+    side = (best.x > high - _AT_BOUND).astype(np.int64) - (best.x < low + _AT_BOUND)
+    return law_of(best.x), np.append(0, side)

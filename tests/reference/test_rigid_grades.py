@@ -9,8 +9,7 @@ from planner.errors import ArgumentError, PaletteError
 from planner.grading.invert import invert
 from planner.grading.profile import list_materials
 from planner.materials.characterise import Curve, characterise_material
-from planner.materials.fit_intervals import fit_material
-from planner.materials.fit_yield import fit_yielding
+from planner.materials.fit_intervals import ASSUMED_LOG_SD, fit_material
 from planner.materials.laws import Yielding, candidate_laws, make_law, secant_modulus_MPa
 from planner.palette import LawParameters, encode_palette, parse_palette
 from planner.simulation.bar_solver import law_tables
@@ -75,14 +74,32 @@ def test_a_plastic_materials_secant_is_that_of_its_curves(strain: float) -> None
 
 def test_the_fit_gives_the_law_back_and_its_intervals_hold_it() -> None:
     curves = specimens(np.random.default_rng(5))
-    found = characterise_material("S", curves)
-    fit = fit_yielding(found, curves, weighting="relative", level=0.95, assumed_log_sd=0.05)
+    fit = fit_material("S", curves, candidate_laws("all"))
+    known = fit.uncertainty
     for symbol in ("modulus_MPa", "flow_MPa"):
-        low, high = fit.low[symbol][0], fit.high[symbol][0]
+        low, high = known.law_low[symbol][0], known.law_high[symbol][0]
         assert low < getattr(LAW, symbol) < high
         # Student's t of three specimens that scatter by 3 %: about 15 %.
         assert 1.0 < high / low < 1.4
-    assert fit.r2 > 0.99
+    assert known.r2 is not None
+    assert known.r2 > 0.99
+    assert [one.strain for one in fit.secants] == [0.0, 0.1]
+    for one in fit.secants:
+        true = float(secant_modulus_MPa(LAW, one.strain))
+        assert one.low_MPa < true < one.high_MPa
+        assert 1.0 < one.high_MPa / one.low_MPa < 1.4
+
+
+@pytest.mark.parametrize("records", [1, 3])
+def test_one_record_tells_nothing_of_the_scatter(records: int) -> None:
+    """Rigid or not: intervals are open, and never of no width."""
+    curves = specimens(np.random.default_rng(5))[:1] * records
+    fit = fit_material("S", curves, candidate_laws("all"))
+    assert {v for values in fit.uncertainty.law_low.values() for v in values} == {0.0}
+    assert {v for values in fit.uncertainty.law_high.values() for v in values} == {np.inf}
+    assert {(one.low_MPa, one.high_MPa) for one in fit.secants} == {(0.0, np.inf)}
+    assert fit.uncertainty.basis.startswith("unknown: ")
+    assert fit.scatter.between == ASSUMED_LOG_SD
 
 
 def test_a_fall_behind_the_yield_is_told_and_the_law_rises() -> None:
