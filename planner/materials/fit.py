@@ -544,18 +544,17 @@ class SoundRows:
     """
 
     def __init__(self, largest_stretch: float, room: float = _ROOM) -> None:
-        # A row is a mean over a step: each course goes a step beyond what it is to hold.
-        beyond = 1.0 + (1.05 + _MARGIN) * (largest_stretch - 1.0)
-        compressed = np.geomspace(LOWEST_STRETCH, 1.0, 9)
-        rising = np.concatenate([compressed, np.geomspace(1.0, beyond, 13)[1:]])
+        compressed = _net(1.0, LOWEST_STRETCH, 7)[::-1]
+        far = 1.0 + (1.0 + _MARGIN) * (largest_stretch - 1.0)
+        rising = np.concatenate([compressed, _net(1.0, far, 16)[1:]])
         equal = np.geomspace(1.0, max(largest_stretch, LOWEST_STRETCH**-0.5), 7)[1:]
         # Equibiaxial loading is uniaxial loading to l^-2.
         outer = (
-            np.geomspace(0.93 * min(LOWEST_STRETCH, largest_stretch**-2), LOWEST_STRETCH, 9),
-            np.geomspace(beyond, 1.05 * max(beyond, LOWEST_STRETCH**-2), 6),
+            _net(LOWEST_STRETCH, min(0.95 * LOWEST_STRETCH, largest_stretch**-2), 7)[::-1],
+            _net(far, max(1.05 * far, LOWEST_STRETCH**-2), 4),
         )
-        planar = np.geomspace(1.0, 1.04 * max(largest_stretch, 1.0 / LOWEST_STRETCH), 10)
-        squeezed = compressed[:-1:2]
+        planar = _net(1.0, max(largest_stretch, 1.0 / LOWEST_STRETCH), 9)
+        squeezed = np.geomspace(LOWEST_STRETCH, 1.0, 9)[:-1:2]
         near = np.array([1.0 + 1e-6])
         used = [near, rising, *outer, squeezed, equal, equal**-2, planar, equal]
         at = np.split(np.arange(sum(map(len, used))), np.cumsum([len(part) for part in used])[:-1])
@@ -576,6 +575,11 @@ class SoundRows:
             rows += [factor * share[5] - other, other - share[5] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
         self.matrix = np.concatenate(rows)
+
+
+def _net(start: float, end: float, steps: int) -> FloatArray:
+    """Return stretches from `start` to a step beyond `end`, for a row is a mean over a step."""
+    return np.geomspace(start, end * (end / start) ** (1.0 / steps), steps + 2)
 
 
 def _neo_hooke(stretch: FloatArray, *, planar: bool = False) -> FloatArray:
@@ -704,11 +708,11 @@ def fit_law(
         spread = np.concatenate([spread, also])
     thin = np.arange(len(sample.stretch)) % max(len(sample.stretch) // _ROUGH_POINTS, 1) == 0
     rough = minimise(law, sample.part(thin), spread, flat=_ROUGH, iterations=_ROUGH_ITERATIONS)
-    cost, converged = minimise(law, sample, rough.a, iterations=0).cost, rough.converged
-    lowest = np.argsort(cost, kind="stable")[:_POLISHED]
+    lowest = np.argsort(rough.cost, kind="stable")[:_POLISHED]
     found = minimise(law, sample, rough.a[lowest], flat=_FLAT, iterations=_POLISH)
     best = _best(found)
-    cost[lowest], converged[lowest] = found.cost, found.converged
+    converged = rough.converged
+    converged[lowest] = found.converged
     a = _significant(np.sort(found.a[best]) if law.model == "ogden" else found.a[best])
     held = Held(np.ones((1, law.nonlinear), dtype=bool), np.full((1, law.columns), np.nan))
     final = minimise(law, sample, a[None], held)
@@ -734,7 +738,7 @@ def fit_law(
         convergence=Convergence(
             starts=len(spread),
             converged=int(converged.sum()),
-            agreeing=int((cost <= cost.min() * (1.0 + _AGREEMENT)).sum()),
+            agreeing=int((rough.cost <= rough.cost.min() * (1.0 + _AGREEMENT)).sum()),
             gradient=float(found.gradient[best]),
             at_bound=bool(
                 np.any((a <= low + 1e-9 * np.abs(low)) | (a >= high - 1e-9 * np.abs(high)))
@@ -969,7 +973,7 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[
     return np.array(errors), bool(np.all(students_t(0.95, count) * spread < 1.0))
 
 
-def students_t(level: float, specimens: int) -> float:
+def students_t(level: float, specimens: float) -> float:
     """Return how many standard errors of so many specimens' mean the two-sided level reaches."""
     from scipy.special import stdtrit
 

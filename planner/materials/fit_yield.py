@@ -40,7 +40,7 @@ _AT_BOUND = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YieldFit:
-    """A fitted law, those of the specimens by themselves, and what their scatter is made of.
+    """A fitted law, and those of the specimens by themselves.
 
     Attributes
     ----------
@@ -49,11 +49,8 @@ class YieldFit:
     at_low, at_high
         Shape (4,), in the order of `Yielding`: whether the parameter of some specimen lies at its
         lower or upper bound, so that its test leaves that side open.
-    levels
-        Mean of ln(stress over law) of each specimen.
-    misfit
-        Root mean square of the law's error along the curves, in the logarithm, once each
-        specimen's own level is taken out.
+    sample
+        What the law was fitted to.
     r2, nrmse
         Of the stresses at the fitted points.
     """
@@ -63,8 +60,6 @@ class YieldFit:
     at_low: BoolArray
     at_high: BoolArray
     sample: Sample
-    levels: tuple[float, ...]
-    misfit: float
     r2: float
     nrmse: float
 
@@ -97,9 +92,6 @@ def fit_yielding(
     sides = np.array([side for _, side in own])
     stress = law.nominal_stress_MPa(sample.stretch)
     error = stress - sample.stress_MPa
-    used = sample.stress_MPa > 0.0
-    ratio = np.log(np.where(used, sample.stress_MPa, 1.0) / np.where(used, stress, 1.0))
-    each = [ratio[used & (sample.specimen == k)] for k in np.unique(sample.specimen)]
     largest = float(sample.stress_MPa.max())
     return YieldFit(
         law=law,
@@ -107,8 +99,6 @@ def fit_yielding(
         at_low=np.asarray((sides < 0).any(axis=0)),
         at_high=np.asarray((sides > 0).any(axis=0)),
         sample=sample,
-        levels=tuple(float(r.mean()) for r in each),
-        misfit=float(np.sqrt(np.mean([r.var() for r in each]))),
         r2=1.0 - float(np.sum(error**2) / np.sum((sample.stress_MPa - _mean(sample)) ** 2)),
         nrmse=float(np.sqrt(np.sum(sample.weight * error**2))) / largest,
     )
