@@ -27,6 +27,7 @@ from planner.palette import Material, Palette
 __all__ = [
     "QuadraticRow",
     "QuadraticStudy",
+    "mixtures_without",
     "normalised_rmse",
     "quadratic_study",
     "r_squared",
@@ -81,6 +82,8 @@ class QuadraticRow:
     quadratics_without, mixtures_without
         Errors of what is made of the other materials alone: Algorithm 1's lines 4 to 7, and the
         palette's mixtures. None at an end of the ladder, or where too few are left.
+    model_without
+        The quadratics of the others.
     near_rest_MPa, law_near_rest_MPa
         Stress of the quadratics and of the law at a strain of a thousandth.
     """
@@ -93,6 +96,7 @@ class QuadraticRow:
     law: Errors
     quadratics_without: Errors | None
     mixtures_without: Errors | None
+    model_without: QuadraticCoefficients | None
     near_rest_MPa: float
     law_near_rest_MPa: float
 
@@ -141,7 +145,8 @@ class QuadraticStudy:
         said.append(
             f"at rest the quadratics are not free of stress: at strain {_NEAR_REST:g} they give "
             f"{worst.id} {worst.near_rest_MPa:.3g} MPa, the palette's law "
-            f"{worst.law_near_rest_MPa:.3g} MPa"
+            f"{worst.law_near_rest_MPa:.3g} MPa (eq. 3.8 was fitted from strain "
+            f"{worst.curve.strain.min():.2g} on)"
         )
         if self.falls_at is not None:
             m, strain = self.falls_at
@@ -235,7 +240,7 @@ def quadratic_study(
     found = algorithm_one(curves, through)
     rows = []
     for place, (material, curve, fit) in enumerate(zip(elastic, curves, single, strict=True)):
-        model = found.model
+        model, others = found.model, _model_without(curves, single, place)
         law = make_law(material.law)
         rows.append(
             QuadraticRow(
@@ -245,8 +250,11 @@ def quadratic_study(
                 own=_errors(curve, literal_stress_MPa(fit.c, curve.strain)),
                 quadratics=_errors(curve, model.literal_stress_MPa(curve.coordinate, curve.strain)),
                 law=_errors(curve, law.nominal_stress_MPa(1.0 + curve.strain)),
-                quadratics_without=_quadratics_without(curves, single, place),
+                quadratics_without=None
+                if others is None
+                else _errors(curve, others.literal_stress_MPa(curve.coordinate, curve.strain)),
                 mixtures_without=_mixtures_without(palette, material, curve),
+                model_without=others,
                 near_rest_MPa=float(model.literal_stress_MPa(curve.coordinate, _NEAR_REST)),
                 law_near_rest_MPa=float(law.nominal_stress_MPa(1.0 + _NEAR_REST)),
             )
@@ -264,29 +272,34 @@ def _errors(curve: LiteralCurve, predicted: FloatArray) -> Errors:
     return Errors(r_squared(measured, predicted), normalised_rmse(measured, predicted))
 
 
-def _quadratics_without(
+def _model_without(
     curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], place: int
-) -> Errors | None:
-    """Return the errors of lines 4 to 7 without a material between others."""
+) -> QuadraticCoefficients | None:
+    """Return lines 4 to 7 without a material between others."""
     others = [k for k in range(len(curves)) if k != place]
     if place in (0, len(curves) - 1) or len(others) < _FEWEST:
         return None
     kept = [curves[k] for k in others]
     start = quadratics_through([c.coordinate for c in kept], [fits[k].c for k in others])
-    model = algorithm_one(kept, start).model
-    left_out = curves[place]
-    return _errors(left_out, model.literal_stress_MPa(left_out.coordinate, left_out.strain))
+    return algorithm_one(kept, start).model
 
 
 def _mixtures_without(palette: Palette, material: Material, curve: LiteralCurve) -> Errors | None:
     """Return the errors of the mixtures of a palette without one of its inner materials."""
+    model = mixtures_without(palette, material)
+    if model is None:
+        return None
+    return _errors(curve, model.nominal_stress_MPa(material.coordinate, 1.0 + curve.strain))
+
+
+def mixtures_without(palette: Palette, material: Material) -> CoefficientModel | None:
+    """Return the mixtures without a material; None at an end, or where the others' laws cross."""
     if material in (palette.materials[0], palette.materials[-1]):
         return None
     try:
-        model = without(palette, material.id)
+        return without(palette, material.id)
     except PaletteError:
         return None
-    return _errors(curve, model.nominal_stress_MPa(material.coordinate, 1.0 + curve.strain))
 
 
 def _falls_at(

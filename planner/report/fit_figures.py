@@ -10,7 +10,7 @@ from planner.materials.fit_intervals import MaterialFit
 from planner.materials.laws import make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.palette_study import PaletteStudy
-from planner.materials.quadratic_study import QuadraticStudy
+from planner.materials.quadratic_study import QuadraticStudy, mixtures_without
 from planner.numerics import FloatArray
 from planner.palette import Material
 from planner.report.material_figures import headroom, specimen_key, specimen_line
@@ -51,7 +51,8 @@ _DASH = "7,4"
 def fit_figure(study: PaletteStudy) -> bytes:
     """Draw tests over the laws fitted to them with bands and residuals, and what lies between.
 
-    Between the materials: their secant moduli over m, and the mixtures halfway between neighbours.
+    Between the materials: their secant moduli over m, the mixtures halfway between neighbours, and
+    what the other materials alone say of each.
     Where `planner.fit` ran Algorithm 1 too, its coefficients and predictions are drawn beside.
 
     Parameters
@@ -94,6 +95,13 @@ def fit_figure(study: PaletteStudy) -> bytes:
         panels = [_ladder_panel(study, model, strain) for strain in _ladder_strains(model)]
         sections.append(("Secant moduli over m", panels, _CELL[1]))
         sections.append(("Mixtures halfway between two materials", between, _CELL[1]))
+    left_out = [
+        _left_out_panel(study, material, alone)
+        for material in materials
+        if (alone := mixtures_without(study.palette, material)) is not None
+    ]
+    if left_out:
+        sections.append(("Each material predicted by the others alone", left_out, _CELL[1]))
     parts = list(_key(study))
     top, width = _TOP, 2.0 * _CELL[0]
     for heading, panels, height in sections:
@@ -102,7 +110,7 @@ def fit_figure(study: PaletteStudy) -> bytes:
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
-        parts.append(text(20.0, top, "The laws cross: nothing is drawn between the materials."))
+        parts.append(text(20.0, top, "The laws cross: nothing is drawn between all materials."))
         top += 20.0
     title = f"{study.palette.name}: laws fitted to tensile tests"
     return picture(width, top - 20.0, parts, title=title)
@@ -297,6 +305,35 @@ def _mixture(
         if rows[0].curve.coordinate <= m <= rows[-1].curve.coordinate:
             x = strain[1:]
             yield from _within(chart, x, study.quadratic.quadratics.model.literal_stress_MPa(m, x))
+
+
+def _left_out_panel(study: PaletteStudy, material: Material, model: CoefficientModel) -> Panel:
+    return lambda left, top: _left_out(study, material, model, left, top)
+
+
+def _left_out(
+    study: PaletteStudy, material: Material, model: CoefficientModel, left: float, top: float
+) -> Iterator[str]:
+    fit, m = study.fits[material.id], material.coordinate
+    end = max(float(curve.strain[-1]) for curve in fit.curves)
+    strain = np.linspace(0.0, end, _STRAINS)
+    stress = model.nominal_stress_MPa(m, 1.0 + strain)
+    low, high = (strain * ends for ends in model.modulus_interval_MPa(m, strain))
+    largest = max(float(curve.stress_MPa.max()) for curve in fit.curves)
+    highest = max(largest, float(stress.max())) * headroom(len(fit.curves), _HEIGHT)
+    chart = Chart(left, top, _WIDTH, _HEIGHT, (0.0, 1.04 * end), (0.0, highest))
+    yield text(left - 44.0, top - 30.0, f"{material.id}, m {m:.4g}", size=12.5)
+    yield band(chart, strain, low, np.minimum(high, highest), colour=_BAND)
+    yield from frame(chart, x_label="strain", y_label="nominal stress, MPa", most_ticks=6)
+    for number, curve in enumerate(fit.curves):
+        yield specimen_line(chart, number, curve.strain, curve.stress_MPa)
+    yield line(chart, strain, stress, colour=INK)
+    rows = () if study.quadratic is None else study.quadratic.rows
+    for row in rows:
+        if row.id == material.id and row.model_without is not None:
+            x = np.linspace(*_ends(row.curve.strain), _STRAINS)
+            yield from _within(chart, x, row.model_without.literal_stress_MPa(m, x))
+    yield from specimen_key(chart, [curve.specimen for curve in fit.curves])
 
 
 def _coefficient_panel(found: QuadraticStudy, which: int) -> Panel:

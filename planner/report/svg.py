@@ -235,14 +235,17 @@ def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Return decades, with 2 and 5 where there are few, between logarithms to base 10."""
+    """Return decades between logarithms to base 10; with 2 and 5, or evenly, where few fit."""
     steps = (1.0, 2.0, 5.0) if high - low < 2.5 else (1.0,)
-    return [
+    found = [
         (math.log10(step) + power, f"{step * 10.0**power:g}")
         for power in range(math.floor(low), math.ceil(high) + 1)
         for step in steps
         if low <= math.log10(step) + power <= high
     ]
+    if len(found) > 1:
+        return found
+    return [(math.log10(value), f"{value:g}") for value in ticks(10.0**low, 10.0**high)]
 
 
 def runs(known: BoolArray) -> list[slice]:

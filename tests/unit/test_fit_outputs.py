@@ -53,8 +53,9 @@ def test_a_curve_and_its_residual_are_drawn_for_each_specimen(fitted: PaletteStu
     assert figure == planner.fit_figure(fitted)
     drawn = [path.get("stroke") for path in paths(figure)]
     for colour in SPECIMENS:
-        # Three materials, a curve and a residual each, and the line in the key.
-        assert drawn.count(colour) == 3 * 3
+        # Three materials, a curve and a residual each, and the line in the key; and the one between
+        # the others again, over what they say of it.
+        assert drawn.count(colour) == 3 * 3 + 2
     said = words(figure)
     assert sum(text.startswith("measured less law") for text in said) == 3
     assert sum(text.startswith("secant modulus") for text in said) == 3
@@ -92,7 +93,7 @@ def test_algorithm_one_is_drawn_beside(compared: PaletteStudy) -> None:
 def test_laws_that_cross_are_drawn_by_themselves(fitted: PaletteStudy) -> None:
     crossing = replace(fitted, problem="laws cross")
     said = words(planner.fit_figure(crossing))
-    assert "The laws cross: nothing is drawn between the materials." in said
+    assert "The laws cross: nothing is drawn between all materials." in said
     assert not any(text.startswith("secant modulus") for text in said)
 
 
