@@ -154,7 +154,8 @@ class Material:
     modulus_log_sd
         Standard deviation of ln(modulus): how far a print's stiffness may lie from the law's.
     deformation
-        "elastic" (a hyperelastic law to break) or "plastic" (Young's modulus, and yield if known).
+        "elastic" (comes back, nearly to the break) or "plastic" (Young's modulus, and yield if
+        known).
     uncertainty
         Of the law, where it was fitted to tests.
     readings

@@ -8,11 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from planner.materials.algorithm_one import QuadraticCoefficients, literal_stress_MPa
-from planner.materials.laws import Ogden, make_law, secant_modulus_MPa, stability
+from planner.materials.laws import (
+    Ogden,
+    make_law,
+    over_neo_hooke,
+    secant_modulus_MPa,
+    stability,
+)
 from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.printers import load_printer
+from printers.connex3.curve_fit import relative_rms
 from printers.connex3.derive import fit_strains, reading_log_sd
-from printers.connex3.ogden_fit import relative_rms
 from printers.connex3.thesis import Published, load_thesis
 from printers.connex3.toe import correct
 
@@ -62,15 +68,17 @@ def r_squared(published: Published, offset: float) -> float:
 def tables() -> dict[str, list[list[str]]]:
     """Return the page's tables by name: a heading row, then the rows."""
     variable = [["grade", "R², x = strain", "R², x = 1 + strain", "stress at rest if x = 1, MPa"]]
-    toe = [["grade", "onset", "toe", "tangent, MPa", "terms", "RMS of fit", "reading, sd of ln E"]]
+    toe = [["grade", "onset", "toe", "tangent, MPa", "law", "RMS of fit", "reading, sd of ln E"]]
     compression = [
         [
             "grade",
             "RMS in tension: closest",
-            "sound",
+            "law",
             "at stretch 0.8, MPa: closest",
-            "sound",
+            "law",
             "neo-Hooke",
+            "law over neo-Hooke: at 0.8",
+            "at 0.6",
             "closest law sound from",
         ]
     ]
@@ -123,14 +131,14 @@ def tables() -> dict[str, list[list[str]]]:
                 f"{curve.onset:.4f}",
                 f"{curve.toe:.4f}",
                 f"{curve.modulus_MPa:.3g}",
-                f"{len(material.law.parameters['alpha'])}",
-                f"{100 * relative_rms(law, strain, curve.nominal_stress_MPa(strain)):.2f} %",  # type: ignore[arg-type]
+                material.law.model,
+                f"{100 * relative_rms(law, strain, curve.nominal_stress_MPa(strain)):.2f} %",
                 f"{reading_log_sd(curve):.3f}",
             ]
         )
         closest = FORMER[published.id]
         both = (closest, law)
-        off = [relative_rms(one, strain, curve.nominal_stress_MPa(strain)) for one in both]  # type: ignore[arg-type]
+        off = [relative_rms(one, strain, curve.nominal_stress_MPa(strain)) for one in both]
         pushed = [float(one.nominal_stress_MPa(0.8)) for one in both]
         hooke = float(law.tangent_MPa(1.0)) / 3.0 * (0.8 - 0.8**-2)
         lowest = stability(closest, published.elongation_at_break).sound["uniaxial"][0]
@@ -139,6 +147,7 @@ def tables() -> dict[str, list[list[str]]]:
                 published.id,
                 *(f"{100 * one:.2f} %" for one in off),
                 *(f"{one:.3g}" for one in (*pushed, hooke)),
+                *(f"{ratio:.2f}" for ratio in over_neo_hooke(law, [0.8, 0.6])),
                 f"{lowest:.2f}",
             ]
         )

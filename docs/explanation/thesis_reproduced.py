@@ -25,6 +25,7 @@ from planner.materials.algorithm_one import (
 from planner.materials.mixtures import pchip_slopes, pchip_weights
 from planner.materials.quadratic_study import normalised_rmse, r_squared, without
 from planner.numerics import FloatArray
+from planner.palette import LawParameters
 from printers.connex3.derive import SPECIMEN_LOG_SD
 from printers.connex3.leave_one_out import HeldOut, held_out, published_curve
 from printers.connex3.toe import correct
@@ -89,20 +90,24 @@ def table_3_1() -> list[list[str]]:
 
 def table_3_2() -> list[list[str]]:
     """Set the consistent law's coefficients beside the printed ones."""
-    rows = [["grade", *(f"c{j}" for j in range(1, 7)), "μ of the law, MPa", "α", "nRMSE"]]
+    rows = [["grade", *(f"c{j}" for j in range(1, 7)), "law", "nRMSE"]]
     for place, (published, curve) in enumerate(zip(ELASTOMERS, TOE_OFF, strict=True)):
-        law = PALETTE.materials[place].law.parameters
         predicted = MODEL.laws[place].nominal_stress_MPa(1.0 + curve.strain)
         rows.append(
             [
                 published.id,
                 *(f"{c:.4f}" for c in published.c),
-                ", ".join(f"{mu:.4g}" for mu in law["mu_MPa"]),
-                ", ".join(f"{alpha:g}" for alpha in law["alpha"]),
+                law_in_words(PALETTE.materials[place].law),
                 f"{100 * normalised_rmse(curve.stress_MPa, predicted):.2f} %",
             ]
         )
     return rows
+
+
+def law_in_words(law: LawParameters) -> str:
+    """Write a law's parameters as the palette has them."""
+    lists = (f"{k} {', '.join(f'{v:.4g}' for v in values)}" for k, values in law.parameters.items())
+    return f"{law.model}: {'; '.join(lists)}"
 
 
 def table_4_1() -> list[list[str]]:

@@ -1,11 +1,13 @@
 """Derive the palette from the thesis: ``python -m printers.connex3.derive`` rewrites it.
 
 Each elastomer's published curve is regenerated over its valid range, freed of its toe and
-fitted with a stress-free Ogden law. Rigid grades have two readings: by crosshead (the thesis) and
+fitted with a stress-free Ogden law, or one that bends over where no Ogden law follows it and stays
+a rubber's in compression. Rigid grades have two readings: by crosshead (the thesis) and
 by extensometer (others), a palette each. How and why: docs/explanation/thesis-numbers.md.
 """
 
 import math
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
@@ -14,10 +16,10 @@ import msgspec
 import numpy as np
 
 from planner.materials.algorithm_one import literal_stress_MPa
-from planner.materials.laws import make_law
+from planner.materials.laws import Law, make_law
 from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette, Reading, Reference, encode_palette
-from printers.connex3.ogden_fit import fit_ogden, relative_rms
+from printers.connex3.curve_fit import fit_ogden, fit_yielding, relative_rms
 from printers.connex3.thesis import Published, Thesis, load_thesis
 from printers.connex3.toe import CorrectedCurve, correct
 
@@ -171,11 +173,17 @@ def _elastic(published: Published) -> dict[str, Any]:
     curve = correct(published)
     strain = fit_strains(curve)
     stress = curve.nominal_stress_MPa(strain)
-    law = fit_ogden(strain, stress, published.elongation_at_break)
+    law: Law
+    try:
+        law = fit_ogden(strain, stress, published.elongation_at_break)
+        parameters = LawParameters("ogden", {"mu_MPa": law.mu_MPa, "alpha": law.alpha})
+    except ValueError:
+        law = fit_yielding(strain, stress)
+        parameters = LawParameters("yielding", {k: (v,) for k, v in asdict(law).items()})
     off = relative_rms(law, strain, stress)
     valid = {"strain_min": (curve.onset,), "strain_max": (published.elongation_at_break,)}
     return {
-        "law": LawParameters("ogden", {"mu_MPa": law.mu_MPa, "alpha": law.alpha}),
+        "law": parameters,
         "published": LawParameters("ogden-thesis", {"c": published.c, **valid}),
         "modulus_log_sd": round(math.hypot(SPECIMEN_LOG_SD, reading_log_sd(curve), off), 3),
         "source": f"Table 3.2, toe of {curve.toe:.4f} taken off; {_DENSITY}",

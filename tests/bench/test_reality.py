@@ -18,6 +18,8 @@ from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.protocol import ROWS
 from benchmarks.withheld.reality.tiers import TIERS
 from benchmarks.withheld.reality.writing import campaign_files
+from planner.materials.laws import make_law
+from planner.printers import load_printer
 
 ROOT = Path(__file__).parents[2]
 PALETTE = read_palette(
@@ -27,6 +29,16 @@ REQUIRED = {
     *("specimen", "material", "profile", "width_mm", "thickness_mm", "gauge_mm", "rate_mm_s"),
     *("temperature_C", "soak_h", "age_days", "orientation", "protocol", "batch"),
 }
+
+
+def test_the_bench_reads_every_law_as_planner_does() -> None:
+    """Of the bundled grades: Ogden's, and one that yields."""
+    strain = np.linspace(0.0, 1.0, 101)
+    laws = {m.id: m.law for m in load_printer("connex3").palette().materials}
+    assert {laws[grade.id].model for grade in PALETTE.grades} == {"ogden", "yielding"}
+    for grade in PALETTE.grades:
+        expected = make_law(laws[grade.id]).nominal_stress_MPa(1.0 + strain)
+        np.testing.assert_allclose(grade.stress_MPa(strain), expected, rtol=1e-12, atol=1e-15)
 
 
 def made(set_name: str, tier: str, count: int) -> list[str]:

@@ -103,6 +103,14 @@ def _published(law: Mapping[str, Any]) -> Callable[[FloatArray], FloatArray]:
                 return 2.0 * c1 * c2 * shear * np.exp(c1 * j) + fibre
             case "linear":
                 return _one(law["modulus_MPa"]) * strain
+            case "yielding":
+                modulus, flow, hardening, n = (
+                    _one(law[key])
+                    for key in ("modulus_MPa", "flow_MPa", "hardening_MPa", "sharpness")
+                )
+                bend = (1.0 + ((modulus - hardening) / flow * np.abs(strain)) ** n) ** (1.0 / n)
+                yielding: FloatArray = hardening * strain + (modulus - hardening) * strain / bend
+                return yielding
         raise ValueError(f"the bench knows no law {law['model']!r}; add it to palette_file.py")
 
     return stress_MPa
