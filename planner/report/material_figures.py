@@ -221,7 +221,7 @@ _SPECIMENS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _DASHES = ("", "7,3", "2,3")
 
 _SHOWN_NAMES = 6
-_SHOWN_POINTS = 400
+_SHOWN_POINTS = 200
 _LETTERS = 22
 """Letters of a specimen's name that have room beside the curves."""
 
