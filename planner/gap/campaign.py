@@ -339,6 +339,7 @@ def _limitations_of(specimens: Sequence[Specimen], palette: Palette) -> tuple[st
         *_of_replicates(specimens),
         *_of_unknowns(specimens),
         *_of_range(specimens, palette),
+        *_of_compression(specimens),
     )
 
 
@@ -366,6 +367,16 @@ def _of_unknowns(specimens: Sequence[Specimen]) -> Iterator[str]:
             continue
         of = "all specimens" if len(unknown) == len(specimens) else named(unknown)
         yield f"{name} is unknown for {of}; it is not taken to be at the palette's reference"
+
+
+def _of_compression(specimens: Sequence[Specimen]) -> Iterator[str]:
+    pushed = [s for s in specimens if s.pushed]
+    if pushed:
+        far = max(float(np.max(np.abs(s.strain))) for s in pushed)
+        yield (
+            f"{named([s.id for s in pushed])}: compressed, to a strain of {far:.2g}; a palette's "
+            "laws are fitted to tension and extrapolated there, so that a gap may be the law's own"
+        )
 
 
 def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:

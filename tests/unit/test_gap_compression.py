@@ -91,6 +91,16 @@ def test_its_loading_is_a_loading_and_its_law_that_of_stretches_below_one() -> N
     assert model.limitations == ()
 
 
+def test_a_law_of_tension_is_said_to_be_extrapolated() -> None:
+    pulled = of("monotonic", strain=0.4)
+    assert not [s for s in campaign(*pulled).limitations if "extrapolated" in s]
+    pushed = of("monotonic")[:2]
+    (said,) = (s for s in campaign(*pulled, *pushed).limitations if "extrapolated" in s)
+    assert said.startswith(
+        "specimens m0A40, m1A40: compressed, to a strain of 0.4; a palette's laws"
+    )
+
+
 def test_it_counts_to_a_strain_of_seven_tenths() -> None:
     far = button("a", rng=np.random.default_rng(0), strain=-0.8)
     model = observation_model(campaign(far))

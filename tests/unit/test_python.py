@@ -62,7 +62,9 @@ def test_a_function_is_told_whole(name: str) -> None:
     assert {word.strip() for key in keys for word in key.split(",")} == parameters
     assert "Examples" in told
     assert {"Returns", "Yields"} & set(told) or name == "write_palette"
-    assert "Raises" in told or name in {"installed_printers", "fit_tables"} or name.endswith("_figure")
+    assert (
+        "Raises" in told or name in {"installed_printers", "fit_tables"} or name.endswith("_figure")
+    )
 
 
 def test_the_reference_page_is_the_docstrings() -> None:
