@@ -37,7 +37,7 @@ __all__ = [
 
 
 def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
-    """Return eq. 3.8 at strains above 0, wherever they are.
+    """Return eq. 3.8 at strains above 0, wherever they are; infinite where a power overflows.
 
     Parameters
     ----------
@@ -47,9 +47,10 @@ def literal_stress_MPa(c: ArrayLike, strain: ArrayLike) -> FloatArray:
     c = np.asarray(c, dtype=np.float64)
     x = np.asarray(strain, dtype=np.float64)
     stress: FloatArray = np.zeros(np.broadcast_shapes(c.shape[:-1], x.shape))
-    for i in (0, 2, 4):
-        a, b = c[..., i], c[..., i + 1]
-        stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for i in (0, 2, 4):
+            a, b = c[..., i], c[..., i + 1]
+            stress = stress + a * (x**b - 2.0 ** (b - 1.0) * x ** (-b / 2.0))
     return stress
 
 
@@ -211,14 +212,17 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
 
     def residuals(c: FloatArray) -> FloatArray:
         # Large numbers in place of infinite ones, which the method turns back from.
-        with np.errstate(over="ignore", invalid="ignore"):
-            return np.nan_to_num(literal_stress_MPa(c, curve.strain) - curve.stress_MPa)
+        return np.nan_to_num(literal_stress_MPa(c, curve.strain) - curve.stress_MPa)
 
     fitted = least_squares(residuals, start, method="lm", ftol=1e-6, xtol=1e-6, max_nfev=600)
     found = _simplex(_pooled([curve], 0), fitted.x)
     slopes = _slopes(found.x, curve.strain)
-    spread = np.sqrt(found.fun / freedom * np.diag(np.linalg.pinv(slopes.T @ slopes)))
-    half = float(student.ppf(0.5 + level / 2.0, freedom)) * spread
+    half = np.full(6, np.inf)
+    if np.isfinite(slopes).all():
+        inverse = np.maximum(np.diag(np.linalg.pinv(slopes.T @ slopes)), 0.0)
+        half = float(student.ppf(0.5 + level / 2.0, freedom)) * np.sqrt(
+            found.fun / freedom * inverse
+        )
     return LiteralFit(
         c=tuple(float(v) for v in found.x),
         half=tuple(float(v) for v in half),
@@ -231,10 +235,11 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
 def _slopes(c: FloatArray, strain: FloatArray) -> FloatArray:
     """Return the derivatives of eq. 3.8 by its six coefficients, a row a strain."""
     columns = []
-    for factor, exponent in c.reshape(3, 2):
-        up, down = strain**exponent, 0.5 * (4.0 / strain) ** (exponent / 2.0)
-        columns.append(up - down)
-        columns.append(factor * (np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for factor, exponent in c.reshape(3, 2):
+            up, down = strain**exponent, 0.5 * (4.0 / strain) ** (exponent / 2.0)
+            columns.append(up - down)
+            columns.append(factor * (np.log(strain) * up - 0.5 * np.log(4.0 / strain) * down))
     return np.stack(columns, axis=1)
 
 

@@ -1,5 +1,6 @@
 """The thesis' coefficient model on a study's own tests, beside the palette's mixtures."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +16,7 @@ from planner.materials.algorithm_one import (
     algorithm_one,
     individual_fit,
     literal_stress_MPa,
+    pooled_squared_error_MPa2,
     quadratics_through,
 )
 from planner.materials.fit import sample_of
@@ -175,7 +177,7 @@ class QuadraticStudy:
             return f"{what}: not known, that takes {_FEWEST + 1} elastic materials"
         return (
             f"{what}: quadratics {100 * float(np.mean(errors)):.2g} % of its largest stress off; "
-            "planner makes no mixtures of this palette without it"
+            "planner makes no mixtures of the others, whose laws cross"
         )
 
     def document(self) -> dict[str, Any]:
@@ -196,18 +198,24 @@ class QuadraticStudy:
 def _row_document(row: QuadraticRow) -> dict[str, Any]:
     kinds = ("own", "quadratics", "law", "quadratics_without", "mixtures_without")
     errors: dict[str, Errors | None] = {kind: getattr(row, kind) for kind in kinds}
+    ends = list(zip(row.fit.c, row.fit.half, strict=True))
     return {
         "id": row.id,
         "coordinate": row.curve.coordinate,
         "strain": [float(row.curve.strain.min()), float(row.curve.strain.max())],
         "coefficients": list(row.fit.c),
-        "coefficients_low": [c - half for c, half in zip(row.fit.c, row.fit.half, strict=True)],
-        "coefficients_high": [c + half for c, half in zip(row.fit.c, row.fit.half, strict=True)],
-        "r2": {kind: one and one.r2 for kind, one in errors.items()},
-        "nrmse": {kind: one and one.nrmse for kind, one in errors.items()},
-        "near_rest_MPa": row.near_rest_MPa,
+        "coefficients_low": [_known(c - half) for c, half in ends],
+        "coefficients_high": [_known(c + half) for c, half in ends],
+        "r2": {kind: one and _known(one.r2) for kind, one in errors.items()},
+        "nrmse": {kind: one and _known(one.nrmse) for kind, one in errors.items()},
+        "near_rest_MPa": _known(row.near_rest_MPa),
         "law_near_rest_MPa": row.law_near_rest_MPa,
     }
+
+
+def _known(value: float) -> float | None:
+    """Return a figure as JSON holds it: what overflowed, or is not determined, is null."""
+    return value if math.isfinite(value) else None
 
 
 def quadratic_study(
@@ -269,18 +277,22 @@ def _curve(material: Material, fit: MaterialFit) -> LiteralCurve:
 
 def _errors(curve: LiteralCurve, predicted: FloatArray) -> Errors:
     measured = curve.stress_MPa
-    return Errors(r_squared(measured, predicted), normalised_rmse(measured, predicted))
+    # Powers of eq. 3.8 may overflow where it was not fitted: an infinite error says so.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return Errors(r_squared(measured, predicted), normalised_rmse(measured, predicted))
 
 
 def _model_without(
     curves: Sequence[LiteralCurve], fits: Sequence[LiteralFit], place: int
 ) -> QuadraticCoefficients | None:
-    """Return lines 4 to 7 without a material between others."""
+    """Return lines 4 to 7 without a material between others; None if they begin at no number."""
     others = [k for k in range(len(curves)) if k != place]
     if place in (0, len(curves) - 1) or len(others) < _FEWEST:
         return None
     kept = [curves[k] for k in others]
     start = quadratics_through([c.coordinate for c in kept], [fits[k].c for k in others])
+    if not math.isfinite(pooled_squared_error_MPa2(start, kept)):
+        return None
     return algorithm_one(kept, start).model
 
 

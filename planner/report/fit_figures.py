@@ -224,7 +224,7 @@ def _ends(values: FloatArray) -> tuple[float, float]:
 
 
 def _ladder_strains(model: CoefficientModel) -> list[float]:
-    """Return rest, a third and two thirds of the working strains, rounded."""
+    """Return rest, and about a fifth and three fifths of the working strains."""
     return [0.0, *(float(f"{share * model.strain_limit:.1g}") for share in (0.2, 0.6))]
 
 

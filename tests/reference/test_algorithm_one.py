@@ -181,3 +181,8 @@ def test_intervals_of_the_coefficients_are_those_of_a_linear_fit() -> None:
 def test_too_few_points_are_refused() -> None:
     with pytest.raises(ArgumentError, match="6 points do not determine"):
         individual_fit(LiteralCurve(0.0, np.linspace(0.1, 0.6, 6), np.linspace(0.1, 0.6, 6)))
+
+
+def test_a_power_that_overflows_is_infinite_and_silent() -> None:
+    """A search may try exponents of hundreds; warnings are errors here."""
+    assert np.isinf(literal_stress_MPa((1.0, -400.0, 0.0, 1.0, 0.0, 1.0), 1e-3))
