@@ -26,7 +26,8 @@ from planner.gap.factors import (
 )
 from planner.gap.noise import USUAL
 from planner.materials.characterise import Curve
-from planner.materials.fit import fit_law, law_stress_MPa, sample_of, unstable_strain
+from planner.materials.fit import Sample, fit_law, law_stress_MPa, sample_of, unstable_strain
+from planner.materials.fit_yield import least_yielding
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
@@ -76,8 +77,9 @@ class Refit:
 def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) -> Refit:
     """Return a material's law with its stress multiplied by exp(log_factor).
 
-    An even factor multiplies the law's moduli and leaves no misfit. Else the same model, with as
-    many terms, is fitted to the changed curve.
+    An even factor multiplies the law's moduli and leaves no misfit; a straight line has the mean of
+    an uneven one. Else the same model, with as many terms, is fitted to the changed curve, or one
+    that yields where that is off and this is closer.
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         The model cannot follow: its stress would fall before the break.
     """
     law = material.law
-    if law.model in ("linear", "yielding") or float(np.ptp(log_factor)) < _EVEN:
+    if law.model == "linear" or float(np.ptp(log_factor)) < _EVEN:
         even = log_factor.mean()
         parameters = {
             name: tuple(v * float(np.exp(even)) for v in values) if _is_stress(name) else values
@@ -99,8 +101,10 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         misfit = float(np.sqrt(np.mean((np.exp(even - log_factor) - 1.0) ** 2)))
         return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
     stress = make_law(law).nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
-    model = _model(law)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
+    if law.model == "yielding":
+        return _bent(sample)
+    model = _model(law)
     own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not _is_stress(name)]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
@@ -112,9 +116,22 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
         )
     found = law_stress_MPa(model, fit.a, fit.c, 1.0 + strain)
     misfit = float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))
+    if misfit > _NOTABLE_MISFIT and (bent := _bent(sample)).misfit < misfit:
+        return bent
     # Palettes are held to slight compression and beyond the break, too; a pull needs neither.
     alone = unstable_strain(fit, material.elongation_at_break) is not None
     return Refit(fit.parameters, misfit, alone)
+
+
+def _bent(sample: Sample) -> Refit:
+    """Return the law that yields which follows a curve best, in relative stress."""
+    steepest = float(sample.stress_MPa[0] / (sample.stretch[0] - 1.0))
+    law, _ = least_yielding(steepest, sample)
+    off = law.nominal_stress_MPa(sample.stretch) / sample.stress_MPa - 1.0
+    parameters = {name: (value,) for name, value in asdict(law).items()}
+    return Refit(
+        LawParameters(law.model, MappingProxyType(parameters)), float(np.sqrt(np.mean(off**2)))
+    )
 
 
 def _is_stress(parameter: str) -> bool:

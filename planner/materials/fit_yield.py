@@ -12,7 +12,7 @@ from planner.materials.laws import Yielding
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters
 
-__all__ = ["YieldFit", "by_symbol", "fit_yielding", "logs"]
+__all__ = ["YieldFit", "by_symbol", "fit_yielding", "least_yielding", "logs"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -91,7 +91,7 @@ def fit_yielding(
     moduli = [c.modulus_MPa for c in found.specimens]
     sample = sample_of(whole, weighting=weighting)
     own = [
-        _fitted(modulus, sample_of([curve], weighting=weighting))
+        least_yielding(modulus, sample_of([curve], weighting=weighting))
         for modulus, curve in zip(moduli, whole, strict=True)
     ]
     sides = np.array([side for _, side in own])
@@ -102,7 +102,7 @@ def fit_yielding(
         replace(curve, stress_MPa=curve.stress_MPa * float(np.exp(levels.mean() - level)))
         for curve, level in zip(whole, levels, strict=True)
     ]
-    law, _ = _fitted(
+    law, _ = least_yielding(
         float(np.exp(np.mean(np.log(moduli)))), sample_of(levelled, weighting=weighting)
     )
     stress = law.nominal_stress_MPa(sample.stretch)
@@ -136,7 +136,7 @@ def _mean(sample: Sample) -> float:
     return float(sample.stress_MPa.mean())
 
 
-def _fitted(modulus_MPa: float, sample: Sample) -> tuple[Yielding, IntArray]:
+def least_yielding(modulus_MPa: float, sample: Sample) -> tuple[Yielding, IntArray]:
     """Return the law of about this modulus whose weighted squares are least, from several starts.
 
     Of each parameter also -1 or 1 where it lies at its lower or upper bound, else 0.
