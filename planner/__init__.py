@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
     from planner.report.material_figures import characterisation_figure, materials_figure
+    from planner.report.plan_page import plan_page, view
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.simulate import Simulation, simulate
@@ -83,12 +84,14 @@ __all__ = [
     "load_palette",
     "load_printer",
     "materials_figure",
+    "plan_page",
     "read_campaign",
     "read_diagnosis",
     "read_plan",
     "simulate",
     "simulation_figure",
     "synthesise_campaign",
+    "view",
     "write_campaign",
     "write_diagnosis",
     "write_palette",
@@ -117,6 +120,7 @@ _MODULES = {
     "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.material_figures": "characterisation_figure materials_figure",
+    "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
     "planner.simulation.simulate": "Simulation simulate",

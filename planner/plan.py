@@ -25,6 +25,7 @@ __all__ = [
     "Shell",
     "Stiffness",
     "Unreachable",
+    "decode_plan",
     "plan_file",
     "read_plan",
 ]
@@ -267,6 +268,10 @@ class Plan:
         """Return the bytes of plan.json."""
         return encode_document(self.document())
 
+    def howto(self) -> str:
+        """Return the text of HOWTO.md: what the operator does, and which material goes where."""
+        return "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
+
     def _files_table(self) -> list[str]:
         rows = [
             f"| `{Path(shell.file).name}` | {shell.operator_name} | {shell.colour} |"
@@ -276,7 +281,9 @@ class Plan:
         head = ["## Which material to which file", "", "| file | material | colour |"]
         return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if mixed else ())]
 
-    def write(self, output: str | Path | None = None, *, force: bool = False) -> Path:
+    def write(
+        self, output: str | Path | None = None, *, force: bool = False, page: bytes | None = None
+    ) -> Path:
         """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.
 
         The folder is whole or absent: everything goes to a temporary sibling first.
@@ -287,6 +294,8 @@ class Plan:
             Folder to write; ``<part>-graded`` in the working directory by default.
         force
             Replace an earlier plan in that place.
+        page
+            Content of plan.html, as `planner.plan_page` returns it; none is written by default.
 
         Returns
         -------
@@ -325,8 +334,9 @@ class Plan:
                 for shell in self.shells
             ]
             write_threemf(scratch / f"{self.name}.3mf", objects, assembly_name=self.name)
-            howto = "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
-            (scratch / "HOWTO.md").write_text(howto, encoding="utf-8", newline="\n")
+            (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
+            if page is not None:
+                (scratch / "plan.html").write_bytes(page)
             (scratch / "plan.json").write_bytes(self.json())
         return target
 
@@ -382,7 +392,12 @@ def read_plan(path: str | Path) -> Plan:
         data = file.read_bytes()
     except OSError as error:
         raise FileError(f"{file}: cannot be read ({error.strerror or error})") from error
-    document = decode_document(data, dict[str, Any], str(file))
+    return decode_plan(data, str(file))
+
+
+def decode_plan(data: bytes, name: str) -> Plan:
+    """Read the bytes of a plan.json, which errors call `name`; see `read_plan`."""
+    document = decode_document(data, dict[str, Any], name)
     gradient = document.get("gradient")
     if isinstance(gradient, dict):
         gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
@@ -391,7 +406,7 @@ def read_plan(path: str | Path) -> Plan:
     try:
         return msgspec.convert(document, Plan)
     except msgspec.ValidationError as error:
-        raise FileError(f"{file}: {error}; it is not a plan.json of schema 1") from error
+        raise FileError(f"{name}: {error}; it is not a plan.json of schema 1") from error
 
 
 def _without_none(value: Any) -> Any:

@@ -18,6 +18,7 @@ COMMANDS = {
     "materials": "list_materials",
     "fit": "fit",
     "characterise": "characterise",
+    "view": "view",
     "check": "check",
     "diff": "diff",
     "slices": "write_slices",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from planner.errors import ArgumentError
+from planner.report.plan_text import format_interval, format_number, format_range
 
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
@@ -221,26 +222,6 @@ def _table(
             cells.insert(0, Text("██", style=swatches[number]))
         table.add_row(*cells)
     return table
-
-
-def format_number(value: float, digits: int = 3) -> str:
-    """Write a figure with `digits` significant digits, without exponent where it reads well."""
-    if value == 0.0:
-        return "0"
-    if 1e-4 <= abs(value) < 1e6:
-        exponent = int(f"{value:e}".split("e")[1])
-        return f"{value:.{max(0, digits - 1 - exponent)}f}"
-    return f"{value:.{digits - 1}e}"
-
-
-def format_range(ends: Sequence[float]) -> str:
-    """Write the two ends of a range with three significant digits, or the one that they are."""
-    return " .. ".join(dict.fromkeys(format_number(end) for end in ends))
-
-
-def format_interval(ends: Sequence[float]) -> str:
-    """Write how sure a figure is; one of no width is of a palette that states no uncertainty."""
-    return format_range(ends) if ends[0] < ends[-1] else "unknown"
 
 
 @contextlib.contextmanager

@@ -1,7 +1,6 @@
-"""planner grade, check, diff, slices and simulate: the commands that make or take a plan."""
+"""planner grade, view, check, diff, slices and simulate: commands that make or take a plan."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +11,7 @@ from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
     from planner.grading.check import Certificate
-    from planner.plan import Plan, Region
+    from planner.plan import Plan
     from planner.simulation.simulate import Simulation
     from planner.slices.write import SliceStack
 
@@ -124,6 +123,9 @@ def grade(
     dry_run: Annotated[
         bool, Option("--dry-run", help="Plan and report, but write nothing.")
     ] = False,
+    no_page: Annotated[
+        bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -163,13 +165,14 @@ def grade(
         refused = strict and not plan.ok
         if not (dry_run or refused):
             stage("writing the files")
-            plan.write(folder, force=force)
+            plan.write(folder, force=force, page=None if no_page else planner.plan_page(plan))
     _grade_report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
     return 0 if plan.ok else 1
 
 
 def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
     from planner.cli.output import finding, print_document, say, warn
+    from planner.report.plan_text import error_words, unreachable_words
 
     if as_json:
         print_document(plan.json())
@@ -179,14 +182,10 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     for remark in (*plan.part.repairs, *plan.warnings):
         warn(f"{plan.part.file}: {remark}")
     _table(plan)
-    _tell_error(plan)
-    for missed in plan.unreachable:
-        low, high = missed.target_modulus_MPa
-        finding(
-            f"target {low:.3g} .. {high:.3g} MPa at field {missed.field[0]:.3f} .. "
-            f"{missed.field[1]:.3f} is out of reach; the nearest is {missed.nearest} with "
-            f"{missed.modulus_MPa:.3g} MPa"
-        )
+    if words := error_words(plan):
+        say(words)
+    for words in unreachable_words(plan):
+        finding(words)
     for found in plan.findings[:_FINDINGS_SHOWN]:
         finding(found.message)
     if len(plan.findings) > _FINDINGS_SHOWN:
@@ -200,83 +199,60 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     if folder is None:
         say("nothing was written")
     else:
-        say(f"wrote {folder} (next: planner check {folder}; open {folder / 'HOWTO.md'})")
-
-
-def _mm_along(field: Mapping[str, object]) -> tuple[float, float]:
-    """Return where a field that is a length begins, and how far it goes, in mm."""
-    begin, end, span = field.get("from_mm"), field.get("to_mm"), field.get("span_mm")
-    if isinstance(begin, float) and isinstance(end, float):
-        return begin, end - begin
-    return 0.0, span if isinstance(span, float) else 1.0
-
-
-def _tell_error(plan: "Plan") -> None:
-    """Say how far the stiffness is off its target at worst, and what would make it less."""
-    from planner.cli.output import say
-    from planner.grading.stiffness_error import error_text
-
-    check = plan.checks.get("worst_stiffness_error")
-    if check is None:
-        return
-    better = [
-        f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
-    ]
-    say(f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}")
-
-
-def _blend_text(region: "Region") -> str:
-    """Say in a few words what a region has to do with its neighbour."""
-    blend = region.blend or {}
-    if blend.get("kind") == "dither":
-        return f"{100 * blend['volume_fraction']:.1f} % {blend['upper']} in {blend['lower']}"
-    if blend.get("kind") == "bands":
-        return f"{100 * blend['share']:.1f} % {blend['upper']}, {blend['lower']} in turn"
-    if blend.get("kind") == "mix":
-        return f"{100 * blend['fraction']:.1f} % {blend['upper']} mixed in {blend['lower']}"
-    return ""
+        say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
 
 
 def _table(plan: "Plan") -> None:
-    from planner.cli.output import format_interval, format_number, format_range, print_table
+    from planner.cli.output import print_table
+    from planner.report.plan_text import plan_table
 
     colours = {shell.material: shell.colour for shell in plan.shells}
-    field = plan.gradient.field
-    long = isinstance(field.get("span_mm"), float)
-    begin, way = _mm_along(field) if long else (0.0, 1.0)
-    rows = [
-        {
-            "#": str(r.index),
-            "material": r.printed,
-            "blend": _blend_text(r),
-            "along mm" if long else "field": " .. ".join(
-                f"{begin + u * way:.{2 if long else 4}f}" for u in r.field
-            ),
-            "target MPa": format_range(r.target_modulus_MPa),
-            "achieved MPa": format_number(r.modulus_MPa),
-            "95 % interval": format_interval(r.modulus_interval_MPa),
-            "error": " .. ".join(dict.fromkeys(f"{100 * e:+.0f}" for e in r.error)) + " %",
-            "volume mm3": format_number(r.volume_mm3, 4),
-            "mass g": format_number(r.mass_g),
-        }
-        for r in plan.regions
-    ]
-    total = {
-        "material": "all",
-        "volume mm3": format_number(sum(r.volume_mm3 for r in plan.regions), 4),
-        "mass g": format_number(sum(r.mass_g for r in plan.regions)),
-    }
-    columns = [name for name in rows[0] if name != "blend" or plan.gradient.blend is not None]
+    table = plan_table(plan)
     print_table(
-        columns,
-        [[row.get(name, "") for name in columns] for row in (*rows, total)],
-        title=f"{plan.part.file} on {plan.printer}: secant modulus at strain "
-        f"{plan.stiffness.at_strain:g}",
-        right=["#", "achieved MPa", "error", "volume mm3", "mass g"],
+        table.columns,
+        [[row.get(name, "") for name in table.columns] for row in (*table.rows, table.total)],
+        title=table.title,
+        right=table.right,
         droppable=["#", "95 % interval", "mass g", "volume mm3", "error"],
         abridged="the rows left out are in plan.json",
         swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
     )
+
+
+# ------------------------------------------------------------------------------------------------
+# planner view.
+
+
+def view(
+    plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
+    no_open: Annotated[
+        bool, Option("--no-open", help="Make the page if need be and say where it is, no more.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Open a plan's page in the browser: the part in its materials, its figures, how to print it.
+
+    The page, plan.html, is made where it is missing or of another version.
+
+    Example: [bold]planner view finger-graded[/bold]
+    """
+    import webbrowser
+
+    import planner
+    from planner.cli.output import print_document, progress, say, warn
+
+    with progress(not quiet and not as_json) as stage:
+        stage("making the page")
+        page = planner.view(plan)
+    opened = not no_open and webbrowser.open(page.resolve().as_uri())
+    if as_json:
+        print_document({"schema": 1, "page": str(page), "opened": opened})
+    elif not quiet:
+        if not (opened or no_open):
+            warn("no browser could be started; open the page yourself")
+        say(str(page))
+    return 0
 
 
 # ------------------------------------------------------------------------------------------------

@@ -88,7 +88,9 @@ class FolderKind:
     own: tuple[str, ...]
 
 
-_PLAN = FolderKind("plan.json", ("plan.json", "*.3mf", "HOWTO.md", "report.html", "stl/*.stl"))
+_PLAN = FolderKind(
+    "plan.json", ("plan.json", "*.3mf", "HOWTO.md", "plan.html", "report.html", "stl/*.stl")
+)
 """The folder of a plan."""
 
 _NAMED = 5

@@ -20,6 +20,8 @@ _ROUNDED = 6  # digits of numbers that come from linear algebra and optimisers
 class Case:
     """What is run, and to how many digits numbers count: exactly if None.
 
+    Pages of plans count where a case says so: they change with the viewer, all at once.
+
     A case that searches has optimisers at work that end elsewhere where BLAS adds in another
     order; on a processor other than the manifest's its numbers do not count.
     """
@@ -28,6 +30,7 @@ class Case:
     digits: int | None = None
     searches: bool = False
     plugin: bool = False
+    page: bool = False
 
 
 def _exact(*steps: Step) -> Case:
@@ -48,8 +51,8 @@ def _all(form: str, *values: str) -> tuple[str, ...]:
 
 _ENDS = "--from Tango --to Vero"
 _BLOCK = f"grade block.stl {_ENDS}"
-_COMMANDS = ("grade", "check", "diff", "slices", "simulate", "invert", "materials", "printers",
-             "characterise", "fit", "gap", "gap design", "gap simulate", "gap diagnose",
+_COMMANDS = ("grade", "view", "check", "diff", "slices", "simulate", "invert", "materials",
+             "printers", "characterise", "fit", "gap", "gap design", "gap simulate", "gap diagnose",
              "gap correct", "gap bench")  # fmt: skip
 
 
@@ -167,6 +170,14 @@ _GRADE_AXIS = {
     ),
     "grade-gripper-tilted": _exact(
         "grade samples/gripper.stl --from FLX9740 --to RGD8425 --axis 1,0,2 --bands 6"
+    ),
+    "view": Case(
+        (
+            made.meshes, f"{_BLOCK} -q", made.remove("block-graded/plan.html"),
+            "view block-graded --no-open", "view block-graded/plan.json --no-open --json",
+            "view blok-graded --no-open", f"{_BLOCK} -q -o without --no-page",
+        ),
+        page=True,
     ),
     "grade-dogbone": _exact("grade samples/dogbone-thesis.stl --from Tango --to FLX9795 --dry-run"),
     "grade-axis-default": _exact(made.meshes, _BLOCK, f"{_BLOCK} --json -o again"),

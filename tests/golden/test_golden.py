@@ -41,7 +41,8 @@ def test_same_bytes_as_the_golden_record(job: str, samples: Path, tmp_path: Path
 
 def test_same_bytes_in_another_process_and_place(samples: Path, tmp_path: Path) -> None:
     part, options = JOBS["finger-log"]
-    here = planner.grade(samples / part, **options).write(tmp_path / "here")
+    plan = planner.grade(samples / part, **options)
+    here = plan.write(tmp_path / "here", page=planner.plan_page(plan))
     elsewhere = tmp_path / "a place with spaces"
     elsewhere.mkdir()
     (elsewhere / part).write_bytes((samples / part).read_bytes())

@@ -22,6 +22,8 @@ OF_THE_COMMAND = {
     "force",
     "strict",
     "dry_run",
+    "no_page",
+    "no_open",
     "field",
     "figure",
     "tables",

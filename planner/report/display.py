@@ -1,0 +1,209 @@
+"""What a screen shows of shells: positions rounded, triangles few enough, colours told apart."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.mesh.mesh import cancel_opposite, compact, repeats_index
+from planner.numerics import Float32Array, FloatArray, IntArray
+
+__all__ = ["MOST_TRIANGLES", "Shown", "distinct_colours", "shown"]
+
+
+# ------------------------------------------------------------------------------------------------
+# Shells as a screen needs them: 16 bits a coordinate, and no more triangles than it can turn.
+#
+# Positions are moved to the points of a grid, all shells alike. That takes closed shells to closed
+# shells, and neighbours that fit triangle for triangle to neighbours that fit: moving the vertices
+# of a sum of triangles does not open its boundary, and what collapses has no boundary of its own.
+
+
+MOST_TRIANGLES = 400_000
+"""Shown at most: what software rendering on two cores loads in 5 s, with a factor of two to spare
+(measured with headless Chromium, docs/reference/files.md)."""
+
+_STEPS = 65535
+"""Positions along the longest edge of the box: what 16 bits count."""
+
+_Indexed: TypeAlias = tuple[Float32Array | FloatArray, IntArray]
+"""Vertices (n, 3) in mm and faces (m, 3)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """Shells for display: a vertex lies at ``origin_mm + step_mm * point``.
+
+    Attributes
+    ----------
+    shells
+        Points (n, 3) uint16, distinct, and faces (m, 3) of each.
+    triangles, of
+        Shown, and of how many.
+    moved_mm
+        How far a vertex lies from its place at most.
+    """
+
+    origin_mm: FloatArray
+    step_mm: float
+    shells: tuple[tuple[NDArray[np.uint16], IntArray], ...]
+    triangles: int
+    of: int
+    moved_mm: float
+
+    @property
+    def simplified(self) -> bool:
+        """Whether triangles were left out, and not positions rounded alone."""
+        return self.moved_mm > self.step_mm
+
+
+def shown(shells: Sequence[_Indexed], most: int = MOST_TRIANGLES) -> Shown:
+    """Return shells for display, with at most about so many triangles, and at least one shell."""
+    low = np.min([vertices.min(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)
+    high = np.max([vertices.max(axis=0) for vertices, _ in shells], axis=0).astype(np.float64)
+    step_mm = float((high - low).max()) / _STEPS or 1.0
+    keys, at = np.unique(
+        np.concatenate([_keys(vertices, low, step_mm) for vertices, _ in shells]),
+        return_inverse=True,
+    )
+    points = np.stack([keys >> 32, (keys >> 16) & 0xFFFF, keys & 0xFFFF], axis=1)
+    begin = itertools.accumulate((len(vertices) for vertices, _ in shells), initial=0)
+    faces = [at[b + f].astype(np.int32) for b, (_, f) in zip(begin, shells, strict=False)]
+    of, moved_mm = sum(map(len, faces)), step_mm * 0.75**0.5
+    if of > most:
+        taken = _coarse(points, faces, most)
+        moved_mm += step_mm * float(np.sqrt(((points - points[taken]) ** 2).sum(axis=1).max()))
+        faces = [taken[f] for f in faces]
+    faces = [f[~repeats_index(f)] for f in faces]
+    faces = [f[cancel_opposite(f)] for f in faces]
+    kept = []
+    for f in faces:
+        used, own = compact(f, len(points))
+        kept.append((points[used].astype(np.uint16), own))
+    return Shown(low, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
+
+
+def _keys(vertices: Float32Array | FloatArray, low: FloatArray, step_mm: float) -> IntArray:
+    """Return each vertex's point of the grid as one number."""
+    x, y, z = np.floor((vertices - low) / step_mm + 0.5).astype(np.int64).T
+    return np.asarray(x << 32 | y << 16 | z)
+
+
+def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[np.int32]:
+    """Return the vertex that each one moves to, so that about `most` triangles are left.
+
+    Vertices move within the cells of a grid. A surface has two triangles a vertex, so that
+    triangles fall as occupied cells do. Of a cell's vertices the sharpest stays, so that edges,
+    corners and the rims of interfaces stay where they are, and flat faces flat.
+    """
+    share = most / sum(map(len, faces))
+    sizes = sorted({round(2.0 ** (n / 8.0)) for n in range(8, 121)})  # a cell's edge in steps
+    low, high = 0, len(sizes) - 1
+    while low < high:
+        middle = (low + high) // 2
+        occupied = len(np.unique(_cells(points, sizes[middle])))
+        low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
+    cells = _cells(points, sizes[low])
+    order = np.lexsort((np.arange(len(points)), -_sharpness(points, faces), cells))
+    first = np.concatenate([[True], np.diff(cells[order]) != 0])
+    taken = np.empty(len(points), np.int32)
+    taken[order] = order[first][np.cumsum(first) - 1]
+    return taken
+
+
+def _cells(points: IntArray, size: int) -> IntArray:
+    x, y, z = (points // size).T
+    return np.asarray(x << 32 | y << 16 | z)
+
+
+def _sharpness(points: IntArray, faces: Sequence[IntArray]) -> FloatArray:
+    """Return the area about each vertex, of each shell, that its mean plane does not have."""
+    sharp = np.zeros(len(points))
+    for f in faces:
+        a, b, c = points[f].transpose(1, 2, 0)
+        x, y, z = np.cross(b - a, c - a, axis=0).astype(np.float64)
+        corners, area = f.ravel(), np.sqrt(x * x + y * y + z * z)
+        around = [
+            np.bincount(corners, np.repeat(weight, 3), len(points)) for weight in (area, x, y, z)
+        ]
+        sharp += around[0] - np.sqrt(around[1] ** 2 + around[2] ** 2 + around[3] ** 2)
+    return sharp
+
+
+# ------------------------------------------------------------------------------------------------
+# Colours that everyone can tell apart, the colour-blind included.
+
+
+_JUST_NOTICEABLE = 0.02
+"""Of the distance in Oklab, by CSS Color 4, section 13.2."""
+
+_SCALE = (
+    "#FDC527", "#FCA338", "#F58C46", "#E76F5A", "#D8576B", "#C5407E", "#AE2892", "#900DA4",
+    "#7201A8", "#5302A3", "#38049A",
+)  # fmt: skip
+"""From soft to hard where a palette's own colours are too alike: lightness falls all the way
+(the colour map "plasma" of matplotlib, CC0)."""
+
+# How a colour looks without one kind of cone: Machado, Oliveira and Fernandes 2009, severity 1,
+# on linear light.
+_BLIND = (
+    ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ((0.152286, 1.052583, -0.204868), (0.114503, 0.786281, 0.099216),
+     (-0.003882, -0.048116, 1.051998)),
+    ((0.367322, 0.860646, -0.227968), (0.280085, 0.672501, 0.047413),
+     (-0.011820, 0.042940, 0.968881)),
+    ((1.255528, -0.076749, -0.178779), (-0.078411, 0.930809, 0.147602),
+     (0.004733, 0.691367, 0.303900)),
+)  # fmt: skip
+
+# Oklab of linear light (Ottosson 2020): to cones, and from their cube roots.
+_CONES = np.array(
+    [[0.4122214708, 0.5363325363, 0.0514459929], [0.2119034982, 0.6806995451, 0.1073969566],
+     [0.0883024619, 0.2817188376, 0.6299787005]]
+)  # fmt: skip
+_LAB = np.array(
+    [[0.2104542553, 0.7936177850, -0.0040720468], [1.9779984951, -2.4285922050, 0.4505937099],
+     [0.0259040371, 0.7827717662, -0.8086757660]]
+)  # fmt: skip
+
+
+def distinct_colours(colours: Sequence[str]) -> tuple[tuple[str, ...], bool]:
+    """Return colours "#RRGGBB", and whether they are others because two of these look alike.
+
+    Two look alike where someone, colour-blind or not, just notices their difference or does not.
+    The scale from soft to hard that takes their place does so only where all of it is told apart.
+    """
+    own = tuple(colours)
+    if _least_distance(own) >= _JUST_NOTICEABLE:
+        return own, False
+    scale = tuple(_scale(len(own)))
+    return (scale, True) if _least_distance(scale) >= _JUST_NOTICEABLE else (own, False)
+
+
+def _scale(count: int) -> Iterator[str]:
+    known = _channels(_SCALE)
+    for at in np.linspace(0.0, len(_SCALE) - 1.0, count):
+        lower = min(int(at), len(_SCALE) - 2)
+        mixed = known[lower] + (at - lower) * (known[lower + 1] - known[lower])
+        yield "#" + "".join(f"{round(float(channel)):02X}" for channel in mixed)
+
+
+def _channels(colours: Sequence[str]) -> FloatArray:
+    return np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours], float)
+
+
+def _least_distance(colours: Sequence[str]) -> float:
+    if len(colours) < 2:
+        return np.inf
+    share = _channels(colours) / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    least = np.inf
+    for eyes in _BLIND:
+        seen = np.clip(light @ np.array(eyes).T, 0.0, 1.0)
+        lab = np.cbrt(seen @ _CONES.T) @ _LAB.T
+        apart = np.linalg.norm(lab[:, None] - lab[None, :], axis=2)
+        least = min(least, float(apart[np.triu_indices(len(lab), 1)].min()))
+    return least

@@ -1,0 +1,184 @@
+"""The figure of a plan: target and achieved stiffness along its field, as SVG inside a page."""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from planner.grading.profile import Profile
+from planner.numerics import FloatArray
+from planner.plan import Plan, Region
+from planner.report.plan_text import format_interval, format_number, mm_along
+from planner.report.svg import INK, Chart, frame, line, log_ticks, rectangle, segment, text
+
+__all__ = ["stiffness_figure"]
+
+
+_LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
+_STRIP_TOP, _STRIP = 0.0, 14.0
+_TARGET, _INTERVAL = "#1f5fa8", "#d3e1f1"
+_PLACES = 24
+"""Places drawn between two knots of a target that is no straight line."""
+
+_ROOM = 0.05
+_LETTER = 6.2
+"""About the width of a letter of the figure, in pixels."""
+
+
+def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[str, int]) -> str:
+    """Draw target, achieved modulus and its 95 % interval along the field, and what lies where.
+
+    Parameters
+    ----------
+    colours, numbers
+        Of each material, as the page shows it. What belongs to a material has its number as
+        ``data-material``, so that the page can point it out.
+
+    Returns
+    -------
+    str
+        An ``svg`` element without words of its own about what it shows.
+    """
+    target = _target(plan)
+    known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
+    moduli = [r.modulus_MPa for r in plan.regions] + [
+        end for r in plan.regions for end in r.modulus_interval_MPa
+    ]
+    if target is not None:
+        moduli += [float(10.0 ** target[1].min()), float(10.0 ** target[1].max())]
+    low, high = math.log10(min(moduli)), math.log10(max(moduli))
+    room = _ROOM * (high - low) or 0.5
+    begin, way = mm_along(plan.gradient.field)
+    ends = (begin, begin + way) if way else (0.0, 1.0)
+    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (low - room, high + room))
+    long = isinstance(plan.gradient.field.get("span_mm"), float)
+    bottom = _TOP + _HEIGHT + 44.0
+    parts = [
+        *(_interval(r, chart, ends, numbers) for r in _distinct(plan.regions) if known),
+        *frame(
+            chart,
+            x_label="",
+            y_label=f"secant modulus at strain {plan.stiffness.at_strain:g}, MPa",
+            y_ticks=log_ticks(*chart.y_range),
+        ),
+        *(
+            [line(chart, ends[0] + target[0] * way, target[1], colour=_TARGET, dash="6,4")]
+            if target is not None
+            else []
+        ),
+        *(_step(r, chart, ends) for r in _distinct(plan.regions)),
+        *_strip(plan.regions, chart, ends, colours, numbers),
+        text(
+            _LEFT + 0.5 * _WIDTH,
+            bottom + 24.0,
+            "mm along the field" if long else "field, from its beginning (0) to its end (1)",
+            anchor="middle",
+        ),
+        *_key(known, target is not None),
+    ]
+    width, height = _LEFT + _WIDTH + 16.0, bottom + 34.0
+    return (
+        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" '
+        f'font-size="12" fill="{INK}" role="img" aria-labelledby="stiffness-words">\n'
+        + "\n".join(parts)
+        + "\n</svg>"
+    )
+
+
+def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
+    """Return places 0..1 and the logarithm of the target there; None of a plan without one."""
+    profile = plan.gradient.profile
+    if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
+        return None
+    wanted = Profile(
+        str(profile.get("name", "")), tuple(profile["positions"]), tuple(profile["moduli_MPa"]),
+        profile["shape"],
+    )  # fmt: skip
+    places, values = [], []
+    for a, b in itertools.pairwise(wanted.positions):
+        if a < b:
+            u = np.linspace(a, b, 2 if wanted.shape == "log" else _PLACES)
+            u[-1] = np.nextafter(b, a)  # at a jump, the value before it
+            places.append(u)
+            values.append(np.log10(wanted.modulus_MPa(u)))
+    return np.concatenate(places), np.concatenate(values)
+
+
+def _distinct(regions: Sequence[Region]) -> list[Region]:
+    """Return one region a stretch of the field: two whose cells lie together have one modulus."""
+    return list({region.field: region for region in regions}.values())
+
+
+def _span(region: Region, chart: Chart, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return where a region begins and ends in the picture."""
+    begin, way = ends[0], ends[1] - ends[0]
+    return chart.x(begin + region.field[0] * way), chart.x(begin + region.field[1] * way)
+
+
+def _interval(
+    region: Region, chart: Chart, ends: tuple[float, float], numbers: Mapping[str, int]
+) -> str:
+    left, right = _span(region, chart, ends)
+    low, high = (chart.y(math.log10(end)) for end in region.modulus_interval_MPa)
+    drawn = rectangle(left, high, right - left, low - high, colour=_INTERVAL)
+    return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
+
+
+def _step(region: Region, chart: Chart, ends: tuple[float, float]) -> str:
+    left, right = _span(region, chart, ends)
+    y = chart.y(math.log10(region.modulus_MPa))
+    return segment((left, y), (right, y), colour=INK, width=2.5)
+
+
+def _strip(
+    regions: Sequence[Region], chart: Chart, ends: tuple[float, float],
+    colours: Mapping[str, str], numbers: Mapping[str, int],
+) -> Iterator[str]:  # fmt: skip
+    """Draw what each stretch is printed in; two that share one have their shares of its height."""
+    top = chart.top + chart.height + 24.0 + _STRIP_TOP
+    filled: dict[tuple[float, float], float] = {}
+    for region in regions:
+        left, right = _span(region, chart, ends)
+        share = _share(region)
+        begin = filled.get(region.field, 0.0)
+        filled[region.field] = begin + share
+        name, number = region.printed, numbers[region.printed]
+        words = (
+            f"{number} {name}: {format_number(region.modulus_MPa)} MPa, 95 % interval "
+            f"{format_interval(region.modulus_interval_MPa)}"
+        )
+        yield f'<g data-material="{number}"><title>{escape(words)}</title>'
+        yield (
+            f'<rect class="swatch" x="{left:.2f}" y="{top + begin * _STRIP:.2f}" '
+            f'width="{right - left:.2f}" height="{share * _STRIP:.2f}" fill="{colours[name]}"/>'
+        )
+        if begin == 0.0 and _LETTER * len(str(number)) + 4.0 <= right - left and share == 1.0:
+            middle = 0.5 * (left + right)
+            yield text(middle, top + _STRIP + 12.0, str(number), anchor="middle", size=10.0)
+        yield "</g>"
+
+
+def _share(region: Region) -> float:
+    """Return how much of its stretch a region takes: all of it, but for cells among others."""
+    blend = region.blend or {}
+    if blend.get("kind") != "dither":
+        return 1.0
+    upper = float(blend.get("volume_fraction", 0.5))
+    return upper if region.material == blend.get("upper") else 1.0 - upper
+
+
+def _key(known: bool, wanted: bool) -> Iterator[str]:
+    x = _LEFT + _WIDTH
+    if known:
+        x -= 92.0
+        yield text(x + 24.0, 18.0, "95 % band")
+        yield rectangle(x, 9.0, 18.0, 11.0, colour=_INTERVAL)
+    x -= 92.0
+    yield text(x + 26.0, 18.0, "achieved")
+    yield segment((x, 14.0), (x + 20.0, 14.0), colour=INK, width=2.5)
+    if wanted:
+        x -= 78.0
+        yield text(x + 26.0, 18.0, "target")
+        yield segment((x, 14.0), (x + 20.0, 14.0), colour=_TARGET, width=2.0, dash="6,4")

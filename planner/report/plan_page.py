@@ -1,0 +1,594 @@
+"""plan.html: a plan on one page that needs nothing else, with the part in its materials."""
+
+import base64
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from planner import __version__
+from planner.errors import FileError, OutputError
+from planner.formats.files import encode_document, write_whole
+from planner.formats.stl import decode_stl
+from planner.formats.threemf import read_threemf
+from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
+from planner.report.display import Shown, distinct_colours, shown
+from planner.report.markdown import to_html
+from planner.report.plan_figure import stiffness_figure
+from planner.report.plan_text import error_words, format_number, plan_table, unreachable_words
+
+__all__ = ["plan_page", "view"]
+
+
+# ------------------------------------------------------------------------------------------------
+# What the page is made of: the same whether a plan was just made or is read from its folder.
+
+
+_NAME = "plan.html"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Source:
+    """A plan as plan.json has it, its hash, the text of HOWTO.md, and its shells from soft to hard.
+
+    Attributes
+    ----------
+    names, colours
+        Of each shell's material.
+    """
+
+    plan: Plan
+    sha256: str
+    howto: str
+    names: tuple[str, ...]
+    colours: tuple[str, ...]
+    shells: tuple[tuple[Float32Array | FloatArray, IntArray], ...]
+
+
+def _from_plan(plan: Plan) -> _Source:
+    if not plan.shells:
+        raise OutputError(
+            f"plan of {plan.part.file}: a plan that was read back holds no shells; give its folder"
+        )
+    document = plan.json()
+    return _Source(
+        decode_plan(document, "plan.json"),  # with the digits that the file keeps
+        hashlib.sha256(document).hexdigest(),
+        plan.howto(),
+        tuple(shell.material for shell in plan.shells),
+        tuple(shell.colour for shell in plan.shells),
+        tuple((shell.vertices, shell.faces) for shell in plan.shells),
+    )
+
+
+def _from_folder(path: str | Path) -> _Source:
+    file = plan_file(path)
+    plan, root = read_plan(file), file.parent
+    colours = {
+        item.material_name: item.colour for item in read_threemf(root / f"{plan.name}.3mf").objects
+    }
+    regions = {region.file: region for region in plan.regions}
+    shells: list[tuple[Float32Array | FloatArray, IntArray]] = []
+    for name in sorted(regions):
+        triangles = decode_stl(_unaltered(root, regions[name]), name)
+        faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+        shells.append((triangles.reshape(-1, 3), faces))
+    howto = root / "HOWTO.md"
+    names = tuple(regions[name].printed for name in sorted(regions))
+    return _Source(
+        plan,
+        _sha256_of(file),
+        howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
+        names,
+        tuple(colours.get(name, "") or "#808080" for name in names),
+        tuple(shells),
+    )
+
+
+def _sha256_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _unaltered(root: Path, region: Region) -> bytes:
+    """Read a shell's file, which must be the one that the plan was written with."""
+    path = root / region.file
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if hashlib.sha256(data).hexdigest() != region.sha256:
+        raise FileError(
+            f"{path}: its content is not what the plan was written with; grade the part again "
+            "(planner check says what else is wrong)"
+        )
+    return data
+
+
+# ------------------------------------------------------------------------------------------------
+# The page as bytes, and as a file beside plan.json.
+
+
+def plan_page(plan: Plan | str | Path) -> bytes:
+    """Return the page of a plan: the part in its materials, its figures, how to print it.
+
+    It holds all that it needs, and loads nothing from anywhere.
+
+    Parameters
+    ----------
+    plan
+        What `planner.grade` returns; or a folder that ``planner grade`` wrote, or its plan.json.
+
+    Returns
+    -------
+    bytes
+        HTML; the same for the same plan, however it was given.
+
+    Raises
+    ------
+    FileError
+        There is no plan, or a file of its folder is missing or altered.
+    OutputError
+        The plan was read back from a file and holds no shells; give its folder.
+
+    Examples
+    --------
+    >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
+    >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
+    """
+    source = _from_plan(plan) if isinstance(plan, Plan) else _from_folder(plan)
+    return "\n".join(_page(source)).encode("utf-8")
+
+
+def view(plan: str | Path) -> Path:
+    """Return the page of a plan's folder, made where it is missing or of another version.
+
+    Parameters
+    ----------
+    plan
+        A folder that ``planner grade`` wrote, or its plan.json.
+
+    Returns
+    -------
+    pathlib.Path
+        plan.html, beside plan.json.
+
+    Raises
+    ------
+    FileError
+        There is no plan, or a file of its folder is missing or altered.
+    OutputError
+        The page cannot be written.
+
+    Examples
+    --------
+    >>> planner.view("finger-graded").name  # doctest: +SKIP
+    'plan.html'
+    """
+    file = plan_file(plan)
+    page = file.parent / _NAME
+    try:
+        with page.open("rb") as stream:
+            if _stamp(_sha256_of(file)).encode() in stream.read(_HEAD_BYTES):
+                return page
+    except OSError:
+        pass  # there is none, or none that can be read: what stands in the way is told on writing
+    write_whole(page, plan_page(file))
+    return page
+
+
+_HEAD_BYTES = 2048
+"""The stamp stands within so many bytes of the page's beginning."""
+
+
+def _stamp(plan_sha256: str) -> str:
+    """Return what tells a page that is up to date: planner, the viewer, and the plan it shows."""
+    viewer = hashlib.sha256("".join(_asset(name) for name in _ASSETS).encode()).hexdigest()[:16]
+    return f'<meta name="generator" content="planner {__version__} {viewer} {plan_sha256}">'
+
+
+_ASSETS = ("plan.css", "three.min.js", "THREE-LICENSE.txt", "viewer.js", "page.js")
+
+
+@cache
+def _asset(name: str) -> str:
+    """Return a file of the viewer, with the same line ends everywhere."""
+    file = resources.files("planner.report").joinpath("viewer", name)
+    return "\n".join(file.read_text(encoding="utf-8").splitlines()).strip()
+
+
+def _scripts() -> tuple[str, str]:
+    """Return the scripts that run: the library under its licence, and the page's own."""
+    licence = _asset("THREE-LICENSE.txt")
+    library = f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{_asset('three.min.js')}\n"
+    return library, f"{_asset('viewer.js')}\n{_asset('page.js')}\n"
+
+
+def _page(source: _Source) -> Iterator[str]:
+    """Yield the lines of the page."""
+    plan = source.plan
+    display = shown(source.shells)
+    colours, replaced = distinct_colours(source.colours)
+    library, own = _scripts()
+    allowed = " ".join(f"'sha256-{_integrity(script)}'" for script in (library, own))
+    yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
+    yield _stamp(source.sha256)
+    yield (
+        f'<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+        f"script-src {allowed}; style-src 'unsafe-inline'; base-uri 'none'; "
+        "form-action 'none'\">"
+    )
+    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    yield f"<title>{escape(plan.part.file)}: plan</title>"
+    yield f"<style>\n{_asset('plan.css')}\n</style>\n</head>\n<body>"
+    yield '<a class="skip" href="#figures">Skip the 3D view</a>'
+    yield from _header(source)
+    yield '<main>\n<div class="bench">'
+    yield from _stage(plan, display)
+    yield '<div class="panel">'
+    yield from _findings(plan)
+    yield from _section_controls(plan)
+    yield from _materials(source, colours)
+    yield _KEYS
+    yield '</div>\n</div>\n<div class="below" id="figures">'
+    yield from _figure(source, colours)
+    yield from _table(source, colours)
+    yield from _remarks(plan)
+    yield from _howto(source.howto)
+    yield "</div>\n</main>"
+    yield from _footer(source, display, replaced)
+    yield f'<script type="application/json" id="data">{_data(source, display, colours)}</script>'
+    yield f'<script type="text/plain" id="geometry">{_geometry(display)}</script>'
+    yield f"<script>{library}</script>\n<script>{own}</script>\n</body>\n</html>\n"
+
+
+def _integrity(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode()
+
+
+# ------------------------------------------------------------------------------------------------
+# What the viewer reads.
+
+
+def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
+    """Return the JSON of the viewer, safe within a script element."""
+    points = np.concatenate([points for points, _ in display.shells])
+    plan = source.plan
+    document = {
+        "origin": display.origin_mm.tolist(),
+        "step": display.step_mm,
+        "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
+        "shells": [
+            {
+                "name": name,
+                "number": number,
+                "colour": colour,
+                "points": len(points),
+                "faces": len(faces),
+                "wide": _wide(len(points)),
+            }
+            for number, (name, colour, (points, faces)) in enumerate(
+                zip(source.names, colours, display.shells, strict=True), start=1
+            )
+        ],
+        "sections": [
+            {"name": name, "normal": normal, "zero": zero} for name, normal, zero in _ways(plan)
+        ],
+        "findings": [
+            {"number": number, "place": list(found.place_mm), "size": found.size_mm or 0.0}
+            for number, found in enumerate(plan.findings, start=1 + len(plan.unreachable))
+            if found.place_mm is not None
+        ],
+    }
+    return encode_document(document).decode().strip().replace("<", "\\u003c")
+
+
+def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:
+    """Yield ways to cut: name, normal, and where zero lies along it."""
+    yield "x", [1.0, 0.0, 0.0], 0.0
+    yield "y", [0.0, 1.0, 0.0], 0.0
+    yield "z", [0.0, 0.0, 1.0], 0.0
+    field = plan.gradient.field
+    direction, start = field.get("direction"), field.get("start_mm")
+    if field.get("name") == "axis" and isinstance(direction, list) and isinstance(start, float):
+        yield "along the field", [float(d) for d in direction], start
+
+
+def _wide(points: int) -> bool:
+    return points > 1 << 16
+
+
+def _geometry(display: Shown) -> str:
+    """Return positions and triangles of each shell, little-endian, at multiples of four bytes."""
+    parts = []
+    for points, faces in display.shells:
+        for values, kind in ((points, "<u2"), (faces, "<u4" if _wide(len(points)) else "<u2")):
+            data = values.astype(kind).tobytes()
+            parts += [data, bytes(-len(data) % 4)]
+    return base64.b64encode(b"".join(parts)).decode()
+
+
+# ------------------------------------------------------------------------------------------------
+# The head of the page, and the view with its controls.
+
+
+def _header(source: _Source) -> Iterator[str]:
+    plan = source.plan
+    size = [high - low for low, high in zip(*plan.part.bounds_mm, strict=True)]
+    mass = sum(region.mass_g for region in plan.regions)
+    found = len(plan.findings) + len(plan.unreachable)
+    failed = [name for name, check in plan.checks.items() if not check.ok]
+    yield f"<header>\n<div>\n<h1>{escape(plan.part.file)}</h1>"
+    yield f'<p class="quiet">{escape(_wish_words(plan))}</p>\n</div>\n<dl class="facts">'
+    for name, value, kind in (
+        ("size, mm", " × ".join(format_number(length, 4) for length in size), ""),
+        ("volume, mm³", format_number(plan.part.volume_mm3, 5), ""),
+        ("mass, g", format_number(mass, 4) if mass else "", ""),
+        ("materials", str(len(source.names)), ""),
+        ("checks that hold", f"{len(plan.checks) - len(failed)} of {len(plan.checks)}",
+         "bad" if failed else "good"),
+        ("findings", str(found), "bad" if found else "good"),
+    ):  # fmt: skip
+        if value:
+            yield f'<div><dt>{name}</dt><dd class="{kind}">{escape(value)}</dd></div>'
+    yield "</dl>\n</header>"
+
+
+def _wish_words(plan: Plan) -> str:
+    """Say in a line what was wanted."""
+    gradient, words = plan.gradient, []
+    if gradient.start and gradient.end:
+        words.append(f"{gradient.start} to {gradient.end}")
+    words += [_field_words(gradient.field), f"profile {gradient.profile.get('name', '')}"]
+    if gradient.blend is not None:
+        words.append(f"blend {gradient.blend.get('kind')}")
+    words += [f"printer {plan.printer}", f"palette {plan.palette.name}"]
+    return " · ".join(words)
+
+
+def _field_words(field: Mapping[str, object]) -> str:
+    direction = field.get("direction")
+    if field.get("name") != "axis" or not isinstance(direction, list):
+        return f"field {field.get('name')}"
+    for k, name in enumerate("xyz"):
+        if abs(direction[k]) == 1.0:
+            return f"along {'-' if direction[k] < 0 else ''}{name}"
+    return f"along ({', '.join(f'{d:.3g}' for d in direction)})"
+
+
+def _stage(plan: Plan, display: Shown) -> Iterator[str]:
+    name = escape(plan.part.file)
+    yield '<section class="stage" aria-label="3D view">'
+    yield (
+        f'<canvas id="view" tabindex="0" role="application" aria-label="The part {name} in its '
+        'materials, 3D view" aria-describedby="view-words keys"></canvas>'
+    )
+    yield f'<p id="view-words" hidden>{escape(_in_words(plan))}</p>'
+    yield '<div id="marks" aria-hidden="true"></div>'
+    yield '<div class="bar" role="group" aria-label="Views" data-needs-view hidden>'
+    views = {"corner": "Whole", "front": "Front", "side": "Side", "top": "Top"}
+    yield "".join(
+        f'<button type="button" data-view="{view}">{words}</button>'
+        for view, words in views.items()
+    )
+    yield '</div>\n<div class="bar zoom" role="group" aria-label="Zoom" data-needs-view hidden>'
+    yield '<button type="button" id="zoom-in" aria-label="Zoom in">+</button>'
+    yield '<button type="button" id="zoom-out" aria-label="Zoom out">−</button></div>'
+    yield '<svg class="read" id="axes" viewBox="-38 -38 76 76" aria-hidden="true">'
+    yield from (f'<g><line x1="0" y1="0"/><text>{axis}</text></g>' for axis in "xyz")
+    yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
+    yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
+    yield '<div class="read" id="under" role="status"></div>'
+    yield (
+        '<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). The figures, the '
+        "table and the how-to below are whole; the .3mf opens in any 3D program.</p>"
+    )
+    yield (
+        '<noscript><p class="quiet">The 3D view needs JavaScript; the rest of the page does '
+        "not.</p></noscript>"
+    )
+    yield "</section>"
+
+
+def _in_words(plan: Plan) -> str:
+    """Say in words what the view shows."""
+    first, last = plan.regions[0], plan.regions[-1]
+    size = " by ".join(
+        format_number(high - low, 4) for low, high in zip(*plan.part.bounds_mm, strict=True)
+    )
+    return (
+        f"The part is {size} mm. It begins in {first.printed}, "
+        f"{format_number(first.modulus_MPa)} MPa, and ends in {last.printed}, "
+        f"{format_number(last.modulus_MPa)} MPa, {_field_words(plan.gradient.field)}. The table "
+        "below has every region."
+    )
+
+
+def _findings(plan: Plan) -> Iterator[str]:
+    messages = unreachable_words(plan)
+    placed = [None for _ in messages] + [found.place_mm for found in plan.findings]
+    messages += [found.message for found in plan.findings]
+    if not messages:
+        return
+    yield '<section class="card" id="findings" aria-labelledby="findings-title">'
+    yield f'<h2 id="findings-title">Findings ({len(messages)})</h2>'
+    yield '<ol role="list">'
+    for number, (place, message) in enumerate(zip(placed, messages, strict=True), start=1):
+        if place is None:
+            yield f'<li class="plain">{escape(message)}</li>'
+        else:
+            yield (
+                f'<li><button type="button" aria-pressed="false"><b>{number}</b>'
+                f"<span>{escape(message)}</span></button></li>"
+            )
+    yield "</ol>\n</section>"
+
+
+def _section_controls(plan: Plan) -> Iterator[str]:
+    yield '<fieldset id="section" data-needs-view hidden><legend>Section</legend><div class="ways">'
+    yield '<label><input type="radio" name="section" value="off" checked> none</label>'
+    for name, *_ in _ways(plan):
+        yield f'<label><input type="radio" name="section" value="{name}"> {name}</label>'
+    yield '</div>\n<div class="slide">'
+    yield (
+        '<input type="range" id="section-place" min="0" max="1000" value="500" disabled '
+        'aria-label="Place of the section">'
+    )
+    yield '<output id="section-words" for="section-place"></output>'
+    yield (
+        '<label class="tick"><input type="checkbox" id="section-flip" disabled> show the other '
+        "side</label></div></fieldset>"
+    )
+
+
+def _materials(source: _Source, colours: Sequence[str]) -> Iterator[str]:
+    volumes = dict.fromkeys(source.names, 0.0)
+    for region in source.plan.regions:
+        volumes[region.printed] += region.volume_mm3
+    whole = sum(volumes.values()) or 1.0
+    yield '<fieldset id="materials"><legend>Materials, from soft to hard</legend>'
+    yield '<ul role="list">'
+    for number, (name, colour) in enumerate(zip(source.names, colours, strict=True), start=1):
+        share = 100.0 * volumes[name] / whole
+        yield (
+            f'<li data-material="{number}"><label><input type="checkbox" checked>'
+            f'{_swatch(colour)}<span class="number">{number}</span>'
+            f'<span class="name" title="{escape(name)}">{escape(name)}</span>'
+            f'<span class="volume">{format_number(volumes[name], 4)} mm³ '
+            f"({'under 1' if share < 1.0 else f'{share:.0f}'} %)</span></label></li>"
+        )
+    yield '</ul>\n<div class="all" data-needs-view hidden>'
+    yield '<button type="button" id="show-all">Show all</button>'
+    yield '<button type="button" id="hide-all">Hide all</button>'
+    yield (
+        '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
+        "</fieldset>"
+    )
+
+
+def _swatch(colour: str) -> str:
+    """Return a square of a colour; without words, which stand beside it."""
+    return (
+        '<svg width="14" height="14" aria-hidden="true"><rect class="swatch" x=".5" y=".5" '
+        f'width="13" height="13" rx="3" fill="{colour}"/></svg>'
+    )
+
+
+_KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
+<dl class="keys" id="keys">
+<dt>drag</dt><dd>turn; with the right button or two fingers: move</dd>
+<dt>wheel, pinch</dt><dd>zoom</dd>
+<dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
+<dd>turn, once the view has the focus</dd>
+<dt><kbd>Shift</kbd> + arrows</dt><dd>move</dd>
+<dt><kbd>+</kbd> <kbd>-</kbd></dt><dd>zoom</dd>
+<dt><kbd>0</kbd>, <kbd>Home</kbd></dt><dd>the whole part again</dd>
+</dl></details>"""
+
+
+# ------------------------------------------------------------------------------------------------
+# Below the view: figure, table, checks, how to print.
+
+
+def _figure(source: _Source, colours: Sequence[str]) -> Iterator[str]:
+    numbers = {name: number for number, name in enumerate(source.names, start=1)}
+    drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
+    yield '<section aria-labelledby="stiffness-title">'
+    yield '<h2 id="stiffness-title">Stiffness along the field</h2>'
+    yield (
+        '<figure>\n<div class="wide" tabindex="0" role="group" aria-labelledby="stiffness-title">'
+        f"\n{drawn}\n</div>"
+    )
+    yield (
+        '<figcaption id="stiffness-words">Dashed: the target. Thick: the modulus of what is '
+        "printed there, with the interval that holds it with 95 % probability. Below: the "
+        "materials by their numbers.</figcaption>\n</figure>\n</section>"
+    )
+
+
+def _table(source: _Source, colours: Sequence[str]) -> Iterator[str]:
+    table = plan_table(source.plan)
+    kinds = [' class="figure"' if name in table.right else "" for name in table.columns]
+    numbers = {name: number for number, name in enumerate(source.names, start=1)}
+    yield '<section aria-labelledby="table-title">\n<h2 id="table-title">Regions</h2>'
+    yield f'<p class="quiet">{escape(table.title)}</p>'
+    if words := error_words(source.plan):
+        yield f'<p class="quiet">{escape(words)}</p>'
+    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="table-title">'
+    yield "<table>\n<thead><tr>"
+    heads = zip(table.columns, kinds, strict=True)
+    yield "".join(f'<th scope="col"{kind}>{escape(_heading(name))}</th>' for name, kind in heads)
+    yield "</tr></thead>\n<tbody>"
+    for region, row in zip(source.plan.regions, table.rows, strict=True):
+        number = numbers[region.printed]
+        cells = []
+        for name, kind in zip(table.columns, kinds, strict=True):
+            swatch = _swatch(colours[number - 1]) if name == "material" else ""
+            cells.append(f"<td{kind}>{swatch}{escape(row[name])}</td>")
+        yield f'<tr data-material="{number}">{"".join(cells)}</tr>'
+    total = zip(table.columns, kinds, strict=True)
+    yield "</tbody>\n<tfoot><tr>"
+    yield "".join(f"<td{kind}>{escape(table.total.get(name, ''))}</td>" for name, kind in total)
+    yield "</tr></tfoot>\n</table>\n</div>\n</section>"
+
+
+def _heading(column: str) -> str:
+    return {"#": "no.", "volume mm3": "volume mm³"}.get(column, column)
+
+
+def _remarks(plan: Plan) -> Iterator[str]:
+    yield '<section aria-labelledby="checks-title">\n<h2 id="checks-title">Checks</h2>'
+    remarks = [*plan.part.repairs, *plan.warnings]
+    if remarks:
+        items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
+        yield f'<ul class="notes">\n{items}</ul>'
+    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="checks-title">'
+    yield '<table>\n<thead><tr><th scope="col">check</th><th scope="col" class="figure">value</th>'
+    yield '<th scope="col" class="figure">limit</th><th scope="col">holds</th></tr></thead>'
+    yield "<tbody>"
+    for name, check in plan.checks.items():
+        yield (
+            f'<tr><td>{escape(name)}</td><td class="figure">{check.value:.3g}</td>'
+            f'<td class="figure">{check.limit:.3g}</td><td>{"yes" if check.ok else "NO"}</td></tr>'
+        )
+    yield "</tbody>\n</table>\n</div>\n</section>"
+
+
+def _howto(text: str) -> Iterator[str]:
+    if text.strip():
+        # Its first line is a heading of its own: the section's.
+        yield f'<section class="howto">\n{to_html(text, top_level=2)}\n</section>'
+
+
+def _footer(source: _Source, display: Shown, replaced: bool) -> Iterator[str]:
+    plan = source.plan
+    yield "<footer>"
+    if display.simplified:
+        yield (
+            f"<p>Simplified for display alone: {display.triangles} of {display.of} triangles, "
+            f"positions up to {display.moved_mm:.2g} mm from theirs. The files hold all.</p>"
+        )
+    else:
+        yield (
+            f"<p>Shown: all {display.of} triangles, positions rounded to "
+            f"{display.moved_mm:.1g} mm for display; the files hold them whole.</p>"
+        )
+    yield (
+        "<p>Places are in the coordinates of the files in stl/: the part's own plus "
+        f"({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}) mm.</p>"
+    )
+    if replaced:
+        yield (
+            "<p>Colours run from soft (yellow) to hard (violet): the palette's own are too alike "
+            "to be told apart.</p>"
+        )
+    yield (
+        f"<p>planner {escape(plan.version)}; part sha256 {plan.part.sha256[:16]}, palette "
+        f"{escape(plan.palette.name)} {plan.palette.sha256[:16]}, plan.json {source.sha256[:16]}. "
+        "3D view by three.js r187, MIT licence, whose text is in this file.</p>\n</footer>"
+    )
