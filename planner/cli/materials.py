@@ -277,7 +277,6 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     for mixture in found:
         where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:
-            say(f"{where}between materials that yield no law in closed form stands for the blend")
             continue
         parameters = "; ".join(
             f"{symbol} {', '.join(format_number(v, 4) for v in values)}"

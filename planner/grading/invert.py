@@ -11,7 +11,8 @@ from planner.errors import ArgumentError
 from planner.grading.profile import known_interval, stiffness_scale
 from planner.materials.characterise import SECANT_STRAINS, Curve
 from planner.materials.fit import fit_law, sample_of
-from planner.materials.laws import candidate_laws
+from planner.materials.fit_yield import by_symbol, least_yielding, logs
+from planner.materials.laws import candidate_laws, make_law
 from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
@@ -63,7 +64,7 @@ class Mixture:
     secants
         Of a coordinate: its stiffness at more strains, up to the first break of its materials.
     law
-        Of a coordinate: a law that stands for it; None between materials that yield.
+        Of a coordinate: a law that stands for it.
     """
 
     target_MPa: float | None
@@ -214,17 +215,24 @@ _POINTS = 60
 """Strains that a mixture's law is fitted at, even up to the first break."""
 
 
-def _law(model: CoefficientModel, blend: Blend) -> MixtureLaw | None:
-    """Return the law of a material, or Ogden's of as many terms as its neighbours have at most."""
+def _law(model: CoefficientModel, blend: Blend) -> MixtureLaw:
+    """Return the law of a material, or one of its neighbours' kind that is fitted to the mixture.
+
+    Where one of them yields, a law that does; else Ogden's, of as many terms as theirs have.
+    """
     ends = _ends(model, blend)
     if len(ends) == 1:
         return MixtureLaw(ends[0].law, 0.0)
-    if any(material.deformation != "elastic" for material in ends):
-        return None
     strain = np.linspace(0.0, min(m.elongation_at_break for m in ends), _POINTS + 1)[1:]
     stress = model.nominal_stress_MPa(blend.coordinate, 1.0 + strain)
     sample = sample_of([Curve("mixture", strain, stress)], points=None)
-    # One that is no Ogden law has as much freedom as two terms: neo-Hooke's less, Yeoh's more.
-    terms = max(len(material.law.parameters.get("alpha", (0.0, 0.0))) for material in ends)
-    fit = fit_law(candidate_laws(f"ogden-{terms}")[0], sample)
-    return MixtureLaw(fit.parameters, math.sqrt(fit.cost))
+    if any(material.law.model in ("linear", "yielding") for material in ends):
+        at_rest, _ = _modulus(model, blend.coordinate, 0.0)
+        fitted, _ = least_yielding(at_rest, sample)
+        parameters = LawParameters(fitted.model, by_symbol(logs(fitted)))
+    else:
+        # One that is no Ogden law counts for two terms: neo-Hooke's bends less, Yeoh's more.
+        terms = max(len(material.law.parameters.get("alpha", (0.0, 0.0))) for material in ends)
+        parameters = fit_law(candidate_laws(f"ogden-{terms}")[0], sample).parameters
+    ratio = make_law(parameters).nominal_stress_MPa(1.0 + strain) / stress
+    return MixtureLaw(parameters, float(np.sqrt(np.mean((ratio - 1.0) ** 2))))
