@@ -82,6 +82,9 @@ class Gradient:
     like
         Of a plan that follows an earlier one: the hash of that one's plan.json, its palette, and
         what stood at its ends.
+    snap
+        If cuts were moved so that no sliver is left: how far they might be, and each of them with
+        its ``field``, where it was moved ``to``, and ``by_mm``.
     """
 
     field: Mapping[str, Any]
@@ -91,6 +94,7 @@ class Gradient:
     bands: int | None = None
     blend: Mapping[str, Any] | None = None
     like: Mapping[str, Any] | None = None
+    snap: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +175,21 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that will not print as planned, with its place and size."""
+    """Something that will not print as planned, with its place and size.
+
+    Attributes
+    ----------
+    place_mm
+        In the coordinates of the files that are printed.
+    drawn_mm
+        The same place in the coordinates of the part's own file, in mm; as in the message.
+    """
 
     kind: str
     message: str
     material: str | None = None
     place_mm: Point | None = None
+    drawn_mm: Point | None = None
     size_mm: float | None = None
 
 
@@ -260,7 +273,7 @@ class Plan:
             "to": gradient.get("end"),
             "bands": gradient.get("bands"),
         }
-        beside = {name: gradient[name] for name in ("blend", "like") if name in gradient}
+        beside = {name: gradient[name] for name in ("blend", "like", "snap") if name in gradient}
         document["gradient"] |= beside
         return document
 

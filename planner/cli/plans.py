@@ -93,6 +93,14 @@ def grade(
             "default.",
         ),
     ] = None,
+    snap_mm: Annotated[
+        float | None,
+        Option(
+            "--snap",
+            help="How far, in mm, a cut may be moved so that it leaves no sliver beside a face of "
+            "the part; half the minimum wall by default, 0 for not at all.",
+        ),
+    ] = None,
     at_strain: Annotated[
         float | None,
         Option(
@@ -155,6 +163,7 @@ def grade(
             bands=bands,
             blend=blend,
             cell_mm=cell_mm,
+            snap_mm=snap_mm,
             at_strain=at_strain,
             tolerance=tolerance,
             unit=unit,
@@ -172,7 +181,7 @@ def grade(
 
 def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
     from planner.cli.output import finding, print_document, say, warn
-    from planner.report.plan_text import error_words, unreachable_words
+    from planner.report.plan_text import error_words, moved_words, unreachable_words
 
     if as_json:
         print_document(plan.json())
@@ -182,8 +191,9 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     for remark in (*plan.part.repairs, *plan.warnings):
         warn(f"{plan.part.file}: {remark}")
     _table(plan)
-    if words := error_words(plan):
-        say(words)
+    for words in (error_words(plan), moved_words(plan)):
+        if words:
+            say(words)
     for words in unreachable_words(plan):
         finding(words)
     for found in plan.findings[:_FINDINGS_SHOWN]:

@@ -3,7 +3,7 @@
 import hashlib
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Literal
@@ -36,6 +36,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
+from planner.grading.howto import job_notes
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -47,6 +48,7 @@ from planner.grading.profile import (
     stiffness_scale,
 )
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
+from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
 from planner.grading.stiffness_error import alternatives, stiffness_check, tolerance_for
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh
@@ -243,12 +245,14 @@ class BandDesign:
 
     def held(
         self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        scale: StiffnessScale, machine: Printer,
+        scale: StiffnessScale, machine: Printer, translation_mm: Point,
     ) -> _Held:  # fmt: skip
         """Hold the pieces against the printer."""
-        cure = f"take fewer {'periods' if self.periods else 'bands'}, a gentler profile there"
+        cure = f"take fewer {'periods' if self.periods else '--bands'}, a gentler profile there"
         names = [what.name for what in self.printed]
-        part = CutPart(mesh, along, self.levels, pieces, names, shells, pitch_mm, cure)
+        part = CutPart(
+            mesh, along, self.levels, pieces, names, shells, pitch_mm, cure, translation_mm
+        )
         return print_checks(part, machine)
 
 
@@ -277,7 +281,7 @@ class CellDesign:
 
     def held(
         self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
-        scale: StiffnessScale, machine: Printer,
+        scale: StiffnessScale, machine: Printer, translation_mm: Point,
     ) -> _Held:  # fmt: skip
         """Hold cells against what was wanted, and the part as a whole against the printer.
 
@@ -300,7 +304,9 @@ class CellDesign:
                 "be there, and stretches of the gradient may have none; take a smaller --cell"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
-        whole = CutPart(mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, cure="")
+        whole = CutPart(
+            mesh, along, np.empty(0), pieces, ["the part"], (), pitch_mm, "", translation_mm
+        )
         walls, thin = print_checks(whole, machine)
         checks = {**checks, **walls, "cell_mm": Check(cell_mm, least_mm, fine)}
         return checks, (*findings, *thin)
@@ -384,6 +390,7 @@ def grade(
     pitch_mm: float | None = None,
     blend: str | None = None,
     cell_mm: float | None = None,
+    snap_mm: float | None = None,
     at_strain: float | None = None,
     tolerance: float | None = None,
     printer: str | Printer | None = None,
@@ -432,6 +439,10 @@ def grade(
         for printers that jet them.
     cell_mm
         Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
+    snap_mm
+        How far a cut may be moved so that no sliver is left between it and a face of the part
+        that lies alongside; half the printer's minimum wall by default, 0 for not at all. Of
+        `blend` ``nearest`` and ``mix``.
     at_strain
         Working strain of the secant modulus; 0.1 by default.
     tolerance
@@ -478,8 +489,9 @@ def grade(
     choice = _blend_choice(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
-    limit = tolerance_for(
-        None if tolerance is None else as_number(tolerance, "`tolerance`"), target, scale
+    accepted = None if tolerance is None else as_number(tolerance, "`tolerance`")
+    farthest_mm = snap_limit_mm(
+        None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
     )
 
     progress("reading the part")
@@ -496,7 +508,13 @@ def grade(
     design = _design_pieces(
         choice, mesh, along, target, scale, machine, bands=wish.bands, cell_mm=wish.cell_mm
     )
+    moved: tuple[MovedCut, ...] = ()
     if isinstance(design, BandDesign):
+        if not design.periods:
+            moved = moved_cuts(
+                mesh, along, design.levels.tolist(), snap_mm=farthest_mm, machine=machine
+            )
+            design = replace(design, bands=snapped_bands(design.bands, moved, target))
         _check_thickness(along, design.bands, machine, source.warnings)
         if wish.pitch_mm is None and not isinstance(along, PlanarField):
             pitch_mm = affordable_pitch_mm(mesh, along, design.levels, pitch_mm)
@@ -507,8 +525,14 @@ def grade(
     progress("verifying the shells")
     checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
     progress("looking for what will not print")
-    printing, findings = design.held(mesh, along, pieces, shells, pitch_mm, scale, machine)
-    stiffness, off = stiffness_check(regions, target, scale, limit)
+    printing, findings = design.held(
+        mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
+    )
+    free = choice.kind == "nearest" and wish.bands is None
+    limit = tolerance_for(accepted, target, scale, regions if free else ())
+    known = _remarks(scale, regions)
+    others = alternatives(regions, target, scale, equal_bands=wish.bands is not None)
+    stiffness, off = stiffness_check(regions, limit, others)
     followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()
     if any(what.material is None for what in design.printed):
@@ -530,19 +554,20 @@ def grade(
             wish.bands,
             design.says,
             None if earlier is None else earlier.says,
+            {"limit_mm": farthest_mm, "moved": [asdict(cut) for cut in moved]} if moved else None,
         ),
         stiffness=Stiffness(
             "secant-nominal",
             scale.at_strain,
-            alternatives=alternatives(regions, target, scale),
+            alternatives=others,
         ),
         regions=regions,
         checks={**checks, "worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),
-        warnings=(*source.warnings, *followed, *unsure, *_remarks(scale, regions)),
+        warnings=(*source.warnings, *followed, *unsure, *known),
         unreachable=_unreachable(target, scale),
         shells=shells,
-        notes=machine.job_notes(),
+        notes=job_notes(machine, scale, findings=(*off, *findings), warnings=known),
     )
 
 

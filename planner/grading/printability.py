@@ -11,7 +11,7 @@ from planner.cutting.pieces import Pieces, piece_volumes_mm3, shell_faces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
 from planner.mesh.mesh import Mesh, compact
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, Point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, grid_for, iterate_columns
@@ -26,72 +26,6 @@ from planner.voxels.thin_places import (
 )
 
 __all__ = ["CutPart", "print_checks"]
-
-
-# ------------------------------------------------------------------------------------------------
-# Findings about walls, layers, bits and gaps, in words.
-
-
-def _wall_finding(place: ThinPlace, material: str, machine: Printer, unlisted: int) -> Finding:
-    """Say where the part as a whole is thinner than the minimum wall."""
-    message = (
-        f"{material}: a wall of {place.size_mm:.2f} mm{_at(place)} is below the minimum wall of "
-        f"{machine.minimum_wall_mm:g} mm; thicken the part there{_more(unlisted, 'walls')}"
-    )
-    return Finding("thin-wall", message, material, place.place_mm, place.size_mm)
-
-
-def _layer_finding(
-    place: ThinPlace, material: str, field: float, machine: Printer, cure: str, unlisted: int
-) -> Finding:
-    """Say where a layer of one material is thinner than the minimum feature."""
-    limit_mm = machine.minimum_feature_mm
-    # Rounded up, so that it is enough
-    larger = math.ceil(10.0 * limit_mm / max(place.size_mm, machine.layer_mm)) / 10.0
-    message = (
-        f"{material}: a layer of {place.size_mm:.2f} mm{_at(place)}, field {field:.3f}, is below "
-        f"the smallest feature of {limit_mm:g} mm: it blurs into its neighbours and will not have "
-        f"its stiffness; {cure}, or a part {larger:.1f} times as large"
-        f"{_more(unlisted, f'places of {material}')}"
-    )
-    return Finding("thin-band", message, material, place.place_mm, place.size_mm)
-
-
-def _fragments_finding(bits: Fragments, material: str, machine: Printer, cure: str) -> Finding:
-    """Say how many separate bits of a material are smaller than the minimum feature."""
-    what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
-    message = (
-        f"{material}: {what} of {_size(bits.extent_mm)} mm and {bits.volume_mm3:.2g} mm3 at "
-        f"{_place(bits.place_mm)} mm, smaller than the smallest feature of "
-        f"{machine.minimum_feature_mm:g} mm, will not print as drawn; {cure}"
-    )
-    return Finding("fragment", message, material, bits.place_mm, max(bits.extent_mm))
-
-
-def _gap_finding(place: ThinPlace, machine: Printer, unlisted: int) -> Finding:
-    """Say where empty space is narrower than the minimum feature."""
-    message = (
-        f"a gap of {place.size_mm:.2f} mm{_at(place)} is narrower than the smallest feature of "
-        f"{machine.minimum_feature_mm:g} mm: it will fuse or hold support; widen or close it"
-        f"{_more(unlisted, 'gaps')}"
-    )
-    return Finding("gap", message, None, place.place_mm, place.size_mm)
-
-
-def _at(place: ThinPlace) -> str:
-    return f" at {_place(place.place_mm)} mm over {_size(place.extent_mm)} mm"
-
-
-def _place(place_mm: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{coordinate:.2f}" for coordinate in place_mm) + ")"
-
-
-def _size(extent_mm: Sequence[float]) -> str:
-    return " x ".join(f"{length:.2f}" for length in extent_mm)
-
-
-def _more(unlisted: int, what: str) -> str:
-    return f"; and {unlisted} more {what}" if unlisted else ""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -110,6 +44,9 @@ class CutPart:
         Of each material; none where cells of several lie among each other.
     cure
         What makes bands thicker, in words.
+    translation_mm
+        What took the part from its file to where it is placed: places are told where the user
+        drew them.
     """
 
     mesh: Mesh
@@ -120,6 +57,95 @@ class CutPart:
     shells: Sequence[Shell]
     pitch_mm: float
     cure: str
+    translation_mm: Point = (0.0, 0.0, 0.0)
+
+    def drawn_mm(self, place_mm: Point) -> Point:
+        """Return a place in the coordinates of the part's own file."""
+        x, y, z = (p - t for p, t in zip(place_mm, self.translation_mm, strict=True))
+        return x, y, z
+
+
+# ------------------------------------------------------------------------------------------------
+# Findings about walls, layers, bits and gaps, in words: what, where in the part's own coordinates,
+# how far off, and what to change.
+
+
+def _wall_finding(
+    place: ThinPlace, name: str, part: CutPart, limit_mm: float, unlisted: int
+) -> Finding:
+    """Say where the part as a whole is thinner than the minimum wall."""
+    message = (
+        f"{name}: a wall of {place.size_mm:.2f} mm{_at(place, part)} is below the minimum wall of "
+        f"{limit_mm:g} mm; thicken the part there, or print it {_larger(place, limit_mm)} times as "
+        f"large{_more(unlisted, 'walls')}"
+    )
+    return _finding("thin-wall", message, part, place.place_mm, place.size_mm, name)
+
+
+def _layer_finding(
+    place: ThinPlace, name: str, part: CutPart, limit_mm: float, unlisted: int
+) -> Finding:
+    """Say where a layer of one material is thinner than the minimum feature."""
+    message = (
+        f"{name}: a layer of {place.size_mm:.2f} mm{_at(place, part)}, field "
+        f"{_field_at(part, place):.3f}, is below the smallest feature of {limit_mm:g} mm: it blurs "
+        f"into its neighbours and will not have its stiffness; {part.cure}, or print the part "
+        f"{_larger(place, limit_mm)} times as large{_more(unlisted, f'places of {name}')}"
+    )
+    return _finding("thin-band", message, part, place.place_mm, place.size_mm, name)
+
+
+def _fragments_finding(
+    bits: Fragments, name: str | None, part: CutPart, limit_mm: float
+) -> Finding:
+    """Say how many separate bits are smaller than the minimum feature: of a material, or loose."""
+    what = "a separate bit" if bits.count == 1 else f"{bits.count} separate bits, the largest"
+    cure = "join it to the part, or leave it out" if name is None else part.cure
+    message = (
+        f"{name or 'the part'}: {what} of {_size(bits.extent_mm)} mm and {bits.volume_mm3:.2g} mm3 "
+        f"at {_place(part.drawn_mm(bits.place_mm))} mm, smaller than the smallest feature of "
+        f"{limit_mm:g} mm, will not print as drawn; {cure}"
+    )
+    return _finding("fragment", message, part, bits.place_mm, max(bits.extent_mm), name)
+
+
+def _gap_finding(place: ThinPlace, part: CutPart, limit_mm: float, unlisted: int) -> Finding:
+    """Say where empty space is narrower than the minimum feature."""
+    message = (
+        f"a gap of {place.size_mm:.2f} mm{_at(place, part)} is narrower than the smallest feature "
+        f"of {limit_mm:g} mm: it will fuse or hold support; widen or close it"
+        f"{_more(unlisted, 'gaps')}"
+    )
+    return _finding("gap", message, part, place.place_mm, place.size_mm)
+
+
+def _finding(
+    kind: str, message: str, part: CutPart, place_mm: Point, size_mm: float, name: str | None = None
+) -> Finding:
+    return Finding(kind, message, name, place_mm, part.drawn_mm(place_mm), size_mm)
+
+
+def _larger(place: ThinPlace, limit_mm: float) -> str:
+    """Return by what factor a part would have to grow; rounded up, so that it is enough."""
+    return f"{math.ceil(10.0 * limit_mm / max(place.size_mm, 0.01 * limit_mm)) / 10.0:.1f}"
+
+
+def _at(place: ThinPlace, part: CutPart) -> str:
+    where = _place(part.drawn_mm(place.place_mm))
+    return f" at {where} mm over {_size(place.extent_mm)} mm"
+
+
+def _place(place_mm: Sequence[float]) -> str:
+    # + 0.0: a place that rounds to zero has no sign.
+    return "(" + ", ".join(f"{round(coordinate, 2) + 0.0:.2f}" for coordinate in place_mm) + ")"
+
+
+def _size(extent_mm: Sequence[float]) -> str:
+    return " x ".join(f"{length:.2f}" for length in extent_mm)
+
+
+def _more(unlisted: int, what: str) -> str:
+    return f"; and {unlisted} more {what}" if unlisted else ""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -280,7 +306,7 @@ def _measured(part: CutPart, first: int, last: int, longest_mm: float) -> BandTh
 
 
 _LISTED = 3  # findings of a kind and a material
-_LEAST = 0.05  # of a band's area may be thinner
+_LEAST = 0.05  # of a band's area or volume may be thinner: it then has its stiffness all the same
 _PASSED = 3.0  # limits that the tapering edge of a layer may be wide
 _TRIED = 9  # points of a band that balls are put into
 
@@ -308,7 +334,7 @@ def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tup
         say so: its unit is wrong.
     findings : tuple of Finding
         With place, size, limit and what to change, the tray first; three of a kind and a material
-        at most. Places are in the coordinates of the files.
+        at most. Messages have places in the coordinates of the part's own file.
     """
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
     excess_mm = float((extent_mm - np.array(machine.tray_mm)).max())
@@ -350,15 +376,28 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     walls, unlisted = thin_solid_places(part.mesh, machine.minimum_wall_mm, listed=_LISTED)
     findings += [
         _wall_finding(
-            place, _piece_name(part, place), machine, unlisted if place is walls[-1] else 0
+            place,
+            _piece_name(part, place),
+            part,
+            machine.minimum_wall_mm,
+            unlisted if place is walls[-1] else 0,
         )
         for place in walls
     ]
+    loose = small_bodies(part.mesh, limit_mm, max(machine.pixel_mm))
+    if loose.count:
+        findings.append(_fragments_finding(loose, None, part, limit_mm))
+        unlisted += loose.count
+    volumes = piece_volumes_mm3(part.pieces)
     count, thicknesses, thick = len(walls) + unlisted, list[float](), True
     measured = _band_thicknesses(part) if part.shells else ()
     for shell in part.shells:
         own = [band for band in measured if part.names[band.first] == shell.material]
-        found, number, thinnest = _layers(part, shell, own, machine, bool(walls))
+        pieces = [
+            v for v, n in zip(volumes, part.names, strict=True) if n == shell.material and v > 0
+        ]
+        least_mm3 = _LEAST * float(min(pieces, default=0.0))
+        found, number, thinnest = _layers(part, shell, own, machine, bool(walls), least_mm3)
         findings += found
         count += number
         thicknesses += thinnest
@@ -367,16 +406,24 @@ def _walls(part: CutPart, machine: Printer, findings: list[Finding]) -> dict[str
     if thicknesses:
         checks["thinnest_band_mm"] = Check(min(thicknesses), limit_mm, thick)
     gaps, unlisted = thin_space_places(part.mesh, limit_mm, listed=_LISTED)
-    findings += [_gap_finding(gap, machine, unlisted if gap is gaps[-1] else 0) for gap in gaps]
+    findings += [
+        _gap_finding(gap, part, limit_mm, unlisted if gap is gaps[-1] else 0) for gap in gaps
+    ]
     return checks | {"gaps_too_narrow": Check(len(gaps) + unlisted, 0, not gaps)}
 
 
 def _layers(
-    part: CutPart, shell: Shell, bands: Sequence[BandThickness], machine: Printer, bare: bool
+    part: CutPart,
+    shell: Shell,
+    bands: Sequence[BandThickness],
+    machine: Printer,
+    bare: bool,
+    least_mm3: float,
 ) -> tuple[list[Finding], int, list[float]]:
     """Return findings of a material, how many places they stand for, and thicknesses in mm.
 
     `bare` tells that walls of the part were found: they need not be told again of each material.
+    Places that together hold less than `least_mm3` do not count.
     """
     limit_mm = machine.minimum_feature_mm
     solid = Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32))
@@ -386,7 +433,11 @@ def _layers(
     told = {n for band, place in thin if place for n in range(band.first, band.last + 1)}
     if not {n for n, name in enumerate(part.names) if name == shell.material} <= told:
         drawn, unlisted = thin_solid_places(
-            solid, limit_mm, listed=_LISTED, widest_passed_mm=_PASSED * limit_mm
+            solid,
+            limit_mm,
+            listed=_LISTED,
+            widest_passed_mm=_PASSED * limit_mm,
+            least_mm3=least_mm3,
         )
         drawn = [
             p for p in drawn if not _loose(p, bits) and not (bare and _whole(p, part, limit_mm))
@@ -396,19 +447,15 @@ def _layers(
     places = places[:_LISTED]
     findings = [
         _layer_finding(
-            place,
-            shell.material,
-            _field_at(part, place),
-            machine,
-            part.cure,
-            unlisted if place is places[-1] else 0,
+            place, shell.material, part, limit_mm, unlisted if place is places[-1] else 0
         )
         for place in places
     ]
-    if bits.count:
-        findings.append(_fragments_finding(bits, shell.material, machine, part.cure))
+    loose = bits.count if bits.total_mm3 >= least_mm3 else 0
+    if loose:
+        findings.append(_fragments_finding(bits, shell.material, part, limit_mm))
     thicknesses = [p.size_mm for p in places] or [band.kept_mm(_LEAST) for band in bands]
-    return findings, len(places) + unlisted + bits.count, thicknesses
+    return findings, len(places) + unlisted + loose, thicknesses
 
 
 def _loose(place: ThinPlace, bits: Fragments) -> bool:

@@ -1,7 +1,7 @@
 """How far what is printed is off the target stiffness, and what another blend would make of it."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from planner.errors import ArgumentError
@@ -39,7 +39,9 @@ class Tolerance:
     stated: bool
 
 
-def tolerance_for(stated: float | None, target: Profile, scale: StiffnessScale) -> Tolerance:
+def tolerance_for(
+    stated: float | None, target: Profile, scale: StiffnessScale, nearest: Sequence[Region] = ()
+) -> Tolerance:
     """Return the limit of the stiffness error.
 
     Parameters
@@ -47,6 +49,8 @@ def tolerance_for(stated: float | None, target: Profile, scale: StiffnessScale) 
     stated
         Relative error that is accepted, as 0.25; by default what is left where every place of
         the target is printed in the material nearest to it.
+    nearest
+        Regions that are just that, but for cuts moved off faces of the part.
 
     Raises
     ------
@@ -54,7 +58,8 @@ def tolerance_for(stated: float | None, target: Profile, scale: StiffnessScale) 
         A tolerance below 0, or so large that nothing could miss it.
     """
     if stated is None:
-        return Tolerance(_of_nearest(target, scale), False)
+        cut = [region_error(region) for region in nearest]
+        return Tolerance(max(_of_nearest(target, scale), *cut, 1.0), False)
     if not 0.0 <= stated <= _LARGEST:
         raise ArgumentError(
             f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}; it is a fraction, so "
@@ -64,9 +69,16 @@ def tolerance_for(stated: float | None, target: Profile, scale: StiffnessScale) 
 
 
 def stiffness_check(
-    regions: Sequence[Region], target: Profile, scale: StiffnessScale, tolerance: Tolerance
+    regions: Sequence[Region],
+    tolerance: Tolerance,
+    others: Mapping[str, float],
 ) -> tuple[Check, tuple[Finding, ...]]:
     """Hold the stiffness of all regions against what was wanted there.
+
+    Parameters
+    ----------
+    others
+        Of `alternatives`.
 
     Returns
     -------
@@ -83,10 +95,7 @@ def stiffness_check(
         return check, ()
     low, high = worst.target_modulus_MPa
     limit = "the tolerance" if tolerance.stated else "what the nearest material leaves"
-    better = [
-        f"{option} it is {error_text(error)}"
-        for option, error in alternatives(regions, target, scale).items()
-    ]
+    better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
     cures = [*better, f"--tolerance {_rounded_up(ratio - 1.0):g} accepts it"]
     message = (
         f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
@@ -98,12 +107,17 @@ def stiffness_check(
 
 
 def alternatives(
-    regions: Iterable[Region], target: Profile, scale: StiffnessScale
+    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool
 ) -> dict[str, float]:
     """Return the worst ratio that other options would leave, where it is smaller.
 
     Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
     one of the two.
+
+    Parameters
+    ----------
+    equal_bands
+        Whether the regions are bands of equal steps, in place of the nearest materials.
     """
     ratio = max(region_error(region) for region in regions)
     moduli = scale.moduli_MPa
@@ -112,7 +126,8 @@ def alternatives(
         (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
         default=1.0,
     )
-    found = {"without --bands": _of_nearest(target, scale), "with --blend dither": cells}
+    nearest = {"without --bands": _of_nearest(target, scale)} if equal_bands else {}
+    found = {**nearest, "with --blend dither": cells}
     return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
 
 

@@ -278,6 +278,8 @@ class Fragments:
         How many.
     place_mm, extent_mm, volume_mm3
         Centre, box and volume of the largest by volume.
+    total_mm3
+        Volume of all of them.
     boxes_mm : (n, 2, 3)
         Of all of them, and of those too small to be printed at all.
     """
@@ -286,6 +288,7 @@ class Fragments:
     place_mm: tuple[float, float, float]
     extent_mm: tuple[float, float, float]
     volume_mm3: float
+    total_mm3: float
     boxes_mm: FloatArray
 
 
@@ -304,7 +307,7 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     number = body[corners[0]]
     used, number = np.unique(number, return_inverse=True)
     if len(used) < 2 and mesh.volume_mm3 >= limit_mm**3:
-        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, np.empty((0, 2, 3)))
+        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, 0.0, np.empty((0, 2, 3)))
     found = measure(mesh.vertices, mesh.faces, number.astype(np.int32), len(used))
     extent = found.bounds_mm[:, 1] - found.bounds_mm[:, 0]
     small = (found.volume_mm3 < limit_mm**3) | (extent < limit_mm).all(axis=1)
@@ -312,9 +315,10 @@ def small_bodies(mesh: Mesh, limit_mm: float, least_mm: float) -> Fragments:
     boxes = found.bounds_mm[small]
     members = np.flatnonzero(small & (extent >= least_mm).any(axis=1))
     if not len(members):
-        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, boxes)
+        return Fragments(0, _NOWHERE, _NOWHERE, 0.0, 0.0, boxes)
     largest = members[np.argmax(found.volume_mm3[members])]
     x, y, z = found.bounds_mm[largest].mean(axis=0).tolist()
     width, depth, height = extent[largest].tolist()
     volume_mm3 = float(found.volume_mm3[largest])
-    return Fragments(len(members), (x, y, z), (width, depth, height), volume_mm3, boxes)
+    total_mm3 = float(found.volume_mm3[members].sum())
+    return Fragments(len(members), (x, y, z), (width, depth, height), volume_mm3, total_mm3, boxes)

@@ -14,6 +14,7 @@ __all__ = [
     "format_number",
     "format_range",
     "mm_along",
+    "moved_words",
     "plan_table",
     "unreachable_words",
 ]
@@ -110,6 +111,19 @@ def error_words(plan: "Plan") -> str:
         f"{option} {error_text(ratio)}" for option, ratio in plan.stiffness.alternatives.items()
     ]
     return f"largest error of the stiffness: {', '.join([error_text(check.value), *better])}"
+
+
+def moved_words(plan: "Plan") -> str:
+    """Say how many cuts were moved off faces of the part; nothing where none was."""
+    snap = plan.gradient.snap
+    if snap is None:
+        return ""
+    moved = snap["moved"]
+    cuts = "1 cut was" if len(moved) == 1 else f"{len(moved)} cuts were"
+    return (
+        f"{cuts} moved by up to {max(cut['by_mm'] for cut in moved):.2f} mm, so that no sliver is "
+        "left beside a face of the part (--snap 0: not at all)"
+    )
 
 
 def unreachable_words(plan: "Plan") -> list[str]:

@@ -464,7 +464,12 @@ class ThinPlace:
 
 
 def thin_solid_places(
-    mesh: Mesh, limit_mm: float, *, listed: int, widest_passed_mm: float = 0.0
+    mesh: Mesh,
+    limit_mm: float,
+    *,
+    listed: int,
+    widest_passed_mm: float = 0.0,
+    least_mm3: float = 0.0,
 ) -> tuple[list[ThinPlace], int]:
     """Find where a closed solid is thinner than a limit.
 
@@ -479,6 +484,8 @@ def thin_solid_places(
     widest_passed_mm
         Places that extend less than this in two directions pass, and separate pieces that do so
         in all three: edges that taper, where level sets graze a surface.
+    least_mm3
+        Volume of all places together from which on there are any.
 
     Returns
     -------
@@ -496,6 +503,8 @@ def thin_solid_places(
         for place in _places_in(_solid_words(mesh, raster), raster)
         if np.sort(place.high - place.low)[2 if place.alone else 1] >= widest
     ]
+    if sum(place.voxels for place in places) * raster.grid.voxel_mm3 < least_mm3:
+        return [], 0
     places.sort(key=lambda p: (-p.voxels, *p.low.tolist()))
     found: list[ThinPlace] = []
     for seen, place in enumerate(places):

@@ -49,7 +49,8 @@ def in_bands(tmp_path, solid, field, stops, materials, pitch_mm=None):
     ]
     profile = tmp_path / "profile.csv"
     profile.write_text("\n".join(["position,material", *rows]) + "\n")
-    return planner.grade(part_of(solid), field=field, profile=profile, pitch_mm=pitch_mm)
+    asked = {"field": field, "profile": profile, "pitch_mm": pitch_mm, "snap_mm": 0}
+    return planner.grade(part_of(solid), **asked)
 
 
 def ball_with_layer(tmp_path, thickness, *, pitch_mm=0.5, at=(0.0, 0.0, 0.0)):
@@ -180,8 +181,11 @@ def test_a_gap_between_plates(tmp_path, gap, count, field):
 
 
 def test_islands_are_one_finding(tmp_path):
-    """Balls of 0.166 mm radius, where three bells are above a half, and one of 0.8 mm."""
-    bells = [(2, 0, 0, 0.2), (-2, 0, 0, 0.2), (0, 2, 0, 0.18), (0, 0, -1, 1.0)]
+    """Balls of 0.166 mm radius, where three bells are above a half, and one of 0.58 mm.
+
+    The three are 7 % of that one: below 5 % they would pass.
+    """
+    bells = [(2, 0, 0, 0.2), (-2, 0, 0, 0.2), (0, 2, 0, 0.18), (0, 0, -1, 0.7)]
     terms = [f"exp(-((x-({x}))^2 + (y-({y}))^2 + (z-({z}))^2)/{s**2:.6f})" for x, y, z, s in bells]
     solid = m3.Manifold.sphere(3.5, 48)
     field = "expression: clamp(" + " + ".join(terms) + ", 0, 1)"

@@ -1,0 +1,215 @@
+"""Cuts moved off faces that lie alongside them, so that no sliver of a material is left there."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.errors import ArgumentError
+from planner.fields.basic import Field, PlanarField
+from planner.grading.profile import Band, Profile
+from planner.mesh.mesh import Mesh
+from planner.numerics import FloatArray
+from planner.printers import Printer
+
+__all__ = ["MovedCut", "moved_cuts", "snap_limit_mm", "snapped_bands"]
+
+# Where a face of the part lies alongside a level set, a cut near it leaves a layer as thin as the
+# two are apart. A layer below the printer's smallest feature blurs into its neighbour: moving the
+# cut by that little onto the face, or away from it, costs next to no stiffness.
+
+
+_ALONGSIDE = 3.0 / math.sqrt(10.0)
+"""Cosine of the angle between face and level set from which a layer between them counts: at a
+slope of 1:3 it tapers within three times its thickness, which prints as an edge."""
+
+_OFFSETS = 40
+"""Steps of a move to either side. Numerical: 8 um, half a layer, for the Connex3."""
+
+_SAME = 1e-9
+"""Of the field: a face this near to a cut lies on it, and leaves no layer."""
+
+_MOST_SAMPLES = 5000
+"""Triangles at which a curved field is looked at; planes are looked at everywhere."""
+
+_WORTH = 0.5
+"""A move that leaves slivers has to halve them. Chosen: else the cut stays where it was asked."""
+
+_NEIGHBOUR = 0.1
+"""Of the way to the next cut that a cut may move. Chosen: the error of a band then grows by a tenth
+of the step between its materials at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class MovedCut:
+    """A cut that was moved.
+
+    Attributes
+    ----------
+    field, to
+        Where it was asked, and where it is, as values of the field.
+    by_mm
+        How far that is, along the field.
+    """
+
+    field: float
+    to: float
+    by_mm: float
+
+
+def snap_limit_mm(stated: float | None, machine: Printer) -> float:
+    """Return how far a cut may be moved: half the minimum wall, where nothing is stated.
+
+    Raises
+    ------
+    ArgumentError
+        It is below 0 or not finite.
+    """
+    if stated is None:
+        return machine.minimum_wall_mm / 2.0
+    if not 0.0 <= stated < np.inf:
+        raise ArgumentError(f"`snap_mm` {stated:g}: it must be 0 mm, for none, or more")
+    return stated
+
+
+@dataclass(frozen=True, slots=True)
+class _Faces:
+    """Faces alongside the level sets.
+
+    Attributes
+    ----------
+    low, high : (n,)
+        Least and largest field over each.
+    per_mm
+        Slope of the field.
+    ahead
+        Whether the part lies towards larger values.
+    """
+
+    low: FloatArray
+    high: FloatArray
+    area_mm2: FloatArray
+    per_mm: FloatArray
+    ahead: FloatArray
+
+    def area_of_slivers_mm2(self, levels: FloatArray, limit_mm: float) -> FloatArray:
+        """Return how much of the faces has a layer below a limit at each of some cuts, (k,)."""
+        reach = limit_mm * self.per_mm
+        begin = np.where(self.ahead, self.low, self.low - reach)
+        end = np.where(self.ahead, self.high + reach, self.high)
+        near = (begin < levels.max()) & (end > levels.min())
+        low, high, reach = self.low[near], self.high[near], reach[near]
+        # The layer lies between face and cut: ahead of the face, or behind it.
+        start = np.where(self.ahead[near], levels[:, None] - reach, levels[:, None])
+        stop = np.where(self.ahead[near], levels[:, None], levels[:, None] + reach)
+        flat = high - low <= _SAME
+        within = np.minimum(high, stop) - np.maximum(low, start)
+        share = np.where(
+            flat,
+            (low > start + _SAME) & (high < stop - _SAME),
+            np.clip(within / np.where(flat, 1.0, high - low), 0.0, 1.0),
+        )
+        return np.asarray(share @ self.area_mm2[near])
+
+
+def moved_cuts(
+    mesh: Mesh, field: Field, levels: Sequence[float], *, snap_mm: float, machine: Printer
+) -> tuple[MovedCut, ...]:
+    """Return which cuts to move, and where to, so that fewer or no slivers are left.
+
+    The nearest place without slivers is taken; without such, the one that leaves the least, if
+    that is half or less of what there was. No cut moves more than a tenth of the way to its
+    neighbour or to an end of the field.
+
+    Parameters
+    ----------
+    levels
+        Values of the field at the cuts, rising.
+    snap_mm
+        Farthest that a cut may move, along the field.
+    """
+    if snap_mm == 0.0 or not len(levels):
+        return ()
+    faces = _faces_alongside(mesh, field)
+    limit_mm, moved = machine.minimum_feature_mm, list[MovedCut]()
+    edges = [0.0, *levels, 1.0]
+    shares = np.arange(-_OFFSETS, _OFFSETS + 1) / _OFFSETS
+    for before, level, after in zip(edges, levels, edges[2:], strict=False):
+        near = np.abs(0.5 * (faces.low + faces.high) - level)
+        if not len(near):
+            break
+        per_mm = float(faces.per_mm[int(np.argmin(near / faces.per_mm))])
+        back, forth = (
+            min(snap_mm * per_mm, _NEIGHBOUR * way) for way in (level - before, after - level)
+        )
+        places = level + np.where(shares < 0.0, back, forth) * shares
+        places = places[np.argsort(np.abs(places - level), kind="stable")]  # the nearest first
+        slivers = faces.area_of_slivers_mm2(places, limit_mm)
+        # What is no larger than the smallest feature is none.
+        clean = np.flatnonzero(slivers <= limit_mm**2)
+        best = int(clean[0]) if len(clean) else int(np.argmin(slivers))
+        if best and (len(clean) or slivers[best] <= _WORTH * slivers[0]):
+            to = float(places[best])
+            moved.append(MovedCut(level, to, abs(to - level) / per_mm))
+    return tuple(moved)
+
+
+def _faces_alongside(mesh: Mesh, field: Field) -> _Faces:
+    corners = mesh.vertices[mesh.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.linalg.norm(normal, axis=1)
+    solid = double > 0.0
+    if isinstance(field, PlanarField):
+        direction, _ = field.plane(0.0)
+        per_mm = 1.0 / (field.plane(1.0)[1] - field.plane(0.0)[1])
+        cosine = np.divide(normal @ direction, double, out=np.zeros_like(double), where=solid)
+        found = np.flatnonzero(np.abs(cosine) >= _ALONGSIDE)
+        values = field.values(corners[found].reshape(-1, 3)).reshape(-1, 3)
+        low, high = values.min(axis=1), values.max(axis=1)
+        slope, cosine = np.full(len(found), per_mm), cosine[found]
+        weight = 0.5 * double[found]
+    else:
+        looked = np.flatnonzero(solid)
+        looked = looked[:: max(1, -(-len(looked) // _MOST_SAMPLES))]
+        step_mm = 1e-3 * float(np.ptp(mesh.bounds_mm, axis=0).max())
+        centre = corners[looked].mean(axis=1)
+        gradient = np.stack(
+            [
+                (field.values(centre + step) - field.values(centre - step)) / (2.0 * step_mm)
+                for step in step_mm * np.eye(3)
+            ],
+            axis=1,
+        )
+        slope = np.linalg.norm(gradient, axis=1)
+        cosine = np.zeros(len(looked))
+        along = np.einsum("ij,ij->i", normal[looked], gradient)
+        np.divide(along, double[looked] * slope, out=cosine, where=slope > 1e-9 / step_mm)
+        kept = np.abs(cosine) >= _ALONGSIDE
+        found, slope, cosine, centre = looked[kept], slope[kept], cosine[kept], centre[kept]
+        rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
+        value = field.values(centre)
+        low, high = value + rise.min(axis=1), value + rise.max(axis=1)
+        weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
+    return _Faces(low, high, weight, slope, cosine < 0.0)
+
+
+def snapped_bands(
+    bands: Sequence[Band], moved: Sequence[MovedCut], target: Profile
+) -> tuple[Band, ...]:
+    """Return bands that end where their cuts were moved to, with the targets that they hold now.
+
+    Beyond a jump of the target that a cut lay on, the band keeps the target that it was made for:
+    what was moved there is a place, not a stiffness.
+    """
+    to = {cut.field: cut.to for cut in moved}
+    jumps = {a for a, b in zip(target.positions, target.positions[1:], strict=False) if a == b}
+    found = []
+    for band in bands:
+        start, stop = to.get(band.start, band.start), to.get(band.stop, band.stop)
+        held = (
+            max(start, band.start) if band.start in jumps else start,
+            min(stop, band.stop) if band.stop in jumps else stop,
+        )
+        found.append(replace(band, start=start, stop=stop, target_MPa=target.interval_MPa(*held)))
+    return tuple(found)
