@@ -132,6 +132,8 @@ def moved_cuts(
     if snap_mm == 0.0 or not len(levels):
         return ()
     faces = _faces_alongside(mesh, field)
+    if faces is None:
+        return ()
     limit_mm, moved = machine.minimum_feature_mm, list[MovedCut]()
     edges = [0.0, *levels, 1.0]
     shares = np.arange(-_OFFSETS, _OFFSETS + 1) / _OFFSETS
@@ -155,7 +157,8 @@ def moved_cuts(
     return tuple(moved)
 
 
-def _faces_alongside(mesh: Mesh, field: Field) -> _Faces:
+def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
+    """Find them; None of a field that is not one number everywhere, which cutting tells."""
     corners = mesh.vertices[mesh.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.linalg.norm(normal, axis=1)
@@ -174,13 +177,13 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces:
         looked = looked[:: max(1, -(-len(looked) // _MOST_SAMPLES))]
         step_mm = 1e-3 * float(np.ptp(mesh.bounds_mm, axis=0).max())
         centre = corners[looked].mean(axis=1)
-        gradient = np.stack(
-            [
-                (field.values(centre + step) - field.values(centre - step)) / (2.0 * step_mm)
-                for step in step_mm * np.eye(3)
-            ],
-            axis=1,
-        )
+        steps = step_mm * np.eye(3)
+        points = [centre, *(centre + step for step in steps), *(centre - step for step in steps)]
+        with np.errstate(all="ignore"):
+            values = [np.asarray(field.values(p), dtype=np.float64) for p in points]
+        if any(v.shape != (len(centre),) or not np.isfinite(v).all() for v in values):
+            return None
+        gradient = (np.stack(values[1:4], axis=1) - np.stack(values[4:], axis=1)) / (2.0 * step_mm)
         slope = np.linalg.norm(gradient, axis=1)
         cosine = np.zeros(len(looked))
         along = np.einsum("ij,ij->i", normal[looked], gradient)
@@ -188,7 +191,7 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces:
         kept = np.abs(cosine) >= _ALONGSIDE
         found, slope, cosine, centre = looked[kept], slope[kept], cosine[kept], centre[kept]
         rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
-        value = field.values(centre)
+        value = values[0][kept]
         low, high = value + rise.min(axis=1), value + rise.max(axis=1)
         weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
     return _Faces(low, high, weight, slope, cosine < 0.0)
