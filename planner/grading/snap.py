@@ -180,10 +180,11 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
         steps = step_mm * np.eye(3)
         points = [centre, *(centre + step for step in steps), *(centre - step for step in steps)]
         with np.errstate(all="ignore"):
-            values = [np.asarray(field.values(p), dtype=np.float64) for p in points]
-        if any(v.shape != (len(centre),) or not np.isfinite(v).all() for v in values):
+            at_points = [np.asarray(field.values(p), dtype=np.float64) for p in points]
+        if any(v.shape != (len(centre),) or not np.isfinite(v).all() for v in at_points):
             return None
-        gradient = (np.stack(values[1:4], axis=1) - np.stack(values[4:], axis=1)) / (2.0 * step_mm)
+        gradient = np.stack(at_points[1:4], axis=1) - np.stack(at_points[4:], axis=1)
+        gradient /= 2.0 * step_mm
         slope = np.linalg.norm(gradient, axis=1)
         cosine = np.zeros(len(looked))
         along = np.einsum("ij,ij->i", normal[looked], gradient)
@@ -191,7 +192,7 @@ def _faces_alongside(mesh: Mesh, field: Field) -> _Faces | None:
         kept = np.abs(cosine) >= _ALONGSIDE
         found, slope, cosine, centre = looked[kept], slope[kept], cosine[kept], centre[kept]
         rise = np.einsum("ij,ikj->ik", gradient[kept], corners[found] - centre[:, None])
-        value = values[0][kept]
+        value = at_points[0][kept]
         low, high = value + rise.min(axis=1), value + rise.max(axis=1)
         weight = 0.5 * double[found] * (double.sum() / double[looked].sum())
     return _Faces(low, high, weight, slope, cosine < 0.0)

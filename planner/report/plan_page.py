@@ -21,7 +21,13 @@ from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
 from planner.report.display import Shown, distinct_colours, shown
 from planner.report.markdown import to_html
 from planner.report.plan_figure import stiffness_figure
-from planner.report.plan_text import error_words, format_number, plan_table, unreachable_words
+from planner.report.plan_text import (
+    error_words,
+    format_number,
+    moved_words,
+    plan_table,
+    unreachable_words,
+)
 
 __all__ = ["plan_page", "view"]
 
@@ -517,8 +523,9 @@ def _table(source: _Source, colours: Sequence[str]) -> Iterator[str]:
     numbers = {name: number for number, name in enumerate(source.names, start=1)}
     yield '<section aria-labelledby="table-title">\n<h2 id="table-title">Regions</h2>'
     yield f'<p class="quiet">{escape(table.title)}</p>'
-    if words := error_words(source.plan):
-        yield f'<p class="quiet">{escape(words)}</p>'
+    for words in (error_words(source.plan), moved_words(source.plan)):
+        if words:
+            yield f'<p class="quiet">{escape(words)}</p>'
     yield '<div class="wide" tabindex="0" role="group" aria-labelledby="table-title">'
     yield "<table>\n<thead><tr>"
     heads = zip(table.columns, kinds, strict=True)
