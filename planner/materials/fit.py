@@ -928,7 +928,8 @@ def choose_law(
         most = best.held_out_error + _standard_error(best.held_out)
         known = [c for c in stable if c.determined and c.held_out_error <= most]
         chosen = min(known, key=lambda c: (c.fit.parameter_count, c.held_out_error), default=chosen)
-    return Choice(candidates, chosen, scheme, _reason(chosen, best))
+    reason = _reason(chosen, best) if len(candidates) > 1 else f"{chosen.fit.name} was asked for"
+    return Choice(candidates, chosen, scheme, reason)
 
 
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:

@@ -567,7 +567,8 @@ def fit_material(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
             f"and a tenth beyond ({falls}); try `law` all"
         )
-    notes.extend(_doubts(material, chosen))
+    secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
+    notes.extend(_doubts(material, chosen, secants))
     ends = intervals(chosen.fit, sample, level)
     return MaterialFit(
         material,
@@ -577,14 +578,27 @@ def fit_material(
         scatter_of_fit(chosen.fit, sample),
         choice,
         tuple(notes),
-        secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level),
+        secants,
         loaded,
     )
 
 
-def _doubts(material: str, chosen: LawCandidate) -> list[str]:
+def _doubts(material: str, chosen: LawCandidate, secants: Sequence[SecantInterval]) -> list[str]:
     convergence = chosen.fit.convergence
     notes: list[str] = []
+    if not chosen.determined:
+        notes.append(
+            f"material {material}: the tests do not determine the single terms of "
+            f"{chosen.fit.name}; read its secant moduli, not its coefficients"
+        )
+    if len(secants) > 1 and secants[1].value_MPa > secants[0].value_MPa:
+        # One Ogden term steepens from rest from an exponent of 6 on; elastomers have 1 to 4.
+        notes.append(
+            Caution(
+                f"material {material}: its stress steepens from rest on, as in compression or "
+                "behind slack; a rubber's in tension flattens at first: look at the tests"
+            )
+        )
     if not convergence.ok:
         notes.append(
             Caution(
@@ -605,13 +619,13 @@ def _doubts(material: str, chosen: LawCandidate) -> list[str]:
 
 def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
     law = chosen.fit.law
-    basis = f"profile; scatter between {count} specimens" if ends.known else _unknown(count)
+    basis = f"profiles, by the scatter of {count} specimens" if ends.known else _unknown(count)
     return Uncertainty(
         specimens=count,
         level=ends.level,
         law_low=_fit_rounded(law.parameters(ends.a[:, 0], ends.c[:, 0])),
         law_high=_fit_rounded(law.parameters(ends.a[:, 1], ends.c[:, 1])),
-        basis=f"{basis}; held out: {scheme}",
+        basis=f"{basis}; judged on what was left out, {scheme} at a time",
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
         held_out_error=float(f"{chosen.held_out_error:.3g}"),
@@ -655,7 +669,7 @@ def _plastic(
             level=level,
             law_low=_fit_rounded(by_symbol(np.where(fit.at_low, -np.inf, low))),
             law_high=_fit_rounded(by_symbol(np.where(fit.at_high, np.inf, high))),
-            basis=f"Student's t; scatter between {found.n} specimens"
+            basis=f"Student's t, by the scatter of {found.n} specimens"
             if np.isfinite(wide).any()
             else _unknown(found.n),
             r2=fit.r2,

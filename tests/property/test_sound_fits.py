@@ -110,6 +110,55 @@ def test_a_forced_law_is_sound_to_the_end_of_the_range(samples: Path) -> None:
     assert unstable_strain(fit, float(np.mean([c.strain[-1] for c in curves]))) is None
 
 
+RUBBERS = ("Treloar_1944", "Kawabata_1981", "Meunier_2008")
+
+
+def measured(shared_data: Path, name: str, mode: str) -> tuple[FloatArray, FloatArray]:
+    """Stretch and nominal stress in MPa."""
+    file = shared_data / "elastomers" / "classic_rubber" / name / mode / "stress_stretch.txt"
+    stress, stretch = np.loadtxt(file).T
+    return stretch, stress
+
+
+def squeezed(shared_data: Path, name: str) -> tuple[FloatArray, FloatArray]:
+    """Compression to 0.58: measured, and as equibiaxial loading to stretch^-1/2."""
+    both, stress = measured(shared_data, name, "ET")
+    stretch, pushed = measured(shared_data, name, "UT")
+    stretch = np.concatenate([stretch, both**-2])
+    pushed = np.concatenate([pushed, -stress * both**3])
+    # Nearer to rest the readings' last digit decides.
+    kept = (stretch < 0.9) & (stretch > 0.58)
+    return stretch[kept], pushed[kept]
+
+
+@pytest.mark.parametrize("name", RUBBERS)
+def test_measured_rubbers_lie_well_within_the_factor(name: str, shared_data: Path) -> None:
+    stretch, stress = measured(shared_data, name, "UT")
+    near = (stretch > 1.005) & (stretch < 1.6)
+    front = stretch[near] - stretch[near] ** -2
+    mooney = np.stack([front, front / stretch[near]], axis=1) / stress[near, None]
+    mu = np.linalg.lstsq(mooney, np.ones(len(front)), rcond=None)[0].sum()
+    stretch, stress = squeezed(shared_data, name)
+    share = stress / (mu * (stretch - stretch**-2))
+    # As found, 0.95 to 1.14, and readings of two digits.
+    assert share.min() > 0.9
+    assert share.max() < 1.2
+
+
+@pytest.mark.parametrize("name", RUBBERS)
+@pytest.mark.parametrize("law", LAWS[2:])  # one term does not follow an S even in tension
+def test_fits_to_tension_foretell_compression(law: str, name: str, shared_data: Path) -> None:
+    stretch, stress = measured(shared_data, name, "UT")
+    pulled = stretch > 1.0
+    curve = Curve(name, stretch[pulled] - 1.0, stress[pulled])
+    (form,) = candidate_laws(law)
+    fit = fit_law(form, sample_of([curve], points=None))
+    stretch, stress = squeezed(shared_data, name)
+    share = law_stress_MPa(form, fit.a, fit.c, stretch) / stress
+    assert share.max() < COMPRESSION_FACTOR
+    assert share.min() > 1.0 / COMPRESSION_FACTOR
+
+
 def test_a_law_that_turns_in_compression_is_said_to_be_unstable() -> None:
     """A published law that follows tension alone is found out, however well it does there."""
     alpha, mu, far = DATA["tension alone"]

@@ -282,6 +282,49 @@ def test_a_law_that_would_fall_is_held_and_found_to_follow_badly(capsys) -> None
     assert "yeoh describes it badly" in capsys.readouterr().err
 
 
+def test_pushes_given_as_pulls_are_doubted(capsys) -> None:
+    """Compression with both signs turned steepens from rest, which no rubber's pull does."""
+    squeeze = np.linspace(0.0, 0.4, 60)
+    stress = -law_stress_MPa(OGDEN[1], np.array([2.5]), np.array([0.3]), 1.0 - squeeze)
+    rows = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(squeeze, stress, strict=True))
+    Path("C.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
+    assert run(["fit", "C.csv", "--starts", "6", "--no-compare"]) == 0
+    assert "steepens from rest on, as in compression" in capsys.readouterr().err
+    write_curve("T.csv", 0.3)
+    assert run(["fit", "T.csv", "--starts", "6", "--no-compare", "--force"]) == 0
+    assert "steepens" not in capsys.readouterr().err
+
+
+def test_compression_alone_is_refused(capsys) -> None:
+    squeeze = np.linspace(0.0, 0.4, 60)
+    stress = law_stress_MPa(OGDEN[1], np.array([2.5]), np.array([0.3]), 1.0 - squeeze)
+    rows = "".join(f"{-e:.6f},{s:.6f}\n" for e, s in zip(squeeze, stress, strict=True))
+    Path("C.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
+    assert run(["fit", "C.csv"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "negative, as in compression; give a tensile test" in line
+
+
+def test_a_replicate_in_another_unit_is_named(capsys) -> None:
+    for number, factor in enumerate((1.0, 1.03, 145.038), start=1):
+        write_curve(f"M-{number}.csv", 0.3 * factor)
+    files = [f"M-{number}.csv" for number in (1, 2, 3)]
+    assert run(["fit", *files, "--starts", "6", "--no-compare"]) == 1
+    assert "was psi taken for MPa? Give --unit-of stress=psi:M-3" in capsys.readouterr().err
+
+
+def test_a_palette_without_uncertainty_says_unknown(capsys) -> None:
+    write_curve("A.csv", 0.3)
+    assert run(["fit", "A.csv", "--law", "ogden-1", "--quiet"]) == 0
+    text = Path("palette.toml").read_text(encoding="utf-8")
+    kept = text.split("[material.uncertainty]")[0]
+    bare = [line for line in kept.splitlines() if not line.startswith("modulus_log_sd")]
+    Path("bare.toml").write_text("\n".join(bare) + "\n", encoding="utf-8")
+    capsys.readouterr()
+    assert run(["materials", "--palette", "bare.toml"]) == 0
+    assert "unknown" in capsys.readouterr().out
+
+
 def test_a_number_of_terms_can_be_forced(capsys) -> None:
     write_curve("A.csv", 0.3)
     assert run(["fit", "A.csv", "--law", "ogden-2", "--json", "--starts", "6"]) == 0
@@ -289,6 +332,7 @@ def test_a_number_of_terms_can_be_forced(capsys) -> None:
     assert len(material["law"]["alpha"]) == 2
     assert material["law_low"]["mu_MPa"] == [None, None]
     assert {one["low_MPa"] for one in material["secants"]} == {None}
+    assert material["reason"] == "ogden-2 was asked for"
     assert run(["fit", "A.csv", "--law", "ogden2", "--force"]) == 2
     assert "did you mean ogden-2" in capsys.readouterr().err
 
