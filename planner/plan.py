@@ -38,6 +38,9 @@ _MIXTURES = (
     "materials alone, grade the part again with another `--blend`.",
 )
 
+_PICTURE, _THUMBNAIL = (720, 480), 256
+"""Pixels of the pictures beside a plan, and of the one within the 3MF."""
+
 _Pair = tuple[float, float]
 Box = tuple[Point, Point]
 
@@ -297,7 +300,7 @@ class Plan:
     def write(
         self, output: str | Path | None = None, *, force: bool = False, page: bytes | None = None
     ) -> Path:
-        """Write plan.json, the 3MF, the STL set and the operator's how-to into a folder.
+        """Write plan.json, 3MF, STL set, how-to and pictures of the part into a folder.
 
         The folder is whole or absent: everything goes to a temporary sibling first.
 
@@ -321,8 +324,12 @@ class Plan:
             The folder exists already, or cannot be written; or the plan was read back from a
             folder, and holds no shells.
         """
+        import numpy as np
+
         from planner.formats.files import new_folder
         from planner.formats.threemf import ThreemfObject, write_threemf
+        from planner.mesh.mesh import Mesh
+        from planner.voxels.picture import picture_png
 
         if not self.shells:
             raise OutputError(
@@ -346,7 +353,21 @@ class Plan:
                 )
                 for shell in self.shells
             ]
-            write_threemf(scratch / f"{self.name}.3mf", objects, assembly_name=self.name)
+            solids = [
+                (
+                    Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32)),
+                    shell.colour,
+                )
+                for shell in self.shells
+            ]
+            for name, cut_open in (("part.png", False), ("section.png", True)):
+                width, height = _PICTURE
+                picture = picture_png(solids, width=width, height=height, cut_open=cut_open)
+                (scratch / name).write_bytes(picture)
+            small = picture_png(solids, width=_THUMBNAIL, height=_THUMBNAIL, cut_open=False)
+            write_threemf(
+                scratch / f"{self.name}.3mf", objects, assembly_name=self.name, thumbnail=small
+            )
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:
                 (scratch / "plan.html").write_bytes(page)

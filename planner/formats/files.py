@@ -89,7 +89,17 @@ class FolderKind:
 
 
 _PLAN = FolderKind(
-    "plan.json", ("plan.json", "*.3mf", "HOWTO.md", "plan.html", "report.html", "stl/*.stl")
+    "plan.json",
+    (
+        "plan.json",
+        "*.3mf",
+        "HOWTO.md",
+        "plan.html",
+        "part.png",
+        "section.png",
+        "report.html",
+        "stl/*.stl",
+    ),
 )
 """The folder of a plan."""
 

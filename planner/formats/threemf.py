@@ -397,6 +397,8 @@ def write_threemf(
     objects: Sequence[ThreemfObject],
     assembly_name: str,
     metadata: Mapping[str, str] | None = None,
+    *,
+    thumbnail: bytes | None = None,
 ) -> None:
     """Write the file that `encode_threemf` makes.
 
@@ -405,7 +407,7 @@ def write_threemf(
     OutputError
         It cannot be written, or the content cannot be said in 3MF.
     """
-    data = encode_threemf(objects, assembly_name, metadata)
+    data = encode_threemf(objects, assembly_name, metadata, thumbnail=thumbnail)
     try:
         Path(path).write_bytes(data)
     except OSError as error:
@@ -413,7 +415,11 @@ def write_threemf(
 
 
 def encode_threemf(
-    objects: Sequence[ThreemfObject], assembly_name: str, metadata: Mapping[str, str] | None = None
+    objects: Sequence[ThreemfObject],
+    assembly_name: str,
+    metadata: Mapping[str, str] | None = None,
+    *,
+    thumbnail: bytes | None = None,
 ) -> bytes:
     """Make a 3MF file in mm: the objects as components of one assembly, built once.
 
@@ -430,6 +436,8 @@ def encode_threemf(
         Name of the assembly, and the model's title unless `metadata` has one.
     metadata
         Of the model, as `ThreemfObject.metadata`.
+    thumbnail
+        PNG that file managers show of it.
 
     Raises
     ------
@@ -464,6 +472,10 @@ def encode_threemf(
         assembly.SetUUID(_identifier("assembly", 0, whole))
         model.AddBuildItem(assembly, identity).SetUUID(_identifier("item", 0, whole))
         model.SetBuildUUID(_identifier("build", 0, whole))
+        if thumbnail is not None:
+            picture = model.CreatePackageThumbnailAttachment()
+            picture.SetPath("/Metadata/thumbnail.png")
+            picture.ReadFromBuffer(thumbnail)
         return _canonical_archive(_written(model), _FIRST)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error

@@ -218,7 +218,7 @@ def _near(box: object, other: object) -> bool:
 # A plan's folder verified anew, from its files alone.
 
 
-_EXTRA = {"plan.html", "report.html", "HOWTO.md"}
+_EXTRA = {"plan.html", "part.png", "section.png", "report.html", "HOWTO.md"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
+from planner.formats.png import ImageKind, encode_layer
 from planner.formats.stl import decode_stl
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import Plan, Region, plan_file, read_plan
 from planner.printers import Printer, load_printer
-from planner.slices.png import ImageKind, encode_layer
 from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
 
 __all__ = [

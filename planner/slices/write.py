@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, OutputError, PlannerError
 from planner.formats.files import FolderKind, check_target, encode_document, new_folder
+from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours
 from planner.plan import PartGraded, plan_file
 from planner.printers import Printer
-from planner.slices.png import NOTHING, ImageKind, Rgba, distinct_colours
 from planner.slices.slices import (
     PlanShells,
     SlabImages,

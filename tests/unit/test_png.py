@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planner.slices.png import NOTHING, ImageKind, _lengths, encode_layer
+from planner.formats.png import NOTHING, ImageKind, _lengths, encode_layer
 
 COLOURS = ((251, 215, 36, 255), (1, 0, 255, 255), (200, 17, 99, 255))
 

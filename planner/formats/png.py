@@ -113,7 +113,7 @@ def _deflate_code() -> DeflateCode:
 
 
 # ------------------------------------------------------------------------------------------------
-# The loop behind `planner.slices.png`: runs of a layer to a zlib stream.
+# The loop behind `planner.formats.png`: runs of a layer to a zlib stream.
 #
 # Work and memory grow with the runs, not with the pixels: pixels are never made.
 
