@@ -95,18 +95,21 @@ def _keys(vertices: Float32Array | FloatArray, low: FloatArray, step_mm: float) 
 def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[np.int32]:
     """Return the vertex that each one moves to, so that about `most` triangles are left.
 
-    Vertices move within the cells of a grid. A surface has two triangles a vertex, so that
-    triangles fall as occupied cells do. Of a cell's vertices the sharpest stays, so that edges,
-    corners and the rims of interfaces stay where they are, and flat faces flat.
+    Vertices move within the cells of a grid, and only among those that the same shells have: an
+    interface stays on itself, and layers thinner than a cell stay apart. A surface has two
+    triangles a vertex, so that triangles fall as occupied cells do. Of a cell's vertices the
+    sharpest stays, so that edges, corners and the rims of interfaces stay where they are, and flat
+    faces flat.
     """
+    shared = _shared(len(points), faces)
     share = most / sum(map(len, faces))
     sizes = sorted({round(2.0 ** (n / 8.0)) for n in range(8, 121)})  # a cell's edge in steps
     low, high = 0, len(sizes) - 1
     while low < high:
         middle = (low + high) // 2
-        occupied = len(np.unique(_cells(points, sizes[middle])))
+        occupied = len(np.unique(_cells(points, shared, sizes[middle])))
         low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
-    cells = _cells(points, sizes[low])
+    cells = _cells(points, shared, sizes[low])
     order = np.lexsort((np.arange(len(points)), -_sharpness(points, faces), cells))
     first = np.concatenate([[True], np.diff(cells[order]) != 0])
     taken = np.empty(len(points), np.int32)
@@ -114,9 +117,23 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     return taken
 
 
-def _cells(points: IntArray, size: int) -> IntArray:
+def _shared(count: int, faces: Sequence[IntArray]) -> IntArray:
+    """Return by vertex a number of the set of shells that have it."""
+    shells = np.zeros(count, np.int64)
+    for number, f in enumerate(faces):
+        has = np.zeros(count, np.bool_)
+        has[f.ravel()] = True
+        shells |= has.astype(np.int64) << number % _BITS
+    return np.asarray(np.unique(shells, return_inverse=True)[1] % _SETS)
+
+
+_BITS, _SETS = 62, 1 << 15
+"""Shells and sets of shells told apart; of more, some that are far from each other count as one."""
+
+
+def _cells(points: IntArray, shared: IntArray, size: int) -> IntArray:
     x, y, z = (points // size).T
-    return np.asarray(x << 32 | y << 16 | z)
+    return np.asarray(shared << 48 | x << 32 | y << 16 | z)
 
 
 def _sharpness(points: IntArray, faces: Sequence[IntArray]) -> FloatArray:
@@ -170,17 +187,17 @@ _LAB = np.array(
 )  # fmt: skip
 
 
-def distinct_colours(colours: Sequence[str]) -> tuple[tuple[str, ...], bool]:
-    """Return colours "#RRGGBB", and whether they are others because two of these look alike.
+def distinct_colours(colours: Sequence[str]) -> tuple[str, ...]:
+    """Return these colours "#RRGGBB", or others where two of them look alike.
 
     Two look alike where someone, colour-blind or not, just notices their difference or does not.
     The scale from soft to hard that takes their place does so only where all of it is told apart.
     """
     own = tuple(colours)
     if _least_distance(own) >= _JUST_NOTICEABLE:
-        return own, False
+        return own
     scale = tuple(_scale(len(own)))
-    return (scale, True) if _least_distance(scale) >= _JUST_NOTICEABLE else (own, False)
+    return scale if _least_distance(scale) >= _JUST_NOTICEABLE else own
 
 
 def _scale(count: int) -> Iterator[str]:

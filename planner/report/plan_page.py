@@ -219,7 +219,7 @@ def _page(source: _Source) -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
-    colours, replaced = distinct_colours(source.colours)
+    colours = distinct_colours(source.colours)
     library, own = _scripts()
     allowed = " ".join(f"'sha256-{_integrity(script)}'" for script in (library, own))
     yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
@@ -247,7 +247,7 @@ def _page(source: _Source) -> Iterator[str]:
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
-    yield from _footer(source, display, replaced)
+    yield from _footer(source, display)
     yield f'<script type="application/json" id="data">{_data(source, display, colours)}</script>'
     yield f'<script type="text/plain" id="geometry">{_geometry(display)}</script>'
     yield f"<script>{library}</script>\n<script>{own}</script>\n</body>\n</html>\n"
@@ -331,9 +331,12 @@ def _header(source: _Source) -> Iterator[str]:
     failed = [name for name, check in plan.checks.items() if not check.ok]
     yield f"<header>\n<div>\n<h1>{escape(plan.part.file)}</h1>"
     yield f'<p class="quiet">{escape(_wish_words(plan))}</p>\n</div>\n<dl class="facts">'
+    volume = plan.part.volume_mm3
     for name, value, kind in (
         ("size, mm", " × ".join(format_number(length, 4) for length in size), ""),
-        ("volume, mm³", format_number(plan.part.volume_mm3, 5), ""),
+        ("volume, mm³", format_number(volume, 5), "")
+        if volume < 1e5
+        else ("volume, cm³", format_number(volume / 1000.0, 5), ""),
         ("mass, g", format_number(mass, 4) if mass else "", ""),
         ("materials", str(len(source.names)), ""),
         ("checks that hold", f"{len(plan.checks) - len(failed)} of {len(plan.checks)}",
@@ -390,6 +393,8 @@ def _stage(plan: Plan, display: Shown) -> Iterator[str]:
     yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
     yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
     yield '<div class="read" id="under" role="status"></div>'
+    if display.simplified:
+        yield f'<p class="read" id="simplified">{_simplified(display)}</p>'
     yield (
         '<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). The figures, the '
         "table and the how-to below are whole; the .3mf opens in any 3D program.</p>"
@@ -399,6 +404,16 @@ def _stage(plan: Plan, display: Shown) -> Iterator[str]:
         "not.</p></noscript>"
     )
     yield "</section>"
+
+
+def _simplified(display: Shown) -> str:
+    shown, of = _thousands(display.triangles), _thousands(display.of)
+    return f"Simplified for display alone: {shown} of {of} triangles"
+
+
+def _thousands(count: int) -> str:
+    """Write a count in groups of three digits, with narrow spaces that do not break."""
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def _in_words(plan: Plan) -> str:
@@ -461,20 +476,31 @@ def _materials(source: _Source, colours: Sequence[str]) -> Iterator[str]:
     yield '<ul role="list">'
     for number, (name, colour) in enumerate(zip(source.names, colours, strict=True), start=1):
         share = 100.0 * volumes[name] / whole
+        long = ' class="long"' if len(name) > _NAME_FITS else ""
         yield (
-            f'<li data-material="{number}"><label><input type="checkbox" checked>'
+            f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
             f'{_swatch(colour)}<span class="number">{number}</span>'
-            f'<span class="name" title="{escape(name)}">{escape(name)}</span>'
-            f'<span class="volume">{format_number(volumes[name], 4)} mm³ '
-            f"({'under 1' if share < 1.0 else f'{share:.0f}'} %)</span></label></li>"
+            f'<span class="name">{escape(name)}</span>'
+            f'<span class="volume">{format_number(volumes[name], 4)} mm³</span>'
+            f'<span class="share">{share:.1f} %</span></label></li>'
         )
-    yield '</ul>\n<div class="all" data-needs-view hidden>'
+    yield "</ul>"
+    if tuple(colours) != source.colours:
+        yield (
+            '<p class="note quiet">Colours run from soft (yellow) to hard (violet): the '
+            "palette's own are too alike to be told apart.</p>"
+        )
+    yield '<div class="all" data-needs-view hidden>'
     yield '<button type="button" id="show-all">Show all</button>'
     yield '<button type="button" id="hide-all">Hide all</button>'
     yield (
         '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></div>'
         "</fieldset>"
     )
+
+
+_NAME_FITS = 16
+"""Letters of a material's name that stand in a line with its volume."""
 
 
 def _swatch(colour: str) -> str:
@@ -549,7 +575,7 @@ def _heading(column: str) -> str:
 
 
 def _remarks(plan: Plan) -> Iterator[str]:
-    yield '<section aria-labelledby="checks-title">\n<h2 id="checks-title">Checks</h2>'
+    yield '<section aria-labelledby="checks-title">\n<h2 id="checks-title">Checks and notes</h2>'
     remarks = [*plan.part.repairs, *plan.warnings]
     if remarks:
         items = "".join(f"<li>{escape(remark)}</li>\n" for remark in remarks)
@@ -572,28 +598,23 @@ def _howto(text: str) -> Iterator[str]:
         yield f'<section class="howto">\n{to_html(text, top_level=2)}\n</section>'
 
 
-def _footer(source: _Source, display: Shown, replaced: bool) -> Iterator[str]:
+def _footer(source: _Source, display: Shown) -> Iterator[str]:
     plan = source.plan
     yield "<footer>"
     if display.simplified:
         yield (
-            f"<p>Simplified for display alone: {display.triangles} of {display.of} triangles, "
+            f"<p>{_simplified(display)}, "
             f"positions up to {display.moved_mm:.2g} mm from theirs. The files hold all.</p>"
         )
     else:
         yield (
-            f"<p>Shown: all {display.of} triangles, positions rounded to "
+            f"<p>Shown: all {_thousands(display.of)} triangles, positions rounded to "
             f"{display.moved_mm:.1g} mm for display; the files hold them whole.</p>"
         )
     yield (
         "<p>Places are in the coordinates of the files in stl/: the part's own plus "
         f"({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}) mm.</p>"
     )
-    if replaced:
-        yield (
-            "<p>Colours run from soft (yellow) to hard (violet): the palette's own are too alike "
-            "to be told apart.</p>"
-        )
     yield (
         f"<p>planner {escape(plan.version)}; part sha256 {plan.part.sha256[:16]}, palette "
         f"{escape(plan.palette.name)} {plan.palette.sha256[:16]}, plan.json {source.sha256[:16]}. "

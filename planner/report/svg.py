@@ -5,12 +5,15 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.numerics import BoolArray, FloatArray
 from planner.palette import Palette
-from planner.simulation.simulate import Simulation
+
+if TYPE_CHECKING:
+    from planner.simulation.simulate import Simulation
 
 __all__ = [
     "GREY",
@@ -267,7 +270,7 @@ _SHADES = ("#c3c3c3", "#9d9d9d", "#777777", "#4e4e4e", INK)
 _HEADROOM = 1.06
 
 
-def simulation_figure(simulation: Simulation) -> bytes:
+def simulation_figure(simulation: "Simulation") -> bytes:
     """Draw force against displacement with its interval, and the strain along the bar.
 
     A coupon, which strains evenly, has the left panel alone.
@@ -296,7 +299,7 @@ def simulation_figure(simulation: Simulation) -> bytes:
     return picture(width, _TOP + _HEIGHT + 92.0, parts, title=title)
 
 
-def _curve(simulation: Simulation) -> Iterator[str]:
+def _curve(simulation: "Simulation") -> Iterator[str]:
     over_time = simulation.protocol == "relaxation"
     x = simulation.time_s if over_time else simulation.displacement_mm
     force, (low, high) = simulation.force_N, simulation.force_interval_N.T
@@ -319,7 +322,7 @@ def _curve(simulation: Simulation) -> Iterator[str]:
     yield text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
 
 
-def _along(simulation: Simulation, left: float) -> Iterator[str]:
+def _along(simulation: "Simulation", left: float) -> Iterator[str]:
     bar = simulation.bar
     peak = int(np.argmax(simulation.displacement_mm))
     most = float(simulation.strain[peak].max())
@@ -349,7 +352,7 @@ def _along(simulation: Simulation, left: float) -> Iterator[str]:
     yield text(middle, _TOP + _HEIGHT + 80.0, "place along the axis, mm", anchor="middle")
 
 
-def _materials(simulation: Simulation, chart: Chart) -> Iterator[str]:
+def _materials(simulation: "Simulation", chart: Chart) -> Iterator[str]:
     """Draw a strip in the materials' colours, with the names of the grades that have room."""
     bar, palette = simulation.bar, simulation.palette
     top = chart.top + chart.height + 26.0

@@ -302,6 +302,8 @@ function createViewer(canvas, data) {
     }
     cutLines.visible = segments.length > 0;
     if (cutLines.visible) {
+      // A little before the section, so that they are not lost in it.
+      cutLines.position.copy(clip.normal).multiplyScalar((-0.001 * radius) / data.step);
       cutLines.geometry.dispose();
       cutLines.geometry = new THREE.BufferGeometry();
       cutLines.geometry.setAttribute("position", new THREE.Float32BufferAttribute(segments, 3));
