@@ -268,6 +268,7 @@ def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
     document = {
         "origin": display.origin_mm.tolist(),
         "step": display.step_mm,
+        "moved": list(plan.part.translation_mm),
         "size": (display.step_mm * points.max(axis=0).astype(float)).tolist(),
         "shells": [
             {
@@ -295,10 +296,9 @@ def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
 
 
 def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:
-    """Yield ways to cut: name, normal, and where zero lies along it."""
-    yield "x", [1.0, 0.0, 0.0], 0.0
-    yield "y", [0.0, 1.0, 0.0], 0.0
-    yield "z", [0.0, 0.0, 1.0], 0.0
+    """Yield ways to cut: name, normal, and where the zero that a user knows lies along it."""
+    for k, name in enumerate("xyz"):
+        yield name, [float(k == axis) for axis in range(3)], plan.part.translation_mm[k]
     field = plan.gradient.field
     direction, start = field.get("direction"), field.get("start_mm")
     if field.get("name") == "axis" and isinstance(direction, list) and isinstance(start, float):
@@ -612,8 +612,8 @@ def _footer(source: _Source, display: Shown) -> Iterator[str]:
             f"{display.moved_mm:.1g} mm for display; the files hold them whole.</p>"
         )
     yield (
-        "<p>Places are in the coordinates of the files in stl/: the part's own plus "
-        f"({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}) mm.</p>"
+        "<p>Places are in the coordinates of the part's own file, in mm; the files in stl/ are "
+        f"moved by ({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}).</p>"
     )
     yield (
         f"<p>planner {escape(plan.version)}; part sha256 {plan.part.sha256[:16]}, palette "

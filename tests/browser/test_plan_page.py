@@ -65,7 +65,7 @@ def plan(samples: Path) -> planner.Plan:
 @pytest.fixture(scope="module")
 def pages(plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Pages:
     """The finger with nothing found, or with two findings, one of which has a place."""
-    thin = Finding("thin-wall", "a wall of 0.3 mm", "FLX9770", PLACE_MM, 0.3)
+    thin = Finding("thin-wall", "a wall of 0.3 mm", "FLX9770", PLACE_MM, size_mm=0.3)
     none = Finding("cell", "cells that are too small")
     made: dict[str, Path] = {}
     for name, findings in (("sound", ()), ("found", (none, thin))):
@@ -75,7 +75,13 @@ def pages(plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Pages
 
 
 def load(
-    browser: Any, page: Path, *, dark: bool = False, still: bool = True, width: int = 1000
+    browser: Any,
+    page: Path,
+    *,
+    dark: bool = False,
+    still: bool = True,
+    width: int = 1000,
+    height: int = 600,
 ) -> float:
     """Open a page and return how long it took, in seconds, until its view was drawn."""
     features = {
@@ -84,7 +90,7 @@ def load(
     }
     wanted = [{"name": name, "value": value} for name, value in features.items()]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": wanted})
-    size = {"width": width, "height": 600, "deviceScaleFactor": 1, "mobile": False}
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     browser.get(page.as_uri())
     assert browser.execute_script("return document.documentElement.dataset.ready") != "without-view"
@@ -147,7 +153,7 @@ def test_a_section_is_cut_filled_and_moved(browser: Any, pages: Pages) -> None:
     # TangoPlus and FLX9740 as their palette has them: what is cut is filled, and not lit.
     for colour in ((0xFB, 0xD7, 0x24), (0xFD, 0xB1, 0x30)):
         assert (np.abs(cut - colour).max(axis=2) <= 2).sum() > 80
-    assert "y = 9.00 mm" in browser.find_element("id", "section-words").text
+    assert "y = 0.00 mm" in browser.find_element("id", "section-words").text
     slider = browser.find_element("id", "section-place")
     slider.send_keys(webdriver.Keys.PAGE_UP)
     assert changed(cut, seen(browser)) > 500
@@ -172,7 +178,7 @@ def test_materials_are_switched_off_and_on(browser: Any, pages: Pages, plan: pla
 
 
 def test_the_figure_points_a_material_out(browser: Any, pages: Pages) -> None:
-    load(browser, pages("sound"))
+    load(browser, pages("sound"), height=1200)  # so that the view and the figure are seen at once
     whole = seen(browser)
     band = browser.find_element("css selector", "figure g[data-material='3'] .swatch")
     webdriver.ActionChains(browser).move_to_element(band).perform()

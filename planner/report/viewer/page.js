@@ -52,7 +52,9 @@
   const light = (number) => {
     if (number === lit) return;
     lit = number;
-    viewer.setHighlight(number);
+    // Out of sight a frame is only lost time: without a graphics card it takes long.
+    const { top, bottom } = canvas.getBoundingClientRect();
+    if (number === null || (bottom > 0 && top < innerHeight)) viewer.setHighlight(number);
     for (const item of $$("[data-material]")) {
       item.classList.toggle("lit", number !== null && Number(item.dataset.material) === number + 1);
     }
@@ -66,6 +68,8 @@
   }
 
   /* The section. */
+
+  const mm = (value) => (Math.round(100 * value) / 100 + 0).toFixed(2); // never -0.00
 
   const slider = $("#section-place"), flip = $("#section-flip"), words = $("#section-words");
   const ways = $$("input[name=section]");
@@ -90,7 +94,7 @@
     if (ways.includes(event.target)) towards = viewer.faces(way.normal);
     const [low, high] = ends(way);
     const at = low + (Number(slider.value) / Number(slider.max)) * (high - low);
-    const text = `${way.name} = ${(at - way.zero).toFixed(2)} mm`;
+    const text = `${way.name} = ${mm(at - way.zero)} mm`;
     words.textContent = text;
     slider.setAttribute("aria-valuetext", text);
     viewer.setClip(way.normal, at, flip.checked === towards);
@@ -157,7 +161,7 @@
     const found = viewer.pick(event.clientX - box.left, event.clientY - box.top);
     under.textContent = found
       ? `${data.shells[found.shell].number} ${data.shells[found.shell].name} at ` +
-        `(${found.place.map((v) => v.toFixed(2)).join(", ")}) mm`
+        `(${found.place.map((v, k) => mm(v - data.moved[k])).join(", ")}) mm`
       : "";
   };
   canvas.addEventListener("pointermove", (event) => {

@@ -532,7 +532,11 @@ function createViewer(canvas, data) {
     mmPerPixel: () => (camera.top - camera.bottom) / camera.zoom / canvas.clientHeight,
     camera: () => ({ position: camera.position.toArray(), target: controls.target.toArray(), zoom: camera.zoom }),
     setShown(number, value) { shells[number].shown = value; arrange(); },
-    setHighlight(number) { highlighted = number; arrange(); },
+    setHighlight(number) {
+      if (number === highlighted) return;
+      highlighted = number;
+      arrange();
+    },
     setEdges(value) { withEdges = value; arrange(); },
     setClip(normal, at, flipped) { plane = normal && { normal, at, flipped }; arrange(); },
   };
