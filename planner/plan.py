@@ -235,7 +235,13 @@ class Shell:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to print where: the content of plan.json, and the shells until they are written."""
+    """What to print where: the content of plan.json, and the shells of a plan just made.
+
+    Attributes
+    ----------
+    file
+        The plan.json that it was read from, where its shells are; None of a plan just made.
+    """
 
     schema: Literal[1]
     version: str
@@ -251,6 +257,12 @@ class Plan:
     unreachable: tuple[Unreachable, ...] = ()
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
+    file: Path | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder that it was read from; None of a plan just made."""
+        return None if self.file is None else self.file.parent
 
     @property
     def name(self) -> str:
@@ -265,7 +277,7 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
-        bare = dataclasses.replace(self, shells=(), notes="")
+        bare = dataclasses.replace(self, shells=(), notes="", file=None)
         document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
         del document["shells"], document["notes"]
         gradient = document["gradient"]
@@ -322,7 +334,7 @@ class Plan:
         ------
         OutputError
             The folder exists already, or cannot be written; or the plan was read back from a
-            folder, and holds no shells.
+            folder, which can be copied instead.
         """
         import numpy as np
 
@@ -332,9 +344,10 @@ class Plan:
         from planner.voxels.picture import picture_png
 
         if not self.shells:
+            where = "its folder" if self.folder is None else str(self.folder)
             raise OutputError(
-                f"plan of {self.part.file}: a plan that was read back holds no shells; grade the "
-                "part again to write them"
+                f"plan of {self.part.file}: it was read back, and its shells lie in files: copy "
+                f"{where}, or grade the part again"
             )
         target = Path(f"{self.name}-graded" if output is None else output)
         with new_folder(target, force=force) as scratch:
@@ -375,15 +388,17 @@ class Plan:
         return target
 
 
-def plan_file(path: str | Path) -> Path:
-    """Return the plan.json that a path means: itself, or the one in the folder.
+def plan_file(plan: str | Path | Plan) -> Path:
+    """Return the plan.json that is meant: itself, the one in a folder, or the one a plan is from.
 
     Raises
     ------
     FileError
-        There is none.
+        There is none; or the plan was not read from a file, or it is another one by now.
     """
-    path = Path(path)
+    if isinstance(plan, Plan):
+        return _file_of(plan)
+    path = Path(plan)
     if path.is_dir():
         file = path / "plan.json"
         if not file.is_file():
@@ -396,10 +411,30 @@ def plan_file(path: str | Path) -> Path:
     return path
 
 
+def _file_of(plan: Plan) -> Path:
+    if plan.file is None:
+        raise FileError(
+            f"plan of {plan.part.file}: it lies in no folder yet; write it, and give the folder "
+            "that `Plan.write` returns"
+        )
+    if not plan.file.is_file():
+        raise FileError(
+            f"{plan.file}: the plan of {plan.part.file} was read from here, and is here no more; "
+            "read it from where it is now"
+        )
+    if read_plan(plan.file) != plan:
+        raise FileError(
+            f"{plan.file}: it is not the plan of {plan.part.file} that was read from here; read it "
+            "again"
+        )
+    return plan.file
+
+
 def read_plan(path: str | Path) -> Plan:
     """Read a plan from plan.json or the folder that holds it; its shells stay in their files.
 
-    Its figures have the nine digits that the file keeps.
+    Its figures have the nine digits that the file keeps. It remembers where it was read from, and
+    goes wherever its folder goes: to `simulate`, `check`, `view`, `plan_page`, `write_slices`.
 
     Parameters
     ----------
@@ -409,7 +444,7 @@ def read_plan(path: str | Path) -> Plan:
     Returns
     -------
     Plan
-        Without shells, so that it cannot be written again.
+        Its shells stay in their files, so that it cannot be written again.
 
     Raises
     ------
@@ -426,7 +461,8 @@ def read_plan(path: str | Path) -> Plan:
         data = file.read_bytes()
     except OSError as error:
         raise FileError(f"{file}: cannot be read ({error.strerror or error})") from error
-    return decode_plan(data, str(file))
+    # A program may change its working directory between reading a plan and using it.
+    return dataclasses.replace(decode_plan(data, str(file)), file=file.absolute())
 
 
 def decode_plan(data: bytes, name: str) -> Plan:
@@ -435,8 +471,8 @@ def decode_plan(data: bytes, name: str) -> Plan:
     gradient = document.get("gradient")
     if isinstance(gradient, dict):
         gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
-    document.pop("shells", None)
-    document.pop("notes", None)
+    for kept_beside in ("shells", "notes", "file"):
+        document.pop(kept_beside, None)
     try:
         return msgspec.convert(document, Plan)
     except msgspec.ValidationError as error:

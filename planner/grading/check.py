@@ -268,7 +268,7 @@ class Certificate:
 
 
 def check(
-    folder: str | Path, *, progress: Callable[[str], None] = lambda stage: None
+    folder: str | Path | Plan, *, progress: Callable[[str], None] = lambda stage: None
 ) -> Certificate:
     """Verify a plan's folder: nothing missing, nothing altered, and every shell sound.
 
@@ -279,7 +279,7 @@ def check(
     Parameters
     ----------
     folder
-        That `Plan.write` or ``planner grade`` wrote, or its plan.json.
+        That `Plan.write` or ``planner grade`` wrote, its plan.json, or the plan read from there.
     progress
         Called with the name of each stage as it begins.
 

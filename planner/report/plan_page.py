@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError, OutputError
+from planner.errors import FileError
 from planner.formats.files import encode_document, write_whole
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
@@ -58,10 +58,6 @@ class _Source:
 
 
 def _from_plan(plan: Plan) -> _Source:
-    if not plan.shells:
-        raise OutputError(
-            f"plan of {plan.part.file}: a plan that was read back holds no shells; give its folder"
-        )
     document = plan.json()
     return _Source(
         decode_plan(document, "plan.json"),  # with the digits that the file keeps
@@ -73,8 +69,8 @@ def _from_plan(plan: Plan) -> _Source:
     )
 
 
-def _from_folder(path: str | Path) -> _Source:
-    file = plan_file(path)
+def _from_folder(where: str | Path | Plan) -> _Source:
+    file = plan_file(where)
     plan, root = read_plan(file), file.parent
     colours = {
         item.material_name: item.colour for item in read_threemf(root / f"{plan.name}.3mf").objects
@@ -128,7 +124,8 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     Parameters
     ----------
     plan
-        What `planner.grade` returns; or a folder that ``planner grade`` wrote, or its plan.json.
+        What `planner.grade` or `planner.read_plan` returns; or a folder that ``planner grade``
+        wrote, or its plan.json.
 
     Returns
     -------
@@ -139,25 +136,23 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     ------
     FileError
         There is no plan, or a file of its folder is missing or altered.
-    OutputError
-        The plan was read back from a file and holds no shells; give its folder.
 
     Examples
     --------
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    source = _from_plan(plan) if isinstance(plan, Plan) else _from_folder(plan)
+    source = _from_plan(plan) if isinstance(plan, Plan) and plan.shells else _from_folder(plan)
     return "\n".join(_page(source)).encode("utf-8")
 
 
-def view(plan: str | Path) -> Path:
+def view(plan: str | Path | Plan) -> Path:
     """Return the page of a plan's folder, made where it is missing or of another version.
 
     Parameters
     ----------
     plan
-        A folder that ``planner grade`` wrote, or its plan.json.
+        A folder that ``planner grade`` wrote, its plan.json, or the plan read from there.
 
     Returns
     -------

@@ -599,7 +599,7 @@ def simulate(
     ----------
     source
         Path of a plan.json, its folder or a profile (``.csv``); a material's name; or a `Plan`,
-        `Material` or `Bar`.
+        just made or read back, a `Material` or a `Bar`.
     to_strain
         Largest displacement over the bar's length at rest.
     rate_mm_s
@@ -652,7 +652,8 @@ def simulate(
         file = plan_file(source)
         opened = _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
     elif isinstance(source, Plan):
-        opened = _of_plan(source, Path(), palette, printer, slices, between_mm)
+        folder = Path() if source.shells else plan_file(source).parent
+        opened = _of_plan(source, folder, palette, printer, slices, between_mm)
     else:
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)

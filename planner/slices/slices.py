@@ -186,7 +186,7 @@ class PlanShells:
 
 
 def open_shells(
-    path: str | Path,
+    path: str | Path | Plan,
     *,
     pitch_mm: float | Sequence[float] | None = None,
     printer: str | Printer | None = None,
@@ -196,7 +196,7 @@ def open_shells(
     Parameters
     ----------
     path
-        A plan.json, or its folder.
+        A plan.json, its folder, or the plan read from there.
     pitch_mm
         Edges of a voxel along x, y, z, or one for all; by default the printer's own.
     printer
@@ -514,7 +514,7 @@ class Layer:
 
 
 def iterate_layers(
-    plan: str | Path,
+    plan: str | Path | Plan,
     *,
     pitch_mm: float | Sequence[float] | None = None,
     printer: str | Printer | None = None,
@@ -524,7 +524,7 @@ def iterate_layers(
     Parameters
     ----------
     plan
-        A plan.json, or its folder.
+        A plan.json, its folder, or the plan read from there.
     pitch_mm, printer
         Edges of a voxel along x, y, z; by default those of the printer, which is by default the
         plan's.

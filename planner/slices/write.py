@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, OutputError, PlannerError
 from planner.formats.files import FolderKind, check_target, encode_document, new_folder
 from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours
-from planner.plan import PartGraded, plan_file
+from planner.plan import PartGraded, Plan, plan_file
 from planner.printers import Printer
 from planner.slices.slices import (
     PlanShells,
@@ -301,7 +301,7 @@ def _result(distributed: Any, future: Any, scheduler: str) -> SlabImages:
 
 
 def write_slices(
-    plan: str | Path,
+    plan: str | Path | Plan,
     output: str | Path,
     *,
     pitch_mm: float | Sequence[float] | None = None,
@@ -320,7 +320,7 @@ def write_slices(
     Parameters
     ----------
     plan
-        A plan.json, or its folder.
+        A plan.json, its folder, or the plan read from there.
     output
         Folder to write: ``layer_00000.png`` and so on, ``slices.json`` and ``layers.csv``.
     pitch_mm
