@@ -269,6 +269,7 @@ def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
             {
                 "name": name,
                 "number": number,
+                "modulus": _modulus_words(plan, name),
                 "colour": colour,
                 "points": len(points),
                 "faces": len(faces),
@@ -288,6 +289,13 @@ def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
         ],
     }
     return encode_document(document).decode().strip().replace("<", "\\u003c")
+
+
+def _modulus_words(plan: Plan, material: str) -> str:
+    """Return the modulus of what is printed in a material, where it is the material's own."""
+    regions = [region for region in plan.regions if region.printed == material]
+    blended = any((region.blend or {}).get("kind") in ("dither", "bands") for region in regions)
+    return "" if blended else f"{format_number(regions[0].modulus_MPa)} MPa"
 
 
 def _ways(plan: Plan) -> Iterator[tuple[str, list[float], float]]:

@@ -21,7 +21,10 @@ from planner.plan import Finding
 
 webdriver = pytest.importorskip("selenium.webdriver")
 axe = pytest.importorskip("axe_core_python.base")
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
+)
+DRIVER = shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium with its driver")
 
 LOADED_S = 10.0
@@ -29,9 +32,10 @@ LOADED_S = 10.0
 and 2 s for 400 000 triangles. The promises are 2 s and 5 s."""
 
 ARGUMENTS = (
-    "--headless=new", "--no-sandbox", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-quic", "--hide-scrollbars",
-    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-quic", "--hide-scrollbars", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
 )  # fmt: skip
 PLACE_MM = (30.0, 9.0, 12.0)
 Pages = Callable[[str], Path]

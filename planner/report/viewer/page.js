@@ -159,8 +159,9 @@
   const read = (event) => {
     const box = canvas.getBoundingClientRect();
     const found = viewer.pick(event.clientX - box.left, event.clientY - box.top);
+    const shell = found && data.shells[found.shell];
     under.textContent = found
-      ? `${data.shells[found.shell].number} ${data.shells[found.shell].name} at ` +
+      ? `${[`${shell.number} ${shell.name}`, shell.modulus].filter(Boolean).join(", ")} at ` +
         `(${found.place.map((v, k) => mm(v - data.moved[k])).join(", ")}) mm`
       : "";
   };

@@ -1,0 +1,57 @@
+"""Make plan-page.png: plan.html of the sample finger, cut open, as Chromium draws it.
+
+python docs/images/make_page.py
+
+Needs Chromium with its driver, and the packages of the extra `test`.
+"""
+
+import base64
+import io
+import shutil
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+from selenium import webdriver
+
+import planner
+
+HERE = Path(__file__).resolve().parent
+WIDTH, HEIGHT = 1200, 800
+ARGUMENTS = (
+    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Grade the finger, open its page, cut it along y, and keep what is seen."""
+    plan = planner.grade(
+        HERE.parents[1] / "samples" / "finger.stl", from_="Tango", to="Vero", axis="x"
+    )
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for argument in ARGUMENTS:
+        options.add_argument(argument)
+    service = webdriver.ChromeService(shutil.which("chromedriver"))
+    browser = webdriver.Chrome(options=options, service=service)
+    size = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            page = Path(folder) / "plan.html"
+            page.write_bytes(planner.plan_page(plan))
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get(page.as_uri())
+            browser.execute_script("document.querySelector('input[value=y]').click()")
+            browser.execute_async_script(
+                "requestAnimationFrame(() => setTimeout(arguments[0], 500))"
+            )
+            shot = browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
+    finally:
+        browser.quit()
+    image = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
+    image.quantize(128, dither=Image.Dither.NONE).save(HERE / "plan-page.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
