@@ -28,8 +28,8 @@ DRIVER = shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium with its driver")
 
 LOADED_S = 10.0
-"""A bound for a busy machine without a graphics card: alone, two cores take 0.5 s for the finger
-and 2 s for 400 000 triangles. The promises are 2 s and 5 s."""
+"""A bound for a busy machine without a graphics card; two cores of their own take 1.2 s for the
+finger, of the 2 s that are promised."""
 
 ARGUMENTS = (
     "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run",
