@@ -13,6 +13,7 @@
     const shells = decodeShells($("#geometry").textContent, data.shells);
     viewer = createViewer(canvas, { ...data, shells });
   } catch (error) {
+    console.error(error);
     $("#no-view").hidden = false;
     document.body.classList.add("flat");
     document.documentElement.dataset.ready = "without-view";
