@@ -21,6 +21,7 @@ import msgspec
 
 from planner.errors import PaletteError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, check_absent, write_whole
+from planner.glance import brief, counted, one_line
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -134,6 +135,8 @@ class Reading:
     modulus_log_sd: float = 0.0
     source: str = ""
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Material:
@@ -176,6 +179,13 @@ class Material:
     uncertainty: Uncertainty | None = None
     readings: tuple[Reading, ...] = ()
 
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.id}: m {self.coordinate:g}, {self.law.model}, {self.deformation}, breaks at "
+            f"strain {self.elongation_at_break:.3g}"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Palette:
@@ -201,6 +211,13 @@ class Palette:
     base_resins: tuple[str, ...] = ()
     hardness: tuple[tuple[float, float], ...] = ()
     sha256: str = ""
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.name}: {counted(len(self.materials), 'material')}, "
+            f"{self.materials[0].id} to {self.materials[-1].id}"
+        )
 
     def resolve(self, name: str) -> Material:
         """Return the material that `name` stands for.

@@ -11,6 +11,7 @@ import msgspec
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document
 from planner.formats.threemf import Constituent
+from planner.glance import brief, counted, one_line, outcome
 from planner.numerics import Float32Array, IntArray, Point
 
 __all__ = [
@@ -71,6 +72,8 @@ class PartGraded:
     translation_mm: Point
     repairs: tuple[str, ...] = ()
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Gradient:
@@ -99,6 +102,8 @@ class Gradient:
     like: Mapping[str, Any] | None = None
     snap: Mapping[str, Any] | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
@@ -117,6 +122,8 @@ class Stiffness:
     at_strain: float
     rigid_measure: Literal["initial-modulus", "secant-nominal"] = "secant-nominal"
     alternatives: Mapping[str, float] = field(default_factory=dict)
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +162,13 @@ class Region:
     triangles: int
     material: str | None = None
     blend: Mapping[str, Any] | None = None
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.index}: {self.printed}, field {self.field[0]:.3g} .. {self.field[1]:.3g}, "
+            f"{self.modulus_MPa:.3g} MPa, {self.volume_mm3:.5g} mm3"
+        )
 
     @property
     def printed(self) -> str:
@@ -195,6 +209,8 @@ class Finding:
     drawn_mm: Point | None = None
     size_mm: float | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Unreachable:
@@ -204,6 +220,8 @@ class Unreachable:
     target_modulus_MPa: _Pair
     nearest: str
     modulus_MPa: float
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +250,8 @@ class Shell:
     properties: Mapping[str, str]
     constituents: tuple[Constituent, ...] = ()
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -258,6 +278,19 @@ class Plan:
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
     file: Path | None = field(default=None, repr=False, compare=False)
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.name}: {counted(len({r.printed for r in self.regions}), 'material')}, "
+            f"{counted(len(self.regions), 'region')}, {self.part.volume_mm3:.5g} mm3, "
+            f"{self.palette.name}; "
+            + outcome(
+                (sum(not check.ok for check in self.checks.values()), "check failed"),
+                (len(self.findings), "finding"),
+                (len(self.unreachable), "target out of reach"),
+            )
+        )
 
     @property
     def folder(self) -> Path | None:

@@ -16,6 +16,7 @@ from typing import Protocol, runtime_checkable
 import msgspec
 
 from planner.errors import ArgumentError, PaletteError, UnknownNameError, did_you_mean
+from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette
 
 __all__ = ["Printer", "installed_printers", "load_printer", "load_profile", "palette_of"]
@@ -123,6 +124,8 @@ class PrinterProfile:
     palettes: tuple[str, ...]
     operator_names: Mapping[str, str]
     folder: Traversable
+
+    __repr__ = brief
 
     def palette(self, name: str | None = None) -> Palette:
         """Return a palette by name, or the default one.

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
+from planner.glance import brief, counted, one_line
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -52,6 +53,8 @@ class StrainField:
     x_mm: FloatArray
     strain: FloatArray
     facet_mm: float | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         _freeze(self, ("time_s", "x_mm", "strain"))
@@ -102,6 +105,11 @@ class Specimen(SpecimenConditions):
     time_recorded: bool = True
     force_unit_N: float | None = 1.0
     travel_unit_mm: float | None = 1.0
+
+    @one_line
+    def __repr__(self) -> str:
+        held = self.material if self.profile is None else self.profile.name
+        return f"{self.id}: {held}, {self.protocol}, {counted(len(self.time_s), 'point')}"
 
     def __post_init__(self) -> None:
         _freeze(self, ("time_s", "displacement_mm", "force_N"))
@@ -444,6 +452,13 @@ class Campaign:
     covariates: tuple[str, ...] = ()
     notes: str = ""
     remarks: tuple[str, ...] = ()
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.name}: {counted(len(self.specimens), 'specimen')}, {self.printer}, "
+            f"{self.palette.name}"
+        )
 
     def __post_init__(self) -> None:
         if not self.specimens:

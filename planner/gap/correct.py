@@ -25,6 +25,7 @@ from planner.gap.factors import (
     working_strain,
 )
 from planner.gap.noise import USUAL
+from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
 from planner.materials.fit import Sample, fit_law, law_stress_MPa, sample_of, unstable_strain
 from planner.materials.fit_yield import least_yielding
@@ -226,6 +227,15 @@ class Correction:
     left: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     doubt: str = ""
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.palette.name}: corrected for {', '.join(self.corrected)}; "
+            + outcome((len(self.findings), "finding"))
+            if self.corrected
+            else f"{self.palette.name}: nothing corrected"
+        )
 
     @property
     def ok(self) -> bool:

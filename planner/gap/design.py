@@ -32,6 +32,7 @@ from planner.gap.virtual import (
     virtual_specimen,
     virtual_strain,
 )
+from planner.glance import counted, one_line
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Material, Palette, Reference
 from planner.printers import Printer, load_printer, palette_of
@@ -552,6 +553,14 @@ class CampaignDesign:
     least: int
     left_over: int
     needs_camera: bool
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"for {', '.join(e.id for e in self.expected)}: "
+            f"{counted(len(self.campaign.specimens), 'specimen')}, "
+            f"{counted(self.conditions, 'condition')}; {'ok' if self.ok else 'not sure'}"
+        )
 
     @property
     def ok(self) -> bool:

@@ -14,6 +14,7 @@ from planner import __version__
 from planner.errors import FileError
 from planner.formats.files import encode_document
 from planner.formats.unit_of import UnitOf
+from planner.glance import brief, counted, one_line
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -198,6 +199,8 @@ class Experiment:
     row: Mapping[str, str | float] = field(default_factory=dict)
     design: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traces:
@@ -234,6 +237,8 @@ class Traces:
     residual_after: FloatArray = field(default_factory=lambda: np.zeros(0))
     specimens: tuple[str, ...] = ()
     columns: Mapping[str, tuple[float | str | None, ...]] = field(default_factory=dict)
+
+    __repr__ = brief
 
     @property
     def rows(self) -> list[list[int]]:
@@ -309,6 +314,14 @@ class Diagnosis:
     summary: tuple[str, ...] = ()
     seed: int = 0
     traces: Traces | None = None
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.campaign}: {self.verdict}, {counted(self.specimens, 'specimen')}, "
+            f"{counted(self.tests, 'test')}, error {self.gap.before:.3g}"
+            + ("" if self.gap.after is None else f" -> {self.gap.after:.3g}")
+        )
 
     @property
     def ok(self) -> bool:

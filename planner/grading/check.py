@@ -13,6 +13,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, MeshError, PlannerError
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
+from planner.glance import counted, one_line, outcome
 from planner.mesh.audit import Measured, audit, audit_welded, interfaces_cancel
 from planner.mesh.mesh import Mesh, weld
 from planner.numerics import Float32Array, FloatArray
@@ -243,6 +244,17 @@ class Certificate:
     problems: tuple[str, ...]
     reported: tuple[str, ...]
 
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.part}: {counted(self.shells, 'shell')}, {counted(self.triangles, 'triangle')}; "
+            + outcome(
+                (sum(not check.ok for check in self.checks.values()), "check failed"),
+                (len(self.problems), "problem"),
+                (len(self.reported), "finding of the plan"),
+            )
+        )
+
     @property
     def ok(self) -> bool:
         """Whether everything holds, and the plan reported nothing."""
@@ -382,6 +394,10 @@ class Difference:
     where: str
     before: str
     after: str
+
+    @one_line
+    def __repr__(self) -> str:
+        return f"{self.what} ({self.where}): {self.before} -> {self.after}"
 
 
 def diff(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.glance import one_line
 from planner.grading.profile import known_interval, stiffness_scale
 from planner.materials.characterise import SECANT_STRAINS, Curve
 from planner.materials.fit import fit_law, sample_of
@@ -79,6 +80,12 @@ class Mixture:
     notes: tuple[str, ...] = ()
     secants: tuple[MixtureSecant, ...] = ()
     law: MixtureLaw | None = None
+
+    @one_line
+    def __repr__(self) -> str:
+        return f"{self.blend_text()}: {self.modulus_MPa:.3g} MPa at strain {self.at_strain:g}" + (
+            "" if self.reachable else f", the nearest to {self.target_MPa:.3g} MPa"
+        )
 
     def blend_text(self) -> str:
         """Return the blend in words."""

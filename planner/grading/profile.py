@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
+from planner.glance import brief, counted, one_line
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
@@ -84,6 +85,8 @@ class Profile:
     positions: tuple[float, ...]
     moduli_MPa: tuple[float, ...]
     shape: _Shape
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name in ("positions", "moduli_MPa"):
@@ -345,6 +348,14 @@ class StiffnessScale:
     model: CoefficientModel
     moduli_MPa: tuple[float, ...]
     intervals_MPa: tuple[tuple[float, float], ...]
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.palette.name}: {counted(len(self.moduli_MPa), 'material')}, "
+            f"{min(self.moduli_MPa):.3g} to {max(self.moduli_MPa):.3g} MPa at strain "
+            f"{self.at_strain:g}"
+        )
 
     def modulus_of(self, material_id: str) -> float:
         """Return a material's modulus in MPa."""

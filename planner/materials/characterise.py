@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
+from planner.glance import brief
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 
@@ -66,6 +67,8 @@ class Curve:
     time_s: FloatArray | None = None
     material: str = ""
     notes: tuple[str, ...] = field(default=())
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         columns = {"strain": self.strain, "stress_MPa": self.stress_MPa}
@@ -543,6 +546,8 @@ class Characteristics:
     deformation: Deformation
     notes: tuple[str, ...]
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, slots=True)
 class Spread:
@@ -572,6 +577,8 @@ class MaterialCharacteristics:
     spreads: Mapping[str, Spread]
     deformation: Deformation
     agree: bool
+
+    __repr__ = brief
 
     @property
     def n(self) -> int:

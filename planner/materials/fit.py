@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.glance import brief
 from planner.materials.characterise import Curve
 from planner.materials.laws import SeparableLaw, law_name
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -673,6 +674,8 @@ class LawFit:
     nrmse: float
     convergence: Convergence
 
+    __repr__ = brief
+
     @property
     def name(self) -> str:
         """The model with its number of terms where there is a choice, as "ogden-2"."""
@@ -854,6 +857,8 @@ class LawCandidate:
     held_out: FloatArray
     determined: bool = True
 
+    __repr__ = brief
+
     @property
     def held_out_error(self) -> float:
         """Mean of the held-out errors."""
@@ -880,6 +885,8 @@ class Choice:
     chosen: LawCandidate | None
     scheme: str
     reason: str
+
+    __repr__ = brief
 
 
 def choose_law(

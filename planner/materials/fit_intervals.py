@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.glance import brief
 from planner.materials.characterise import (
     MINIMUM_POINTS,
     SECANT_STRAINS,
@@ -507,6 +508,8 @@ class MaterialFit:
     notes: tuple[str, ...]
     secants: tuple[SecantInterval, ...] = ()
     curves: tuple[Curve, ...] = ()
+
+    __repr__ = brief
 
     @property
     def elongation_at_break(self) -> float:

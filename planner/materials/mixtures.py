@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import ArgumentError, PaletteError
+from planner.glance import brief
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
@@ -195,6 +196,8 @@ class CoefficientModel:
     laws: tuple[Law, ...] = field(init=False)
     readings: tuple[tuple[tuple[Law, float], ...], ...] = field(init=False)
     strain_limit: float = field(init=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         materials = self.palette.materials

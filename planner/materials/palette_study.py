@@ -14,6 +14,7 @@ import numpy as np
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.tables import number
 from planner.formats.tensile import ListedSpecimen
+from planner.glance import counted, one_line, outcome
 from planner.materials.characterise import (
     SECANT_STRAINS,
     Curve,
@@ -68,6 +69,14 @@ class Characterisation:
     notes: tuple[str, ...] = ()
     unit_slips: tuple[str, ...] = ()
     curves: Mapping[str, Sequence[Curve]] = field(default_factory=dict)
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"of {counted(len(self.materials), 'material')}, "
+            f"{counted(sum(len(one.specimens) for one in self.materials), 'specimen')}; "
+            + outcome((len(self.findings), "finding"))
+        )
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -297,6 +306,12 @@ class PaletteStudy:
     problem: str | None
     findings: tuple[str, ...] = ()
     quadratic: QuadraticStudy | None = None
+
+    @one_line
+    def __repr__(self) -> str:
+        return f"{self.palette.name}: {counted(len(self.fits), 'material')} fitted; " + outcome(
+            (self.problem is not None, "problem"), (len(self.findings), "finding")
+        )
 
     @property
     def ok(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
+from planner.glance import brief
 from planner.materials.algorithm_one import (
     LiteralCurve,
     LiteralFit,
@@ -124,6 +125,8 @@ class QuadraticStudy:
     through: QuadraticCoefficients
     quadratics: QuadraticFit
     falls_at: tuple[float, float] | None
+
+    __repr__ = brief
 
     def mean_without(self) -> tuple[float, float, int] | None:
         """Return mean errors, over materials left out, of quadratics and mixtures, and how many.

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.tables import finite_number, read_columns, read_records
+from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -61,6 +62,8 @@ class Bar:
     edges_mm: FloatArray
     coordinate: FloatArray
     area_mm2: FloatArray
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name in ("edges_mm", "coordinate", "area_mm2"):
@@ -414,6 +417,8 @@ class ProfileDesign:
     coordinate: FloatArray
     width_mm: FloatArray | None = None
     thickness_mm: FloatArray | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name in ("x_mm", "coordinate", "width_mm", "thickness_mm"):

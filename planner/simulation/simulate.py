@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
+from planner.glance import counted, one_line, outcome
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Material, Palette
@@ -353,6 +354,14 @@ class Simulation:
     break_strain: FloatArray
     findings: tuple[BreakFinding, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.name}: {self.protocol} to strain {self.to_strain:g}, "
+            f"{counted(len(self.force_N), 'step')}, {counted(len(self.bar.coordinate), 'slice')}, "
+            f"{self.force_N.max():.4g} N at most; " + outcome((len(self.findings), "finding"))
+        )
 
     @property
     def ok(self) -> bool:

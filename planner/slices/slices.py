@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.png import ImageKind, encode_layer
 from planner.formats.stl import decode_stl
+from planner.glance import brief
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
 from planner.plan import Plan, Region, plan_file, read_plan
@@ -511,6 +512,8 @@ class Layer:
     z_mm: float
     label: NDArray[np.uint8]
     materials: tuple[str, ...]
+
+    __repr__ = brief
 
 
 def iterate_layers(

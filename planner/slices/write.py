@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, OutputError, PlannerError
 from planner.formats.files import FolderKind, check_target, encode_document, new_folder
 from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours
+from planner.glance import counted, one_line, outcome
 from planner.plan import PartGraded, Plan, plan_file
 from planner.printers import Printer
 from planner.slices.slices import (
@@ -87,6 +88,15 @@ class SliceStack:
     voxels: NDArray[np.int64]
     overlapping: int
     open_rows: int
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.part.name}: {counted(self.grid.shape[2], 'layer')} of "
+            f"{self.grid.shape[0]} x {self.grid.shape[1]} voxels, "
+            f"{counted(len(self.materials), 'material')}; "
+            + outcome((len(self.findings), "finding"))
+        )
 
     @property
     def findings(self) -> tuple[str, ...]:

@@ -1,0 +1,90 @@
+"""What a value shows at a glance: one line of words; in a notebook a small page; a plot."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping
+from pathlib import PurePath
+from typing import Any, TypeVar
+
+__all__ = ["brief", "counted", "one_line", "outcome"]
+
+
+_Value = TypeVar("_Value")
+_LISTS = (tuple, list, Mapping, bytes)
+
+_MOST = 120
+"""Characters of a line. Convention: what a terminal or a cell of a notebook shows unbroken."""
+
+
+def one_line(told: Callable[[_Value], str]) -> Callable[[_Value], str]:
+    """Make a `__repr__` of a method that says in words what a value is and holds.
+
+    The type's name is put before. A value that is not complete, as a debugger shows one whose
+    making failed, cannot tell; its type alone stands there then.
+    """
+
+    @functools.wraps(told)
+    def shown(value: _Value) -> str:
+        kind = type(value).__name__
+        try:
+            return f"<{_cut(f'{kind} {told(value)}', _MOST - 2)}>"
+        except Exception:
+            return f"<{kind}, not complete>"
+
+    return shown
+
+
+@one_line
+def brief(value: Any) -> str:
+    """Return the `repr` of a dataclass on one line: figures rounded, arrays and lists by size.
+
+    What is None or empty is left out, and so are fields that have no room.
+    """
+    words, room = [], _MOST - len(f"<{type(value).__name__} , …>")
+    for field in dataclasses.fields(value):
+        held = getattr(value, field.name)
+        if not field.repr or held is None or (isinstance(held, _LISTS) and not held):
+            continue
+        words.append(f"{field.name}={_short(held)}")
+        room -= len(words[-1]) + 2
+        if room < 0:
+            return ", ".join([*words[:-1], "…"])
+    return ", ".join(words)
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a count in words: "1 material", "3 targets out of reach"."""
+    first, _, rest = noun.partition(" ")
+    return f"{count} {first}{'' if count == 1 else 's'}{rest and ' ' + rest}"
+
+
+def outcome(*wrong: tuple[int, str]) -> str:
+    """Return "ok", or what is wrong by count and noun, those that are not 0."""
+    return ", ".join(counted(count, noun) for count, noun in wrong if count) or "ok"
+
+
+def _cut(text: str, most: int) -> str:
+    """Return text on one line, without what a terminal takes for a command, long in its middle."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if len(line) <= most:
+        return line
+    return f"{line[: most // 2]}…{line[len(line) - (most - most // 2 - 1) :]}"
+
+
+_SHORT = 24
+
+
+def _short(value: Any) -> str:
+    """Return a field's value in a few letters."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, (str, PurePath)):
+        return _cut(str(value), _SHORT) or "''"
+    if hasattr(value, "shape"):
+        return f"[{' x '.join(map(str, value.shape))}]"
+    if isinstance(value, tuple) and len(value) <= 3 and all(isinstance(v, float) for v in value):
+        return f"({', '.join(map(_short, value))})"
+    if isinstance(value, _LISTS):
+        return f"[{len(value)}]"
+    named = getattr(value, "name", None) or getattr(value, "id", None)
+    return _cut(str(named), _SHORT) if isinstance(named, str) else _cut(repr(value), _SHORT)
