@@ -310,7 +310,8 @@ class Plan:
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
-        bare = dataclasses.replace(self, shells=(), notes="", file=None)
+        warnings = tuple(map(str, self.warnings))  # a caution is a text in files
+        bare = dataclasses.replace(self, shells=(), notes="", warnings=warnings, file=None)
         document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
         del document["shells"], document["notes"]
         gradient = document["gradient"]

@@ -192,7 +192,7 @@ def _shortened(
 ) -> tuple[Sequence[Sequence[str]], Sequence[str] | None]:
     """Put one row, which says how many there are, in place of the middle ones."""
     first, last = (most + 1) // 2, most // 2 - 1
-    gap = ["...", f"{len(rows) - first - last} more", *[""] * (len(rows[0]) - 2)]
+    gap = ["", f"... {len(rows) - first - last} more", *[""] * (len(rows[0]) - 2)]
     kept = [*rows[:first], gap, *rows[-last:]]
     if swatches is not None:
         swatches = [*swatches[:first], "default", *swatches[-last:]]

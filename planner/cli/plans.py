@@ -180,7 +180,8 @@ def grade(
 
 
 def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
-    from planner.cli.output import finding, print_document, say, warn
+    from planner.cli.output import finding, print_document, say, tell_notes
+    from planner.notes import Caution
     from planner.report.plan_text import error_words, moved_words, unreachable_words
 
     if as_json:
@@ -188,8 +189,8 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
         return
     if quiet:
         return
-    for remark in (*plan.part.repairs, *plan.warnings):
-        warn(f"{plan.part.file}: {remark}")
+    remarks = (*map(Caution, plan.part.repairs), *plan.warnings)
+    tell_notes(type(remark)(f"{plan.part.file}: {remark}") for remark in remarks)
     _table(plan)
     for words in (error_words(plan), moved_words(plan)):
         if words:
@@ -223,7 +224,7 @@ def _table(plan: "Plan") -> None:
         [[row.get(name, "") for name in table.columns] for row in (*table.rows, table.total)],
         title=table.title,
         right=table.right,
-        droppable=["#", "95 % interval", "mass g", "volume mm3", "error"],
+        droppable=["#", "95 % interval", "mass g", "volume mm3", "blend", "error"],
         abridged="the rows left out are in plan.json",
         swatches=[colours.get(r.printed, "#808080") for r in plan.regions] + ["default"],
     )

@@ -53,6 +53,7 @@ from planner.grading.stiffness_error import alternatives, stiffness_check, toler
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import Part, make_part, part_from_arrays, place
+from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray, Point
 from planner.palette import Palette
 from planner.plan import (
@@ -564,7 +565,7 @@ def grade(
         regions=regions,
         checks={**checks, "worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),
-        warnings=(*source.warnings, *followed, *unsure, *known),
+        warnings=(*map(Caution, (*source.warnings, *followed, *unsure)), *known),
         unreachable=_unreachable(target, scale),
         shells=shells,
         notes=job_notes(machine, scale, findings=(*off, *findings), warnings=known),

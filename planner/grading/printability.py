@@ -76,8 +76,8 @@ def _wall_finding(
     """Say where the part as a whole is thinner than the minimum wall."""
     message = (
         f"{name}: a wall of {place.size_mm:.2f} mm{_at(place, part)} is below the minimum wall of "
-        f"{limit_mm:g} mm; thicken the part there, or print it {_larger(place, limit_mm)} times as "
-        f"large{_more(unlisted, 'walls')}"
+        f"{limit_mm:g} mm; thicken the part there{_or_larger(place, limit_mm, 'it')}"
+        f"{_more(unlisted, 'walls')}"
     )
     return _finding("thin-wall", message, part, place.place_mm, place.size_mm, name)
 
@@ -89,8 +89,8 @@ def _layer_finding(
     message = (
         f"{name}: a layer of {place.size_mm:.2f} mm{_at(place, part)}, field "
         f"{_field_at(part, place):.3f}, is below the smallest feature of {limit_mm:g} mm: it blurs "
-        f"into its neighbours and will not have its stiffness; {part.cure}, or print the part "
-        f"{_larger(place, limit_mm)} times as large{_more(unlisted, f'places of {name}')}"
+        f"into its neighbours and will not have its stiffness; {part.cure}"
+        f"{_or_larger(place, limit_mm, 'the part')}{_more(unlisted, f'places of {name}')}"
     )
     return _finding("thin-band", message, part, place.place_mm, place.size_mm, name)
 
@@ -125,9 +125,16 @@ def _finding(
     return Finding(kind, message, name, place_mm, part.drawn_mm(place_mm), size_mm)
 
 
-def _larger(place: ThinPlace, limit_mm: float) -> str:
-    """Return by what factor a part would have to grow; rounded up, so that it is enough."""
-    return f"{math.ceil(10.0 * limit_mm / max(place.size_mm, 0.01 * limit_mm)) / 10.0:.1f}"
+_MOST_LARGER = 5.0
+"""Chosen: nobody prints a part larger than so many times to be rid of a layer."""
+
+
+def _or_larger(place: ThinPlace, limit_mm: float, what: str) -> str:
+    """Say by what factor a part would have to grow, rounded up, so that it is enough."""
+    if place.size_mm * _MOST_LARGER < limit_mm:
+        return ""
+    factor = math.ceil(10.0 * limit_mm / place.size_mm) / 10.0
+    return f", or print {what} {factor:.1f} times as large"
 
 
 def _at(place: ThinPlace, part: CutPart) -> str:

@@ -21,6 +21,7 @@ from planner.materials.mixtures import (
     nearest_on,
     thresholds_of,
 )
+from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
@@ -371,7 +372,8 @@ class StiffnessScale:
         """Return what a reader of the moduli has to know, a sentence each.
 
         Which materials break before the working strain, and which are read otherwise by others;
-        of a whole palette also which laws are unsound in compression.
+        of a whole palette also which laws are unsound in compression. What asks for an act is a
+        `Caution`.
 
         Parameters
         ----------
@@ -380,12 +382,10 @@ class StiffnessScale:
         """
         shown = [m for m in self.palette.materials if ids is None or m.id in ids]
         broken = [f"{m.id} ({m.elongation_at_break:.3g})" for m in shown if self.broken_at(m)]
-        said = []
+        said: list[str] = []
         if broken:
-            said.append(
-                f"the working strain {self.at_strain:g} is past the break of {', '.join(broken)}; "
-                "the stiffness there is the secant modulus at the break"
-            )
+            past = f"the working strain {self.at_strain:g} is past the break of {', '.join(broken)}"
+            said.append(Caution(f"{past}; the stiffness there is the secant modulus at the break"))
         readings: dict[str, list[str]] = {}
         for material in shown:
             held = min(self.at_strain, material.elongation_at_break)
@@ -442,8 +442,10 @@ def _unsound(palette: Palette) -> list[str]:
     if not ends:
         return []
     return [
-        "in compression the stress of some laws falls, do not use them below the stretch: "
-        + ", ".join(ends)
+        Caution(
+            "in compression the stress of some laws falls, do not use them below the stretch: "
+            + ", ".join(ends)
+        )
     ]
 
 
