@@ -708,6 +708,8 @@ def _interval(low: float, high: float) -> str:
     """Write an interval with as many digits as tell its ends apart; an open end is said so."""
     from planner.cli.output import format_number
 
+    if math.isinf(low) and math.isinf(high):
+        return "unknown"
     texts: list[str] = []
     for digits in (3, 4, 5, 6):
         texts = [format_number(v, digits) if math.isfinite(v) else "open" for v in (low, high)]

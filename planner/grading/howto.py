@@ -47,7 +47,7 @@ def _conditions(scale: StiffnessScale) -> str:
     """Say how the palette's materials were measured."""
     reference = scale.palette.reference
     known = [
-        f"at {reference.temperature_C:g} °C" if reference.temperature_C is not None else "",
+        f"at {reference.temperature_C:g} degC" if reference.temperature_C is not None else "",
         f"at a strain rate of {reference.strain_rate_per_s:g} per s"
         if reference.strain_rate_per_s is not None
         else "",

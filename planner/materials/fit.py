@@ -836,6 +836,10 @@ not asked to extrapolate."""
 _INDIFFERENT = 0.02
 """Share of the best held-out error that is no reason to take more parameters."""
 
+_UNRESOLVED = 1e-4
+"""Held-out error that is none: 0.01 % of the stress is less than a load cell of class 0.5 (ISO
+7500-1, 0.5 %) resolves."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawCandidate:
@@ -995,7 +999,8 @@ def _standard_error(values: FloatArray) -> float:
 def _as_good(candidate: LawCandidate, best: LawCandidate) -> bool:
     difference = candidate.held_out - best.held_out
     error = _standard_error(difference)
-    return bool(difference.mean() <= max(error, _INDIFFERENT * best.held_out_error))
+    indifferent = max(_INDIFFERENT * best.held_out_error, _UNRESOLVED)
+    return bool(difference.mean() <= max(error, indifferent))
 
 
 def _reason(chosen: LawCandidate, best: LawCandidate) -> str:

@@ -202,3 +202,12 @@ def test_a_wrong_law_is_named(name: str, meant: str) -> None:
 def test_bad_input_is_named(call: object, message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
         call()  # type: ignore[operator]
+
+
+def test_errors_that_no_load_cell_resolves_are_none() -> None:
+    """Of exact data every law that holds it is right: the one of fewest parameters is taken."""
+    stretch = np.linspace(1.0, 1.9, 60)
+    curve = Curve("S1", stretch - 1.0, 0.5 * (stretch - stretch**-2))
+    choice = choose_law(candidate_laws("all"), sample_of([curve]), 0.9, starts=8)
+    assert choice.chosen is not None
+    assert choice.chosen.fit.name == "neo-hookean"
