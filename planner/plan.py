@@ -344,7 +344,12 @@ class Plan:
         return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if mixed else ())]
 
     def write(
-        self, output: str | Path | None = None, *, force: bool = False, page: bytes | None = None
+        self,
+        output: str | Path | None = None,
+        *,
+        force: bool = False,
+        page: bytes | None = None,
+        slicer: str | None = None,
     ) -> Path:
         """Write plan.json, 3MF, STL set, how-to and pictures of the part into a folder.
 
@@ -358,6 +363,9 @@ class Plan:
             Replace an earlier plan in that place.
         page
             Content of plan.html, as `planner.plan_page` returns it; none is written by default.
+        slicer
+            Whom the 3MF is for: prusaslicer gets all shells as one mesh, which it needs to show
+            one object; bambu, orca and cura get what is written by default.
 
         Returns
         -------
@@ -366,6 +374,8 @@ class Plan:
 
         Raises
         ------
+        ArgumentError
+            No such slicer.
         OutputError
             The folder exists already, or cannot be written; or the plan was read back from a
             folder, which can be copied instead.
@@ -373,6 +383,7 @@ class Plan:
         import numpy as np
 
         from planner.formats.files import new_folder
+        from planner.formats.slicers import needs_one_mesh
         from planner.formats.threemf import ThreemfObject, write_threemf
         from planner.mesh.mesh import Mesh
         from planner.voxels.picture import picture_png
@@ -383,6 +394,7 @@ class Plan:
                 f"plan of {self.part.file}: it was read back, and its shells lie in files: copy "
                 f"{where}, or grade the part again"
             )
+        one_mesh = slicer is not None and needs_one_mesh(slicer)
         target = Path(f"{self.name}-graded" if output is None else output)
         with new_folder(target, force=force) as scratch:
             (scratch / "stl").mkdir()
@@ -413,7 +425,11 @@ class Plan:
                 (scratch / name).write_bytes(picture)
             small = picture_png(solids, width=_THUMBNAIL, height=_THUMBNAIL, cut_open=False)
             write_threemf(
-                scratch / f"{self.name}.3mf", objects, assembly_name=self.name, thumbnail=small
+                scratch / f"{self.name}.3mf",
+                objects,
+                assembly_name=self.name,
+                thumbnail=small,
+                one_mesh=one_mesh,
             )
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:

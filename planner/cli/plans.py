@@ -134,6 +134,15 @@ def grade(
     no_page: Annotated[
         bool, Option("--no-page", help="Leave plan.html out, the page that shows the plan.")
     ] = False,
+    slicer: Annotated[
+        str | None,
+        Option(
+            "--for",
+            help="Slicer that the 3MF is for: prusaslicer gets all materials as one mesh, which "
+            "it needs to show one object; bambu, orca and cura open the 3MF that is written by "
+            "default; see docs/how-to/open-in-a-slicer.md.",
+        ),
+    ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -146,8 +155,11 @@ def grade(
     import planner
     from planner.cli.output import progress
     from planner.formats.files import check_target
+    from planner.formats.slicers import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
+    if slicer is not None:
+        needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         check_target(folder, force=force)
     with progress(not quiet and not as_json) as stage:
@@ -174,7 +186,8 @@ def grade(
         refused = strict and not plan.ok
         if not (dry_run or refused):
             stage("writing the files")
-            plan.write(folder, force=force, page=None if no_page else planner.plan_page(plan))
+            page = None if no_page else planner.plan_page(plan)
+            plan.write(folder, force=force, page=page, slicer=slicer)
     _grade_report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
     return 0 if plan.ok else 1
 

@@ -17,6 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import FileError, MeshError, OutputError
+from planner.formats.slicers import (
+    BAMBU_PART,
+    CURA_NAMESPACE,
+    PRUSA_PART,
+    bambu_settings,
+    prusa_settings,
+)
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
@@ -227,7 +234,8 @@ def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfMo
     """Read the bytes of a 3MF file: every model object where the build items put it.
 
     Transforms of items and nested components are applied; a mirrored object's triangles are
-    turned over, so that outside stays outside. Supports and bare surfaces are left out.
+    turned over, so that outside stays outside. A mesh whose triangles are of several materials
+    gives an object a material. Supports and bare surfaces are left out.
 
     Parameters
     ----------
@@ -264,7 +272,7 @@ def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfMo
                         f"{_MOST_TRIANGLES} triangles, components counted as often as they are "
                         "placed; print fewer copies at once"
                     )
-                objects.append(_object(wrapper, model, mesh, placed))
+                objects += _objects(wrapper, model, mesh, placed)
         heading = _metadata(model.GetMetaDataGroup())
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), heading, tuple(remarks))
     except lib3mf.ELib3MFException as error:
@@ -317,9 +325,10 @@ def _matrix(transform: Any) -> FloatArray:
     return matrix
 
 
-def _object(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> ThreemfObject:
-    stored = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32)
-    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32).astype(np.int32)
+def _objects(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> list[ThreemfObject]:
+    stored = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32, 3)
+    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32, 3)
+    faces = faces.astype(np.int32)
     vertices: Float32Array | FloatArray = stored
     if not np.array_equal(matrix, np.eye(4)):
         x, y, z = stored.astype(np.float64).T
@@ -328,24 +337,58 @@ def _object(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> ThreemfO
         )
         if np.linalg.det(matrix) < 0.0:
             faces = np.ascontiguousarray(faces[:, ::-1])
-    material, colour, constituents = _material(wrapper, model, mesh)
     metadata = _metadata(mesh.GetMetaDataGroup())
-    return ThreemfObject(mesh.GetName(), vertices, faces, material, colour, metadata, constituents)
+    objects = []
+    for used, (material, colour, constituents) in _materials(wrapper, model, mesh):
+        corners, own = vertices, faces
+        if used is not None:
+            kept, own = np.unique(faces[used], return_inverse=True)
+            corners, own = vertices[kept], own.reshape(-1, 3).astype(np.int32)
+        objects.append(
+            ThreemfObject(mesh.GetName(), corners, own, material, colour, metadata, constituents)
+        )
+    return objects
 
 
-def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any) -> NDArray[Any]:
+def _array(wrapper: Any, mesh: Any, what: str, type_: Any, dtype: Any, width: int) -> NDArray[Any]:
     """Copy one of a mesh's arrays at once; lib3mf's own getters make a list of objects."""
     count = mesh.GetVertexCount() if what == "vertices" else mesh.GetTriangleCount()
     buffer = (type_ * count)()
     get = getattr(wrapper.lib, f"lib3mf_meshobject_get{what}")
     wrapper.checkError(mesh, get(mesh._handle, ctypes.c_uint64(count), ctypes.c_uint64(0), buffer))
-    return np.frombuffer(buffer, dtype=dtype).reshape(-1, 3).copy()
+    return np.frombuffer(buffer, dtype=dtype).reshape(-1, width).copy()
 
 
-def _material(wrapper: Any, model: Any, mesh: Any) -> tuple[str, str, tuple[Constituent, ...]]:
-    """Return an object's material, its colour, and what it is mixed of."""
+_Material = tuple[str, str, tuple[Constituent, ...]]
+
+
+def _materials(
+    wrapper: Any, model: Any, mesh: Any
+) -> list[tuple[NDArray[np.intp] | None, _Material]]:
+    """Return a mesh's materials, each with the triangles that are of it; None: all of them."""
     group, entry, has = mesh.GetObjectLevelProperty()
-    kind = model.GetPropertyTypeByID(group) if has else lib3mf.PropertyType.NoPropertyType
+    whole = _material(wrapper, model, group if has else 0, entry)
+    properties = _array(
+        wrapper, mesh, "alltriangleproperties", lib3mf.TriangleProperties, np.uint32, 4
+    )
+    pairs, first, which = np.unique(
+        properties[:, :2], axis=0, return_index=True, return_inverse=True
+    )
+    if len(pairs) == 1:
+        return [(None, whole)]
+    triangles: dict[_Material, list[NDArray[np.intp]]] = {}
+    for place in np.argsort(first):
+        group, entry = map(int, pairs[place])
+        found = _material(wrapper, model, group, entry) if group else whole
+        triangles.setdefault(found, []).append(np.flatnonzero(which.ravel() == place))
+    if len(triangles) == 1:
+        return [(None, whole)]
+    return [(np.sort(np.concatenate(parts)), found) for found, parts in triangles.items()]
+
+
+def _material(wrapper: Any, model: Any, group: int, entry: int) -> _Material:
+    """Return the material that a property means, its colour, and what it is mixed of."""
+    kind = model.GetPropertyTypeByID(group) if group else lib3mf.PropertyType.NoPropertyType
     if kind == lib3mf.PropertyType.BaseMaterial:
         return *_base(wrapper, model.GetBaseMaterialGroupByID(group), entry), ()
     if kind != lib3mf.PropertyType.Composite:
@@ -368,11 +411,16 @@ def _base(wrapper: Any, bases: Any, entry: int) -> tuple[str, str]:
 
 def _metadata(group: Any) -> dict[str, str]:
     entries = (group.GetMetaData(i) for i in range(group.GetMetaDataCount()))
-    return {entry.GetName(): entry.GetValue() for entry in entries}
+    return {
+        entry.GetName(): entry.GetValue()
+        for entry in entries
+        if entry.GetNameSpace() != CURA_NAMESPACE
+    }
 
 
 # ------------------------------------------------------------------------------------------------
-# 3MF by lib3mf: one object a material under one assembly, the same bytes for the same content.
+# 3MF by lib3mf: one object a material under one assembly, or all as one mesh for a slicer that
+# needs it; the same bytes for the same content.
 
 
 _NAMESPACE = "urn:planner:mixture:1"
@@ -387,6 +435,9 @@ _WELL_KNOWN: tuple[str, ...] = (
     "Rating",
 )
 _WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
+_SETTINGS = "urn:planner:slicer-settings:1"
+"""Relationship from the model to what slicers read beside it."""
+
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
 _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
@@ -399,6 +450,7 @@ def write_threemf(
     metadata: Mapping[str, str] | None = None,
     *,
     thumbnail: bytes | None = None,
+    one_mesh: bool = False,
 ) -> None:
     """Write the file that `encode_threemf` makes.
 
@@ -407,7 +459,7 @@ def write_threemf(
     OutputError
         It cannot be written, or the content cannot be said in 3MF.
     """
-    data = encode_threemf(objects, assembly_name, metadata, thumbnail=thumbnail)
+    data = encode_threemf(objects, assembly_name, metadata, thumbnail=thumbnail, one_mesh=one_mesh)
     try:
         Path(path).write_bytes(data)
     except OSError as error:
@@ -420,13 +472,15 @@ def encode_threemf(
     metadata: Mapping[str, str] | None = None,
     *,
     thumbnail: bytes | None = None,
+    one_mesh: bool = False,
 ) -> bytes:
     """Make a 3MF file in mm: the objects as components of one assembly, built once.
 
     Each material is one ``<base>`` with its display colour, each mixture one ``<composite>`` of
     such materials with its mixing ratios (materials extension). The identifiers of objects,
     components, item and build are derived from the content (UUID version 5), so that equal
-    content gives equal bytes.
+    content gives equal bytes. Slicers' settings (`planner.formats.slicers`) number the materials
+    from 1, in the order of the objects.
 
     Parameters
     ----------
@@ -438,6 +492,9 @@ def encode_threemf(
         Of the model, as `ThreemfObject.metadata`.
     thumbnail
         PNG that file managers show of it.
+    one_mesh
+        Put all objects into one mesh, one after the other, each triangle with its material; the
+        objects' metadata has no place there. PrusaSlicer makes parts of one object from it alone.
 
     Raises
     ------
@@ -451,27 +508,20 @@ def encode_threemf(
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
     _add_metadata(model.GetMetaDataGroup(), {**heading, **(metadata or {})}, assembly_name)
-    bases = model.AddBaseMaterialGroup()
-    palette = _Materials(wrapper, model, bases)
-    digests = []
+    palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
-        assembly = model.AddComponentsObject()
-        identity = wrapper.GetIdentityTransform()
-        for number, item in enumerate(objects, start=1):
-            group, entry = palette.property_of(item)
-            digests.append(_digest(item))
-            mesh = _add_mesh(wrapper, model, item)
-            mesh.SetUUID(_identifier("object", number, digests[-1]))
-            mesh.SetObjectLevelProperty(group, entry)
-            component = assembly.AddComponent(mesh, identity)
-            component.SetUUID(_identifier("component", number, digests[-1]))
-        whole = hashlib.sha256(
-            "\n".join((_text(assembly_name), *digests)).encode("utf-8")
+        shells = [_Shell(item, palette.property_of(item), _digest(item)) for item in objects]
+        add = _add_one_mesh if one_mesh else _add_assembly
+        whole = add(wrapper, model, shells, _text(assembly_name))
+        layout = ("one mesh",) if one_mesh else ()
+        digest = hashlib.sha256(
+            "\n".join((_text(assembly_name), *layout, *(shell.digest for shell in shells))).encode()
         ).hexdigest()
-        assembly.SetName(_text(assembly_name))
-        assembly.SetUUID(_identifier("assembly", 0, whole))
-        model.AddBuildItem(assembly, identity).SetUUID(_identifier("item", 0, whole))
-        model.SetBuildUUID(_identifier("build", 0, whole))
+        whole.SetName(_text(assembly_name))
+        whole.SetUUID(_identifier("assembly", 0, digest))
+        item = model.AddBuildItem(whole, wrapper.GetIdentityTransform())
+        item.SetUUID(_identifier("item", 0, digest))
+        model.SetBuildUUID(_identifier("build", 0, digest))
         if thumbnail is not None:
             picture = model.CreatePackageThumbnailAttachment()
             picture.SetPath("/Metadata/thumbnail.png")
@@ -479,6 +529,77 @@ def encode_threemf(
         return _canonical_archive(_written(model), _FIRST)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Shell:
+    """An object to write, its material as group and entry of the model, and a hash of it all."""
+
+    item: ThreemfObject
+    material: tuple[int, int]
+    digest: str
+
+
+def _extruders(shells: Sequence[_Shell]) -> list[int]:
+    """Return each shell's extruder: the materials counted from 1, in the order of the shells."""
+    materials = list(dict.fromkeys(shell.material for shell in shells))
+    return [materials.index(shell.material) + 1 for shell in shells]
+
+
+def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
+    assembly = model.AddComponentsObject()
+    parts = []
+    for place, (shell, extruder) in enumerate(
+        zip(shells, _extruders(shells), strict=True), start=1
+    ):
+        item = shell.item
+        mesh = _add_mesh(wrapper, model, item.name, item.vertices, item.faces)
+        _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
+        # Cura counts from 0, the others from 1.
+        number = str(extruder - 1)
+        mesh.GetMetaDataGroup().AddMetaData(
+            CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
+        )
+        mesh.SetUUID(_identifier("object", place, shell.digest))
+        mesh.SetObjectLevelProperty(*shell.material)
+        component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+        component.SetUUID(_identifier("component", place, shell.digest))
+        parts.append((mesh.GetModelResourceID(), _text(item.name), extruder))
+    _attach(model, BAMBU_PART, bambu_settings(assembly.GetModelResourceID(), name, parts))
+    return assembly
+
+
+def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
+    counts = [len(shell.item.faces) for shell in shells]
+    starts = np.cumsum([0, *(len(shell.item.vertices) for shell in shells)])
+    mesh = _add_mesh(
+        wrapper,
+        model,
+        name,
+        np.concatenate([shell.item.vertices for shell in shells]),
+        np.concatenate([s.item.faces + n for s, n in zip(shells, starts, strict=False)]),
+    )
+    # The object's own material first: setting it later would take the triangles' away.
+    mesh.SetObjectLevelProperty(*shells[0].material)
+    properties = np.array([(*s.material, s.material[1], s.material[1]) for s in shells], np.uint32)
+    properties = np.repeat(properties, counts, axis=0)
+    wrapper.checkError(
+        mesh,
+        wrapper.lib.lib3mf_meshobject_setalltriangleproperties(
+            mesh._handle,
+            ctypes.c_uint64(len(properties)),
+            (lib3mf.TriangleProperties * len(properties)).from_buffer_copy(properties),
+        ),
+    )
+    names = [_text(shell.item.name) for shell in shells]
+    volumes = list(zip(counts, names, _extruders(shells), strict=True))
+    _attach(model, PRUSA_PART, prusa_settings(mesh.GetModelResourceID(), name, volumes))
+    return mesh
+
+
+def _attach(model: Any, path: str, content: bytes) -> None:
+    model.AddCustomContentType("config", "application/xml")
+    model.AddAttachment(path, _SETTINGS).ReadFromBuffer(content)
 
 
 def _identifier(kind: str, number: int, digest: str) -> str:
@@ -555,12 +676,14 @@ def _add_metadata(group: Any, metadata: Mapping[str, str], owner: str) -> None:
         group.AddMetaData(namespace, name, _text(value), "xs:string", True)
 
 
-def _add_mesh(wrapper: Any, model: Any, item: ThreemfObject) -> Any:
-    vertices = np.ascontiguousarray(item.vertices, dtype=np.float32)
-    faces = np.ascontiguousarray(item.faces, dtype=np.uint32)
+def _add_mesh(
+    wrapper: Any, model: Any, name: str, points: Float32Array | FloatArray, corners: IntArray
+) -> Any:
+    vertices = np.ascontiguousarray(points, dtype=np.float32)
+    faces = np.ascontiguousarray(corners, dtype=np.uint32)
     if len(faces) == 0 or not np.isfinite(vertices).all():
         fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
-        raise OutputError(f"3MF object {item.name}: {fault}; leave it out or mend the mesh")
+        raise OutputError(f"3MF object {name}: {fault}; leave it out or mend the mesh")
     mesh = model.AddMeshObject()
     # lib3mf's own SetGeometry takes Python lists: 700 times slower on a million triangles.
     wrapper.checkError(
@@ -573,8 +696,7 @@ def _add_mesh(wrapper: Any, model: Any, item: ThreemfObject) -> Any:
             (lib3mf.Triangle * len(faces)).from_buffer_copy(faces),
         ),
     )
-    mesh.SetName(_text(item.name))
-    _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
+    mesh.SetName(_text(name))
     return mesh
 
 

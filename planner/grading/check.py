@@ -171,7 +171,12 @@ def _threemf_problems(path: Path, plan: Plan, shells: _Shells) -> Iterator[str]:
         return
     for remark in model.remarks:
         yield f"{path.name}: {remark}"
-    objects = {item.name: item for item in model.objects}
+    # One mesh of all materials, as PrusaSlicer takes it, tells shells by their material alone.
+    stems = {str(region.printed): Path(region.file).stem for region in plan.regions}
+    objects = {
+        stems.get(item.material_name, plan.name) if item.name == plan.name else item.name: item
+        for item in model.objects
+    }
     for file, shell in shells.items():
         item = objects.pop(Path(file).stem, None)
         if item is None:

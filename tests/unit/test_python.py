@@ -23,6 +23,7 @@ OF_THE_COMMAND = {
     "strict",
     "dry_run",
     "no_page",
+    "slicer",
     "no_open",
     "field",
     "figure",

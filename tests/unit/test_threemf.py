@@ -32,6 +32,15 @@ PAIR = [
 ]
 
 
+PARTS = [
+    "[Content_Types].xml",
+    "_rels/.rels",
+    "3D/3dmodel.model",
+    "3D/_rels/3dmodel.model.rels",
+    "Metadata/model_settings.config",
+]
+
+
 def model_xml(data, tmp_path):
     (tmp_path / "x.3mf").write_bytes(data)
     with zipfile.ZipFile(tmp_path / "x.3mf") as archive:
@@ -106,7 +115,7 @@ def test_archive_is_plain(tmp_path):
     assert b"PK\x06\x06" not in data  # no zip64
     with zipfile.ZipFile(tmp_path / "x.3mf") as archive:
         assert archive.testzip() is None
-        assert archive.namelist() == ["[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"]
+        assert archive.namelist() == PARTS
         for member in archive.infolist():
             assert member.date_time == (1980, 1, 1, 0, 0, 0)
             assert member.external_attr == 0o100644 << 16
@@ -118,8 +127,8 @@ def test_hashes_name_every_part(tmp_path):
     write_threemf(tmp_path / "a.3mf", PAIR, "finger")
     write_threemf(tmp_path / "b.3mf", PAIR, "thumb")
     a, b = threemf_xml_hashes(tmp_path / "a.3mf"), threemf_xml_hashes(tmp_path / "b.3mf")
-    assert list(a) == ["[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model"]
-    assert [name for name in a if a[name] != b[name]] == ["3D/3dmodel.model"]
+    assert list(a) == PARTS
+    assert [name for name in a if a[name] != b[name]] == [PARTS[2], PARTS[4]]
     with pytest.raises(FileError):
         threemf_xml_hashes(tmp_path / "none.3mf")
 
