@@ -25,9 +25,8 @@ def test_every_block_of_the_tutorial_runs(tmp_path: Path) -> None:
             encoding="utf-8",
             check=False,
         )
-        # 1 is "done, with a finding": the sample finger's walls are thin in places.
-        allowed = (0, 1) if "planner grade" in code else (0,)
-        assert done.returncode in allowed, f"{code}\n{done.stdout}\n{done.stderr}"
+        # 0 is done without a finding: cuts have moved off whatever would have left a sliver.
+        assert done.returncode == 0, f"{code}\n{done.stdout}\n{done.stderr}"
 
 
 def test_the_design_loop_runs() -> None:
