@@ -4,9 +4,12 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-__all__ = ["brief", "counted", "one_line", "outcome"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["brief", "counted", "html_of", "one_line", "outcome", "plotted"]
 
 
 _Value = TypeVar("_Value")
@@ -88,3 +91,28 @@ def _short(value: Any) -> str:
         return f"[{len(value)}]"
     named = getattr(value, "name", None) or getattr(value, "id", None)
     return _cut(str(named), _SHORT) if isinstance(named, str) else _cut(repr(value), _SHORT)
+
+
+# ------------------------------------------------------------------------------------------------
+# Pages and plots are drawn by `planner.report`, which lies above every value that it draws. These
+# two calls are the only ones that go upwards, and only when someone looks.
+
+
+def html_of(value: Any) -> str:
+    """Return what a notebook shows of a value; a class has it as `_repr_html_`."""
+    from planner.report import notebook
+
+    return notebook.html_of(value)
+
+
+def plotted(value: Any, ax: "Axes | None") -> "Axes":
+    """Return the axes that a value is drawn into by matplotlib, new ones if none are given.
+
+    Raises
+    ------
+    ArgumentError
+        matplotlib is not installed.
+    """
+    from planner.report import plots
+
+    return plots.draw(value, ax)

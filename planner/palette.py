@@ -15,13 +15,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
 from planner.errors import PaletteError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, check_absent, write_whole
-from planner.glance import brief, counted, one_line
+from planner.glance import brief, counted, html_of, one_line, plotted
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "LAW_PARAMETERS",
@@ -212,12 +215,18 @@ class Palette:
     hardness: tuple[tuple[float, float], ...] = ()
     sha256: str = ""
 
+    _repr_html_ = html_of
+
     @one_line
     def __repr__(self) -> str:
         return (
             f"{self.name}: {counted(len(self.materials), 'material')}, "
             f"{self.materials[0].id} to {self.materials[-1].id}"
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw its modulus at a strain of 0.1 over m with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     def resolve(self, name: str) -> Material:
         """Return the material that `name` stands for.

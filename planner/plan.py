@@ -4,15 +4,18 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document
 from planner.formats.threemf import Constituent
-from planner.glance import brief, counted, one_line, outcome
+from planner.glance import brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, IntArray, Point
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "Box",
@@ -279,6 +282,8 @@ class Plan:
     notes: str = field(default="", repr=False, compare=False)
     file: Path | None = field(default=None, repr=False, compare=False)
 
+    _repr_html_ = html_of
+
     @one_line
     def __repr__(self) -> str:
         return (
@@ -291,6 +296,10 @@ class Plan:
                 (len(self.unreachable), "target out of reach"),
             )
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw target and achieved stiffness along the field with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     @property
     def folder(self) -> Path | None:

@@ -48,6 +48,9 @@ Results come back as values; writing is a step of its own, `Plan.write`, `write_
 `write_campaign`, `write_diagnosis`. A result's `ok` is false where its command's exit code is 1; a
 `Mixture` says `reachable`, and `diff` returns no differences where plans mean the same.
 
+Each shows itself on one line, and some as a page or a plot: [work in a
+notebook](../how-to/work-in-a-notebook.md).
+
 Errors are `planner.PlannerError`, or one of its kinds in `planner.errors`: `FileError`,
 `MeshError`, `PaletteError`, `UnknownNameError`, `ArgumentError`, `OutputError`. Their messages name
 an argument between backticks. Names are imported on first use; `import planner` costs nothing. For

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
@@ -14,8 +14,11 @@ from planner import __version__
 from planner.errors import FileError
 from planner.formats.files import encode_document
 from planner.formats.unit_of import UnitOf
-from planner.glance import brief, counted, one_line
+from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "SIGNIFICANT",
@@ -315,6 +318,8 @@ class Diagnosis:
     seed: int = 0
     traces: Traces | None = None
 
+    _repr_html_ = html_of
+
     @one_line
     def __repr__(self) -> str:
         return (
@@ -322,6 +327,10 @@ class Diagnosis:
             f"{counted(self.tests, 'test')}, error {self.gap.before:.3g}"
             + ("" if self.gap.after is None else f" -> {self.gap.after:.3g}")
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the error of force before and after with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:

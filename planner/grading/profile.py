@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from planner.errors import ArgumentError, FileError, UnknownNameError, as_number, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
-from planner.glance import brief, counted, one_line
+from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
@@ -27,6 +27,8 @@ from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from planner.plan import Plan, Region
 
 __all__ = [
@@ -350,6 +352,8 @@ class StiffnessScale:
     moduli_MPa: tuple[float, ...]
     intervals_MPa: tuple[tuple[float, float], ...]
 
+    _repr_html_ = html_of
+
     @one_line
     def __repr__(self) -> str:
         return (
@@ -357,6 +361,10 @@ class StiffnessScale:
             f"{min(self.moduli_MPa):.3g} to {max(self.moduli_MPa):.3g} MPa at strain "
             f"{self.at_strain:g}"
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the modulus over the coordinate m with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     def modulus_of(self, material_id: str) -> float:
         """Return a material's modulus in MPa."""

@@ -13,7 +13,7 @@ from planner.plan import Plan, Region
 from planner.report.plan_text import format_interval, format_number, mm_along
 from planner.report.svg import INK, Chart, frame, line, log_ticks, rectangle, segment, text
 
-__all__ = ["stiffness_figure"]
+__all__ = ["stiffness_figure", "stretches", "target_along"]
 
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
@@ -27,7 +27,9 @@ _LETTER = 6.2
 """About the width of a letter of the figure, in pixels."""
 
 
-def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[str, int]) -> str:
+def stiffness_figure(
+    plan: Plan, colours: Mapping[str, str], numbers: Mapping[str, int], words: str = ""
+) -> str:
     """Draw target, achieved modulus and its 95 % interval along the field, and what lies where.
 
     Parameters
@@ -35,13 +37,15 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[st
     colours, numbers
         Of each material, as the page shows it. What belongs to a material has its number as
         ``data-material``, so that the page can point it out.
+    words
+        What it shows; where none are given, the page says so under the id ``stiffness-words``.
 
     Returns
     -------
     str
-        An ``svg`` element without words of its own about what it shows.
+        An ``svg`` element.
     """
-    target = _target(plan)
+    target = target_along(plan)
     known = any(low < high for low, high in (r.modulus_interval_MPa for r in plan.regions))
     moduli = [r.modulus_MPa for r in plan.regions] + [
         end for r in plan.regions for end in r.modulus_interval_MPa
@@ -56,7 +60,7 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[st
     long = isinstance(plan.gradient.field.get("span_mm"), float)
     bottom = _TOP + _HEIGHT + 44.0
     parts = [
-        *(_interval(r, chart, ends, numbers) for r in _distinct(plan.regions) if known),
+        *(_interval(r, chart, ends, numbers) for r in stretches(plan.regions) if known),
         *frame(
             chart,
             x_label="",
@@ -68,7 +72,7 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[st
             if target is not None
             else []
         ),
-        *(_step(r, chart, ends) for r in _distinct(plan.regions)),
+        *(_step(r, chart, ends) for r in stretches(plan.regions)),
         *_strip(plan.regions, chart, ends, colours, numbers),
         text(
             _LEFT + 0.5 * _WIDTH,
@@ -79,16 +83,15 @@ def stiffness_figure(plan: Plan, colours: Mapping[str, str], numbers: Mapping[st
         *_key(known, target is not None),
     ]
     width, height = _LEFT + _WIDTH + 16.0, bottom + 34.0
+    named = f'aria-label="{escape(words)}"' if words else 'aria-labelledby="stiffness-words"'
     return (
         f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" height="{height:g}" '
-        f'font-size="12" fill="{INK}" role="img" aria-labelledby="stiffness-words">\n'
-        + "\n".join(parts)
-        + "\n</svg>"
+        f'font-size="12" fill="{INK}" role="img" {named}>\n' + "\n".join(parts) + "\n</svg>"
     )
 
 
-def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
-    """Return places 0..1 and the logarithm of the target there; None of a plan without one."""
+def target_along(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
+    """Return places 0..1 and log10 of the target there, in MPa; None of a plan without one."""
     profile = plan.gradient.profile
     if not {"positions", "moduli_MPa", "shape"} <= profile.keys():
         return None
@@ -106,7 +109,7 @@ def _target(plan: Plan) -> tuple[FloatArray, FloatArray] | None:
     return np.concatenate(places), np.concatenate(values)
 
 
-def _distinct(regions: Sequence[Region]) -> list[Region]:
+def stretches(regions: Sequence[Region]) -> list[Region]:
     """Return one region a stretch of the field: two whose cells lie together have one modulus."""
     return list({region.field: region for region in regions}.values())
 

@@ -5,13 +5,13 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, encode_document
-from planner.glance import counted, one_line, outcome
+from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Material, Palette
@@ -26,6 +26,9 @@ from planner.simulation.bar_solver import (
     predict,
     unaltered,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Simulation", "loading_path", "simulate"]
 
@@ -355,6 +358,8 @@ class Simulation:
     findings: tuple[BreakFinding, ...] = ()
     notes: tuple[str, ...] = ()
 
+    _repr_html_ = html_of
+
     @one_line
     def __repr__(self) -> str:
         return (
@@ -362,6 +367,10 @@ class Simulation:
             f"{counted(len(self.force_N), 'step')}, {counted(len(self.bar.coordinate), 'slice')}, "
             f"{self.force_N.max():.4g} N at most; " + outcome((len(self.findings), "finding"))
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw force over displacement with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:
