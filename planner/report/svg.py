@@ -268,6 +268,7 @@ _CURVE, _BAND = "#1f5fa8", "#d3e1f1"
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 _SHADES = ("#c3c3c3", "#9d9d9d", "#777777", "#4e4e4e", INK)
 _HEADROOM = 1.06
+_ROW, _SPACE = 13.0, 3.0  # between rows of names; between a name and its line
 
 
 def simulation_figure(simulation: "Simulation") -> bytes:
@@ -292,11 +293,19 @@ def simulation_figure(simulation: "Simulation") -> bytes:
     """
     title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
     parts = list(_curve(simulation))
-    width = _LEFT + _WIDTH + 24.0
+    width, height = _LEFT + _WIDTH + 24.0, _TOP + _HEIGHT + 92.0
     if len(simulation.bar.x_mm) > 1:
-        parts += _along(simulation, width + _GAP - 24.0)
-        width += _GAP + _WIDTH + 24.0
-    return picture(width, _TOP + _HEIGHT + 92.0, parts, title=title)
+        left = width + _GAP - 24.0
+        bands = _bands(simulation, left)
+        names = _names(bands)
+        lower = _ROW * max(0, max((row for _, row in names), default=0) - 1)
+        parts += [*_along(simulation, left), *_materials(bands, names)]
+        middle = left + _WIDTH / 2.0
+        parts.append(
+            text(middle, height + lower - 12.0, "place along the axis, mm", anchor="middle")
+        )
+        width, height = width + _GAP + _WIDTH + 24.0, height + lower
+    return picture(width, height, parts, title=title)
 
 
 def _curve(simulation: "Simulation") -> Iterator[str]:
@@ -347,26 +356,100 @@ def _along(simulation: "Simulation", left: float) -> Iterator[str]:
         yield line(chart, bar.x_mm[run], shown[run], colour=_BREAK, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
         yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=_BREAK)
-    yield from _materials(simulation, chart)
-    middle = left + _WIDTH / 2.0
-    yield text(middle, _TOP + _HEIGHT + 80.0, "place along the axis, mm", anchor="middle")
 
 
-def _materials(simulation: "Simulation", chart: Chart) -> Iterator[str]:
-    """Draw a strip in the materials' colours, with the names of the grades that have room."""
+@dataclass(frozen=True, slots=True)
+class _Band:
+    """A stretch of the bar of one colour, in pixels, and the grade's name; "" in between grades."""
+
+    left: float
+    right: float
+    colour: str
+    name: str
+
+    @property
+    def middle(self) -> float:
+        return 0.5 * (self.left + self.right)
+
+    @property
+    def room(self) -> bool:
+        """Whether its name has room under it."""
+        return _width(self.name) <= self.right - self.left
+
+
+def _width(name: str) -> float:
+    # Letters of 10 px: 0.65 em, as wide as the digits of the widest usual font, DejaVu Sans.
+    return 6.5 * len(name)
+
+
+def _bands(simulation: "Simulation", left: float) -> list[_Band]:
     bar, palette = simulation.bar, simulation.palette
-    top = chart.top + chart.height + 26.0
+    edges = bar.edges_mm
+    places = left + _WIDTH * (edges - edges[0]) / (edges[-1] - edges[0])
     colours = [_colour(palette, m) for m in bar.coordinate.tolist()]
     names = {m.coordinate: m.id for m in palette.materials}
     turns = [0, *(i for i in range(1, len(colours)) if colours[i] != colours[i - 1]), len(colours)]
-    for start, stop in itertools.pairwise(turns):
-        left, right = chart.x(float(bar.edges_mm[start])), chart.x(float(bar.edges_mm[stop]))
+    return [
+        _Band(
+            float(places[start]),
+            float(places[stop]),
+            colours[start],
+            names.get(float(bar.coordinate[start]), ""),
+        )
+        for start, stop in itertools.pairwise(turns)
+    ]
+
+
+def _names(bands: Sequence[_Band]) -> list[tuple[_Band, int]]:
+    """Choose the bands to name, each with the row of its name: 0 where it has room under it.
+
+    Every grade is named, at its widest band if none has room; further narrow bands are named
+    where the rows have room for them.
+    """
+    roomy = [band for band in bands if band.name and band.room]
+    narrow = [band for band in bands if band.name and not band.room]
+    chosen: dict[str, _Band] = {}
+    for band in sorted(narrow, key=lambda band: band.left - band.right):
+        if band.name not in {each.name for each in roomy}:
+            chosen.setdefault(band.name, band)
+    taken = sorted(chosen.values(), key=lambda band: band.left)
+    most = max(_rows(taken), default=1)
+    for band in narrow:
+        more = sorted({*taken, band}, key=lambda band: band.left)
+        if max(_rows(more)) <= most:
+            taken = more
+    return [*((band, 0) for band in roomy), *zip(taken, _rows(taken), strict=True)]
+
+
+def _rows(bands: Sequence[_Band]) -> list[int]:
+    """Return the row of each name, from 1, so that no name meets another's line.
+
+    A name ends at the line that comes down from its band. It so lies below all names whose lines
+    it would cross, and none lies under its own line.
+    """
+    rows: list[int] = []
+    for number, band in enumerate(bands):
+        start = band.middle - _width(band.name) - 2.0 * _SPACE
+        crossed = [rows[i] for i in range(number) if bands[i].middle > start]
+        rows.append(1 + max(crossed, default=0))
+    return rows
+
+
+def _materials(bands: Sequence[_Band], names: Sequence[tuple[_Band, int]]) -> Iterator[str]:
+    """Draw a strip in the materials' colours, with the names of the grades."""
+    top = _TOP + _HEIGHT + 26.0
+    for band in bands:
         # A little wider, so that no seam shows between neighbours.
-        yield rectangle(left, top, right - left + (0.3 if stop < len(colours) else 0.0), 12.0,
-                        colour=colours[start])  # fmt: skip
-        name = names.get(float(bar.coordinate[start]), "")
-        if name and 6.0 * len(name) <= right - left:
-            yield text(0.5 * (left + right), top + 25.0, name, anchor="middle", size=10.0)
+        seam = 0.3 if band is not bands[-1] else 0.0
+        yield rectangle(band.left, top, band.right - band.left + seam, 12.0, colour=band.colour)
+    for band, row in names:
+        foot = top + 25.0 + _ROW * row
+        if row:
+            start, stop = (band.middle, top + 12.0), (band.middle, foot)
+            yield segment(start, stop, colour=GREY, width=0.8)
+            yield text(band.middle - _SPACE, foot, band.name, anchor="end", size=10.0)
+        else:
+            yield text(band.middle, foot, band.name, anchor="middle", size=10.0)
 
 
 def _colour(palette: Palette, coordinate: float) -> str:

@@ -236,6 +236,49 @@ def test_equal_input_gives_equal_bytes(plan: planner.Plan) -> None:
     assert simulation_figure(a) == simulation_figure(b)
 
 
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def names_and_lines(figure: bytes) -> tuple[dict, list]:
+    """Return boxes of the grades' names, wide rather than narrow, and the lines down to them."""
+    root = ET.fromstring(figure)
+    names = {m.id for m in PALETTE.materials}
+    boxes: dict[str, list] = {}
+    for each in root.iter(f"{SVG}text"):
+        if each.text in names:
+            wide = 6.4 * len(each.text)  # 0.64 em a letter: the digits of DejaVu Sans
+            before = {"middle": 0.5, "end": 1.0}[each.get("text-anchor")] * wide
+            left, foot = float(each.get("x")) - before, float(each.get("y"))
+            boxes.setdefault(each.text, []).append((left, left + wide, foot - 8.0, foot + 2.0))
+    lines = [
+        [float(value) for value in re.findall(r"[\d.]+", each.get("d"))]
+        for each in root.iter(f"{SVG}path")
+        if each.get("stroke-width") == "0.8"
+    ]
+    assert all(right < float(root.get("width")) for b in boxes.values() for _, right, *_ in b)
+    assert all(foot < float(root.get("height")) for b in boxes.values() for *_, foot in b)
+    return boxes, lines
+
+
+@pytest.mark.parametrize("blend", ["nearest", "bands:4"])
+@pytest.mark.parametrize(("start", "stop"), [("Tango", "Vero"), ("Vero", "Tango")])
+def test_every_grade_is_named_under_the_bar(start: str, stop: str, blend: str) -> None:
+    plan = planner.grade(
+        box(97.0, 6.0, 4.0), from_=start, to=stop, axis="x", name="box", blend=blend
+    )
+    boxes, lines = names_and_lines(simulation_figure(planner.simulate(plan, to_strain=0.1)))
+    assert set(boxes) == {m.id for m in PALETTE.materials}
+    flat = [each for several in boxes.values() for each in several]
+    if blend == "nearest":
+        assert len(flat) == 10
+    for number, (left, right, top, foot) in enumerate(flat):
+        for other in flat[:number]:
+            apart = left >= other[1] or right <= other[0] or top >= other[3] or foot <= other[2]
+            assert apart, (flat[number], other)
+        for x, above, _, below in lines:
+            assert x <= left or x >= right or below <= top or above >= foot
+
+
 # --- bad input
 
 
