@@ -774,8 +774,11 @@ _DOUBTED_FIGURES: dict[str, Callable[[Characteristics], float]] = {
 }
 
 
-def doubts(found: MaterialCharacteristics) -> tuple[str, ...]:
+def doubts(found: MaterialCharacteristics, *, unit_told: bool = False) -> tuple[str, ...]:
     """Return what speaks against a material's figures, one sentence each.
+
+    Where it was told that specimens are in another unit (`unit_told`), what follows from that is
+    not told again.
 
     - Specimens that deform unlike one another.
     - Specimens whose modulus, strength or strain at break is more than `_REPLICATE_FACTOR` times
@@ -793,7 +796,8 @@ def doubts(found: MaterialCharacteristics) -> tuple[str, ...]:
     said += [
         sentence
         for name, value in _DOUBTED_FIGURES.items()
-        if (sentence := _unlike(found, name, [value(c) for c in found.specimens]))
+        if not (unit_told and name.endswith("(MPa)"))
+        and (sentence := _unlike(found, name, [value(c) for c in found.specimens]))
     ]
     said += [
         f"specimen {c.specimen}: {c.modulus_MPa:.3g} MPa is above a nonrigid material's "

@@ -81,7 +81,12 @@ class Characterisation:
     @property
     def findings(self) -> tuple[str, ...]:
         """What speaks against the materials' figures, one sentence each."""
-        return (*self.unit_slips, *(said for one in self.materials for said in doubts(one)))
+        told = [
+            said
+            for one in self.materials
+            for said in doubts(one, unit_told=_names(self.unit_slips, one.material))
+        ]
+        return (*self.unit_slips, *told)
 
     @property
     def ok(self) -> bool:
@@ -461,7 +466,8 @@ def fit(
     )
     fitted_palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
     by_id = {ids[called]: fits[called] for called in ordered}
-    findings = (*slips, *(said for called in ordered for said in _findings(fits[called])))
+    found = [_findings(fits[called], _names(slips, called)) for called in ordered]
+    findings = (*slips, *itertools.chain.from_iterable(found))
     problem = _problem(fitted_palette)
     quadratic = None
     if coefficients is not None:
@@ -483,9 +489,16 @@ def _problem(palette: Palette) -> str | None:
     return None
 
 
-def _findings(fit: MaterialFit) -> list[str]:
+def _names(slips: Sequence[str], material: str) -> bool:
+    """Return whether specimens of a material were said to be in another unit."""
+    return any(said.startswith(f"{material}: ") for said in slips)
+
+
+def _findings(fit: MaterialFit, unit_told: bool) -> list[str]:
     """Return what speaks against the specimens, and against the law that was chosen."""
-    said = list(doubts(fit.characteristics))
+    said = list(doubts(fit.characteristics, unit_told=unit_told))
+    if unit_told:
+        return said  # no law describes specimens in two units
     r2 = fit.uncertainty.r2
     if fit.choice is None and r2 is not None and r2 < _SMALLEST_R2:
         said.append(

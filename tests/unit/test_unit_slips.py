@@ -151,6 +151,10 @@ def test_replicates_in_mixed_units_name_the_unit(tmp_path: Path, palette: Palett
     assert run(command) == 1
     said = capsys.readouterr().err
     assert "own-3 is 4.45 times below the other specimens: was lbf taken for N, or" in said
+    assert said.count("finding: ") == 1  # what follows from it is not told again
+    palette_file = str(tmp_path.parent / f"{tmp_path.name}.toml")
+    assert run(["fit", *command[1:], "-o", palette_file]) == 1
+    assert capsys.readouterr().err.count("finding: ") == 1
     assert run([*command, "--unit-of", "force=lbf:own-3"]) == 0
 
 
