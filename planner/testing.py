@@ -74,9 +74,8 @@ def assert_same_plan(
         With each difference in words.
     """
     found = diff(expected, plan, tolerance=tolerance)
-    lines = [f"{d.what} ({d.where}): {d.before} -> {d.after}" for d in found]
     if found:
-        raise AssertionError("the plans differ:\n" + "\n".join(lines))
+        raise AssertionError("the plans differ:\n" + "\n".join(d.text for d in found))
 
 
 def check_printer(printer: object) -> None:

@@ -402,7 +402,13 @@ class Difference:
 
     @one_line
     def __repr__(self) -> str:
-        return f"{self.what} ({self.where}): {self.before} -> {self.after}"
+        return self.text
+
+    @property
+    def text(self) -> str:
+        """The difference in a line."""
+        before, after = (words or "nothing" for words in (self.before, self.after))
+        return f"{self.what} ({self.where}): {before} -> {after}"
 
 
 def diff(
