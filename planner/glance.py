@@ -75,6 +75,7 @@ def _cut(text: str, most: int) -> str:
 
 
 _SHORT = 24
+"""Characters of one value: a line holds four or five."""
 
 
 def _short(value: Any) -> str:
@@ -87,6 +88,8 @@ def _short(value: Any) -> str:
         return f"[{' x '.join(map(str, value.shape))}]"
     if isinstance(value, tuple) and len(value) <= 3 and all(isinstance(v, float) for v in value):
         return f"({', '.join(map(_short, value))})"
+    if isinstance(value, Mapping) and isinstance(value.get("name"), str):
+        return _cut(value["name"], _SHORT)
     if isinstance(value, _LISTS):
         return f"[{len(value)}]"
     named = getattr(value, "name", None) or getattr(value, "id", None)

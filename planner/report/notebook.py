@@ -81,7 +81,7 @@ def _table(
     def cells(row: Mapping[str, str], tag: str) -> Iterator[str]:
         for name in columns:
             side = "left" if name in left else "right"
-            style = f"text-align:{side};padding:1px 8px"
+            style = f"text-align:{side};padding:1px 8px;white-space:nowrap"
             yield f'<{tag} style="{style}">{escape(row.get(name, ""))}</{tag}>'
 
     lines = ["<tr><th></th>" + "".join(cells({n: n for n in columns}, "th")) + "</tr>"]
