@@ -244,12 +244,23 @@ class BandDesign:
             return with_laminates(regions, tuple(zip(self.bands, self.periods, strict=True)), scale)
         return regions
 
+    def _fewer(self, along: Field, machine: Printer) -> str:
+        """Say what makes thin bands thicker: equal ones, so many as have room along the field."""
+        if self.periods:
+            return "take fewer periods (--blend bands:N)"
+        span_mm, count = along.description().get("span_mm"), len(self.bands)
+        if np.ptp([band.stop - band.start for band in self.bands]) < 0.1 / count:
+            count -= 1  # they are equal already, but for cuts that were moved
+        if isinstance(span_mm, float):
+            count = min(count, int(span_mm / machine.minimum_feature_mm))
+        return f"take --bands {max(count, 1)} or fewer"
+
     def held(
         self, mesh: Mesh, along: Field, pieces: Pieces, shells: tuple[Shell, ...], pitch_mm: float,
         scale: StiffnessScale, machine: Printer, translation_mm: Point,
     ) -> _Held:  # fmt: skip
         """Hold the pieces against the printer."""
-        cure = f"take fewer {'periods' if self.periods else '--bands'}, a gentler profile there"
+        cure = f"{self._fewer(along, machine)}, a gentler profile there"
         names = [what.name for what in self.printed]
         part = CutPart(
             mesh, along, self.levels, pieces, names, shells, pitch_mm, cure, translation_mm

@@ -148,7 +148,7 @@ def test_the_command(tmp_path, capsys):
     # bands of 0.4 mm: place, size, limit and what to change
     assert "a layer of" in told.err
     assert "below the smallest feature of 0.42 mm" in told.err
-    assert "take fewer --bands" in told.err
+    assert "take --bands 23 or fewer" in told.err
     assert run(["check", str(out)]) == 1
     assert "the files are sound, with the findings above" in capsys.readouterr().out
     for more, reason in (
