@@ -4,16 +4,20 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
-from planner.glance import brief, counted, one_line
+from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.simulation.bar import ProfileDesign
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "TOLERANCES",
@@ -459,6 +463,10 @@ class Campaign:
             f"{self.name}: {counted(len(self.specimens), 'specimen')}, {self.printer}, "
             f"{self.palette.name}"
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw every specimen's force over displacement with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     def __post_init__(self) -> None:
         if not self.specimens:

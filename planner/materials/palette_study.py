@@ -7,14 +7,14 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.tables import number
 from planner.formats.tensile import ListedSpecimen
-from planner.glance import counted, one_line, outcome
+from planner.glance import counted, one_line, outcome, plotted
 from planner.materials.characterise import (
     SECANT_STRAINS,
     Curve,
@@ -38,6 +38,9 @@ from planner.materials.unit_slips import (
 from planner.notes import Caution
 from planner.palette import Material, Palette, Reference
 from planner.printers import Printer, installed_printers, palette_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
 
@@ -77,6 +80,10 @@ class Characterisation:
             f"{counted(sum(len(one.specimens) for one in self.materials), 'specimen')}; "
             + outcome((len(self.findings), "finding"))
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw every specimen's stress over strain with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     @property
     def findings(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
-"""Plots of plans, palettes, simulations and diagnoses with matplotlib, for figures of one's own."""
+"""Plots of plans, palettes, tests, simulations and diagnoses with matplotlib, for one's figures."""
 
+from collections.abc import Iterable
 from functools import singledispatch
 from importlib import import_module
 from itertools import pairwise
@@ -8,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import ArgumentError
+from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Diagnosis
 from planner.grading.profile import StiffnessScale, stiffness_scale
+from planner.materials.palette_study import Characterisation
+from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.report.gap_text import errors_of
@@ -139,3 +143,28 @@ def _diagnosis(diagnosis: Diagnosis, ax: "Axes") -> None:
         title=f"{diagnosis.campaign}: {diagnosis.verdict}",
     )
     ax.margins(x=0.15)
+
+
+@_draw.register(Characterisation)
+def _tests(found: Characterisation, ax: "Axes") -> None:
+    curves = [(name, c.strain, c.stress_MPa) for name, each in found.curves.items() for c in each]
+    _coloured(ax, curves)
+    ax.set(xlabel="strain as recorded", ylabel="nominal stress, MPa")
+
+
+@_draw.register(Campaign)
+def _campaign(campaign: Campaign, ax: "Axes") -> None:
+    kinds = (s.material if s.profile is None else s.profile.name for s in campaign.specimens)
+    pairs = zip(kinds, campaign.specimens, strict=True)
+    _coloured(ax, ((str(kind), s.displacement_mm, s.force_N) for kind, s in pairs))
+    ax.set(xlabel="displacement, mm", ylabel="force, N", title=campaign.name)
+
+
+def _coloured(ax: "Axes", curves: Iterable[tuple[str, FloatArray, FloatArray]]) -> None:
+    """Draw curves, those of one name in one colour, each name once in the legend."""
+    colours: dict[str, str] = {}
+    for name, x, y in curves:
+        label = None if name in colours else name
+        colour = colours.setdefault(name, f"C{len(colours)}")
+        ax.plot(x, y, color=colour, linewidth=1.0, label=label)
+    ax.legend()

@@ -40,6 +40,8 @@ def values(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         "simulation": planner.simulate(folder),
         "coupon": planner.simulate("FLX9760", to_strain=0.1, protocol="relaxation"),
         "diagnosis": _diagnosis(),
+        "tests": planner.characterise([samples / "tensile"]),
+        "campaign": planner.read_campaign(samples / "warm-lab"),
     }  # fmt: skip
 
 
@@ -156,7 +158,7 @@ def pyplot(monkeypatch: pytest.MonkeyPatch) -> Any:
     matplotlib.close("all")
 
 
-@pytest.mark.parametrize("kind", _KINDS)
+@pytest.mark.parametrize("kind", [*_KINDS, "tests", "campaign"])
 def test_a_plot_is_drawn_into_the_axes_given_or_new_ones(
     values: dict[str, Any], kind: str, pyplot: Any
 ) -> None:
