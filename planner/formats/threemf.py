@@ -2,9 +2,7 @@
 
 import ctypes
 import hashlib
-import io
 import re
-import struct
 import uuid
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import FileError, MeshError, OutputError
+from planner.formats.archive import canonical_archive
 from planner.formats.slicers import (
     BAMBU_PART,
     CURA_NAMESPACE,
@@ -115,68 +114,6 @@ class ThreemfModel:
     remarks: tuple[str, ...]
 
 
-# ------------------------------------------------------------------------------------------------
-# Zip archives in one canonical form: same members, same bytes.
-
-
-_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
-_VERSION = 20  # deflate and folders, nothing newer
-_UNIX_FILE = 0o100644 << 16
-_LARGEST = 0xFFFFFFFE
-
-
-def _canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
-    """Rewrite an archive with fixed dates, permissions and order, and without zip64.
-
-    The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
-    nor a date of zero, both of which lib3mf writes.
-
-    Parameters
-    ----------
-    data
-        A zip archive whose members are stored or deflated.
-    first
-        Members to put first, in this order; the rest follow sorted by name.
-
-    Returns
-    -------
-    bytes
-        The archive.
-
-    Raises
-    ------
-    OutputError
-        A member or the whole is 4 GiB or more, which takes zip64.
-    """
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = {member.filename: member for member in archive.infolist()}
-    names = [name for name in first if name in members]
-    names += sorted(name for name in members if name not in first)
-    body, directory = bytearray(), bytearray()
-    for name in names:
-        member = members[name]
-        offset = len(body)
-        if max(offset + member.compress_size, member.file_size) > _LARGEST:
-            raise OutputError(
-                f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
-                "reduce the number of triangles"
-            )
-        path = name.encode("utf-8")
-        flags = 0 if name.isascii() else 0x800
-        facts = (
-            *(_VERSION, flags, member.compress_type, 0, _DATE),
-            *(member.CRC, member.compress_size, member.file_size, len(path), 0),
-        )
-        body += struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path
-        body += _deflated(data, member)
-        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
-        directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
-        directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
-    count = len(names)
-    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), len(body), 0)
-    return bytes(body + directory + end)
-
-
 def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     """Return the SHA-256 of each part of a 3MF file by name, in the archive's order.
 
@@ -192,12 +129,6 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
             return {n: hashlib.sha256(archive.read(n)).hexdigest() for n in archive.namelist()}
     except (OSError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: not a zip archive that can be read ({error})") from error
-
-
-def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
-    name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
-    start = member.header_offset + 30 + name_size + extra_size
-    return memoryview(data)[start : start + member.compress_size]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -371,16 +302,16 @@ def _materials(
     properties = _array(
         wrapper, mesh, "alltriangleproperties", lib3mf.TriangleProperties, np.uint32, 4
     )
-    pairs, first, which = np.unique(
-        properties[:, :2], axis=0, return_index=True, return_inverse=True
-    )
-    if len(pairs) == 1:
+    # One number for group and entry: a material's property is one for the whole triangle.
+    keys = properties[:, 0].astype(np.uint64) << 32 | properties[:, 1]
+    if (keys == keys[:1]).all():
         return [(None, whole)]
+    kinds, first, which = np.unique(keys, return_index=True, return_inverse=True)
     triangles: dict[_Material, list[NDArray[np.intp]]] = {}
     for place in np.argsort(first):
-        group, entry = map(int, pairs[place])
+        group, entry = divmod(int(kinds[place]), 1 << 32)
         found = _material(wrapper, model, group, entry) if group else whole
-        triangles.setdefault(found, []).append(np.flatnonzero(which.ravel() == place))
+        triangles.setdefault(found, []).append(np.flatnonzero(which == place))
     if len(triangles) == 1:
         return [(None, whole)]
     return [(np.sort(np.concatenate(parts)), found) for found, parts in triangles.items()]
@@ -437,6 +368,10 @@ _WELL_KNOWN: tuple[str, ...] = (
 _WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
 _SETTINGS = "urn:planner:slicer-settings:1"
 """Relationship from the model to what slicers read beside it."""
+
+_THUMBNAIL = "/Metadata/preview.png"
+"""Readers find it by its relationship. assimp up to 5.3 takes pictures called thumbnail for
+textures, and crashes (github.com/assimp/assimp/issues/5328)."""
 
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
@@ -524,9 +459,9 @@ def encode_threemf(
         model.SetBuildUUID(_identifier("build", 0, digest))
         if thumbnail is not None:
             picture = model.CreatePackageThumbnailAttachment()
-            picture.SetPath("/Metadata/thumbnail.png")
+            picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
-        return _canonical_archive(_written(model), _FIRST)
+        return canonical_archive(_written(model), _FIRST)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
 

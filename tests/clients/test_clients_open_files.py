@@ -14,6 +14,8 @@ import pytest
 
 from planner.formats.stl import encode_stl
 from planner.formats.threemf import ThreemfObject, write_threemf
+from planner.mesh.mesh import Mesh
+from planner.voxels.picture import picture_png
 
 
 def need(program):
@@ -61,7 +63,10 @@ def written(path, *, one_mesh=False):
             zip(shells, ("FLX9740", "VeroWhitePlus"), ("#336699", "#EEEEEE"), strict=True)
         )
     ]
-    write_threemf(path, objects, "ring", {"printer": "connex3"}, one_mesh=one_mesh)
+    metadata = {"printer": "connex3"}
+    solids = [(Mesh(v.astype(np.float64), f), "#336699") for v, f, _ in shells]
+    picture = picture_png(solids, width=32, height=32, cut_open=False)
+    write_threemf(path, objects, "ring", metadata, thumbnail=picture, one_mesh=one_mesh)
     return path, [len(f) for _, f, _ in shells], [volume for *_, volume in shells]
 
 
@@ -108,6 +113,14 @@ def test_assimp_reads_the_3mf(threemf):
     assert number("Faces", report) == [sum(faces)]
     assert "FLX9740" in report
     assert "VeroWhitePlus" in report
+
+
+@need("assimp")
+def test_assimp_reads_the_3mf_of_one_mesh(prusa_threemf):
+    path, faces, _ = prusa_threemf
+    report = run("assimp", "info", path)
+    assert number("Meshes", report) == [1]
+    assert number("Faces", report) == [sum(faces)]
 
 
 @need("prusa-slicer")

@@ -75,7 +75,7 @@ def test_a_plan_has_pictures_and_its_3mf_a_thumbnail(tmp_path) -> None:
     for name in ("part.png", "section.png"):
         assert Image.open(io.BytesIO((folder / name).read_bytes())).size == (720, 480)
     with zipfile.ZipFile(folder / "part.3mf") as archive:
-        thumbnail = Image.open(io.BytesIO(archive.read("Metadata/thumbnail.png")))
+        thumbnail = Image.open(io.BytesIO(archive.read("Metadata/preview.png")))
     assert thumbnail.size == (256, 256)
     assert len(read_threemf(folder / "part.3mf").objects) == len(plan.shells)
     assert planner.check(folder).ok
