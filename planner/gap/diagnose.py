@@ -14,7 +14,15 @@ from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, l
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, without_effect
 from planner.gap.design import next_experiments
-from planner.gap.diagnosis import Diagnosis, Location, Traces, UnitOf, Untestable, name_of
+from planner.gap.diagnosis import (
+    Diagnosis,
+    Location,
+    Traces,
+    UnitOf,
+    Untestable,
+    name_of,
+    signed_error,
+)
 from planner.gap.effect import Effect, untestable
 from planner.gap.effects import EFFECTS, effects_for
 from planner.gap.evidence.posterior import (
@@ -153,16 +161,11 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
         before_N=sign * predict(setup, model.laws).force_N,
         after_N=sign * predict(applied(chosen, setup), model.laws).force_N,
         measured_N=measured,
-        residual_before=np.mean(measured - before, axis=1) / _mean_load(before),
-        residual_after=np.mean(measured - after, axis=1) / _mean_load(after),
+        residual_before=signed_error((measured - before) / model.peaks_N),
+        residual_after=signed_error((measured - after) / model.peaks_N),
         specimens=tuple(s.id for s in specimens),
         columns=axis_columns(problem.campaign),
     )
-
-
-def _mean_load(forces: FloatArray) -> FloatArray:
-    load: FloatArray = np.maximum(np.abs(np.mean(forces, axis=1)), 1e-12)
-    return load
 
 
 def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:

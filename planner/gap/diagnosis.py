@@ -35,6 +35,7 @@ __all__ = [
     "Untestable",
     "name_of",
     "read_diagnosis",
+    "signed_error",
 ]
 
 
@@ -222,7 +223,7 @@ class Traces:
     measured_N : (n, T)
         Of each specimen, in the campaign's order, on its test's steps.
     residual_before, residual_after : (n,)
-        Mean force of each specimen over its prediction, less 1.
+        Error of each specimen by its own prediction, as `signed_error` has it.
     specimens : (n,)
         Their ids in the campaign's order.
     columns
@@ -251,7 +252,7 @@ class Traces:
         return [[places[id] for id in ids if id in places] for ids in self.specimen_ids]
 
     def errors(self, predicted_N: FloatArray) -> FloatArray:
-        """Return measured less predicted over the test's largest force, (n, T); NaN if unknown.
+        """Return measured less predicted over the specimen's largest force, (n, T).
 
         Parameters
         ----------
@@ -265,6 +266,15 @@ class Traces:
                 if largest > 0.0:
                     errors[row] = (self.measured_N[row] - predicted) / largest
         return errors
+
+
+def signed_error(errors: FloatArray) -> FloatArray:
+    """Return root mean squares of the last axis, below 0 where their mean is; NaN left out."""
+    known = np.isfinite(errors)
+    count = np.where(known.any(axis=-1), known.sum(axis=-1), np.nan)
+    shown = np.where(known, errors, 0.0)
+    size = np.sqrt((shown**2).sum(axis=-1) / count)
+    return np.asarray(np.copysign(size, shown.sum(axis=-1)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -169,7 +169,7 @@ def _cause(d: Diagnosis) -> str:
 
 def _how_far(d: Diagnosis) -> str:
     gap = d.gap
-    before = f"the palette misses the force by {percent(gap.before)} of a test's largest"
+    before = f"the palette misses the force by {percent(gap.before)} of a specimen's largest"
     if gap.floor is None:
         floor = "there are no replicates to say how much of that is scatter"
     else:
@@ -187,7 +187,7 @@ def _how_far(d: Diagnosis) -> str:
             f"{before}, and {floor}."
         )
     added = "it is" if len(d.verdict.split("+")) == 1 else "they are"
-    missed = f"{percent(gap.after)} of a test's largest force"
+    missed = f"{percent(gap.after)} of a specimen's largest force"
     if gap.negative_transfer:
         return (
             f"Once {added} added, tests that were left out of the fit are predicted worse, by "

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces
+from planner.gap.diagnosis import Diagnosis, Gap, Location, Traces, signed_error
 from planner.gap.summary import axis_words, clear_places, p_value, percent, probability
 from planner.numerics import FloatArray
 from planner.report.gap_text import errors_of, unit_of
@@ -16,6 +16,7 @@ from planner.report.svg import (
     INK,
     Chart,
     Panel,
+    axes_of,
     disc,
     frame,
     in_rows,
@@ -28,6 +29,7 @@ from planner.report.svg import (
     segment,
     text,
     ticks,
+    told,
     upright,
 )
 
@@ -145,6 +147,8 @@ class Points:
         Whether to join the means of the axis' levels.
     of_curve : (n,)
         For errors along curves: which curve each point belongs to; None for points a specimen.
+    row
+        For points a specimen: whose each one is, in the campaign's order.
     """
 
     x: FloatArray
@@ -154,6 +158,7 @@ class Points:
     log: bool = False
     joined: bool = False
     of_curve: FloatArray | None = None
+    row: tuple[int, ...] = ()
 
 
 def points_along(traces: Traces, axis: str) -> Points | None:
@@ -174,17 +179,18 @@ def points_along(traces: Traces, axis: str) -> Points | None:
         log = min(numbers) > 0.0 and max(numbers) >= _LOG_FROM * min(numbers)
         x = np.log10(x) if log else x
         few = len(np.unique(np.round(x[np.isfinite(x)], 9))) <= _LEVELS
-        return Points(x, before, after, log=log, joined=few)
+        return Points(x, before, after, log=log, joined=few, row=tuple(range(len(x))))
     names = sorted({str(v) for v in column if v is not None})
     if axis in ("specimen", "material"):
         names = list(dict.fromkeys(str(v) for v in column if v is not None))
     places = {name: float(i) for i, name in enumerate(names)}
     x = np.array([np.nan if v is None else places[str(v)] for v in column])
-    return Points(x, before, after, names=tuple(names), joined=axis != "specimen")
+    row, joined = tuple(range(len(x))), axis != "specimen"
+    return Points(x, before, after, names=tuple(names), joined=joined, row=row)
 
 
 def _specimen_errors(traces: Traces) -> tuple[FloatArray, FloatArray]:
-    """Return each specimen's mean force over the prediction, less 1, before and after, (n,)."""
+    """Return each specimen's error before and after, (n,), below 0 where its force is too low."""
     before, after = traces.residual_before, traces.residual_after
     return before, after if len(after) == len(before) else np.full(len(before), np.nan)
 
@@ -214,22 +220,24 @@ def _along_curves(traces: Traces, axis: str) -> Points | None:
 
 
 def _of_branches(traces: Traces) -> Points | None:
-    """Return each specimen's mean error on each way of its path."""
+    """Return each specimen's error on each way of its path."""
     before, after = (traces.errors(f) for f in (traces.before_N, traces.after_N))
-    parts: list[tuple[float, float, float]] = []
+    parts: list[tuple[float, ...]] = []
     for travel, rows in zip(traces.travel_mm, traces.rows, strict=True):
         branch = _branch_of_steps(travel)
         for row in rows:
             for place in range(len(_BRANCHES)):
                 on = branch == place
                 if on.any() and np.isfinite(before[row, on]).any():
-                    parts.append((float(place), _mean(before[row, on]), _mean(after[row, on])))
+                    found = (float(signed_error(e[row, on])) for e in (before, after))
+                    parts.append((float(place), *found, float(row)))
     if not parts:
         return None
-    places, befores, afters = np.array(parts).T
+    places, befores, afters, row = np.array(parts).T
     there, x = np.unique(places, return_inverse=True)
     names = tuple(_BRANCHES[int(place)] for place in there)
-    return Points(x.astype(np.float64), befores, afters, names=names)
+    whose = tuple(int(each) for each in row)
+    return Points(x.astype(np.float64), befores, afters, names=names, row=whose)
 
 
 def _branch_of_steps(travel: FloatArray) -> FloatArray:
@@ -268,6 +276,37 @@ def _mean(values: FloatArray) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
+# What a pointer on a mark brings up: the specimen or test, its conditions, its errors.
+
+
+_ALWAYS = ("rate_mm_s", "temperature_C")
+_SIZES = ("specimen", "material", "width_mm", "thickness_mm", "gauge_mm")
+
+
+def _specimen_words(traces: Traces, row: int) -> str:
+    """Name a specimen with what it is of and the conditions that it was tested in."""
+    columns = traces.columns
+    name = traces.specimens[row] if row < len(traces.specimens) else "specimen"
+    words = [str(columns["material"][row])] if "material" in columns else []
+    for column, values in columns.items():
+        value = values[row]
+        varies = len({v for v in values if v is not None}) > 1
+        if value is None or column in _SIZES or not (varies or column in _ALWAYS):
+            continue
+        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        words.append(f"{axis_words(column)} {shown} {unit_of(column)}".strip())
+    return f"{name}: {', '.join(words)}" if words else name
+
+
+def _error_words(before: float, after: float) -> str:
+    """Say what both predictions miss by, as far as it is known."""
+    errors = ((before, "palette alone"), (after, "with the verdict's effects"))
+    known = [f"{percent(error)} ({of})" for error, of in errors if math.isfinite(error)]
+    words = f"error {', '.join(known)}" if known else "no error known"
+    return words.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+# ------------------------------------------------------------------------------------------------
 # Where the gap lies: errors of force along the leading axes, before and after.
 
 
@@ -275,6 +314,7 @@ _SHOWN, _ACROSS = 4, 2
 _SHIFT = 5.0
 _CHARACTER = 7.0
 _NAMES = 14
+_ERROR = "error, % of the largest force"
 _OVERALL = Location("material", 0.0, (0.0, 0.0), 1.0)
 """Shows every specimen where there is room, whether or not the gap varies along it."""
 
@@ -299,7 +339,7 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
 
     def panel(place: Location, points: Points) -> Panel:
         return lambda left, top: _residual_panel(
-            place, points, Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
+            traces, place, points, Chart(left, top + 20.0, 350.0, 190.0, _x_range(points), y_range)
         )
 
     panels = [panel(place, points) for place, points in shown]
@@ -308,11 +348,11 @@ def _residual_figure(diagnosis: Diagnosis) -> bytes | None:
         width + 16.0,
         height - 16.0,
         [*_residual_key(has_after), *parts],
-        title="Measured force above (+) or below (-) prediction",
+        title="Error of each specimen: measured force above (+) or below (-) prediction",
     )
 
 
-def _residual_panel(place: Location, points: Points, chart: Chart) -> Iterator[str]:
+def _residual_panel(traces: Traces, place: Location, points: Points, chart: Chart) -> Iterator[str]:
     yield text(chart.left, chart.top - 10.0, _heading(place), size=12.5)
     unit = "s" if place.axis == "time" else unit_of(place.axis)
     label = f"{axis_words(place.axis)}, {unit}" if unit else axis_words(place.axis)
@@ -322,20 +362,44 @@ def _residual_panel(place: Location, points: Points, chart: Chart) -> Iterator[s
     yield from _x_words(chart, marks, label)
     zero = chart.y(0.0)
     yield segment((chart.left, zero), (chart.left + chart.width, zero), colour=GREY, width=1.2)
-    curve = points.of_curve is not None or place.axis == "branch"
-    yield _upright_label(chart, 46.0, "% of the largest force" if curve else "% of the prediction")
+    yield _upright_label(chart, 46.0, _ERROR)
+    yield from _error_lines(traces, points, chart, label)
+    if points.of_curve is None:
+        yield from _error_marks(traces, points, chart)
+
+
+def _error_lines(traces: Traces, points: Points, chart: Chart, label: str) -> Iterator[str]:
+    """Draw the error of each test along its curve, or through the means of an axis' levels."""
     across = (chart.x_range[1] - chart.x_range[0]) / chart.width
-    for errors, colour, shift, mark, dash in (
-        (points.before, _BEFORE, -_SHIFT, ring, "6,4"),
-        (points.after, _AFTER, _SHIFT, disc, ""),
+    readable = axes_of(chart, label, _ERROR, log=points.log)
+    for errors, colour, shift, dash, of in (
+        (points.before, _BEFORE, -_SHIFT, "6,4", "palette alone"),
+        (points.after, _AFTER, _SHIFT, "", "with the verdict's effects"),
     ):
         y = np.clip(100.0 * errors, *chart.y_range)
         x = points.x if points.of_curve is not None else points.x + shift * across
-        for line_x, line_y in _lines(points, x, y):
-            yield line(chart, line_x, line_y, colour=colour, width=1.3, dash=dash)
-        if points.of_curve is None:
-            for i in np.flatnonzero(np.isfinite(x) & np.isfinite(y)):
-                yield mark(chart.x(float(x[i])), chart.y(float(y[i])), colour=colour, radius=3.2)
+        for test, line_x, line_y in _lines(points, x, y):
+            drawn = line(chart, line_x, line_y, colour=colour, width=1.3, dash=dash)
+            if test is None:
+                yield drawn
+            else:
+                yield from told(f"{traces.label[test]}: error, {of}", [drawn], axes=readable)
+
+
+def _error_marks(traces: Traces, points: Points, chart: Chart) -> Iterator[str]:
+    """Draw a mark a specimen for each prediction."""
+    for i, row in enumerate(points.row):
+        x, marks = float(points.x[i]), []
+        for errors, colour, shift, mark in (
+            (points.before, _BEFORE, -_SHIFT, ring),
+            (points.after, _AFTER, _SHIFT, disc),
+        ):
+            y = 100.0 * float(errors[i])
+            if math.isfinite(x) and math.isfinite(y):
+                marks.append(mark(chart.x(x) + shift, chart.y(y), colour=colour, radius=3.2))
+        words = _error_words(float(points.before[i]), float(points.after[i]))
+        if marks:
+            yield from told(f"{_specimen_words(traces, row)}; {words}", marks)
 
 
 def _upright_label(chart: Chart, left_by: float, words: str) -> str:
@@ -351,19 +415,22 @@ def _heading(place: Location) -> str:
     return f"{heading}: {percent(place.share)} of the gap, {p_value(place.p)}"
 
 
-def _lines(points: Points, x: FloatArray, y: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the lines to draw: along each curve, or through the means of the axis' levels."""
+def _lines(
+    points: Points, x: FloatArray, y: FloatArray
+) -> Iterator[tuple[int | None, FloatArray, FloatArray]]:
+    """Yield the lines to draw: of each test along its curve, or through the means of the levels."""
     if points.of_curve is not None:
         for curve in np.unique(points.of_curve):
             on = (points.of_curve == curve) & np.isfinite(y)
             if on.sum() > 1:
-                yield x[on], y[on]
+                yield int(curve), x[on], y[on]
     elif points.joined:
         level = np.round(points.x, 9)
         known = np.isfinite(level) & np.isfinite(y)
         at = [known & (level == one) for one in np.unique(level[known])]
         if len(at) > 1:
-            yield np.array([x[on].mean() for on in at]), np.array([y[on].mean() for on in at])
+            x_means, y_means = (np.array([v[on].mean() for on in at]) for v in (x, y))
+            yield None, x_means, y_means
 
 
 def _x_range(points: Points) -> tuple[float, float]:
@@ -468,18 +535,32 @@ def _curves_panel(traces: Traces, test: int, left: float, top: float) -> Iterato
     low, high = min(0.0, float(force.min())), max(float(force.max()), 0.0)
     room = 0.06 * (high - low) or 1.0
     y_range = (low - room if low < 0.0 else 0.0, high + room)
+    across = "time, s" if held else "travel, mm"
     chart = Chart(left, top + 34.0, 220.0, 150.0, (0.0, float(np.nanmax(x)) or 1.0), y_range)
     for number, words in enumerate(textwrap.wrap(traces.label[test], _LABEL, max_lines=2)):
         yield text(left, top + 8.0 + 14.0 * number, words, size=11.5)
-    yield from frame(chart, x_label="time, s" if held else "travel, mm", y_label="", most_ticks=5)
+    yield from frame(chart, x_label=across, y_label="", most_ticks=5)
     yield _upright_label(chart, 38.0, "force, N")
-    for curve in measured:
-        for i in _places(x, curve):
-            yield disc(chart.x(x[i]), chart.y(curve[i]), colour=INK, radius=1.7)
-    for curve, colour, dash in ((before, _BEFORE, "6,4"), (after, _AFTER, "")):
-        for run in runs(np.isfinite(x) & np.isfinite(curve)):
-            if run.stop - run.start > 1:
-                yield line(chart, x[run], curve[run], colour=colour, width=1.8, dash=dash)
+    readable = axes_of(chart, across, "force, N")
+    errors = _specimen_errors(traces)
+    for row, curve in zip(traces.rows[test], measured, strict=True):
+        dots = [
+            disc(chart.x(x[i]), chart.y(curve[i]), colour=INK, radius=1.7)
+            for i in _places(x, curve)
+        ]
+        words = _error_words(*(float(e[row]) if row < len(e) else math.nan for e in errors))
+        yield from told(f"measured, {_specimen_words(traces, row)}; {words}", dots, axes=readable)
+    for curve, colour, dash, of in (
+        (before, _BEFORE, "6,4", "palette alone"),
+        (after, _AFTER, "", "with the verdict's effects"),
+    ):
+        drawn = [
+            line(chart, x[run], curve[run], colour=colour, width=1.8, dash=dash)
+            for run in runs(np.isfinite(x) & np.isfinite(curve))
+            if run.stop - run.start > 1
+        ]
+        if drawn:
+            yield from told(f"predicted, {of}: {traces.label[test]}", drawn, axes=readable)
 
 
 def _curves_key(traces: Traces) -> Iterator[str]:
@@ -598,7 +679,7 @@ def _closure_figure(diagnosis: Diagnosis) -> bytes:
         parts.append(segment((x, top - 6.0), (x, bottom), colour=INK, width=1.5, dash="5,4"))
         note = f"dashed: scatter between replicates, {percent(gap.floor)}, as good as can be"
         parts.append(text(_BARS_LEFT, bottom + 38.0, note, colour=_QUIET))
-    title = "Error of force, as root mean square over each test's largest"
+    title = "Error of all specimens, % of the largest force"
     return picture(_BARS_LEFT + _BARS_WIDTH + _BARS_RIGHT, bottom + 52.0, parts, title=title)
 
 

@@ -20,6 +20,7 @@ from planner.report.gap_text import (
     scope,
     verdict_sections,
 )
+from planner.report.page import asset, begin, end
 
 __all__ = ["DIAGNOSIS", "diagnosis_files", "write_diagnosis"]
 
@@ -186,43 +187,21 @@ def _cell(value: object) -> str:
 # report.html: verdict, figures and tables on one page that needs nothing else.
 
 
-_STYLE = """
-:root { color-scheme: light dark; --ink: #1d2126; --quiet: #5c6570; --ground: #ffffff;
-  --line: #d9dde2; --card: #f4f6f8; --found: #1f5fa8; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e8ea; --quiet: #a3abb4;
-  --ground: #16191d; --line: #363c43; --card: #20252b; --found: #8ab8ee; } }
-body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 60rem; color: var(--ink);
-  background: var(--ground); font: 16px/1.5 system-ui, sans-serif; }
-h1 { font-size: 1.5rem; line-height: 1.25; margin: 0 0 .25rem; color: var(--found); }
-h2 { font-size: 1.1rem; margin: 1.75rem 0 .4rem; }
-p, ul { margin: .3rem 0; max-width: 46rem; }
-ul { padding-left: 1.2rem; }
-.quiet { color: var(--quiet); }
-figure { margin: 1.25rem 0; padding: .5rem; background: #ffffff; border: 1px solid var(--line);
-  border-radius: 6px; overflow-x: auto; }
-figure svg { display: block; max-width: 100%; height: auto; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; margin: .3rem 0; }
-th, td { text-align: left; vertical-align: top; padding: .25rem .75rem .25rem 0;
-  border-bottom: 1px solid var(--line); }
-th { font-weight: 600; color: var(--quiet); }
-td.figure, th.figure { text-align: right; font-variant-numeric: tabular-nums; }
-footer { margin-top: 2.5rem; padding-top: .75rem; border-top: 1px solid var(--line);
-  font-size: .85rem; color: var(--quiet); overflow-wrap: anywhere; }
-@media print { :root { color-scheme: light; --ink: #000000; --quiet: #444444;
-  --ground: #ffffff; --line: #bbbbbb; --found: #000000; }
-  body { max-width: none; padding: 0; font-size: 10.5pt; }
-  figure, tr { break-inside: avoid; } h2 { break-after: avoid; }
-  figure { border: 0; padding: 0; } .wide { overflow: visible; } }
-"""
+_SIGN = (
+    "Every error is the one of “How far it closes”; a single specimen's is with all tests in "
+    "the fit. It is drawn below zero where the measured force is less than predicted; along a "
+    "curve it is that of each place alone. Where words say how far force is below or above "
+    "prediction, they compare forces, in per cent of the predicted one. Point at a mark, or go "
+    "to a figure and press the arrow keys, to read the specimen, its conditions and values; "
+    "Enter enlarges the figure."
+)
 
 
 def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
-    """Yield the lines of the page, figures as SVG by name."""
-    yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
-    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{escape(d.campaign)}: {escape(d.verdict)}</title>"
-    yield f"<style>{_STYLE}</style>\n</head>\n<body>"
+    """Yield the lines of the page, figures as SVG by name; their marks tell what they are."""
+    scripts = (f"{asset('figure.js')}\n",)
+    title = f"{d.campaign}: {d.verdict}"
+    yield from begin(title, styles=["report.css"], scripts=scripts, kind="report")
     yield f"<header>\n<h1>{escape(d.campaign)}</h1>"
     yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
     yield f'<p class="quiet">{escape(headline(d))}</p>'
@@ -231,8 +210,10 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
         yield from _section(section)
     if figures:
         yield "<h2>Figures</h2>"
+        yield f"<p>{escape(_SIGN)}</p>"
     for svg in figures.values():
-        yield f"<figure>\n{svg.decode('utf-8').strip()}\n</figure>"
+        yield '<figure>\n<div class="wide" tabindex="0" role="group" aria-label="Figure">'
+        yield f"{svg.decode('utf-8').strip()}\n</div>\n</figure>"
     for heading, rows in _page_tables(d).items():
         if rows:
             yield f"<h2>{escape(heading)}</h2>"
@@ -240,7 +221,8 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield "</main>\n<footer>"
     yield f"<p>planner {escape(__version__)}, seed {d.seed}</p>"
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
-    yield "</footer>\n</body>\n</html>\n"
+    yield "</footer>"
+    yield end(scripts)
 
 
 def _section(section: TextSection) -> Iterator[str]:
@@ -258,7 +240,8 @@ def _section(section: TextSection) -> Iterator[str]:
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
     kinds = [' class="figure"' if name in _FLUSH_RIGHT else "" for name in columns]
     heads = zip(columns, kinds, strict=True)
-    yield '<div class="wide">\n<table>\n<thead><tr>'
+    yield '<div class="wide" tabindex="0" role="group" aria-label="Table">'
+    yield "<table>\n<thead><tr>"
     yield "".join(f'<th scope="col"{kind}>{escape(name)}</th>' for name, kind in heads)
     yield "</tr></thead>\n<tbody>"
     for row in rows:

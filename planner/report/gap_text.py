@@ -315,10 +315,9 @@ def _where(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
     gap, named = diagnosis.gap, diagnosis.named
-    yield sentence(
-        "errors are of force, as root mean squares over each test's largest"
-        + (f", on tests that took no part in the fit ({gap.held_out})" if gap.held_out else "")
-    )
+    yield _ERROR
+    if gap.held_out:
+        yield f"These errors are on tests that took no part in the fit ({gap.held_out})."
     yield errors_table(diagnosis)
     if gap.floor is not None:
         below = any(error < gap.floor for _, error in errors_of(diagnosis))
@@ -341,6 +340,14 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
             "Refitting the laws does as well as the effect: what is off may be the palette, "
             "or what the effect does to all its materials alike."
         )
+
+
+_ERROR = (
+    "The error of a specimen is the root mean square, over its curve, of measured less predicted "
+    "force, in per cent of the specimen's largest force; that of several specimens is the root "
+    "mean square of theirs."
+)
+"""The one definition, of text, tables, figures and diagnosis.json alike."""
 
 
 def errors_table(diagnosis: Diagnosis) -> Table:

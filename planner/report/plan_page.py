@@ -4,9 +4,7 @@ import base64
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from html import escape
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +18,7 @@ from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
 from planner.report.display import Shown, distinct_colours, shown
 from planner.report.markdown import to_html
+from planner.report.page import asset, begin, end
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
     error_words,
@@ -189,25 +188,20 @@ _HEAD_BYTES = 2048
 
 def _stamp(plan_sha256: str) -> str:
     """Return what tells a page that is up to date: planner, the viewer, and the plan it shows."""
-    viewer = hashlib.sha256("".join(_asset(name) for name in _ASSETS).encode()).hexdigest()[:16]
+    viewer = hashlib.sha256("".join(map(asset, _ASSETS)).encode()).hexdigest()[:16]
     return f'<meta name="generator" content="planner {__version__} {viewer} {plan_sha256}">'
 
 
-_ASSETS = ("plan.css", "three.min.js", "THREE-LICENSE.txt", "viewer.js", "page.js")
+_ASSETS = (
+    "base.css", "plan.css", "three.min.js", "THREE-LICENSE.txt", "viewer.js", "page.js",
+    "figure.js",
+)  # fmt: skip
 
 
-@cache
-def _asset(name: str) -> str:
-    """Return a file of the viewer, with the same line ends everywhere."""
-    file = resources.files("planner.report").joinpath("viewer", name)
-    return "\n".join(file.read_text(encoding="utf-8").splitlines()).strip()
-
-
-def _scripts() -> tuple[str, str]:
-    """Return the scripts that run: the library under its licence, and the page's own."""
-    licence = _asset("THREE-LICENSE.txt")
-    library = f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{_asset('three.min.js')}\n"
-    return library, f"{_asset('viewer.js')}\n{_asset('page.js')}\n"
+def library() -> str:
+    """Return the script of the 3D library, under its licence."""
+    licence = asset("THREE-LICENSE.txt")
+    return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
 
 
 def _page(source: _Source) -> Iterator[str]:
@@ -215,18 +209,14 @@ def _page(source: _Source) -> Iterator[str]:
     plan = source.plan
     display = shown(source.shells)
     colours = distinct_colours(source.colours)
-    library, own = _scripts()
-    allowed = " ".join(f"'sha256-{_integrity(script)}'" for script in (library, own))
-    yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
-    yield _stamp(source.sha256)
-    yield (
-        f'<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
-        f"script-src {allowed}; style-src 'unsafe-inline'; base-uri 'none'; "
-        "form-action 'none'\">"
+    own = "\n".join(map(asset, ("viewer.js", "page.js", "figure.js")))
+    scripts = (library(), f"{own}\n")
+    yield from begin(
+        f"{plan.part.file}: plan",
+        styles=["plan.css"],
+        scripts=scripts,
+        stamp=_stamp(source.sha256),
     )
-    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{escape(plan.part.file)}: plan</title>"
-    yield f"<style>\n{_asset('plan.css')}\n</style>\n</head>\n<body>"
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
@@ -245,11 +235,7 @@ def _page(source: _Source) -> Iterator[str]:
     yield from _footer(source, display)
     yield f'<script type="application/json" id="data">{_data(source, display, colours)}</script>'
     yield f'<script type="text/plain" id="geometry">{_geometry(display)}</script>'
-    yield f"<script>{library}</script>\n<script>{own}</script>\n</body>\n</html>\n"
-
-
-def _integrity(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode()
+    yield end(scripts)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ __all__ = [
     "INK",
     "Chart",
     "Panel",
+    "axes_of",
     "band",
     "cross",
     "disc",
@@ -35,6 +36,7 @@ __all__ = [
     "simulation_figure",
     "text",
     "ticks",
+    "told",
     "upright",
 ]
 
@@ -223,6 +225,34 @@ def ring(x: float, y: float, *, colour: str, radius: float = 3.5) -> str:
 def disc(x: float, y: float, *, colour: str, radius: float = 3.5) -> str:
     """Fill a disc at a place of the picture."""
     return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:g}" fill="{colour}"/>'
+
+
+def told(words: str, parts: Iterable[str], *, axes: str = "") -> Iterator[str]:
+    """Group what is drawn, with words that a pointer on it brings up.
+
+    Parameters
+    ----------
+    axes
+        See `axes_of`; of a group whose places can be read.
+    """
+    yield f"<g{axes}><title>{escape(words)}</title>"
+    yield from parts
+    yield "</g>"
+
+
+def axes_of(chart: Chart, x: str, y: str, *, log: bool = False) -> str:
+    """Return a group's attribute that tells a page how places in it are read as figures.
+
+    Parameters
+    ----------
+    x, y
+        What the axes are, each with its unit last: "travel, mm".
+    log
+        Whether `Chart.x_range` is of decimal logarithms.
+    """
+    corners = (chart.left, chart.top, chart.width, chart.height, *chart.x_range, *chart.y_range)
+    figures = " ".join(f"{corner:.5g}" for corner in corners)
+    return f' data-axes="{figures} {int(log)}" data-x="{escape(x)}" data-y="{escape(y)}"'
 
 
 def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:

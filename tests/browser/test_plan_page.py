@@ -5,9 +5,8 @@ Skipped where no Chromium with its driver is installed (Debian: chromium chromiu
 
 import base64
 import io
-import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,45 +19,14 @@ import planner
 from planner.plan import Finding
 
 webdriver = pytest.importorskip("selenium.webdriver")
-axe = pytest.importorskip("axe_core_python.base")
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
-)
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium with its driver")
 
 LOADED_S = 10.0
 """A bound for a busy machine without a graphics card; two cores of their own take 1.2 s for the
 finger, of the 2 s that are promised."""
 
-ARGUMENTS = (
-    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-quic", "--hide-scrollbars", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)  # fmt: skip
 PLACE_MM = (30.0, 9.0, 12.0)
 Pages = Callable[[str], Path]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    profile = f"--user-data-dir={tmp_path_factory.mktemp('profile')}"
-    for argument in (*ARGUMENTS, profile):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    yield driver
-    driver.quit()
-
-
-@pytest.fixture(autouse=True)
-def nothing_to_complain_of(browser: Any) -> Iterator[None]:
-    """Whatever a test does, the console stays empty."""
-    yield
-    assert complaints(browser) == []
+Load = Callable[..., float]
 
 
 @pytest.fixture(scope="module")
@@ -78,28 +46,18 @@ def pages(plan: planner.Plan, tmp_path_factory: pytest.TempPathFactory) -> Pages
     return made.__getitem__
 
 
-def load(
-    browser: Any,
-    page: Path,
-    *,
-    dark: bool = False,
-    still: bool = True,
-    width: int = 1000,
-    height: int = 600,
-) -> float:
+@pytest.fixture
+def load(browser: Any, open_page: Callable[..., None]) -> Load:
     """Open a page and return how long it took, in seconds, until its view was drawn."""
-    features = {
-        "prefers-color-scheme": "dark" if dark else "light",
-        "prefers-reduced-motion": "reduce" if still else "no-preference",
-    }
-    wanted = [{"name": name, "value": value} for name, value in features.items()]
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": wanted})
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    browser.get(page.as_uri())
-    assert browser.execute_script("return document.documentElement.dataset.ready") != "without-view"
-    seen(browser)  # which waits for the graphics
-    return float(browser.execute_script("return performance.now()")) / 1000.0
+
+    def loaded(page: Path, **window: Any) -> float:
+        open_page(page, **window)
+        ready = browser.execute_script("return document.documentElement.dataset.ready")
+        assert ready != "without-view"
+        seen(browser)  # which waits for the graphics
+        return float(browser.execute_script("return performance.now()")) / 1000.0
+
+    return loaded
 
 
 def seen(browser: Any) -> Any:
@@ -129,17 +87,13 @@ def click(browser: Any, selector: str) -> None:
     browser.execute_script("document.querySelector(arguments[0]).click()", selector)
 
 
-def complaints(browser: Any) -> list[str]:
-    return [entry["message"] for entry in browser.get_log("browser")]
-
-
 def camera(browser: Any) -> dict[str, Any]:
     found: dict[str, Any] = browser.execute_script("return planView.camera()")
     return found
 
 
-def test_the_part_is_there_soon(browser: Any, pages: Pages) -> None:
-    taken = load(browser, pages("sound"))
+def test_the_part_is_there_soon(browser: Any, load: Load, pages: Pages) -> None:
+    taken = load(pages("sound"))
     assert taken < LOADED_S
     pixels = pixels_of(browser.find_element("id", "view").screenshot_as_png)
     # The finger fills most of the width and about a fifth of the view.
@@ -148,8 +102,8 @@ def test_the_part_is_there_soon(browser: Any, pages: Pages) -> None:
     assert len(hues) > 10  # of ten materials, lit from one side
 
 
-def test_a_section_is_cut_filled_and_moved(browser: Any, pages: Pages) -> None:
-    load(browser, pages("sound"))
+def test_a_section_is_cut_filled_and_moved(browser: Any, load: Load, pages: Pages) -> None:
+    load(pages("sound"))
     whole = seen(browser)
     click(browser, "input[name=section][value=y]")
     cut = seen(browser)
@@ -167,8 +121,10 @@ def test_a_section_is_cut_filled_and_moved(browser: Any, pages: Pages) -> None:
     assert changed(whole, seen(browser)) == 0
 
 
-def test_materials_are_switched_off_and_on(browser: Any, pages: Pages, plan: planner.Plan) -> None:
-    load(browser, pages("sound"))
+def test_materials_are_switched_off_and_on(
+    browser: Any, load: Load, pages: Pages, plan: planner.Plan
+) -> None:
+    load(pages("sound"))
     whole = seen(browser)
     click(browser, "#materials li:nth-child(7) input")
     assert changed(whole, seen(browser)) > 1500
@@ -181,8 +137,8 @@ def test_materials_are_switched_off_and_on(browser: Any, pages: Pages, plan: pla
     assert f"{plan.regions[6].volume_mm3:.0f} mm³" in words
 
 
-def test_the_figure_points_a_material_out(browser: Any, pages: Pages) -> None:
-    load(browser, pages("sound"), height=1200)  # so that the view and the figure are seen at once
+def test_the_figure_points_a_material_out(browser: Any, load: Load, pages: Pages) -> None:
+    load(pages("sound"), height=1200)  # so that the view and the figure are seen at once
     whole = seen(browser)
     band = browser.find_element("css selector", "figure g[data-material='3'] .swatch")
     webdriver.ActionChains(browser).move_to_element(band).perform()
@@ -191,8 +147,10 @@ def test_the_figure_points_a_material_out(browser: Any, pages: Pages) -> None:
     assert "lit" in str(row.get_attribute("class"))
 
 
-def test_a_finding_is_flown_to_from_the_list_and_from_its_mark(browser: Any, pages: Pages) -> None:
-    load(browser, pages("found"), still=False)
+def test_a_finding_is_flown_to_from_the_list_and_from_its_mark(
+    browser: Any, load: Load, pages: Pages
+) -> None:
+    load(pages("found"), still=False)
     before = camera(browser)
     click(browser, "#findings button")
     until = time.monotonic() + 10.0  # the flight takes 0.45 s where frames come
@@ -200,7 +158,7 @@ def test_a_finding_is_flown_to_from_the_list_and_from_its_mark(browser: Any, pag
         time.sleep(0.05)
     there = camera(browser)
     assert there["zoom"] > 1.5 * before["zoom"]
-    load(browser, pages("found"))
+    load(pages("found"))
     click(browser, ".mark")
     there = camera(browser)
     assert there["target"] == pytest.approx(PLACE_MM, abs=1e-6)
@@ -208,8 +166,8 @@ def test_a_finding_is_flown_to_from_the_list_and_from_its_mark(browser: Any, pag
     assert pressed.get_attribute("aria-pressed") == "true"
 
 
-def test_keys_turn_move_zoom_and_reset(browser: Any, pages: Pages) -> None:
-    load(browser, pages("sound"))
+def test_keys_turn_move_zoom_and_reset(browser: Any, load: Load, pages: Pages) -> None:
+    load(pages("sound"))
     start = camera(browser)
     view = browser.find_element("id", "view")
     keys = webdriver.Keys
@@ -227,8 +185,10 @@ def test_keys_turn_move_zoom_and_reset(browser: Any, pages: Pages) -> None:
     assert back["zoom"] == pytest.approx(start["zoom"])
 
 
-def test_dragging_turns_and_the_pointer_reads_the_material(browser: Any, pages: Pages) -> None:
-    load(browser, pages("sound"))
+def test_dragging_turns_and_the_pointer_reads_the_material(
+    browser: Any, load: Load, pages: Pages
+) -> None:
+    load(pages("sound"))
     view = browser.find_element("id", "view")
     webdriver.ActionChains(browser).move_to_element(view).perform()
     until = time.monotonic() + 10.0
@@ -244,23 +204,13 @@ def test_dragging_turns_and_the_pointer_reads_the_material(browser: Any, pages: 
 
 @pytest.mark.parametrize(("dark", "width"), [(False, 1000), (True, 1000), (False, 380)])
 def test_light_dark_and_narrow_are_for_all(
-    browser: Any, pages: Pages, dark: bool, width: int
+    browser: Any, load: Load, pages: Pages, for_all: Callable[[], None], dark: bool, width: int
 ) -> None:
-    load(browser, pages("found"), dark=dark, width=width)
+    load(pages("found"), dark=dark, width=width)
     ground = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
     assert (max(int(v) for v in ground.strip("rgb()").split(",")) < 50) == dark
     click(browser, "#findings button")
-    script = Path(axe.__file__).with_name("axe.min.js").read_text(encoding="utf-8")
-    found = browser.execute_async_script(script + "\naxe.run().then(arguments[0])")
-    serious = [
-        (fault["id"], [node["target"] for node in fault["nodes"]])
-        for fault in found["violations"]
-        if fault["impact"] in ("serious", "critical")
-    ]
-    assert serious == []
-    assert len(found["passes"]) > 15
-    overflow = "return document.documentElement.scrollWidth - innerWidth"
-    assert browser.execute_script(overflow) <= 0
+    for_all()
 
 
 def test_without_3d_the_rest_stands(browser: Any, pages: Pages) -> None:
@@ -279,12 +229,14 @@ def test_without_3d_the_rest_stands(browser: Any, pages: Pages) -> None:
     browser.get_log("browser")  # three.js says that there is no WebGL
 
 
-def test_nothing_of_a_hostile_name_runs(browser: Any, samples: Path, tmp_path: Path) -> None:
+def test_nothing_of_a_hostile_name_runs(
+    browser: Any, load: Load, samples: Path, tmp_path: Path
+) -> None:
     part = tmp_path / "a<img src=x onerror=alert(1)>.stl"
     part.write_bytes((samples / "dogbone.stl").read_bytes())
     hostile = planner.grade(part, from_="Tango", to="FLX9795", bands=2)
     page = tmp_path / "plan.html"
     page.write_bytes(planner.plan_page(hostile))
-    load(browser, page)
+    load(page)
     assert browser.find_element("css selector", "h1").text == part.name
     assert browser.find_elements("css selector", "img") == []

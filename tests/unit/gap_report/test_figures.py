@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.gap.diagnosis import Diagnosis, Location, Traces
+from planner.gap.diagnosis import Diagnosis, Location, Traces, signed_error
 from planner.report.gap_figures import figures_of, points_along
 
 Examples = dict[str, Diagnosis]
@@ -59,6 +59,26 @@ def test_branches_are_told_by_the_travel(traces: Traces) -> None:
     assert errors == pytest.approx(
         {"loading": 0.0, "hold": 0.1, "unloading": 0.2, "reloading": 0.3}
     )
+
+
+def test_a_sign_is_that_of_the_mean() -> None:
+    """Root mean squares: 0.5 of (0.7, 0.1), below 0 where most is below; unknown if all is."""
+    errors = np.array([[0.7, 0.1, np.nan], [-0.7, 0.1, np.nan], [np.nan, np.nan, np.nan]])
+    assert signed_error(errors) == pytest.approx([0.5, -0.5, np.nan], nan_ok=True)
+
+
+def test_marks_tell_specimen_conditions_and_error(examples: Examples) -> None:
+    drawn = figures_of(examples["rate"])
+    words = {
+        title.text or ""
+        for svg in (drawn["residuals"], drawn["curves"])
+        for title in ElementTree.fromstring(svg).iterfind(".//{*}g/{*}title")
+    }
+    b = "B: soft, crosshead speed 0.05 mm/s; error -12 % (palette alone), 0 % (with the verdict's"
+    a = "measured, A: hard, crosshead speed 5 mm/s, temperature 23 °C; error 0 % (palette alone)"
+    for begun in (b, a, "predicted, palette alone: hard <&> 5 mm/s"):
+        assert any(each.replace("\xa0", " ").startswith(begun) for each in words), begun
+    assert drawn["residuals"].count(b"error, % of the largest force") == 2
 
 
 def test_figures_are_self_contained_svg(diagnosis: Diagnosis) -> None:

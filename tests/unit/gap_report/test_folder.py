@@ -1,5 +1,8 @@
 """The folder of a diagnosis is whole, the same each time, and replaces nothing foreign."""
 
+import base64
+import hashlib
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -56,7 +59,12 @@ def test_the_folder_is_whole_and_the_same_each_time(diagnosis: Diagnosis, tmp_pa
     page = _Page((first / "report.html").read_text(encoding="utf-8"))
     assert page.open == []
     assert page.links == []
-    assert not page.tags & {"script", "link", "img", "iframe"}
+    assert not page.tags & {"link", "img", "iframe"}
+    text = (first / "report.html").read_text(encoding="utf-8")
+    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    assert len(scripts) == 1
+    digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
+    assert f"default-src 'none'; script-src 'sha256-{digest}'" in text
     assert "spring &lt;1&gt;" in (first / "report.html").read_text(encoding="utf-8")
     ranking = (first / "ranking.csv").read_text(encoding="utf-8").splitlines()
     assert ranking[0] == "hypothesis,probability,with_unknown,same_class"

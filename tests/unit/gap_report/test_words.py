@@ -31,7 +31,7 @@ def test_what_the_verdict_says_of_each_case(examples: Examples) -> None:
     """On one line a paragraph, so that no phrase is cut by the wrapping."""
     said = {name: verdict_text(d, width=10_000) for name, d in examples.items()}
     assert "very likely" in said["rate"]
-    assert "falls from 21 % to 3.0 % of a test's largest force" in said["rate"]
+    assert "falls from 21 % to 3.0 % of a specimen's largest force" in said["rate"]
     assert "97 % of what can be closed is closed (90 % interval 93 to 99 %)" in said["rate"]
     assert "unknown may be at work beside it (probability 0.23)" in said["rate"]  # 0.25 of 0.91
     assert "Read the force of B in lbf: --unit-of force=lbf:B" in said["rate"]
