@@ -42,8 +42,8 @@ _MIXTURES = (
     "materials alone, grade the part again with another `--blend`.",
 )
 
-_PICTURE, _THUMBNAIL = (720, 480), 256
-"""Pixels of the pictures beside a plan, and of the one within the 3MF."""
+_PICTURE = (600, 400)
+"""Pixels of the pictures beside a plan; the 3MF has one of half that."""
 
 _Pair = tuple[float, float]
 Box = tuple[Point, Point]
@@ -395,7 +395,7 @@ class Plan:
         from planner.formats.slicers import needs_one_mesh
         from planner.formats.threemf import ThreemfObject, write_threemf
         from planner.mesh.mesh import Mesh
-        from planner.voxels.picture import picture_png
+        from planner.voxels.picture import pictures_of
 
         if not self.shells:
             where = "its folder" if self.folder is None else str(self.folder)
@@ -428,16 +428,14 @@ class Plan:
                 )
                 for shell in self.shells
             ]
-            for name, cut_open in (("part.png", False), ("section.png", True)):
-                width, height = _PICTURE
-                picture = picture_png(solids, width=width, height=height, cut_open=cut_open)
-                (scratch / name).write_bytes(picture)
-            small = picture_png(solids, width=_THUMBNAIL, height=_THUMBNAIL, cut_open=False)
+            pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
+            (scratch / "part.png").write_bytes(pictures.outside)
+            (scratch / "section.png").write_bytes(pictures.section)
             write_threemf(
                 scratch / f"{self.name}.3mf",
                 objects,
                 assembly_name=self.name,
-                thumbnail=small,
+                thumbnail=pictures.thumbnail,
                 one_mesh=one_mesh,
             )
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")

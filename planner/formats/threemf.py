@@ -369,9 +369,9 @@ _WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
 _SETTINGS = "urn:planner:slicer-settings:1"
 """Relationship from the model to what slicers read beside it."""
 
-_THUMBNAIL = "/Metadata/preview.png"
+_THUMBNAIL = "/Metadata/Thumbnail.png"
 """Readers find it by its relationship. assimp up to 5.3 takes pictures called thumbnail for
-textures, and crashes (github.com/assimp/assimp/issues/5328)."""
+textures, and crashes (github.com/assimp/assimp/issues/5328); names of parts do not count case."""
 
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")

@@ -10,7 +10,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.voxels.columns import Grid, iterate_columns
 
-__all__ = ["picture_png"]
+__all__ = ["Pictures", "pictures_of"]
 
 # Rays are the columns of a voxel grid that stands along the line of sight: exact at every edge,
 # and the same everywhere. Steps along a ray are 1/16 of a pixel, from which slopes are taken.
@@ -38,6 +38,14 @@ _MARGIN = 0.03
 """Of the picture's width, on either side."""
 
 
+class Pictures(NamedTuple):
+    """PNGs of the same solids: from outside, cut open, and the first at half the size."""
+
+    outside: bytes
+    section: bytes
+    thumbnail: bytes
+
+
 class _Seen(NamedTuple):
     """What each ray meets first: number of a shell or -1, depth in steps, and whether on a cut."""
 
@@ -46,20 +54,18 @@ class _Seen(NamedTuple):
     cut: BoolArray
 
 
-def picture_png(
-    solids: Sequence[tuple[Mesh, str]], *, width: int, height: int, cut_open: bool
-) -> bytes:
-    """Return a PNG of closed solids in their colours, on a transparent ground.
+def pictures_of(solids: Sequence[tuple[Mesh, str]], *, width: int, height: int) -> Pictures:
+    """Draw closed solids in their colours, on a transparent ground.
+
+    Of the section the half in front of a vertical plane through the middle is taken off. The plane
+    lies along the longer of the horizontal sides.
 
     Parameters
     ----------
     solids
         Each with its colour, ``#RRGGBB``.
     width, height
-        Of the picture in pixels; the part fills it.
-    cut_open
-        Whether the half in front of a vertical plane through the part's middle is taken off. The
-        plane lies along the longer of the part's horizontal sides.
+        Of the pictures in pixels, even; the solids fill them.
     """
     bounds = np.array([solid.bounds_mm for solid, _ in solids])
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
@@ -80,15 +86,17 @@ def picture_png(
         steps, nz = 2.0 * steps, nz // 2 + 1
     origin = (float(corner[0]), float(corner[1]), float(least[2]) - steps)
     grid = Grid(origin, (pitch, pitch, steps), (nx, ny, nz))
-    start = _plane_depth(_product(normal[None], view)[0], grid) if cut_open else None
+    plane = _plane_depth(_product(normal[None], view)[0], grid)
     # Right, up and away are a left-handed set: what was outside would be inside.
     turned = [
         Mesh(vertices, np.ascontiguousarray(solid.faces[:, ::-1]))
         for vertices, (solid, _) in zip(placed, solids, strict=True)
     ]
-    seen = _look(turned, grid, start)
-    pixels = _colours(seen, [colour for _, colour in solids], steps / pitch)
-    return _encode(pixels, width, height)
+    colours = [colour for _, colour in solids]
+    outside, section = (
+        _colours(seen, colours, steps / pitch) for seen in _look(turned, grid, plane)
+    )
+    return Pictures(_encode(outside), _encode(section), _encode(_halved(outside)))
 
 
 def _view() -> FloatArray:
@@ -115,18 +123,21 @@ def _plane_depth(normal: FloatArray, grid: Grid) -> IntArray:
     return np.asarray(np.clip(step, 0, nz), dtype=np.int64)
 
 
-def _look(meshes: Sequence[Mesh], grid: Grid, start: IntArray | None) -> _Seen:
-    """Follow all rays to what they meet first, behind a plane if there is one."""
+def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> tuple[_Seen, _Seen]:
+    """Follow all rays to what they meet first, and to what they meet first behind a plane."""
     nx, ny, nz = grid.shape
-    shell, depth = np.full(nx * ny, -1, np.int32), np.full(nx * ny, nz, np.int32)
-    begin = np.zeros(nx * ny, np.int32) if start is None else start.ravel().astype(np.int32)
+    begins = [np.zeros(nx * ny, np.int32), plane.ravel().astype(np.int32)]
+    shells, depths = np.full((2, nx * ny), -1, np.int32), np.full((2, nx * ny), nz, np.int32)
     for number, mesh in enumerate(meshes):
         for slab in iterate_columns(mesh, grid):
             first = slab.first_row * nx
-            _meet(slab.offsets, slab.start, slab.stop, first, number, begin, shell, depth)
-    cut = (depth == begin) & (start is not None)
-    form = (ny, nx)
-    return _Seen(shell.reshape(form), depth.reshape(form), cut.reshape(form))
+            for begin, shell, depth in zip(begins, shells, depths, strict=True):
+                _meet(slab.offsets, slab.start, slab.stop, first, number, begin, shell, depth)
+    form, cut = (ny, nx), depths[1] == begins[1]
+    return (
+        _Seen(shells[0].reshape(form), depths[0].reshape(form), np.zeros(form, np.bool_)),
+        _Seen(shells[1].reshape(form), depths[1].reshape(form), cut.reshape(form)),
+    )
 
 
 @kernel
@@ -196,17 +207,31 @@ def _slope(shell: Any, depth: Any, i: Any, j: Any, up: Any, right: Any) -> Any:
     return gentler if gentler < 1e9 else 0.0
 
 
-def _encode(pixels: IntArray, width: int, height: int) -> bytes:
+def _halved(pixels: IntArray) -> IntArray:
+    """Return packed pixels at half the size: means of four, weighted by how much each covers."""
+    rows, columns = pixels.shape
+    channels = (pixels[..., None] >> np.array([24, 16, 8, 0])) & 255
+    four = channels.reshape(rows // 2, 2, columns // 2, 2, 4)
+    weight = four[..., 3:]
+    cover = weight.sum(axis=(1, 3))
+    mean = ((four[..., :3] * weight).sum(axis=(1, 3)) + cover // 2) // np.maximum(cover, 1)
+    return np.asarray(
+        (np.concatenate([mean, (cover + 2) // 4], axis=2) << np.array([24, 16, 8, 0])).sum(axis=2)
+    )
+
+
+def _encode(pixels: IntArray) -> bytes:
     """Return the PNG of packed pixels (height, width), the lowest row first."""
+    height, width = pixels.shape
     packed = pixels[::-1]
     ends = np.diff(packed, axis=1, prepend=-1) != 0
     edges = np.flatnonzero(ends.ravel())
     used, label = np.unique(packed.ravel()[edges], return_inverse=True)
-    colours = [tuple(int(c >> shift & 255) for shift in (24, 16, 8, 0)) for c in used.tolist()]
+    colours = [tuple(c >> shift & 255 for shift in (24, 16, 8, 0)) for c in used.tolist()]
     offsets = np.searchsorted(edges, np.arange(height + 1) * width).astype(np.int64)
     start = (edges % width).astype(np.int32)
     stop = np.append(start[1:], 0).astype(np.int32)
     stop[stop == 0] = width
-    kind = ImageKind(tuple(colours), indexed=False, pixel_mm=(0.25, 0.25))  # type: ignore[arg-type]
+    kind = ImageKind(tuple(colours), indexed=False, pixel_mm=(0.25, 0.25))
     labels = (label + 1).astype(np.int32)
     return encode_layer(offsets, start, stop, labels, (0, height), width, kind)

@@ -15,7 +15,7 @@ import pytest
 from planner.formats.stl import encode_stl
 from planner.formats.threemf import ThreemfObject, write_threemf
 from planner.mesh.mesh import Mesh
-from planner.voxels.picture import picture_png
+from planner.voxels.picture import pictures_of
 
 
 def need(program):
@@ -65,7 +65,7 @@ def written(path, *, one_mesh=False):
     ]
     metadata = {"printer": "connex3"}
     solids = [(Mesh(v.astype(np.float64), f), "#336699") for v, f, _ in shells]
-    picture = picture_png(solids, width=32, height=32, cut_open=False)
+    picture = pictures_of(solids, width=64, height=64).thumbnail
     write_threemf(path, objects, "ring", metadata, thumbnail=picture, one_mesh=one_mesh)
     return path, [len(f) for _, f, _ in shells], [volume for *_, volume in shells]
 

@@ -12,7 +12,7 @@ from PIL import Image
 import planner
 from planner.formats.threemf import read_threemf
 from planner.mesh.mesh import Mesh
-from planner.voxels.picture import picture_png
+from planner.voxels.picture import pictures_of
 
 
 def _mesh(solid: m3.Manifold) -> Mesh:
@@ -22,8 +22,8 @@ def _mesh(solid: m3.Manifold) -> Mesh:
 
 
 def _pixels(solids: list[tuple[Mesh, str]], *, cut_open: bool = False) -> np.ndarray:
-    data = picture_png(solids, width=120, height=90, cut_open=cut_open)
-    image = Image.open(io.BytesIO(data))
+    pictures = pictures_of(solids, width=120, height=90)
+    image = Image.open(io.BytesIO(pictures.section if cut_open else pictures.outside))
     assert image.size == (120, 90)
     return np.asarray(image.convert("RGBA")).astype(int)
 
@@ -64,8 +64,8 @@ def test_an_open_cavity_is_looked_into() -> None:
 
 
 def test_the_bytes_are_these() -> None:
-    data = picture_png([(_mesh(BLOCK), SHELL)], width=60, height=40, cut_open=True)
-    assert hashlib.sha256(data).hexdigest()[:16] == "59990a5233e7a88a"
+    data = b"".join(pictures_of([(_mesh(BLOCK), SHELL)], width=60, height=40))
+    assert hashlib.sha256(data).hexdigest()[:16] == "d07ceccb393a1b94"
 
 
 def test_a_plan_has_pictures_and_its_3mf_a_thumbnail(tmp_path) -> None:
@@ -73,10 +73,10 @@ def test_a_plan_has_pictures_and_its_3mf_a_thumbnail(tmp_path) -> None:
     plan = planner.grade((part.vertices, part.faces), from_="Tango", to="Vero")
     folder = plan.write(tmp_path / "out")
     for name in ("part.png", "section.png"):
-        assert Image.open(io.BytesIO((folder / name).read_bytes())).size == (720, 480)
+        assert Image.open(io.BytesIO((folder / name).read_bytes())).size == (600, 400)
     with zipfile.ZipFile(folder / "part.3mf") as archive:
-        thumbnail = Image.open(io.BytesIO(archive.read("Metadata/preview.png")))
-    assert thumbnail.size == (256, 256)
+        thumbnail = Image.open(io.BytesIO(archive.read("Metadata/Thumbnail.png")))
+    assert thumbnail.size == (300, 200)
     assert len(read_threemf(folder / "part.3mf").objects) == len(plan.shells)
     assert planner.check(folder).ok
     assert plan.write(tmp_path / "out", force=True) == folder
