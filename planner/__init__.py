@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
     from planner.printers import Printer, installed_printers, load_printer
+    from planner.report.compare_page import compare_page
     from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
     from planner.report.material_figures import characterisation_figure, materials_figure
@@ -69,6 +70,7 @@ __all__ = [
     "characterisation_figure",
     "characterise",
     "check",
+    "compare_page",
     "correct",
     "design",
     "diagnose",
@@ -117,6 +119,7 @@ _MODULES = {
     "planner.palette": "Material Palette load_palette write_palette",
     "planner.plan": "Plan Region read_plan",
     "planner.printers": "Printer installed_printers load_printer",
+    "planner.report.compare_page": "compare_page",
     "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.material_figures": "characterisation_figure materials_figure",

@@ -21,6 +21,7 @@ COMMANDS = {
     "view": "view",
     "check": "check",
     "diff": "diff",
+    "compare": "compare_page",
     "slices": "write_slices",
     "printers": "installed_printers",
     "gap diagnose": "diagnose",

@@ -1,4 +1,4 @@
-"""planner grade, view, check, diff, slices and simulate: commands that make or take a plan."""
+"""planner grade, view, check, diff, compare, slices, simulate: they make or take a plan."""
 
 import re
 from pathlib import Path
@@ -261,22 +261,30 @@ def view(
 
     Example: [bold]planner view finger-graded[/bold]
     """
-    import webbrowser
-
     import planner
-    from planner.cli.output import print_document, progress, say, warn
+    from planner.cli.output import print_document, progress
 
     with progress(not quiet and not as_json) as stage:
         stage("making the page")
         page = planner.view(plan)
-    opened = not no_open and webbrowser.open(page.resolve().as_uri())
+    opened = _shown(page, no_open=no_open, quiet=quiet or as_json)
     if as_json:
         print_document({"schema": 1, "page": str(page), "opened": opened})
-    elif not quiet:
+    return 0
+
+
+def _shown(page: Path, *, no_open: bool, quiet: bool) -> bool:
+    """Open a page in the browser and say where it is; tell whether a browser opened it."""
+    import webbrowser
+
+    from planner.cli.output import say, warn
+
+    opened = not no_open and webbrowser.open(page.resolve().as_uri())
+    if not quiet:
         if not (opened or no_open):
             warn("no browser could be started; open the page yourself")
         say(str(page))
-    return 0
+    return opened
 
 
 # ------------------------------------------------------------------------------------------------
@@ -362,6 +370,54 @@ def diff(
         print_table(list(rows[0]), [list(row.values()) for row in rows])
     elif not quiet:
         say("the plans mean the same")
+    return 1 if found else 0
+
+
+# ------------------------------------------------------------------------------------------------
+# planner compare.
+
+
+def compare(
+    before: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
+    after: Annotated[Path, Argument(help="The plan to see beside it.")],
+    output: Annotated[
+        Path, Option("--output", "-o", help="Page to write; compare.html by default.")
+    ] = Path("compare.html"),
+    tolerance: Annotated[
+        float,
+        Option(
+            help="Relative difference of volumes, masses and moduli that still counts as equal."
+        ),
+    ] = 1e-6,
+    no_open: Annotated[
+        bool, Option("--no-open", help="Write the page and say where it is, no more.")
+    ] = False,
+    force: Annotated[bool, Option("--force", help="Replace a page that is there.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Write a page with two plans side by side, turned and cut together, and open it.
+
+    Exit code 1 when they differ, as of [bold]planner diff[/bold].
+
+    Example: [bold]planner compare finger-graded finger-graded-before[/bold]
+    """
+    from dataclasses import asdict
+
+    import planner
+    from planner.cli.output import print_document, progress
+    from planner.formats.files import write_whole
+
+    check_targets(force=force, output=output)
+    with progress(not quiet and not as_json) as stage:
+        stage("making the page")
+        found = planner.diff(before, after, tolerance=tolerance)
+        write_whole(output, planner.compare_page(before, after, tolerance=tolerance))
+    opened = _shown(output, no_open=no_open, quiet=quiet or as_json)
+    if as_json:
+        rows = [asdict(difference) for difference in found]
+        page = {"page": str(output), "opened": opened}
+        print_document({"schema": 1, **page, "equal": not found, "differences": rows})
     return 1 if found else 0
 
 

@@ -11,9 +11,9 @@ from planner.grading.profile import Profile
 from planner.numerics import FloatArray
 from planner.plan import Plan, Region
 from planner.report.plan_text import format_interval, format_number, mm_along
-from planner.report.svg import INK, Chart, frame, line, log_ticks, rectangle, segment, text
+from planner.report.svg import INK, Chart, frame, line, log_ticks, rectangle, segment, text, told
 
-__all__ = ["stiffness_figure", "stretches", "target_along"]
+__all__ = ["both_figure", "stiffness_figure", "stretches", "target_along"]
 
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
@@ -185,3 +185,70 @@ def _key(known: bool, wanted: bool) -> Iterator[str]:
         x -= 78.0
         yield text(x + 26.0, 18.0, "target")
         yield segment((x, 14.0), (x + 20.0, 14.0), colour=_TARGET, width=2.0, dash="6,4")
+
+
+# ------------------------------------------------------------------------------------------------
+# Two plans over each other.
+
+
+_OTHER = "#c0562b"
+
+
+def both_figure(first: Plan, second: Plan, words: str) -> str:
+    """Draw targets and achieved moduli of two plans over each other, along their fields.
+
+    In millimetres where both fields begin and end at the same ones, else from 0 to 1.
+
+    Parameters
+    ----------
+    words
+        Id of what the page says of it.
+
+    Returns
+    -------
+    str
+        An ``svg`` element.
+    """
+    plans = (first, second)
+    targets = [target_along(plan) for plan in plans]
+    moduli = [math.log10(region.modulus_MPa) for plan in plans for region in plan.regions]
+    for target in targets:
+        moduli += [] if target is None else [float(target[1].min()), float(target[1].max())]
+    room = _ROOM * (max(moduli) - min(moduli)) or 0.5
+    spans = [mm_along(plan.gradient.field) for plan in plans]
+    begin, way = spans[0] if spans[0] == spans[1] and spans[0][1] else (0.0, 1.0)
+    ends = (begin, begin + way)
+    chart = Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, ends, (min(moduli) - room, max(moduli) + room))
+    strains = dict.fromkeys(f"{plan.stiffness.at_strain:g}" for plan in plans)
+    long = way != 1.0
+    across = "place along the field, mm" if long else "field, from its beginning (0) to its end (1)"
+    up = f"secant modulus at strain {' and '.join(strains)}, MPa"
+    parts = list(frame(chart, x_label=across, y_label=up, y_ticks=log_ticks(*chart.y_range)))
+    styles = (("A", _TARGET, 5.0), ("B", _OTHER, 2.0))
+    for (side, colour, width), plan, target in zip(styles, plans, targets, strict=True):
+        if target is not None:
+            drawn = line(
+                chart, begin + target[0] * way, target[1], colour=colour, width=1.3, dash="6,4"
+            )
+            parts += told(f"{side}: target", [drawn])
+        for region in stretches(plan.regions):
+            said = (
+                f"{side}: {region.printed}, {format_number(region.modulus_MPa)} MPa, 95 % interval "
+                f"{format_interval(region.modulus_interval_MPa)}"
+            )
+            left, right = _span(region, chart, ends)
+            y = chart.y(math.log10(region.modulus_MPa))
+            parts += told(said, [segment((left, y), (right, y), colour=colour, width=width)])
+    for place, (side, colour, width) in enumerate(styles):
+        x = _LEFT + _WIDTH - 100.0 + 56.0 * place
+        parts += [
+            segment((x, 14.0), (x + 20.0, 14.0), colour=colour, width=width),
+            text(x + 26.0, 18.0, side),
+        ]
+    size = (_LEFT + _WIDTH + 16.0, _TOP + _HEIGHT + 50.0)
+    return (
+        f'<svg viewBox="0 0 {size[0]:g} {size[1]:g}" width="{size[0]:g}" height="{size[1]:g}" '
+        f'font-size="12" fill="{INK}" role="img" aria-labelledby="{words}">\n'
+        + "\n".join(parts)
+        + "\n</svg>"
+    )

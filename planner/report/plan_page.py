@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -28,7 +28,20 @@ from planner.report.plan_text import (
     unreachable_words,
 )
 
-__all__ = ["plan_page", "view"]
+__all__ = [
+    "KEYS",
+    "PlanSource",
+    "geometry",
+    "library",
+    "plan_page",
+    "regions_table",
+    "section_controls",
+    "source_of",
+    "swatch",
+    "view",
+    "viewer_data",
+    "wish_words",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -39,7 +52,7 @@ _NAME = "plan.html"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Source:
+class PlanSource:
     """A plan as plan.json has it, its hash, the text of HOWTO.md, and its shells from soft to hard.
 
     Attributes
@@ -56,9 +69,14 @@ class _Source:
     shells: tuple[tuple[Float32Array | FloatArray, IntArray], ...]
 
 
-def _from_plan(plan: Plan) -> _Source:
+def source_of(plan: Plan | str | Path) -> PlanSource:
+    """Return what a page shows of a plan, made just now or read from its folder."""
+    return _from_plan(plan) if isinstance(plan, Plan) and plan.shells else _from_folder(plan)
+
+
+def _from_plan(plan: Plan) -> PlanSource:
     document = plan.json()
-    return _Source(
+    return PlanSource(
         decode_plan(document, "plan.json"),  # with the digits that the file keeps
         hashlib.sha256(document).hexdigest(),
         plan.howto(),
@@ -68,7 +86,7 @@ def _from_plan(plan: Plan) -> _Source:
     )
 
 
-def _from_folder(where: str | Path | Plan) -> _Source:
+def _from_folder(where: str | Path | Plan) -> PlanSource:
     file = plan_file(where)
     plan, root = read_plan(file), file.parent
     colours = {
@@ -82,7 +100,7 @@ def _from_folder(where: str | Path | Plan) -> _Source:
         shells.append((triangles.reshape(-1, 3), faces))
     howto = root / "HOWTO.md"
     names = tuple(regions[name].printed for name in sorted(regions))
-    return _Source(
+    return PlanSource(
         plan,
         _sha256_of(file),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
@@ -141,8 +159,7 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    source = _from_plan(plan) if isinstance(plan, Plan) and plan.shells else _from_folder(plan)
-    return "\n".join(_page(source)).encode("utf-8")
+    return "\n".join(_page(source_of(plan))).encode("utf-8")
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -204,7 +221,7 @@ def library() -> str:
     return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
 
 
-def _page(source: _Source) -> Iterator[str]:
+def _page(source: PlanSource) -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
@@ -223,18 +240,23 @@ def _page(source: _Source) -> Iterator[str]:
     yield from _stage(plan, display)
     yield '<div class="panel">'
     yield from _findings(plan)
-    yield from _section_controls(plan)
+    yield from section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
-    yield _KEYS
+    yield KEYS
     yield '</div>\n</div>\n<div class="below" id="figures">'
     yield from _figure(source, colours)
-    yield from _table(source, colours)
+    yield '<section aria-labelledby="table-title">\n<h2 id="table-title">Regions</h2>'
+    yield from regions_table(
+        plan, dict(zip(source.names, colours, strict=True)), _numbers(source), "table-title"
+    )
+    yield "</section>"
     yield from _remarks(plan)
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    yield f'<script type="application/json" id="data">{_data(source, display, colours)}</script>'
-    yield f'<script type="text/plain" id="geometry">{_geometry(display)}</script>'
+    data = viewer_data(source, display, colours, _numbers(source))
+    yield f'<script type="application/json" id="data">{data}</script>'
+    yield f'<script type="text/plain" id="geometry">{geometry(display)}</script>'
     yield end(scripts)
 
 
@@ -242,7 +264,14 @@ def _page(source: _Source) -> Iterator[str]:
 # What the viewer reads.
 
 
-def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
+def _numbers(source: PlanSource) -> dict[str, int]:
+    """Return each material's number, from soft to hard."""
+    return {name: number for number, name in enumerate(source.names, start=1)}
+
+
+def viewer_data(
+    source: PlanSource, display: Shown, colours: Sequence[str], numbers: Mapping[str, int]
+) -> str:
     """Return the JSON of the viewer, safe within a script element."""
     points = np.concatenate([points for points, _ in display.shells])
     plan = source.plan
@@ -254,15 +283,15 @@ def _data(source: _Source, display: Shown, colours: Sequence[str]) -> str:
         "shells": [
             {
                 "name": name,
-                "number": number,
+                "number": numbers[name],
                 "modulus": _modulus_words(plan, name),
                 "colour": colour,
                 "points": len(points),
                 "faces": len(faces),
                 "wide": _wide(len(points)),
             }
-            for number, (name, colour, (points, faces)) in enumerate(
-                zip(source.names, colours, display.shells, strict=True), start=1
+            for name, colour, (points, faces) in zip(
+                source.names, colours, display.shells, strict=True
             )
         ],
         "sections": [
@@ -298,7 +327,7 @@ def _wide(points: int) -> bool:
     return points > 1 << 16
 
 
-def _geometry(display: Shown) -> str:
+def geometry(display: Shown) -> str:
     """Return positions and triangles of each shell, little-endian, at multiples of four bytes."""
     parts = []
     for points, faces in display.shells:
@@ -312,14 +341,14 @@ def _geometry(display: Shown) -> str:
 # The head of the page, and the view with its controls.
 
 
-def _header(source: _Source) -> Iterator[str]:
+def _header(source: PlanSource) -> Iterator[str]:
     plan = source.plan
     size = [high - low for low, high in zip(*plan.part.bounds_mm, strict=True)]
     mass = sum(region.mass_g for region in plan.regions)
     found = len(plan.findings) + len(plan.unreachable)
     failed = [name for name, check in plan.checks.items() if not check.ok]
     yield f"<header>\n<div>\n<h1>{escape(plan.part.file)}</h1>"
-    yield f'<p class="quiet">{escape(_wish_words(plan))}</p>\n</div>\n<dl class="facts">'
+    yield f'<p class="quiet">{escape(wish_words(plan))}</p>\n</div>\n<dl class="facts">'
     volume = plan.part.volume_mm3
     for name, value, kind in (
         ("size, mm", " × ".join(format_number(length, 4) for length in size), ""),
@@ -337,7 +366,7 @@ def _header(source: _Source) -> Iterator[str]:
     yield "</dl>\n</header>"
 
 
-def _wish_words(plan: Plan) -> str:
+def wish_words(plan: Plan) -> str:
     """Say in a line what was wanted."""
     gradient, words = plan.gradient, []
     if gradient.start and gradient.end:
@@ -439,10 +468,11 @@ def _findings(plan: Plan) -> Iterator[str]:
     yield "</ol>\n</section>"
 
 
-def _section_controls(plan: Plan) -> Iterator[str]:
+def section_controls(ways: Sequence[str]) -> Iterator[str]:
+    """Yield the controls of the section, by the names of the ways to cut."""
     yield '<fieldset id="section" data-needs-view hidden><legend>Section</legend><div class="ways">'
     yield '<label><input type="radio" name="section" value="off" checked> none</label>'
-    for name, *_ in _ways(plan):
+    for name in ways:
         yield f'<label><input type="radio" name="section" value="{name}"> {name}</label>'
     yield '</div>\n<div class="slide">'
     yield (
@@ -456,7 +486,7 @@ def _section_controls(plan: Plan) -> Iterator[str]:
     )
 
 
-def _materials(source: _Source, colours: Sequence[str]) -> Iterator[str]:
+def _materials(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
     volumes = dict.fromkeys(source.names, 0.0)
     for region in source.plan.regions:
         volumes[region.printed] += region.volume_mm3
@@ -468,7 +498,7 @@ def _materials(source: _Source, colours: Sequence[str]) -> Iterator[str]:
         long = ' class="long"' if len(name) > _NAME_FITS else ""
         yield (
             f'<li data-material="{number}"{long}><label><input type="checkbox" checked>'
-            f'{_swatch(colour)}<span class="number">{number}</span>'
+            f'{swatch(colour)}<span class="number">{number}</span>'
             f'<span class="name">{escape(name)}</span>'
             f'<span class="volume">{format_number(volumes[name], 4)} mm³</span>'
             f'<span class="share">{share:.1f} %</span></label></li>'
@@ -492,7 +522,7 @@ _NAME_FITS = 16
 """Letters of a material's name that stand in a line with its volume."""
 
 
-def _swatch(colour: str) -> str:
+def swatch(colour: str) -> str:
     """Return a square of a colour; without words, which stand beside it."""
     return (
         '<svg width="14" height="14" aria-hidden="true"><rect class="swatch" x=".5" y=".5" '
@@ -500,7 +530,7 @@ def _swatch(colour: str) -> str:
     )
 
 
-_KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
+KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys</summary>
 <dl class="keys" id="keys">
 <dt>drag</dt><dd>turn; with the right button or two fingers: move</dd>
 <dt>wheel, pinch</dt><dd>zoom</dd>
@@ -516,8 +546,8 @@ _KEYS = """<details class="card" data-needs-view hidden><summary>Mouse and keys<
 # Below the view: figure, table, checks, how to print.
 
 
-def _figure(source: _Source, colours: Sequence[str]) -> Iterator[str]:
-    numbers = {name: number for number, name in enumerate(source.names, start=1)}
+def _figure(source: PlanSource, colours: Sequence[str]) -> Iterator[str]:
+    numbers = _numbers(source)
     drawn = stiffness_figure(source.plan, dict(zip(source.names, colours, strict=True)), numbers)
     yield '<section aria-labelledby="stiffness-title">'
     yield '<h2 id="stiffness-title">Stiffness along the field</h2>'
@@ -532,31 +562,48 @@ def _figure(source: _Source, colours: Sequence[str]) -> Iterator[str]:
     )
 
 
-def _table(source: _Source, colours: Sequence[str]) -> Iterator[str]:
-    table = plan_table(source.plan)
+def regions_table(
+    plan: Plan,
+    colours: Mapping[str, str],
+    numbers: Mapping[str, int],
+    title: str,
+    changed: Collection[int] = (),
+) -> Iterator[str]:
+    """Yield a plan's regions as a table, under what it says of their stiffness.
+
+    Parameters
+    ----------
+    colours, numbers
+        Of each material, as the page shows it.
+    title
+        Id of the heading above it.
+    changed
+        Rows to mark, from 0.
+    """
+    table = plan_table(plan)
     kinds = [' class="figure"' if name in table.right else "" for name in table.columns]
-    numbers = {name: number for number, name in enumerate(source.names, start=1)}
-    yield '<section aria-labelledby="table-title">\n<h2 id="table-title">Regions</h2>'
     yield f'<p class="quiet">{escape(table.title)}</p>'
-    for words in (error_words(source.plan), moved_words(source.plan)):
+    for words in (error_words(plan), moved_words(plan)):
         if words:
             yield f'<p class="quiet">{escape(words)}</p>'
-    yield '<div class="wide" tabindex="0" role="group" aria-labelledby="table-title">'
+    yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{title}">'
     yield "<table>\n<thead><tr>"
     heads = zip(table.columns, kinds, strict=True)
     yield "".join(f'<th scope="col"{kind}>{escape(_heading(name))}</th>' for name, kind in heads)
     yield "</tr></thead>\n<tbody>"
-    for region, row in zip(source.plan.regions, table.rows, strict=True):
-        number = numbers[region.printed]
+    for row_number, (region, row) in enumerate(zip(plan.regions, table.rows, strict=True)):
+        number, other = numbers[region.printed], row_number in changed
         cells = []
-        for name, kind in zip(table.columns, kinds, strict=True):
-            swatch = _swatch(colours[number - 1]) if name == "material" else ""
-            cells.append(f"<td{kind}>{swatch}{escape(row[name])}</td>")
-        yield f'<tr data-material="{number}">{"".join(cells)}</tr>'
+        for place, (name, kind) in enumerate(zip(table.columns, kinds, strict=True)):
+            before = swatch(colours[region.printed]) if name == "material" else ""
+            before += "<b>≠</b> " if other and place == 0 else ""
+            cells.append(f"<td{kind}>{before}{escape(row[name])}</td>")
+        mark = ' class="changed"' if other else ""
+        yield f'<tr data-material="{number}"{mark}>{"".join(cells)}</tr>'
     total = zip(table.columns, kinds, strict=True)
     yield "</tbody>\n<tfoot><tr>"
     yield "".join(f"<td{kind}>{escape(table.total.get(name, ''))}</td>" for name, kind in total)
-    yield "</tr></tfoot>\n</table>\n</div>\n</section>"
+    yield "</tr></tfoot>\n</table>\n</div>"
 
 
 def _heading(column: str) -> str:
@@ -587,7 +634,7 @@ def _howto(text: str) -> Iterator[str]:
         yield f'<section class="howto">\n{to_html(text, top_level=2)}\n</section>'
 
 
-def _footer(source: _Source, display: Shown) -> Iterator[str]:
+def _footer(source: PlanSource, display: Shown) -> Iterator[str]:
     plan = source.plan
     yield "<footer>"
     if display.simplified:

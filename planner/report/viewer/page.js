@@ -24,17 +24,7 @@
 
   /* Light or dark: what is drawn in the page's ink follows it. */
 
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  const theme = () => {
-    const style = getComputedStyle(document.documentElement);
-    viewer.setTheme({
-      ink: style.getPropertyValue("--edge").trim(),
-      edgeOpacity: Number(style.getPropertyValue("--edge-opacity")),
-      faded: style.getPropertyValue("--faded").trim(),
-    });
-  };
-  dark.addEventListener("change", theme);
-  theme();
+  followTheme(viewer);
 
   /* Materials: on and off, and pointed out from wherever they are named. */
 
@@ -70,19 +60,8 @@
 
   /* The section. */
 
-  const mm = (value) => (Math.round(100 * value) / 100 + 0).toFixed(2); // never -0.00
-
   const slider = $("#section-place"), flip = $("#section-flip"), words = $("#section-words");
   const ways = $$("input[name=section]");
-  const ends = ({ normal }) => {
-    let low = 0, high = 0;
-    normal.forEach((n, k) => {
-      const a = n * data.origin[k], b = n * (data.origin[k] + data.size[k]);
-      low += Math.min(a, b);
-      high += Math.max(a, b);
-    });
-    return [low, high];
-  };
   let towards = true; // the side towards the eye is taken away, as the eye was when a way was chosen
   const section = (event) => {
     const way = data.sections[ways.findIndex((input) => input.checked) - 1];
@@ -93,7 +72,7 @@
       return;
     }
     if (ways.includes(event.target)) towards = viewer.faces(way.normal);
-    const [low, high] = ends(way);
+    const [low, high] = endsAlong(data, way.normal);
     const at = low + (Number(slider.value) / Number(slider.max)) * (high - low);
     const text = `${way.name} = ${mm(at - way.zero)} mm`;
     words.textContent = text;

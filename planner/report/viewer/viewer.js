@@ -156,6 +156,35 @@ function cutSegments(shell, normal, offset, out) {
 }
 
 /* ---------------------------------------------------------------------------------------------
+   What controls of pages with a viewer share. */
+
+const mm = (value) => (Math.round(100 * value) / 100 + 0).toFixed(2); // never -0.00
+
+function endsAlong({ origin, size }, normal) {
+  // Where the part begins and ends along a direction, in mm.
+  let low = 0, high = 0;
+  normal.forEach((n, k) => {
+    const a = n * origin[k], b = n * (origin[k] + size[k]);
+    low += Math.min(a, b);
+    high += Math.max(a, b);
+  });
+  return [low, high];
+}
+
+function followTheme(viewer) {
+  const theme = () => {
+    const style = getComputedStyle(document.documentElement);
+    viewer.setTheme({
+      ink: style.getPropertyValue("--edge").trim(),
+      edgeOpacity: Number(style.getPropertyValue("--edge-opacity")),
+      faded: style.getPropertyValue("--faded").trim(),
+    });
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme);
+  theme();
+}
+
+/* ---------------------------------------------------------------------------------------------
    The viewer. */
 
 function createViewer(canvas, data) {
@@ -531,6 +560,17 @@ function createViewer(canvas, data) {
     isCutAway: (p) => plane !== null && clip.distanceToPoint(new THREE.Vector3(...p)) < 0,
     mmPerPixel: () => (camera.top - camera.bottom) / camera.zoom / canvas.clientHeight,
     camera: () => ({ position: camera.position.toArray(), target: controls.target.toArray(), zoom: camera.zoom }),
+    // How the part is looked at, beside its middle, so that another viewer may look at its own alike.
+    look() {
+      const direction = camera.position.clone().sub(controls.target).normalize();
+      const offset = controls.target.clone().sub(middle);
+      return { direction: direction.toArray(), offset: offset.toArray(), mmPerPixel: this.mmPerPixel() };
+    },
+    setLook({ direction, offset, mmPerPixel }) {
+      flight = null;
+      const zoom = (camera.top - camera.bottom) / mmPerPixel / canvas.clientHeight;
+      place({ target: middle.clone().add(new THREE.Vector3(...offset)), direction: new THREE.Vector3(...direction), zoom });
+    },
     setShown(number, value) { shells[number].shown = value; arrange(); },
     setHighlight(number) {
       if (number === highlighted) return;
