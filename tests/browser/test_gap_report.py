@@ -110,3 +110,24 @@ def test_light_dark_and_narrow_are_for_all(
     open_page(report, dark=dark, width=width)
     for_all()
     assert browser.find_elements("css selector", "h1 b") == []
+
+
+def test_dragging_moves_a_large_figure_and_a_click_reads_a_mark(
+    browser: Any, open_page: Open, report: Path
+) -> None:
+    webdriver = pytest.importorskip("selenium.webdriver")
+    open_page(report, width=380, height=800)
+    browser.find_elements("css selector", ".enlarge")[-1].click()
+    box = "return document.querySelector('.sheet svg').getAttribute('viewBox')"
+    width, height = map(float, browser.execute_script(box).split()[2:])
+    assert height > width  # in the shape of the window
+    browser.find_element("css selector", ".sheet").send_keys("+", "+", "+")
+    before = browser.execute_script(box)
+    sheet = browser.find_element("css selector", ".sheet")
+    drag = webdriver.ActionChains(browser).click_and_hold(sheet).move_by_offset(30, 20)
+    drag.release().perform()
+    assert browser.execute_script(box) != before
+    browser.find_element("css selector", ".sheet").send_keys("0")
+    dot = browser.find_element("css selector", ".sheet g[data-told] circle")
+    webdriver.ActionChains(browser).click(dot).perform()
+    assert told(browser).startswith("measured, ")

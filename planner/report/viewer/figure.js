@@ -83,7 +83,8 @@
     tell(mark, box.right, box.top); // the end of a curve
   }
 
-  const markAt = (target) => marked.get(target) ?? target.closest?.("g[data-told]");
+  const markAt = (target) => marked.get(target) ?? target?.closest("g[data-told]");
+  const touch = ({ clientX, clientY }) => tell(markAt(document.elementFromPoint(clientX, clientY)), clientX, clientY);
 
   /* The large view: a dialog that borrows the figure. */
 
@@ -91,7 +92,7 @@
   const sheet = element("div", "sheet", { tabindex: "0", role: "group" });
   const bar = element("div", "bar");
   dialog.append(bar, sheet);
-  let open = null; // {svg, home, whole: the view box}
+  let open = null; // {svg, home, own: its view box, whole: that in the shape of the sheet}
 
   function setBox(x, y, width) {
     const { svg, whole } = open;
@@ -124,7 +125,7 @@
   );
 
   function enlarge(svg, home) {
-    open = { svg, home, whole: svg.getAttribute("viewBox").split(" ").map(Number) };
+    const own = svg.getAttribute("viewBox");
     tell(null);
     home.style.minHeight = `${home.clientHeight}px`;
     dialog.setAttribute("aria-label", svg.getAttribute("aria-label") ?? home.getAttribute("aria-label") ?? "Figure");
@@ -132,12 +133,17 @@
     sheet.append(svg);
     dialog.append(tip);
     dialog.showModal();
+    const [x, y, width, height] = own.split(" ").map(Number);
+    const shape = sheet.clientHeight / sheet.clientWidth || height / width;
+    const w = Math.max(width, height / shape), h = Math.max(height, width * shape);
+    open = { svg, home, own, whole: [x - (w - width) / 2, y - (h - height) / 2, w, h] };
+    whole();
     sheet.focus();
   }
 
   dialog.addEventListener("close", () => {
     tell(null);
-    whole();
+    open.svg.setAttribute("viewBox", open.own);
     open.home.append(open.svg);
     open.home.style.minHeight = "";
     open = null;
@@ -147,12 +153,25 @@
     event.preventDefault();
     zoom(2 ** (-event.deltaY / 300), event.clientX, event.clientY);
   }, { passive: false });
-  sheet.addEventListener("pointerdown", (event) => sheet.setPointerCapture(event.pointerId));
-  sheet.addEventListener("pointermove", (event) => {
-    if (!event.buttons) return;
-    const scale = open.svg.getScreenCTM().a;
-    move(-event.movementX / scale, -event.movementY / scale);
+  const fingers = new Map(); // or the mouse: where each one is
+  sheet.addEventListener("pointerdown", (event) => {
+    sheet.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
   });
+  sheet.addEventListener("pointermove", ({ pointerId, clientX: x, clientY: y }) => {
+    const was = fingers.get(pointerId);
+    if (!was || !open) return;
+    const other = [...fingers].find(([id]) => id !== pointerId)?.[1];
+    if (other) {
+      const far = (at) => Math.hypot(at[0] - other[0], at[1] - other[1]) || 1;
+      zoom(far([x, y]) / far(was), (x + other[0]) / 2, (y + other[1]) / 2);
+    } else {
+      const scale = open.svg.getScreenCTM().a;
+      move((was[0] - x) / scale, (was[1] - y) / scale);
+    }
+    fingers.set(pointerId, [x, y]);
+  });
+  for (const name of ["pointerup", "pointercancel"]) sheet.addEventListener(name, (event) => fingers.delete(event.pointerId));
 
   /* Every figure of the page. */
 
@@ -171,6 +190,7 @@
     else return;
     event.preventDefault();
   }
+  sheet.addEventListener("click", touch);
   sheet.addEventListener("keydown", (event) => keys(event, open?.svg));
 
   for (const home of document.querySelectorAll("figure .wide")) {
@@ -200,7 +220,8 @@
       const mark = event.buttons ? null : markAt(event.target);
       if (mark || told) tell(mark, event.clientX, event.clientY);
     });
-    svg.addEventListener("pointerleave", () => tell(null));
+    svg.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && tell(null));
+    svg.addEventListener("click", touch);
     home.addEventListener("keydown", (event) => keys(event, svg));
     home.addEventListener("blur", () => tell(null));
     const grow = button("Enlarge", () => enlarge(svg, home));
