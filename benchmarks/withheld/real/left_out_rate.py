@@ -26,7 +26,7 @@ class LeftOutRate:
     verdict
         Of the other rates' specimens.
     before, after
-        RMS error of force, of each test's largest: by the palette alone, and with that verdict.
+        RMS error of force, of each specimen's largest: by the palette alone, and with that verdict.
     """
 
     rate_mm_s: float
