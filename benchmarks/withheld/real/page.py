@@ -39,12 +39,11 @@ and `planner gap diagnose` is asked about the rest. What should come out was wri
 A diagnosis counts as expected if the verdict or its class says what the tests vary in. The gap is
 the root mean square error of force, of each specimen's largest: by the palette alone (before), and
 on tests that took no part in the fit (after); the floor is what replicates differ by. Beside it
-stands a plain mechanism, fitted without any choice: elastic shapes that relax, in shares that cannot be
-negative. It fits the elastic law anew as well and knows no columns but time; the palette's own
-curve is one more test to it, and a condition is left out at a time, or a specimen where there is
-one condition. The share is what the diagnosis closes of what that mechanism closes, blank where
-the mechanism closes less than a tenth of the gap.
-"""
+stands a plain mechanism, fitted without any choice: elastic shapes that relax, in shares that
+cannot be negative. It fits the elastic law anew as well and knows no columns but time; the
+palette's own curve is one more test to it, and a condition is left out at a time, or a specimen
+where there is one condition. The share is what the diagnosis closes of what that mechanism closes,
+blank where the mechanism closes less than a tenth of the gap. """
 
 _TAIL = """## What these sets can and cannot show
 
