@@ -43,7 +43,8 @@ stands a plain mechanism, fitted without any choice: elastic shapes that relax, 
 cannot be negative. It fits the elastic law anew as well and knows no columns but time; the
 palette's own curve is one more test to it, and a condition is left out at a time, or a specimen
 where there is one condition. The share is what the diagnosis closes of what that mechanism closes,
-blank where the mechanism closes less than a tenth of the gap. """
+blank where the mechanism closes less than a tenth of the gap.
+"""
 
 _TAIL = """## What these sets can and cannot show
 
