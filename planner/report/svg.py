@@ -129,7 +129,8 @@ def frame(
     """
     right, bottom = chart.left + chart.width, chart.top + chart.height
     if x_ticks is None:
-        x_ticks = [(value, f"{value:g}") for value in ticks(*chart.x_range, most_ticks)]
+        ends = sorted(chart.x_range)  # an axis may fall from left to right
+        x_ticks = [(value, f"{value:g}") for value in ticks(ends[0], ends[1], most_ticks)]
     for value, words in x_ticks:
         x = chart.x(value)
         yield f'<path d="M{x:.2f},{chart.top:.2f}V{bottom:.2f}" stroke="{_GRID}"/>'

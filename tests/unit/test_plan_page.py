@@ -288,3 +288,25 @@ def test_markdown_is_escaped() -> None:
     assert to_html("[x](javascript:alert(1))").count("javascript") <= 1
     assert "<a" not in to_html("[x](javascript:alert(1))")
     assert to_html("2 * 3 * 4 and a_b") == "<p>2 * 3 * 4 and a_b</p>"
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        {"field": "radial: line=0 8 0 1 0 0, from=9, to=1"},  # a length that falls
+        {"axis": "-x"},
+        {"axis": "x", "profile": [(0, 1.0), (1, 1.0)]},  # one material
+        {"axis": "x", "profile": [(0, 1e3), (1, 2e3)]},  # beyond the palette
+        {"axis": "x", "profile": "grades"},
+        {"field": "expression: 0.5 + 0.5*sin(x/9)"},
+        {"axis": "z", "blend": "bands:2"},
+        {"axis": "z", "blend": "mix"},
+    ],
+    ids=lambda wish: " ".join(map(str, wish.values()))[:30],
+)
+def test_every_kind_of_plan_has_a_page(samples: Path, wish: dict) -> None:
+    ends = {} if isinstance(wish.get("profile"), list) else {"from_": "Tango", "to": "FLX9785"}
+    plan = planner.grade(samples / "dogbone.stl", **ends, **wish, pitch_mm=2.0)
+    page = planner.plan_page(plan).decode()
+    assert "<svg" in page
+    assert not re.search(r"\b(nan|inf)\b", page.split('id="geometry"')[0], re.IGNORECASE)
