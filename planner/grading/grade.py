@@ -249,8 +249,9 @@ class BandDesign:
         if self.periods:
             return "take fewer periods (--blend bands:N)"
         span_mm, count = along.description().get("span_mm"), len(self.bands)
-        if np.ptp([band.stop - band.start for band in self.bands]) < 0.1 / count:
-            count -= 1  # they are equal already, but for cuts that were moved
+        # Equal already, but for cuts that were moved by a tenth of a band at most on either side.
+        if np.ptp([band.stop - band.start for band in self.bands]) < 0.41 / count:
+            count -= 1
         if isinstance(span_mm, float):
             count = min(count, int(span_mm / machine.minimum_feature_mm))
         return f"take --bands {max(count, 1)} or fewer"
