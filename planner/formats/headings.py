@@ -10,7 +10,7 @@ from planner.errors import FileError
 from planner.formats.tables import is_unit, quantities_of, unit_factor
 
 __all__ = [
-    "Column",
+    "HeadedColumn",
     "Heading",
     "column_of",
     "head_text",
@@ -218,7 +218,7 @@ class Heading:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class HeadedColumn:
     """Canonical column name of a heading, and the factor to its unit."""
 
     heading: Heading
@@ -268,7 +268,7 @@ def _parse(text: str) -> tuple[str, str | None] | None:
     return None
 
 
-def column_of(heading: Heading, *, where: str) -> Column:
+def column_of(heading: Heading, *, where: str) -> HeadedColumn:
     """Return the canonical column of a heading, with the factor to its unit.
 
     Raises
@@ -291,7 +291,7 @@ def column_of(heading: Heading, *, where: str) -> Column:
         raise FileError(
             f"{where}: no unit; write it in the heading, as '{heading.text} ({_OF[quantity]})'"
         )
-    return Column(heading, name, unit_factor(quantity, unit or "", where=where))
+    return HeadedColumn(heading, name, unit_factor(quantity, unit or "", where=where))
 
 
 # ------------------------------------------------------------------------------------------------

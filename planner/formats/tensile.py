@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.errors import FileError
 from planner.formats.headings import (
-    Column,
+    HeadedColumn,
     Heading,
     column_of,
     head_text,
@@ -222,7 +222,7 @@ def read_tensile(
     head = _metadata(layout.head, layout.separator, where=where)
     headings, notes = _with_mark10_units(layout, where)
     _refuse_side_by_side(headings, where, option)
-    meanings: dict[int, Column] = {}
+    meanings: dict[int, HeadedColumn] = {}
     # A crosshead's absolute position serves only where nothing else tells the travel.
     for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
         heading = headings[index]

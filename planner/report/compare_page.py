@@ -6,7 +6,7 @@ from pathlib import Path
 
 from planner.grading.check import Difference, diff
 from planner.plan import Plan
-from planner.report.display import distinct_colours, shown
+from planner.report.display import colours_told_apart, shown
 from planner.report.page import asset, begin, end
 from planner.report.plan_figure import both_figure
 from planner.report.plan_page import (
@@ -129,7 +129,7 @@ def _colours(sources: Sequence[PlanSource]) -> dict[str, str]:
         for name, colour in zip(source.names, source.colours, strict=True):
             own.setdefault(name, (of[name], colour))
     names = sorted(own, key=lambda name: own[name][0])
-    return dict(zip(names, distinct_colours([own[name][1] for name in names]), strict=True))
+    return dict(zip(names, colours_told_apart([own[name][1] for name in names]), strict=True))
 
 
 def _materials(sources: Sequence[PlanSource], colours: dict[str, str]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import cancel_opposite, compact, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray
 
-__all__ = ["MOST_TRIANGLES", "Shown", "distinct_colours", "shown"]
+__all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ _LAB = np.array(
 )  # fmt: skip
 
 
-def distinct_colours(colours: Sequence[str]) -> tuple[str, ...]:
+def colours_told_apart(colours: Sequence[str]) -> tuple[str, ...]:
     """Return these colours "#RRGGBB", or others where two of them look alike.
 
     Two look alike where someone, colour-blind or not, just notices their difference or does not.

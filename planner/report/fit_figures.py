@@ -17,6 +17,7 @@ from planner.report.material_figures import headroom, specimen_key, specimen_lin
 from planner.report.svg import (
     GREY,
     INK,
+    PALE_BLUE,
     Chart,
     Panel,
     band,
@@ -39,7 +40,7 @@ __all__ = ["fit_figure"]
 # The whole: panels in rows, under a heading a subject.
 
 
-_BAND, _QUADRATIC, _QUIET = "#d3e1f1", "#a6206a", "#5c5c5c"
+_QUADRATIC, _QUIET = "#a6206a", "#5c5c5c"
 _WIDTH, _HEIGHT, _ACROSS, _LEFT = 300.0, 200.0, 3, 64.0
 _CELL = (384.0, 306.0)
 _TOP = 84.0
@@ -120,7 +121,7 @@ def _key(study: PaletteStudy) -> Iterator[str]:
     y = 52.0
     yield segment((20.0, y), (48.0, y), colour=INK, width=2.0)
     yield text(54.0, y + 4.0, "law or mixture", colour=_QUIET)
-    yield segment((166.0, y), (194.0, y), colour=_BAND, width=12.0)
+    yield segment((166.0, y), (194.0, y), colour=PALE_BLUE, width=12.0)
     yield text(200.0, y + 4.0, "95 % of prints", colour=_QUIET)
     yield segment((312.0, y - 6.0), (312.0, y + 6.0), colour=INK, width=2.0)
     level = next(iter(study.fits.values())).uncertainty.level
@@ -161,7 +162,7 @@ def _tests(
         fit.choice.chosen.fit.name
     )  # fmt: skip
     yield text(left - 44.0, top - 30.0, f"{material.id}: {name}{r2}", size=12.5)
-    yield band(chart, strain, stress / wide, np.minimum(stress * wide, highest), colour=_BAND)
+    yield band(chart, strain, stress / wide, np.minimum(stress * wide, highest), colour=PALE_BLUE)
     yield from frame(chart, x_label="", y_label="nominal stress, MPa", most_ticks=6)
     for number, curve in enumerate(fit.curves):
         yield specimen_line(chart, number, curve.strain, curve.stress_MPa)
@@ -246,7 +247,7 @@ def _ladder(
         left, top, _WIDTH, _HEIGHT,
         (float(grades[0]) - room, float(grades[-1]) + room), (least - spare, most + spare),
     )  # fmt: skip
-    yield band(chart, m, np.log10(low), np.log10(high), colour=_BAND)
+    yield band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
     where = "at rest" if strain == 0.0 else f"at strain {strain:g}"
     yield from frame(
         chart,
@@ -294,7 +295,7 @@ def _mixture(
     chart = Chart(left, top, _WIDTH, _HEIGHT, (0.0, 1.04 * end), (0.0, highest))
     heading = f"m {m:.4g}: between {softer.id} and {harder.id}"
     yield text(left - 44.0, top - 30.0, heading, size=12.5)
-    yield band(chart, strain, low, high, colour=_BAND)
+    yield band(chart, strain, low, high, colour=PALE_BLUE)
     yield from frame(chart, x_label="strain", y_label="nominal stress, MPa", most_ticks=6)
     for one, curve in zip((softer, harder), beside, strict=True):
         yield line(chart, strain, curve, colour=INK, width=3.0)
@@ -323,7 +324,7 @@ def _left_out(
     highest = max(largest, float(stress.max())) * headroom(len(fit.curves), _HEIGHT)
     chart = Chart(left, top, _WIDTH, _HEIGHT, (0.0, 1.04 * end), (0.0, highest))
     yield text(left - 44.0, top - 30.0, f"{material.id}, m {m:.4g}", size=12.5)
-    yield band(chart, strain, low, np.minimum(high, highest), colour=_BAND)
+    yield band(chart, strain, low, np.minimum(high, highest), colour=PALE_BLUE)
     yield from frame(chart, x_label="strain", y_label="nominal stress, MPa", most_ticks=6)
     for number, curve in enumerate(fit.curves):
         yield specimen_line(chart, number, curve.strain, curve.stress_MPa)

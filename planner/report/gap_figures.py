@@ -12,8 +12,10 @@ from planner.gap.summary import axis_words, clear_places, p_value, percent, prob
 from planner.numerics import FloatArray
 from planner.report.gap_text import errors_of, unit_of
 from planner.report.svg import (
+    BLUE,
     GREY,
     INK,
+    RUST,
     Chart,
     Panel,
     axes_of,
@@ -51,10 +53,10 @@ def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
 # Colours that mean the same in every figure, told apart by the colour-blind and in grey.
 
 
-_BEFORE = "#c0562b"
+_BEFORE = RUST
 """What the palette alone predicts."""
 
-_AFTER = "#1f5fa8"
+_AFTER = BLUE
 """With the verdict's effects."""
 
 _BASELINE = "#9aa3ad"

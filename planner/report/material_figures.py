@@ -11,7 +11,10 @@ from planner.materials.laws import make_law, secant_modulus_MPa
 from planner.materials.palette_study import Characterisation
 from planner.numerics import FloatArray
 from planner.report.svg import (
+    BLUE,
     INK,
+    PALE_BLUE,
+    RUST,
     Chart,
     Panel,
     band,
@@ -47,7 +50,6 @@ _SMALL, _LETTER, _LINE = 11.0, 6.3, 12.0
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 64.0, 100.0, 520.0, 380.0
 _BETWEEN, _MARGIN = 84.0, 24.0
-_MODEL, _BAND, _OTHER = "#1f5fa8", "#d3e1f1", "#c0562b"
 
 _PLACES = 60
 """Places drawn between two grades."""
@@ -105,20 +107,20 @@ def _ladder(scale: StiffnessScale) -> Iterator[str]:
         (grades[0] - room, grades[-1] + room),
         _decades(float(low.min()), most),
     )
-    yield band(chart, m, np.log10(low), np.log10(high), colour=_BAND)
+    yield band(chart, m, np.log10(low), np.log10(high), colour=PALE_BLUE)
     yield from frame(
         chart,
         x_label="coordinate m of the material",
         y_label=f"secant modulus at strain {strain:g}, MPa",
         y_ticks=log_ticks(*chart.y_range),
     )
-    yield line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=_MODEL)
+    yield line(chart, m, np.log10(scale.model.modulus_MPa(m, strain)), colour=BLUE)
     for coordinate, modulus in others:
-        yield ring(chart.x(coordinate), _log_y(chart, modulus), colour=_OTHER, radius=4.5)
+        yield ring(chart.x(coordinate), _log_y(chart, modulus), colour=RUST, radius=4.5)
     at = [(chart.x(c), _log_y(chart, v)) for c, v in zip(grades, scale.moduli_MPa, strict=True)]
     for (x, y), ends, material in zip(at, scale.intervals_MPa, materials, strict=True):
         bottom, top = (_log_y(chart, end) for end in ends)
-        yield segment((x, bottom), (x, top), colour=_MODEL)
+        yield segment((x, bottom), (x, top), colour=BLUE)
         yield disc(x, y, colour=INK, radius=6.0)
         yield disc(x, y, colour=material.colour, radius=4.8)
     # A ladder rises, so that there is room below a grade on its right and above it on its left.
@@ -138,12 +140,12 @@ def _ladder_key(others: bool) -> Iterator[str]:
     yield disc(x + 6.0, y, colour=INK, radius=6.0)
     yield disc(x + 6.0, y, colour="#ffffff", radius=4.8)
     yield text(x + 18.0, y + 4.0, "material", colour=_QUIET)
-    yield segment((x + 82.0, y), (x + 110.0, y), colour=_MODEL, width=2.0)
+    yield segment((x + 82.0, y), (x + 110.0, y), colour=BLUE, width=2.0)
     yield text(x + 116.0, y + 4.0, "between them", colour=_QUIET)
-    yield segment((x + 212.0, y), (x + 240.0, y), colour=_BAND, width=12.0)
+    yield segment((x + 212.0, y), (x + 240.0, y), colour=PALE_BLUE, width=12.0)
     yield text(x + 246.0, y + 4.0, "95 % of prints", colour=_QUIET)
     if others:
-        yield ring(x + 348.0, y, colour=_OTHER, radius=4.5)
+        yield ring(x + 348.0, y, colour=RUST, radius=4.5)
         yield text(x + 358.0, y + 4.0, "the same read otherwise", colour=_QUIET)
 
 

@@ -11,7 +11,7 @@ from planner.grading.profile import StiffnessScale, stiffness_scale
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import palette_of
-from planner.report.display import distinct_colours
+from planner.report.display import colours_told_apart
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import headline, scope
 from planner.report.material_figures import materials_figure
@@ -128,7 +128,7 @@ def _colours(plan: Plan) -> dict[str, str]:
         known = {m.id: m.colour for m in palette.materials} if palette is not None else {}
     names = list(dict.fromkeys(r.printed for r in sorted(plan.regions, key=_coordinate)))
     own = [known.get(name, "#808080") for name in names]
-    return dict(zip(names, distinct_colours(own), strict=True))
+    return dict(zip(names, colours_told_apart(own), strict=True))
 
 
 def _coordinate(region: Any) -> float:

@@ -11,14 +11,26 @@ from planner.grading.profile import Profile
 from planner.numerics import FloatArray
 from planner.plan import Plan, Region
 from planner.report.plan_text import format_interval, format_number, mm_along
-from planner.report.svg import INK, Chart, frame, line, log_ticks, rectangle, segment, text, told
+from planner.report.svg import (
+    BLUE,
+    INK,
+    PALE_BLUE,
+    RUST,
+    Chart,
+    frame,
+    line,
+    log_ticks,
+    rectangle,
+    segment,
+    text,
+    told,
+)
 
 __all__ = ["both_figure", "stiffness_figure", "stretches", "target_along"]
 
 
 _LEFT, _TOP, _WIDTH, _HEIGHT = 58.0, 34.0, 620.0, 260.0
 _STRIP_TOP, _STRIP = 0.0, 14.0
-_TARGET, _INTERVAL = "#1f5fa8", "#d3e1f1"
 _PLACES = 24
 """Places drawn between two knots of a target that is no straight line."""
 
@@ -68,7 +80,7 @@ def stiffness_figure(
             y_ticks=log_ticks(*chart.y_range),
         ),
         *(
-            [line(chart, ends[0] + target[0] * way, target[1], colour=_TARGET, dash="6,4")]
+            [line(chart, ends[0] + target[0] * way, target[1], colour=BLUE, dash="6,4")]
             if target is not None
             else []
         ),
@@ -125,7 +137,7 @@ def _interval(
 ) -> str:
     left, right = _span(region, chart, ends)
     low, high = (chart.y(math.log10(end)) for end in region.modulus_interval_MPa)
-    drawn = rectangle(left, high, right - left, low - high, colour=_INTERVAL)
+    drawn = rectangle(left, high, right - left, low - high, colour=PALE_BLUE)
     return f'<g data-material="{numbers[region.printed]}">{drawn}</g>'
 
 
@@ -177,21 +189,18 @@ def _key(known: bool, wanted: bool) -> Iterator[str]:
     if known:
         x -= 92.0
         yield text(x + 24.0, 18.0, "95 % band")
-        yield rectangle(x, 9.0, 18.0, 11.0, colour=_INTERVAL)
+        yield rectangle(x, 9.0, 18.0, 11.0, colour=PALE_BLUE)
     x -= 92.0
     yield text(x + 26.0, 18.0, "achieved")
     yield segment((x, 14.0), (x + 20.0, 14.0), colour=INK, width=2.5)
     if wanted:
         x -= 78.0
         yield text(x + 26.0, 18.0, "target")
-        yield segment((x, 14.0), (x + 20.0, 14.0), colour=_TARGET, width=2.0, dash="6,4")
+        yield segment((x, 14.0), (x + 20.0, 14.0), colour=BLUE, width=2.0, dash="6,4")
 
 
 # ------------------------------------------------------------------------------------------------
 # Two plans over each other.
-
-
-_OTHER = "#c0562b"
 
 
 def both_figure(first: Plan, second: Plan, words: str) -> str:
@@ -224,7 +233,7 @@ def both_figure(first: Plan, second: Plan, words: str) -> str:
     across = "place along the field, mm" if long else "field, from its beginning (0) to its end (1)"
     up = f"secant modulus at strain {' and '.join(strains)}, MPa"
     parts = list(frame(chart, x_label=across, y_label=up, y_ticks=log_ticks(*chart.y_range)))
-    styles = (("A", _TARGET, 5.0), ("B", _OTHER, 2.0))
+    styles = (("A", BLUE, 5.0), ("B", RUST, 2.0))
     for (side, colour, width), plan, target in zip(styles, plans, targets, strict=True):
         if target is not None:
             drawn = line(

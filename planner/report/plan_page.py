@@ -16,7 +16,7 @@ from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
 from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
-from planner.report.display import Shown, distinct_colours, shown
+from planner.report.display import Shown, colours_told_apart, shown
 from planner.report.markdown import to_html
 from planner.report.page import asset, begin, end
 from planner.report.plan_figure import stiffness_figure
@@ -225,7 +225,7 @@ def _page(source: PlanSource) -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
-    colours = distinct_colours(source.colours)
+    colours = colours_told_apart(source.colours)
     own = "\n".join(map(asset, ("viewer.js", "page.js", "figure.js")))
     scripts = (library(), f"{own}\n")
     yield from begin(

@@ -20,6 +20,7 @@ from planner.report.gap_text import errors_of
 from planner.report.notebook import AT_STRAIN
 from planner.report.plan_figure import stretches, target_along
 from planner.report.plan_text import mm_along
+from planner.report.svg import BLUE, INK, RED
 from planner.simulation.simulate import Simulation
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 
-_BLUE, _INK, _BREAK = "#1f5fa8", "#222222", "#c0392b"
 _PLACES = 60
 """Places drawn between two grades."""
 
@@ -64,14 +64,14 @@ def _plan(plan: Plan, ax: "Axes") -> None:
     begin, way = mm_along(plan.gradient.field)
     target = target_along(plan)
     if target is not None:
-        ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=_BLUE, label="target")
+        ax.plot(begin + target[0] * way, 10.0 ** target[1], "--", color=BLUE, label="target")
     for number, region in enumerate(stretches(plan.regions)):
         ends = [begin + u * way for u in region.field]
         label = "achieved" if number == 0 else None
-        ax.plot(ends, [region.modulus_MPa] * 2, color=_INK, linewidth=2.5, label=label)
+        ax.plot(ends, [region.modulus_MPa] * 2, color=INK, linewidth=2.5, label=label)
         label = "95 % interval" if number == 0 else None
         ax.fill_between(
-            ends, *region.modulus_interval_MPa, color=_BLUE, alpha=0.2, linewidth=0.0, label=label
+            ends, *region.modulus_interval_MPa, color=BLUE, alpha=0.2, linewidth=0.0, label=label
         )
     long = isinstance(plan.gradient.field.get("span_mm"), float)
     ax.set(
@@ -90,11 +90,11 @@ def _simulation(simulation: Simulation, ax: "Axes") -> None:
     force, beyond = simulation.force_N, simulation.beyond_break
     first = int(np.argmax(beyond)) if beyond.any() else len(x)
     band = f"{100 * simulation.level:g} % of prints"
-    ax.fill_between(x, *simulation.force_interval_N.T, color=_BLUE, alpha=0.2, label=band)
-    ax.plot(x[: first + 1], force[: first + 1], color=_BLUE, label="predicted")
+    ax.fill_between(x, *simulation.force_interval_N.T, color=BLUE, alpha=0.2, label=band)
+    ax.plot(x[: first + 1], force[: first + 1], color=BLUE, label="predicted")
     if first < len(x):
-        ax.plot(x[first:], force[first:], ":", color=_BLUE, label="beyond the break")
-        ax.plot(x[first], force[first], "x", color=_BREAK, markersize=9.0, label="break")
+        ax.plot(x[first:], force[first:], ":", color=BLUE, label="beyond the break")
+        ax.plot(x[first], force[first], "x", color=RED, markersize=9.0, label="break")
     ax.set(
         xlabel="time, s" if over_time else "displacement, mm",
         ylabel="force, N",
@@ -115,10 +115,10 @@ def _scale(scale: StiffnessScale, ax: "Axes") -> None:
     steps = [np.linspace(a, b, _PLACES, endpoint=False) for a, b in pairwise(grades)]
     m = np.concatenate([*steps, grades[-1:]])
     low, high = scale.model.modulus_interval_MPa(m, strain)
-    ax.fill_between(m, low, high, color=_BLUE, alpha=0.2, linewidth=0.0, label="95 % of prints")
-    ax.plot(m, scale.model.modulus_MPa(m, strain), color=_BLUE, label="between materials")
+    ax.fill_between(m, low, high, color=BLUE, alpha=0.2, linewidth=0.0, label="95 % of prints")
+    ax.plot(m, scale.model.modulus_MPa(m, strain), color=BLUE, label="between materials")
     colours = [material.colour for material in materials]
-    ax.scatter(grades, scale.moduli_MPa, c=colours, edgecolors=_INK, zorder=3.0, label="materials")
+    ax.scatter(grades, scale.moduli_MPa, c=colours, edgecolors=INK, zorder=3.0, label="materials")
     for material, modulus in zip(materials, scale.moduli_MPa, strict=True):
         ax.annotate(
             material.id, (material.coordinate, modulus), xytext=(7.0, -10.0),
@@ -136,7 +136,7 @@ def _scale(scale: StiffnessScale, ax: "Axes") -> None:
 @_draw.register(Diagnosis)
 def _diagnosis(diagnosis: Diagnosis, ax: "Axes") -> None:
     rows = list(errors_of(diagnosis))[::-1]
-    bars = ax.barh([words for words, _ in rows], [100.0 * error for _, error in rows], color=_BLUE)
+    bars = ax.barh([words for words, _ in rows], [100.0 * error for _, error in rows], color=BLUE)
     ax.bar_label(bars, fmt="%.2g %%", padding=3.0)
     ax.set(
         xlabel="error of force, % of each test's largest",

@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from planner.simulation.simulate import Simulation
 
 __all__ = [
+    "BLUE",
     "GREY",
     "INK",
+    "PALE_BLUE",
+    "RED",
+    "RUST",
     "Chart",
     "Panel",
     "axes_of",
@@ -47,6 +51,15 @@ __all__ = [
 
 INK = "#222222"
 GREY = "#8a8a8a"
+BLUE, PALE_BLUE = "#1f5fa8", "#d3e1f1"
+"""What is predicted or meant, and its interval."""
+
+RUST = "#c0562b"
+"""What it is held against: another reading, another plan, the prediction before."""
+
+RED = "#c0392b"
+"""Where something breaks."""
+
 _GRID = "#e4e4e4"
 _TICKS = 8
 
@@ -294,8 +307,6 @@ def runs(known: BoolArray) -> list[slice]:
 
 _WIDTH, _HEIGHT, _TOP = 460.0, 300.0, 78.0
 _LEFT, _GAP = 64.0, 96.0
-_BREAK = "#c0392b"
-_CURVE, _BAND = "#1f5fa8", "#d3e1f1"
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 _SHADES = ("#c3c3c3", "#9d9d9d", "#777777", "#4e4e4e", INK)
 _HEADROOM = 1.06
@@ -346,18 +357,18 @@ def _curve(simulation: "Simulation") -> Iterator[str]:
     chart = Chart(
         _LEFT, _TOP, _WIDTH, _HEIGHT, (0.0, _span(float(x.max()))), (0.0, _span(float(high.max())))
     )
-    yield band(chart, x, low, high, colour=_BAND)
+    yield band(chart, x, low, high, colour=PALE_BLUE)
     yield from frame(
         chart, x_label="time, s" if over_time else "displacement, mm", y_label="force, N"
     )
     beyond = simulation.beyond_break
     first = int(np.argmax(beyond)) if beyond.any() else len(x)
     held = slice(0, min(first + 1, len(x)))
-    yield line(chart, x[held], force[held], colour=_CURVE)
+    yield line(chart, x[held], force[held], colour=BLUE)
     note = f"band: {100 * simulation.level:g} % of prints"
     if beyond.any():
-        yield line(chart, x[first:], force[first:], colour=_CURVE, dash="3,4")
-        yield cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=_BREAK)
+        yield line(chart, x[first:], force[first:], colour=BLUE, dash="3,4")
+        yield cross(chart.x(float(x[first])), chart.y(float(force[first])), colour=RED)
         note += "; cross: break, dotted beyond it"
     yield text(_LEFT + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY)
 
@@ -384,9 +395,9 @@ def _along(simulation: "Simulation", left: float) -> Iterator[str]:
     )
     shown = np.where(simulation.break_strain <= chart.y_range[1], simulation.break_strain, np.nan)
     for run in runs(np.isfinite(shown)):
-        yield line(chart, bar.x_mm[run], shown[run], colour=_BREAK, width=1.4, dash="6,4")
+        yield line(chart, bar.x_mm[run], shown[run], colour=RED, width=1.4, dash="6,4")
     if np.isfinite(shown).any():
-        yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=_BREAK)
+        yield text(left + 6.0, _TOP + 12.0, "dashed: elongation at break", colour=RED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ import pytest
 import planner
 from planner.cli import run
 from planner.plan import Finding
-from planner.report.display import distinct_colours, shown
+from planner.report.display import colours_told_apart, shown
 from planner.report.markdown import to_html
 
 MOST_BESIDE_GEOMETRY = 1_000_000  # bytes
@@ -270,12 +270,12 @@ def test_neighbours_fit_after_they_were_simplified() -> None:
 
 def test_colours_that_look_alike_are_replaced() -> None:
     own = ("#FBD724", "#F68F44", "#38049A")
-    assert distinct_colours(own) == own
-    scale = distinct_colours(["#808080"] * 4)
+    assert colours_told_apart(own) == own
+    scale = colours_told_apart(["#808080"] * 4)
     assert len({*scale, "#808080"}) == 5
     # Red and green that a deuteranope hardly tells apart, everyone else at once.
-    assert "#C05030" not in distinct_colours(["#C05030", "#8A7A00"])
-    assert distinct_colours(["#123456"] * 500) == ("#123456",) * 500  # no scale tells so many
+    assert "#C05030" not in colours_told_apart(["#C05030", "#8A7A00"])
+    assert colours_told_apart(["#123456"] * 500) == ("#123456",) * 500  # no scale tells so many
 
 
 def test_markdown_is_escaped() -> None:
