@@ -31,6 +31,7 @@ __all__ = [
     "project",
     "smooth_patch",
     "surface_distance",
+    "unit_direction",
 ]
 
 Quantity = Callable[[FloatArray], FloatArray]
@@ -109,7 +110,7 @@ def axis_field(axis: str | Sequence[float] | None, mesh: Mesh) -> AxisField:
     bounds_mm = mesh.bounds_mm
     if axis is None:
         axis = "xyz"[int(np.argmax(bounds_mm[1] - bounds_mm[0]))]
-    direction = _direction(axis)
+    direction = unit_direction(axis)
     extent = project(mesh.vertices, direction)[mesh.faces]
     start_mm, end_mm = float(extent.min()), float(extent.max())
     if not end_mm > start_mm:
@@ -126,7 +127,7 @@ def project(points_mm: FloatArray, direction: Sequence[float]) -> FloatArray:
     return along
 
 
-def _direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
+def unit_direction(axis: str | Sequence[float]) -> tuple[float, float, float]:
     """Return the unit vector of an axis as a user writes it."""
     if isinstance(axis, str):
         text = axis.strip().lower()

@@ -1,0 +1,566 @@
+"""Loads and supports as a user writes them: which faces of a part, and what holds or moves them."""
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from types import MappingProxyType
+
+import numpy as np
+
+from planner.errors import ArgumentError, did_you_mean
+from planner.fields.basic import unit_direction
+from planner.formats.tables import QUANTITY_UNITS, quantities_of, unit_factor
+from planner.mesh.mesh import Mesh, Topology, connected, measure
+from planner.numerics import BoolArray, FloatArray, IntArray, Point
+
+__all__ = ["Conditions", "Force", "Pressure", "Support", "read_conditions"]
+
+Displacement = tuple[float | None, float | None, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """Faces whose displacement is given: `displacement_mm` along x, y, z; None where it is free."""
+
+    selector: str
+    facets: BoolArray
+    displacement_mm: Displacement
+
+    @property
+    def moves(self) -> bool:
+        """Whether it does more than hold."""
+        return any(self.displacement_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A force of fixed direction, spread evenly over the area of faces at rest."""
+
+    selector: str
+    facets: BoolArray
+    force_N: Point
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """A pressure on faces, against their outward normals; it turns and grows with them."""
+
+    selector: str
+    facets: BoolArray
+    pressure_MPa: float
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What holds and loads a part; facets are (F,) masks over the faces of its surface.
+
+    Attributes
+    ----------
+    gravity
+        Unit vector of the part's own weight, or None.
+    """
+
+    supports: tuple[Support, ...]
+    forces: tuple[Force, ...] = ()
+    pressures: tuple[Pressure, ...] = ()
+    gravity: Point | None = None
+
+
+def read_conditions(
+    surface: Mesh,
+    *,
+    fix: Sequence[str] = (),
+    load: Sequence[str] = (),
+    pressure: Sequence[str] = (),
+    move: Sequence[str] = (),
+    gravity: str | Sequence[float] | None = None,
+) -> Conditions:
+    """Read loads and supports, and find the faces that each is on.
+
+    A selector is one or more terms, joined by ``and``: ``x<1``, ``x>=3`` (faces whose middle
+    lies there), ``x=min``, ``z=max``, ``x=12.5`` (faces that lie in the plane),
+    ``box:x0,y0,z0,x1,y1,z1``, ``near:x,y,z,radius``, ``normal:+z within 20`` (degrees) and
+    ``cavity``: closed voids, and voids that close when the plane of a support is capped. Places
+    are mm in the part's own coordinates.
+
+    Parameters
+    ----------
+    surface
+        Closed, in mm, with faces small enough to be taken or left whole.
+    fix
+        Selectors of faces that do not move.
+    load
+        ``SELECTOR: fx,fy,fz UNIT``, the force on all of the faces together.
+    pressure
+        ``SELECTOR: p UNIT``, pushing on the material.
+    move
+        ``SELECTOR: ux,uy,uz UNIT``; a component may be ``free``.
+    gravity
+        Where the part's weight pulls: ``-z``, or three numbers.
+
+    Raises
+    ------
+    ArgumentError
+        Words that mean nothing, a unit that is missing or unknown, a selector that catches no
+        face or all, supports that contradict each other or leave a body free to move.
+    """
+    faces = _Faces(surface)
+    held: list[tuple[str, str, Displacement]] = [("fix", text, (0.0, 0.0, 0.0)) for text in fix]
+    for text in move:
+        selector, parts, factor = _split("move", text, "length", 3)
+        x, y, z = (None if part is None else factor * part for part in parts)
+        if x is None and y is None and z is None:
+            raise ArgumentError(f"`move` {text}: all of it is free; leave it out")
+        held.append(("move", selector, (x, y, z)))
+    for option, texts in (("fix", fix), ("load", load), ("pressure", pressure), ("move", move)):
+        plain = ["".join(text.split()) for text in texts]
+        for at, text in enumerate(plain):
+            if text in plain[:at]:
+                raise ArgumentError(f"`{option}` {texts[at]}: it is given twice; once is enough")
+    caps = tuple(cap for _, selector, _ in held for cap in _caps(selector))
+
+    def chosen(option: str, selector: str) -> BoolArray:
+        return _chosen(faces, selector, f"`{option}` {selector}", caps)
+
+    supports = tuple(
+        Support(selector.strip(), chosen(option, selector), by) for option, selector, by in held
+    )
+    forces = []
+    for text in load:
+        selector, parts, factor = _split("load", text, "force", 3)
+        fx, fy, fz = (factor * _not_free(part, f"`load` {text}") for part in parts)
+        if not (fx or fy or fz):
+            raise ArgumentError(f"`load` {text}: a force of 0; give one, or leave it out")
+        forces.append(Force(selector, chosen("load", selector), (fx, fy, fz)))
+    pressures = []
+    for text in pressure:
+        selector, parts, factor = _split("pressure", text, "stress", 1)
+        if not (value := factor * _not_free(parts[0], f"`pressure` {text}")):
+            raise ArgumentError(f"`pressure` {text}: a pressure of 0; give one, or leave it out")
+        pressures.append(Pressure(selector, chosen("pressure", selector), value))
+    weight = None if gravity is None else _gravity(gravity)
+    if not (forces or pressures or weight or any(support.moves for support in supports)):
+        raise ArgumentError(
+            "nothing loads the part; give `load`, `pressure`, `move` or `gravity`, as in "
+            'load="x=min: 0,0,-0.5 N"'
+        )
+    _check_supports(faces, supports, [option for option, _, _ in held])
+    for force in forces:
+        _check_carried(force, supports)
+    return Conditions(supports, tuple(forces), tuple(pressures), weight)
+
+
+def _gravity(gravity: str | Sequence[float]) -> Point:
+    try:
+        return unit_direction(gravity)
+    except ArgumentError as error:
+        raise ArgumentError(f"`gravity`: {error}") from error
+
+
+# ------------------------------------------------------------------------------------------------
+# Figures and units: "SELECTOR: 0,0,-0.5 N".
+
+
+_FIGURE = re.compile(r"\s*(free|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
+_WRITTEN = MappingProxyType(
+    {
+        "load": ("force", "x=min: 0,0,-0.5 N"),
+        "pressure": ("stress", "cavity: 20 kPa"),
+        "move": ("length", "z=max: 5,0,free mm"),
+    }
+)
+_ADVISED = MappingProxyType(
+    {
+        "force": ("N", "mN", "kN", "lbf", "kgf"),
+        "stress": ("kPa", "MPa", "Pa", "bar", "psi"),
+        "length": ("mm", "um", "cm", "m", "inch"),
+    }
+)
+
+
+def _split(
+    option: str, text: str, quantity: str, count: int
+) -> tuple[str, list[float | None], float]:
+    """Take a condition apart: its selector, its figures (None: free), and the unit's factor."""
+    where, example = f"`{option}` {text}", _WRITTEN[option][1]
+    selector, colon, figures = text.rpartition(":")
+    words = [_FIGURE.fullmatch(word) for word in figures.split(",")]
+    if not colon or not all(words):
+        raise ArgumentError(f"{where}: it must be SELECTOR: FIGURES UNIT, as in {example!r}")
+    found = [word for word in words if word is not None]
+    if len(found) != count or any(word[2] for word in found[:-1]):
+        raise ArgumentError(
+            f"{where}: {figures.strip()!r} must be {count} "
+            f"{'figures, parted by commas' if count > 1 else 'figure'}, and a unit at the end, as "
+            f"in {example!r}"
+        )
+    advised = _ADVISED[quantity]
+    if not (unit := found[-1][2]):
+        raise ArgumentError(
+            f"{where}: the unit is missing; write it behind the figures, as in {example!r}; there "
+            f"are {', '.join(advised)}"
+        )
+    if quantity not in (known := quantities_of(unit)):
+        kind = f", which is one of {' or '.join(sorted(known))}" if known else ""
+        hint = did_you_mean(unit, QUANTITY_UNITS[quantity])
+        raise ArgumentError(
+            f"{where}: {unit!r} is no unit of {quantity}{kind}; {hint}there are "
+            f"{', '.join(advised)}"
+        )
+    values = [None if w[1].casefold() == "free" else float(w[1]) for w in found]
+    if not all(value is None or math.isfinite(value) for value in values):
+        raise ArgumentError(f"{where}: figures must be finite")
+    return selector.strip(), values, unit_factor(quantity, unit, where=where)
+
+
+def _not_free(value: float | None, where: str) -> float:
+    if value is None:
+        raise ArgumentError(f"{where}: `move` alone takes 'free'; write 0 here")
+    return value
+
+
+# ------------------------------------------------------------------------------------------------
+# Which faces a selector is about.
+
+
+_FLAT = 1e-5
+"""Of the part's size: how near a plane the corners of a face in it lie. A file in single precision
+rounds by 6e-8 of a coordinate; 1e-5 of a 100 mm part is a thirtieth of a printed layer."""
+
+_PLACE = re.compile(r"([xyz])\s*(<=|>=|<|>|=)\s*(min|max|[-+.\de]+)(?:\s*mm)?", re.IGNORECASE)
+_CALLED = re.compile(r"(box|near|normal)\s*:\s*(.*)", re.IGNORECASE)
+_NORMAL = re.compile(r"(.+?)\s+within\s+([.\d]+)(?:\s*(?:deg|degrees|°))?", re.IGNORECASE)
+_SELECTORS = (
+    "x<1, y>=3, x=min, z=max, x=12.5, box:x0,y0,z0,x1,y1,z1, near:x,y,z,radius, "
+    "normal:+z within 20, cavity, and such joined by 'and'"
+)
+_Cap = tuple[int, str]
+"""A plane that a support is in: across which axis, and where (min, max, or mm)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Faces:
+    """A surface, and what selectors ask of its faces."""
+
+    mesh: Mesh
+
+    @cached_property
+    def centre_mm(self) -> FloatArray:
+        """Middle of each face, (F, 3)."""
+        return np.asarray(self.mesh.triangles.mean(axis=1))
+
+    @cached_property
+    def _across(self) -> FloatArray:
+        a, b, c = self.mesh.triangles.transpose(1, 0, 2)
+        return np.asarray(0.5 * np.cross(b - a, c - a))
+
+    @cached_property
+    def area_mm2(self) -> FloatArray:
+        """Area of each face, (F,)."""
+        return np.asarray(np.linalg.norm(self._across, axis=1))
+
+    @cached_property
+    def normal(self) -> FloatArray:
+        """Unit normal of each face, (F, 3)."""
+        return np.asarray(self._across / np.maximum(self.area_mm2, 1e-300)[:, None])
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Which faces meet at which edges."""
+        return Topology(self.mesh.faces)
+
+    @cached_property
+    def flat_mm(self) -> float:
+        """How near a plane is in it."""
+        return _FLAT * float(np.ptp(self.mesh.bounds_mm, axis=0).max())
+
+    def place_mm(self, axis: int, word: str) -> float:
+        """Return the place along an axis that a word of a selector means."""
+        ends = dict(zip(("min", "max"), self.mesh.bounds_mm[:, axis].tolist(), strict=True))
+        return ends[word] if word in ends else float(word)
+
+    def reach(self, axis: int) -> str:
+        """Say where the part is along an axis."""
+        low, high = self.mesh.bounds_mm[:, axis].tolist()
+        return f"{'xyz'[axis]} goes from {low:.4g} to {high:.4g} mm"
+
+
+def _caps(selector: str) -> Iterator[_Cap]:
+    """Yield the planes that a support's faces are in, or end at: x=max, and x>99 alike."""
+    for term in _terms(selector):
+        if found := _PLACE.fullmatch(term):
+            end = {"<": "min", ">": "max"}.get(found[2][0], found[3].casefold())
+            yield "xyz".index(found[1].casefold()), end
+
+
+def _terms(selector: str) -> list[str]:
+    return [term.strip() for term in re.split(r"\s+and\s+", selector.strip(), flags=re.IGNORECASE)]
+
+
+def _chosen(faces: _Faces, selector: str, where: str, caps: Sequence[_Cap]) -> BoolArray:
+    """Return the faces that all terms of a selector catch."""
+    each = [_term(faces, term, where, caps) for term in _terms(selector)]
+    facets = np.logical_and.reduce(each)
+    if not facets.any():
+        counts = ", ".join(
+            f"{term}: {np.count_nonzero(one)}"
+            for term, one in zip(_terms(selector), each, strict=True)
+        )
+        raise ArgumentError(f"{where} catches no face: none is in all terms at once ({counts})")
+    if facets.all():
+        spans = ", ".join(faces.reach(axis) for axis in range(3))
+        raise ArgumentError(f"{where} catches every face of the part: {spans}")
+    return np.asarray(facets)
+
+
+def _term(faces: _Faces, term: str, where: str, caps: Sequence[_Cap]) -> BoolArray:
+    """Return the faces that one term catches; a term that catches none is told by itself."""
+    if term.casefold() == "cavity":
+        return _cavity(faces, where, caps)
+    if found := _PLACE.fullmatch(term):
+        axis, sign, word = "xyz".index(found[1].casefold()), found[2], found[3].casefold()
+        return _at_place(faces, axis, sign, word, f"{where}: {term}" if term != where else where)
+    if found := _CALLED.fullmatch(term):
+        return _BY_NAME[found[1].casefold()](faces, found[2], where)
+    hint = did_you_mean(re.split(r"[^a-z]", term.casefold())[0], ("cavity", *_BY_NAME))
+    raise ArgumentError(f"{where}: {term!r} selects nothing; {hint}there are {_SELECTORS}")
+
+
+def _at_place(faces: _Faces, axis: int, sign: str, word: str, where: str) -> BoolArray:
+    try:
+        at = faces.place_mm(axis, word)
+    except ValueError:
+        raise ArgumentError(f"{where}: {word!r} is no place; give min, max or mm") from None
+    if sign != "=":
+        along = faces.centre_mm[:, axis]
+        held = {"<": along < at, "<=": along <= at, ">": along > at, ">=": along >= at}[sign]
+        if not held.any():
+            raise ArgumentError(f"{where} catches no face: the part's {faces.reach(axis)}")
+        return np.asarray(held)
+    off = np.abs(faces.mesh.triangles[:, :, axis] - at)
+    if not (flat := (off <= faces.flat_mm).all(axis=1)).any():
+        instead = "<" if at <= faces.mesh.bounds_mm[:, axis].mean() else ">"
+        raise ArgumentError(
+            f"{where} catches no face: none lies in the plane at {at:.4g} mm; the part's "
+            f"{faces.reach(axis)}: take a stretch, as {'xyz'[axis]}{instead}..., instead"
+        )
+    return np.asarray(flat)
+
+
+def _numbers(text: str, count: int, where: str) -> list[float]:
+    try:
+        found = [float(word) for word in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise ArgumentError(f"{where}: {text!r} must be {count} figures in mm, parted by commas")
+    return found
+
+
+def _in_box(faces: _Faces, text: str, where: str) -> BoolArray:
+    corners = np.array(_numbers(text, 6, where)).reshape(2, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    held = ((faces.centre_mm >= low) & (faces.centre_mm <= high)).all(axis=1)
+    if not held.any():
+        spans = ", ".join(faces.reach(axis) for axis in range(3))
+        raise ArgumentError(f"{where} catches no face: the part's {spans}")
+    return np.asarray(held)
+
+
+def _near(faces: _Faces, text: str, where: str) -> BoolArray:
+    *place, radius = _numbers(text, 4, where)
+    off = np.linalg.norm(faces.centre_mm - np.array(place), axis=1)
+    if not (held := off <= radius).any():
+        x, y, z = faces.centre_mm[off.argmin()].tolist()
+        raise ArgumentError(
+            f"{where} catches no face: the nearest is {off.min():.4g} mm off, at "
+            f"({x:.4g}, {y:.4g}, {z:.4g})"
+        )
+    return np.asarray(held)
+
+
+def _turned(faces: _Faces, text: str, where: str) -> BoolArray:
+    found = _NORMAL.fullmatch(text.strip())
+    if found is None:
+        raise ArgumentError(f"{where}: write normal:DIRECTION within DEGREES: normal:+z within 20")
+    try:
+        direction = np.array(unit_direction(found[1]))
+    except ArgumentError as error:
+        raise ArgumentError(f"{where}: {error}") from error
+    angle = np.degrees(np.arccos(np.clip(faces.normal @ direction, -1.0, 1.0)))
+    if not (held := angle <= float(found[2])).any():
+        raise ArgumentError(
+            f"{where} catches no face: the nearest is turned {angle.min():.3g}° off"
+        )
+    return np.asarray(held)
+
+
+_BY_NAME: Mapping[str, Callable[[_Faces, str, str], BoolArray]] = MappingProxyType(
+    {"box": _in_box, "near": _near, "normal": _turned}
+)
+
+
+# ------------------------------------------------------------------------------------------------
+# The cavity: what of the surface a pressure inside acts on.
+
+
+def _cavity(faces: _Faces, where: str, caps: Sequence[_Cap]) -> BoolArray:
+    """Return the walls of closed voids, and of voids that close when planes are capped.
+
+    Faces in a capped plane are left out, and the rest is parted where an edge lies in it. Each
+    piece is then closed by fans in the plane; a void's is turned inside out, so that its volume is
+    negative. Nothing is sampled: a wall or a channel may be as thin as it likes.
+    """
+    planes = sorted({(axis, faces.place_mm(axis, word)) for axis, word in caps})
+    vertices, corners = faces.mesh.vertices, faces.mesh.faces
+    heads = corners[:, [1, 2, 0]]
+    left_out = np.zeros(len(corners), dtype=np.bool_)
+    plane_of = np.full(corners.size, -1)  # in which plane a half-edge lies
+    for number, (axis, at) in enumerate(planes):
+        on = np.abs(vertices[:, axis] - at) <= faces.flat_mm
+        left_out |= on[corners].all(axis=1)
+        plane_of[(on[corners] & on[heads]).ravel()] = number
+    twin = faces.topology.twin
+    half = np.flatnonzero((twin >= 0) & (plane_of < 0))
+    piece = connected(len(corners), half // 3, twin[half] // 3)
+    origin = vertices.mean(axis=0)
+    six_volumes = np.linalg.det(vertices[corners] - origin)
+    rim = np.flatnonzero((plane_of >= 0) & ~np.repeat(left_out, 3))
+    apex = np.broadcast_to(origin, (len(rim), 3)).copy()
+    for number, (axis, at) in enumerate(planes):
+        apex[plane_of[rim] == number, axis] = at
+    fan = np.stack([vertices[heads.ravel()[rim]], vertices[corners.ravel()[rim]], apex], axis=1)
+    six_volumes += np.bincount(
+        rim // 3, weights=np.linalg.det(fan - origin), minlength=len(corners)
+    )
+    within = ~left_out
+    volume = np.bincount(piece[within], weights=six_volumes[within] / 6.0, minlength=len(corners))
+    area = np.bincount(piece[within], weights=faces.area_mm2[within], minlength=len(corners))
+    void = volume < -faces.flat_mm * area  # deeper than what counts as in the plane
+    if not void.any():
+        closed = ", ".join(f"{'xyz'[axis]}={word}" for axis, word in dict.fromkeys(caps))
+        raise ArgumentError(
+            f"{where}: the part has no cavity: no closed void, and "
+            + (f"none closes when {closed} is capped" if caps else "no support caps a plane")
+            + "; fix the face that its channel opens at, as x=max, or select the faces that the "
+            "pressure is on, as box:..."
+        )
+    return np.asarray(within & void[piece])
+
+
+# ------------------------------------------------------------------------------------------------
+# Whether supports hold the part, and agree with each other.
+
+
+_FREE = 1e-5
+"""Of the stiffest motion: below it a rigid motion is not held. Three corners of a face of a
+hundredth of the part's size hold a turn by 1e-2; corners on a line, rounded in single precision,
+by 1e-7."""
+
+
+def _check_supports(faces: _Faces, supports: Sequence[Support], options: Sequence[str]) -> None:
+    """Refuse supports that contradict each other, or leave a rigid motion of a body free."""
+    named = [f"`{option}` {s.selector}" for option, s in zip(options, supports, strict=True)]
+    vertices = [np.unique(faces.mesh.faces[support.facets]) for support in supports]
+    for i, j in combinations(range(len(supports)), 2):
+        shared = np.intersect1d(vertices[i], vertices[j])
+        pairs = zip(supports[i].displacement_mm, supports[j].displacement_mm, strict=True)
+        for axis, (one, other) in enumerate(pairs):
+            if len(shared) and one is not None and other is not None and one != other:
+                x, y, z = faces.mesh.vertices[shared[0]].tolist()
+                raise ArgumentError(
+                    f"{named[i]} and {named[j]} contradict each other: both are on the part at "
+                    f"({x:.4g}, {y:.4g}, {z:.4g}) mm, which they move by {one:g} and {other:g} mm "
+                    f"along {'xyz'[axis]}; leave a stretch between them, or make one free"
+                )
+    if not supports:
+        raise ArgumentError(
+            "nothing holds the part, so that any load carries it away; give `fix`, as in "
+            f'fix="x=min": its {", ".join(faces.reach(axis) for axis in range(3))}'
+        )
+    body, bodies = _bodies(faces)
+    for number in range(bodies):
+        if not (free := _free_motions(faces, supports, body == number)):
+            continue
+        points = faces.mesh.triangles[body == number].reshape(-1, 3)
+        low, high = (", ".join(f"{c:.4g}" for c in end) for end in (points.min(0), points.max(0)))
+        what = "the part" if bodies == 1 else f"the body from ({low}) to ({high}) mm"
+        raise ArgumentError(f"{what} can still {free}; hold it there too, with `fix` or `move`")
+
+
+def _bodies(faces: _Faces) -> tuple[IntArray, int]:
+    """Return the solid body of each face; a void's walls belong to the least body around it."""
+    piece, count = faces.topology.body, faces.topology.bodies
+    found = measure(faces.mesh.vertices, faces.mesh.faces, piece, count)
+    solid = np.flatnonzero(found.volume_mm3 > 0.0)
+    number = np.zeros(count, dtype=np.int64)
+    number[solid] = np.arange(len(solid))
+    for void in np.flatnonzero(found.volume_mm3 <= 0.0).tolist():
+        low, high = found.bounds_mm[void]
+        around = solid[
+            (found.bounds_mm[solid, 0] <= low).all(1) & (found.bounds_mm[solid, 1] >= high).all(1)
+        ]
+        if len(around):
+            number[void] = number[around[found.volume_mm3[around].argmin()]]
+    return number[piece], len(solid)
+
+
+def _free_motions(faces: _Faces, supports: Sequence[Support], body: BoolArray) -> str:
+    """Name the rigid motions of a body that its supports leave free; "" where there is none."""
+    corners = faces.mesh.triangles[body]
+    middle, size = corners.mean(axis=(0, 1)), float(np.ptp(corners, axis=(0, 1)).max())
+    rows = [np.zeros((1, 6))]
+    for support in supports:
+        touched = np.unique(faces.mesh.faces[support.facets & body])
+        at = (faces.mesh.vertices[touched] - middle) / size
+        for axis, value in enumerate(support.displacement_mm):
+            if value is not None:
+                row = np.zeros((len(at), 6))
+                row[:, axis] = 1.0
+                # u = t + w x r
+                row[:, 3 + (axis + 1) % 3] = at[:, (axis + 2) % 3]
+                row[:, 3 + (axis + 2) % 3] = -at[:, (axis + 1) % 3]
+                rows.append(row)
+    held = np.concatenate(rows)
+    held = held.T @ held
+    limit = _FREE**2 * float(np.abs(held).max())
+    moves = _named(_unheld(held[:3, :3], limit))
+    turns = _named(_span(_unheld(held, limit)[3:]))
+    words = [f"move along {moves}"] * bool(moves) + [f"turn about {turns}"] * bool(turns)
+    return " and ".join(words)
+
+
+def _unheld(stiffness: FloatArray, limit: float) -> FloatArray:
+    values, vectors = np.linalg.eigh(stiffness)
+    return np.asarray(vectors[:, values <= limit])
+
+
+def _span(columns: FloatArray) -> FloatArray:
+    basis, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis[:, values > 1e-6])
+
+
+def _named(basis: FloatArray) -> str:
+    """Name a space of directions: the axes that lie in it, and the rest in figures."""
+    axes = [axis for axis in range(3) if np.linalg.norm(basis[axis]) > 1.0 - 1e-6]
+    basis[axes] = 0.0
+    rest = [
+        "(" + ", ".join(f"{c * np.sign(v[np.abs(v).argmax()]) + 0.0:.2g}" for c in v) + ")"
+        for v in _span(basis).T
+    ]
+    return " and ".join([*("xyz"[axis] for axis in axes), *rest])
+
+
+def _check_carried(force: Force, supports: Sequence[Support]) -> None:
+    """Refuse a force all of which goes into supports: it changes nothing."""
+    for axis, value in enumerate(force.force_N):
+        held = [s.facets for s in supports if s.displacement_mm[axis] is not None]
+        if value and not (held and np.logical_or.reduce(held)[force.facets].all()):
+            return
+    raise ArgumentError(
+        f"`load` {force.selector}: all of its faces are held along the force by supports, so that "
+        "it moves nothing; load other faces"
+    )

@@ -1,0 +1,257 @@
+"""Loads and supports: selectors, units, cavities, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+
+from planner.errors import ArgumentError
+from planner.formats.mesh_file import read_mesh
+from planner.mesh.mesh import Mesh, weld
+from planner.mesh.part import make_part
+from planner.simulation.loads import Conditions, read_conditions
+
+FACES = np.array(
+    [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
+     [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
+)  # fmt: skip
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> np.ndarray:
+    """Return the triangles of a box, each cut into 64: (768, 3, 3)."""
+    unit = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
+    triangles = (np.array(low) + unit * (np.array(high) - low))[FACES]
+    for _ in range(3):
+        a, b, c = triangles.transpose(1, 0, 2)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        triangles = np.concatenate(
+            [np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
+    return triangles
+
+
+def mesh(*triangles: np.ndarray) -> Mesh:
+    return Mesh(*weld(np.concatenate(triangles)))
+
+
+BEAM = mesh(box((3.1, -2.0, 0.0), (100.1, 2.0, 4.0)))
+HOLLOW = mesh(box((0, 0, 0), (10, 10, 10)), box((2, 2, 2), (8, 8, 8))[:, ::-1])
+
+
+def read(surface: Mesh = BEAM, **given: object) -> Conditions:
+    return read_conditions(surface, **{"fix": ["x=min"], "gravity": "-z", **given})  # type: ignore[arg-type]
+
+
+def area_mm2(surface: Mesh, facets: np.ndarray) -> float:
+    return Mesh(surface.vertices, surface.faces[facets]).area_mm2
+
+
+# --- selectors
+
+
+@pytest.mark.parametrize(
+    ("selector", "expected_mm2"),
+    [
+        ("x=max", 16.0),
+        ("X = 100.1 mm", 16.0),
+        ("z=4", 97.0 * 4.0),
+        ("y<=-2", 97.0 * 4.0),
+        ("x<51.6", 48.5 * 16.0 + 16.0),
+        ("x>51.6 and normal:+z within 20", 48.5 * 4.0),
+        ("normal:0,3,0 within 1 deg", 97.0 * 4.0),
+        ("box:200,-3,5,51.6,3,-1", 48.5 * 16.0 + 16.0),
+        ("near:100.1,0,2,1.5 and x=max", 7.5),  # of 1.5² pi = 7.07
+    ],
+)
+def test_a_selector_catches_its_faces(selector: str, expected_mm2: float) -> None:
+    facets = read(load=[f"{selector}: 0,0,1 N"]).forces[0].facets
+    assert area_mm2(BEAM, facets) == pytest.approx(expected_mm2, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("selector", "says"),
+    [
+        ("x<0.2", "catches no face: the part's x goes from 3.1 to 100.1 mm"),
+        ("x>0.2", "catches every face of the part: x goes from 3.1 to 100.1 mm, y goes"),
+        ("x=50", "none lies in the plane at 50 mm; the part's x goes from 3.1 to 100.1 mm: take"),
+        ("x=mid", "'mid' is no place|'x=mid' selects nothing"),
+        ("box:0,0,9,9,9,10", "catches no face: the part's x goes"),
+        ("box:0,0,9", "must be 6 figures in mm, parted by commas"),
+        ("near:0,0,2,1", "the nearest is .* mm off, at (3.1, "),
+        ("normal:1,1,1 within 5", "the nearest is turned 54.7° off"),
+        ("normal:up within 5", "'up' is not a direction"),
+        ("normal:+z", "write normal:DIRECTION within DEGREES"),
+        ("x=max and z=2.1 and x<5", "catches no face"),
+        ("x=max and x<5", "none is in all terms at once (x=max: 128, x<5: "),
+        ("cavty", "'cavty' selects nothing; did you mean cavity?"),
+        ("knob:1,2", "selects nothing; there are x<1"),
+    ],
+)
+def test_a_selector_that_selects_nothing_useful_says_what_is_there(
+    selector: str, says: str
+) -> None:
+    says = "|".join(re.escape(one).replace(r"\.\*", ".*") for one in says.split("|"))
+    with pytest.raises(ArgumentError, match=says) as error:
+        read(load=[f"{selector}: 0,0,1 N"])
+    assert f"`load` {selector}" in str(error.value)
+
+
+# --- figures and units
+
+
+@pytest.mark.parametrize(
+    ("given", "value"),
+    [
+        ({"load": ["x=max: 0,0,-500 mN"]}, (0.0, 0.0, -0.5)),
+        ({"load": ["x=max: 1e-3, 0 ,+.5kN"]}, (1.0, 0.0, 500.0)),
+        ({"pressure": ["z=max: 20 kPa"]}, 0.02),
+        ({"pressure": ["z=max: -1 psi"]}, -0.006894757),
+        ({"move": ["x=max: 5,free,0 mm"]}, (5.0, None, 0.0)),
+        ({"move": ["x=max: free,free,500 um"]}, (None, None, 0.5)),
+    ],
+)
+def test_figures_are_taken_with_their_units(given: dict[str, list[str]], value: object) -> None:
+    read_ = read(**given)
+    (got,) = (
+        *(force.force_N for force in read_.forces),
+        *(pressure.pressure_MPa for pressure in read_.pressures),
+        *(support.displacement_mm for support in read_.supports[1:]),
+    )
+    assert got == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "says"),
+    [
+        ("load", "x=max: 0,0,-0.5", "the unit is missing; write it behind the figures"),
+        ("load", "x=max: 0,0,-0.5 kPa", "'kPa' is no unit of force, which is one of stress"),
+        ("load", "x=max: 0,0,-0.5 Nn", "'Nn' is no unit of force; did you mean N?"),
+        ("load", "x=max: 0,-0.5 N", "'0,-0.5 N' must be 3 figures, parted by commas"),
+        ("load", "x=max: 0 N,0,-0.5 N", "must be 3 figures"),
+        ("load", "x=max", "it must be SELECTOR: FIGURES UNIT, as in 'x=min: 0,0,-0.5 N'"),
+        ("load", "x=max: 0,0,0 N", "a force of 0"),
+        ("load", "x=max: 0,free,1 N", "`move` alone takes 'free'"),
+        ("load", "x=max: 0,0,1e999 N", "figures must be finite"),
+        ("load", "x=min: 0,0,1 N", "all of its faces are held along the force"),
+        ("pressure", "z=max: 20", "the unit is missing"),
+        ("pressure", "z=max: 0 kPa", "a pressure of 0"),
+        ("move", "x=max: free,free,free mm", "all of it is free"),
+        ("move", "x=max: 5,0,0", "the unit is missing"),
+    ],
+)
+def test_figures_that_cannot_be_meant_are_refused(option: str, text: str, says: str) -> None:
+    with pytest.raises(ArgumentError, match=re.escape(says)) as error:
+        read(**{option: [text]})
+    assert f"`{option}` x=" in str(error.value) or f"`{option}` z=" in str(error.value)
+
+
+def test_gravity_is_a_direction() -> None:
+    assert read(gravity="0,0,-2").gravity == (0.0, 0.0, -1.0)
+    with pytest.raises(ArgumentError, match="`gravity`: axis 'down' is not a direction"):
+        read(gravity="down")
+
+
+# --- the cavity
+
+
+def test_a_closed_void_is_a_cavity() -> None:
+    facets = read(HOLLOW, pressure=["cavity: 1 kPa"]).pressures[0].facets
+    assert area_mm2(HOLLOW, facets) == pytest.approx(6 * 36.0)
+
+
+@pytest.mark.parametrize(
+    "held", [{"fix": ["x=max"]}, {"fix": ["x>96"]}, {"fix": [], "move": ["x=max: 0,0,0 mm"]}]
+)
+def test_the_fingers_channel_closes_when_its_held_end_is_capped(held: dict[str, list[str]]) -> None:
+    """The channel is what is left of the surface inside of its walls, without the end's ring."""
+    finger = make_part(read_mesh("samples/finger.stl").triangles, name="finger").mesh
+    facets = read(finger, pressure=["cavity: 20 kPa"], **held).pressures[0].facets
+    assert np.count_nonzero(facets) == 754
+    low, high = finger.triangles[facets].min((0, 1)), finger.triangles[facets].max((0, 1))
+    assert (low > finger.bounds_mm[0]).all()
+    assert (high[1:] < finger.bounds_mm[1, 1:]).all()
+    assert high[0] == finger.bounds_mm[1, 0]
+
+
+@pytest.mark.parametrize(("surface", "fix"), [(BEAM, "x=min"), (BEAM, "normal:-x within 5")])
+def test_pressure_without_a_cavity_is_refused(surface: Mesh, fix: str) -> None:
+    with pytest.raises(ArgumentError, match="the part has no cavity: no closed void, and no"):
+        read(surface, fix=[fix], pressure=["cavity: 20 kPa"])
+
+
+def test_a_tube_is_a_cavity_once_both_ends_are_capped() -> None:
+    """A square tube along x: corners at radius 2 and 1, eight walls, and a ring at each end."""
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    at = np.array([[[[x, *(size * c)] for c in square] for size in (2, 1)] for x in (0, 10)])
+    triangles = []
+    for i in range(4):
+        j = (i + 1) % 4
+        quads = (
+            (at[0, 0, i], at[0, 0, j], at[1, 0, j], at[1, 0, i]),  # outside
+            (at[0, 1, j], at[0, 1, i], at[1, 1, i], at[1, 1, j]),  # inside
+            (at[0, 0, j], at[0, 0, i], at[0, 1, i], at[0, 1, j]),  # the ring at x = 0
+            (at[1, 0, i], at[1, 0, j], at[1, 1, j], at[1, 1, i]),
+        )
+        triangles += [t for a, b, c, d in quads for t in ((a, c, b), (a, d, c))]
+    tube = mesh(np.array(triangles)[:, ::-1])
+    assert tube.volume_mm3 == pytest.approx(120.0)
+    with pytest.raises(ArgumentError, match="none closes when x=max is capped; fix the face"):
+        read(tube, fix=["x=max"], pressure=["cavity: 20 kPa"])
+    both = {"fix": ["x=max"], "move": ["x=min: 0,free,free mm"]}
+    facets = read(tube, pressure=["cavity: 20 kPa"], **both).pressures[0].facets
+    assert area_mm2(tube, facets) == pytest.approx(80.0)
+
+
+# --- supports
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"fix": []}, "nothing holds the part, .* its x goes from 3.1"),
+        (
+            {"fix": [], "move": ["z=min: free,free,0 mm"]},
+            "the part can still move along x and y and turn about z;",
+        ),
+        (
+            {"fix": [], "move": ["z=min: free,free,0 mm", "x=min: 0,free,free mm"]},
+            "the part can still move along y;",
+        ),
+        (
+            {"fix": [], "move": ["near:3.1,0,0,3 and x=min: 0,free,free mm", "z=min: 0,0,free mm"]},
+            "still move along z",
+        ),
+        ({"fix": ["x=min", " x = min"]}, "it is given twice"),
+        ({"move": ["x=min: 5,0,0 mm"]}, "contradict each other: .* by 0 and 5 mm along x"),
+        ({"fix": ["x<50"], "move": ["x>=50: 5,0,0 mm"]}, "both are on the part at"),
+        ({"gravity": None}, "nothing loads the part"),
+        ({"gravity": None, "move": ["x=max: 0,0,free mm"]}, "nothing loads the part"),
+    ],
+)
+def test_supports_that_do_not_hold_or_agree_are_refused(
+    given: dict[str, object], says: str
+) -> None:
+    with pytest.raises(ArgumentError, match=says):
+        read(**given)
+
+
+def test_each_body_must_be_held() -> None:
+    """A void's walls belong to the body around it; a second body beside it is on its own."""
+    two = mesh(
+        box((0, 0, 0), (10, 10, 10)),
+        box((2, 2, 2), (8, 8, 8))[:, ::-1],
+        box((0, 0, 20), (4, 4, 24)),
+    )
+    says = r"the body from \(0, 0, 20\) to \(4, 4, 24\) mm can still move along x and y and z"
+    with pytest.raises(ArgumentError, match=says):
+        read(two, fix=["z=min"])
+    assert len(read(two, fix=["x=min"]).supports) == 1
+
+
+def test_a_motion_along_no_axis_is_named_by_its_direction() -> None:
+    """A plate whose one face, at 45 degrees to x and y, is held along z turns about that face."""
+    turned = BEAM.vertices @ np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
+    hinge = ["normal:1,1,0 within 5: free,free,0 mm"]
+    says = r"still move along x and y and turn about z and \(-?0.71, -?0.71, 0\);"
+    with pytest.raises(ArgumentError, match=says):
+        read(Mesh(turned, BEAM.faces), fix=[], move=hinge)
