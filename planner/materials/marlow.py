@@ -1,0 +1,204 @@
+"""Marlow's law: an energy of the first invariant alone that a measured tensile curve fixes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.errors import PaletteError
+from planner.materials.laws import secant_modulus_MPa
+from planner.materials.mixtures import (
+    CoefficientModel,
+    bracketed,
+    pchip_slopes,
+    pchip_weights,
+    places_of,
+)
+from planner.numerics import FloatArray, IntArray, inner_kernel
+
+__all__ = [
+    "MarlowTable",
+    "law_at",
+    "marlow_table",
+    "uniaxial_strain",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# The law.
+#
+# With an isochoric energy W(I1) the nominal stress of a uniaxial test is
+#
+#     P = 2 W'(I1) (l - l^-2),  I1 = l² + 2 / l,
+#
+# so that the test gives W' at every I1, and no other mode needs a fit (R. S. Marlow, A general
+# first-invariant hyperelastic constitutive model, Constitutive Models for Rubber III, 2003). Where
+# the stress of the test rises, shear is stable too, whatever signs a fitted law's terms have.
+# Fitted Ogden terms of mixed sign are not: TangoPlus' lose stability at 20 % equibiaxial tension.
+#
+# The variable of the tables is x = sqrt(I1 - 3), which is sqrt(3) times the strain of a small test,
+# so that stress over x is smooth at rest; W' is kept by its logarithm. Between grades the
+# logarithm follows the monotone cubic that planning uses, at nodes close enough to be joined by
+# straight lines.
+
+_STRAINS = 1025
+_BETWEEN = 16  # nodes from grade to grade: a straight line between is within 1e-4 of the cubic
+FARTHEST = 2.0
+"""Times its elongation at break a grade's curve is followed; beyond, W' stays as it is there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarlowTable:
+    """W' of every mixture of a palette over x = sqrt(I1 - 3).
+
+    Attributes
+    ----------
+    coordinate : (K,)
+        Nodes, rising evenly from grade to grade.
+    step
+        Between the values of x, which begin at 0.
+    log_slope_MPa : (K, n, 2)
+        ln W' in MPa and its derivative over x: cubics between.
+    energy_MPa : (K, n)
+        W.
+    break_strain : (K,)
+        Elongation at break, linear between grades.
+    """
+
+    coordinate: FloatArray
+    step: float
+    log_slope_MPa: FloatArray
+    energy_MPa: FloatArray
+    break_strain: FloatArray
+
+    def places(self, coordinate: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the node below each coordinate and the share of the way to the next."""
+        inside = np.clip(coordinate, self.coordinate[0], self.coordinate[-1])
+        below = np.searchsorted(self.coordinate, inside, side="right") - 1
+        below = np.minimum(below, max(len(self.coordinate) - 2, 0))
+        above = np.minimum(below + 1, len(self.coordinate) - 1)
+        gap = self.coordinate[above] - self.coordinate[below]
+        share = (inside - self.coordinate[below]) / np.where(gap > 0.0, gap, 1.0)
+        return below.astype(np.int64), share
+
+    def shear_modulus_MPa(self, coordinate: FloatArray) -> FloatArray:
+        """Return the shear modulus at rest, 2 W'(3)."""
+        below, share = self.places(coordinate)
+        rest = self.log_slope_MPa[:, 0, 0]
+        above = np.minimum(below + 1, len(rest) - 1)
+        return np.asarray(2.0 * np.exp(rest[below] + share * (rest[above] - rest[below])))
+
+    def break_at(self, coordinate: FloatArray) -> FloatArray:
+        """Return the elongation at break."""
+        return np.interp(coordinate, self.coordinate, self.break_strain)
+
+
+def uniaxial_strain(x: FloatArray) -> FloatArray:
+    """Return the strain e >= 0 of an incompressible tensile test with x = sqrt(I1 - 3).
+
+    I1 - 3 = e² (e + 3) / (1 + e), by Newton's method from above.
+    """
+    e = np.asarray(x, dtype=np.float64).copy()
+    square = e * e
+    for _ in range(60):
+        f = e * e * (e + 3.0) - square * (1.0 + e)
+        slope = 3.0 * e * e + 6.0 * e - square
+        step = np.where(slope > 0.0, f / np.where(slope > 0.0, slope, 1.0), 0.0)
+        e = e - step
+        if np.all(np.abs(step) <= 1e-15 * (1.0 + e)):
+            break
+    return e
+
+
+def marlow_table(model: CoefficientModel, *, poisson: float) -> MarlowTable:
+    """Tabulate the law of every mixture of a palette.
+
+    Parameters
+    ----------
+    poisson
+        Poisson's ratio at rest. W' is times 3 / (2 (1 + ν)), so that Young's modulus at rest
+        stays that of the palette.
+
+    Raises
+    ------
+    PaletteError
+        A law's stress ceases to rise before its break: no energy of it is stable.
+    """
+    materials = model.palette.materials
+    breaks = np.array([m.elongation_at_break for m in materials])
+    top = FARTHEST * float(breaks.max())
+    x = np.linspace(0.0, np.sqrt(top * top * (top + 3.0) / (1.0 + top)), _STRAINS)
+    strain = uniaxial_strain(x)
+    rows = np.empty((len(materials), len(x)))
+    for k, (material, law) in enumerate(zip(materials, model.laws, strict=True)):
+        held = np.minimum(strain, FARTHEST * breaks[k])
+        secant = secant_modulus_MPa(law, held)
+        rising = np.diff(secant * held) > 0.0
+        rising |= strain[1:] > FARTHEST * breaks[k]
+        end = len(x) if rising.all() else int(np.argmin(rising)) + 1
+        if strain[end - 1] < min(breaks[k], top):
+            raise PaletteError(
+                f"palette {model.palette.name}: material {material.id!r}: the stress of its law "
+                f"ceases to rise at strain {strain[end - 1]:.3g}, before its break at "
+                f"{breaks[k]:g}; a solid of it is unstable: give a law that rises"
+            )
+        wide = (1.0 + held) ** 2 / (2.0 * (3.0 + 3.0 * held + held * held))
+        rows[k] = np.log(secant * wide)
+        rows[k, end:] = rows[k, end - 1]
+    rows += np.log(1.5 / (1.0 + poisson))
+
+    grades = model.coordinates
+    fine = [np.linspace(a, b, _BETWEEN, endpoint=False) for a, b in zip(grades, grades[1:])]
+    nodes = np.concatenate([*fine, grades[-1:]])
+    places = model.places
+    lower, upper, t, gap = bracketed(places, places_of(model.palette.hardness, nodes))
+    slopes = pchip_slopes(places, rows)
+    rise, d0, d1 = (weight[:, None] for weight in pchip_weights(t, gap))
+    table = rows[lower] + rise * (rows[upper] - rows[lower])
+    table += d0 * slopes[lower] + d1 * slopes[upper]
+    step = float(x[1])
+    # Slopes of the monotone cubic: no wiggle where a row ends and W' stays.
+    log_slope = np.stack([table, pchip_slopes(x, np.ascontiguousarray(table.T)).T], axis=2)
+    # The share of a shear's stress that falls: the tables are stable where W' x rises.
+    falls = np.diff(np.exp(table) * x, axis=1) <= 0.0
+    if falls.any():
+        k, i = np.argwhere(falls)[0].tolist()
+        raise PaletteError(
+            f"palette {model.palette.name}: at coordinate {nodes[k]:.3g} the stress in shear "
+            f"ceases to rise at a strain of {strain[i]:.3g}; a solid of it is unstable: give laws "
+            "that rise"
+        )
+    density = 2.0 * x * np.exp(table)  # dW / dx
+    energy = np.zeros_like(table)
+    np.cumsum(0.5 * step * (density[:, 1:] + density[:, :-1]), axis=1, out=energy[:, 1:])
+    return MarlowTable(
+        nodes, step, np.ascontiguousarray(log_slope), energy, np.interp(nodes, grades, breaks)
+    )
+
+
+@inner_kernel
+def law_at(table: Any, step: Any, below: Any, share: Any, x: Any) -> Any:
+    """Return ln W', its derivative over x, and its difference from node to node, at x.
+
+    The last, over the gap of the nodes, is the derivative over the coordinate.
+    """
+    i = min(int(x / step), table.shape[1] - 2)
+    t = x / step - i
+    above = min(below + 1, table.shape[0] - 1)
+    if t > 1.0:  # beyond the table W' stays
+        last = table.shape[1] - 1
+        a, b = table[below, last, 0], table[above, last, 0]
+        return a + share * (b - a), 0.0, b - a
+    rest = 1.0 - t
+    h00, h01 = (1.0 + 2.0 * t) * rest * rest, t * t * (3.0 - 2.0 * t)
+    h10, h11 = step * t * rest * rest, -step * t * t * rest
+    d01, d10, d11 = 6.0 * t * rest / step, rest * (1.0 - 3.0 * t), t * (3.0 * t - 2.0)
+    a0, a1 = table[below, i, 0], table[below, i + 1, 0]
+    p0, p1 = table[below, i, 1], table[below, i + 1, 1]
+    b0, b1 = table[above, i, 0], table[above, i + 1, 0]
+    q0, q1 = table[above, i, 1], table[above, i + 1, 1]
+    a = h00 * a0 + h01 * a1 + h10 * p0 + h11 * p1
+    b = h00 * b0 + h01 * b1 + h10 * q0 + h11 * q1
+    da = d01 * (a1 - a0) + d10 * p0 + d11 * p1
+    db = d01 * (b1 - b0) + d10 * q0 + d11 * q1
+    return a + share * (b - a), da + share * (db - da), b - a

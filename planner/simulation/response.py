@@ -1,0 +1,331 @@
+"""What a solid does under its loads: displacements, reactions, strain over break, intervals."""
+
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.materials.marlow import uniaxial_strain
+from planner.materials.mixtures import CoefficientModel
+from planner.numerics import FloatArray, IntArray
+from planner.simulation.solid import (
+    Body,
+    Equilibrium,
+    FacetPoints,
+    LostStability,
+    Mechanics,
+    Progress,
+    facet_points,
+    shape_functions,
+)
+
+if TYPE_CHECKING:
+    from planner.simulation.cut_cells import CutCells
+    from planner.simulation.loads import Conditions
+    from planner.simulation.sparse_cholesky import Analysis, Factor
+
+__all__ = ["LoadSteps", "Response", "log_stress_sds", "respond", "strain_over_break"]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What faces did that are loaded, held or watched.
+
+    Attributes
+    ----------
+    kind
+        ``load``, ``move``, ``fix``, ``pressure`` or ``watch``.
+    displacement_mm : (steps, 3)
+        Mean over the faces by their area at rest.
+    force_N : (steps, 3)
+        Of the load, or of the support on the part, in all.
+    direction : (3,)
+        Of the force, of the motion given, or of the displacement at last.
+    interval
+        Of the figure that follows from the others at the last step, with the probability asked
+        for: of a load or watched faces the displacement along `direction`, mm; of a support that
+        moves its force, N. None of the others.
+    """
+
+    selector: str
+    kind: str
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    direction: FloatArray
+    interval: tuple[float, float] | None
+
+    @property
+    def along_mm(self) -> FloatArray:
+        """Displacement along `direction`, (steps,)."""
+        return np.asarray(self.displacement_mm @ self.direction)
+
+    @property
+    def along_N(self) -> FloatArray:
+        """Force along `direction`, (steps,)."""
+        return np.asarray(self.force_N @ self.direction)
+
+    @property
+    def stiffness_N_mm(self) -> float | None:
+        """Force over displacement of the last step; None where either is not given."""
+        if self.kind not in ("load", "move") or not self.along_mm[-1]:
+            return None
+        return float(self.along_N[-1] / self.along_mm[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class LoadSteps:
+    """Equilibria of a body from rest to its full load, or as far as it is stable.
+
+    Attributes
+    ----------
+    share : (steps,)
+        Of the load, from 0.
+    displacement_mm : (steps, V, 3)
+        Of the surface's vertices.
+    strain_over_break : (steps, V)
+        Largest principal strain over the elongation at break, averaged over the neighbouring
+        cells, at the surface's vertices.
+    largest : (steps,), largest_mm : (steps, 3)
+        The largest in the whole material, and where.
+    energy_mJ : (steps,)
+        Stored in the material.
+    lost
+        Why it stopped early.
+    iterations
+        Of Newton's method, in all.
+    """
+
+    share: FloatArray
+    displacement_mm: FloatArray
+    strain_over_break: FloatArray
+    largest: FloatArray
+    largest_mm: FloatArray
+    energy_mJ: FloatArray
+    responses: tuple[Response, ...]
+    lost: LostStability | None
+    iterations: int
+
+
+def respond(
+    body: Body,
+    conditions: "Conditions",
+    analysis: "Analysis",
+    model: CoefficientModel,
+    *,
+    steps: int = 1,
+    level: float = 0.95,
+    densities: FloatArray | None = None,
+    progress: Progress | None = None,
+) -> LoadSteps:
+    """Load a body step by step.
+
+    Parameters
+    ----------
+    steps
+        Equal steps of the load.
+    level
+        Probability that an interval holds what a print does.
+    densities : (Q,), optional
+        g/cm³ at the quadrature points, for gravity.
+    progress
+        Called at each iteration with the load's share, the iteration and the residual.
+    """
+    mechanics = Mechanics(body, conditions, analysis, densities=densities)
+    cells = body.cells
+    at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
+    average = _Average(cells)
+    states: list[Equilibrium] = [mechanics.at_rest()]
+    iterations = 0
+    lost = None
+
+    def counted(share: float, iteration: int, residual: float) -> None:
+        nonlocal iterations
+        iterations += 1
+        if progress is not None:
+            progress(share, iteration, residual)
+
+    factored = None
+    surface, over_break, largest, places, energy = ([] for _ in range(5))
+
+    def keep(state: Equilibrium) -> None:
+        u = state.displacement_mm
+        surface.append(np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]))
+        nodal = average.of(strain_over_break(mechanics, state))
+        over_break.append(average.at_vertices(nodal))
+        worst = int(np.argmax(nodal))
+        largest.append(float(nodal[worst]))
+        places.append(cells.node_mm[average.node[worst]])
+        energy.append(mechanics.energy_mJ(state))
+
+    keep(states[0])
+    try:
+        for state, now in mechanics.follow(np.linspace(0.0, 1.0, steps + 1)[1:].tolist(), counted):
+            factored = now
+            states.append(Equilibrium(  # strains of earlier states are not needed again
+                state.share, state.displacement_mm, *_NOTHING, state.iterations
+            ))  # fmt: skip
+            keep(state)
+            last = state
+    except LostStability as stop:
+        lost = stop
+    responses = tuple(
+        _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
+    )
+    return LoadSteps(
+        np.array([state.share for state in states]),
+        np.stack(surface),
+        np.stack(over_break),
+        np.array(largest),
+        np.stack(places),
+        np.array(energy),
+        responses,
+        lost,
+        iterations,
+    )
+
+
+_NOTHING = (np.empty((0, 6)), np.empty((0, 6)), np.empty((0, 4)))
+
+
+def strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
+    """Return the largest principal strain over the elongation at break at the points, (Q,)."""
+    e = mechanics.observe(state).strain
+    square = np.empty((len(e), 3, 3))
+    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
+        square[:, i, j] = square[:, j, i] = 2.0 * e[:, k] + (1.0 if i == j else 0.0)
+    stretch = np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, 2], 0.0))
+    body = mechanics.body
+    return np.asarray((stretch - 1.0) / body.table.break_at(body.coordinate))
+
+
+class _Average:
+    """Means over neighbouring cells: hat functions of the cells' corners over the material."""
+
+    def __init__(self, cells: "CutCells") -> None:
+        corners = [i + 3 * j + 9 * k for k in (0, 2) for j in (0, 2) for i in (0, 2)]
+        self.cells = cells
+        self.corner = cells.nodes[:, corners]
+        self.node, number = np.unique(self.corner, return_inverse=True)
+        self.number = number.reshape(self.corner.shape)
+        counts = np.diff(cells.offsets)
+        self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
+        self.at = np.repeat(self.number, counts, axis=0)
+        self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """Return the means at the corners of values at the quadrature points."""
+        total = np.bincount(self.at.ravel(), (self.hat * values[:, None]).ravel(), len(self.node))
+        return np.asarray(total / np.where(self.volume > 0.0, self.volume, 1.0))
+
+    def at_vertices(self, nodal: FloatArray) -> FloatArray:
+        """Return values at the corners between them, at the surface's vertices."""
+        hats = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
+        return np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]])
+
+
+def _hats(local: FloatArray) -> FloatArray:
+    """Return the eight linear shape functions at places in a cell, (n, 8)."""
+    low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
+    ends = np.stack([low, high], axis=2)  # (n, 3, 2)
+    return np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0]).reshape(-1, 8)
+
+
+def _responses(
+    mechanics: Mechanics,
+    states: list[Equilibrium],
+    last: Equilibrium,
+    factored: "Factor",
+    model: CoefficientModel,
+    level: float,
+) -> "list[Response]":
+    cells, conditions = mechanics.body.cells, mechanics.conditions
+    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+    sds = log_stress_sds(mechanics, last, model, normal)
+    shares = np.array([state.share for state in states])[:, None]
+    reactions = np.array([mechanics.reactions(state) for state in states])
+
+    def interval(figure: float, weights: FloatArray) -> tuple[float, float]:
+        found = mechanics.sensitivity(last, factored, weights)
+        each = found.log_stress + found.log_bulk
+        # Errors of the grades go together, as in a bar: softer than thought, and stiffer.
+        down, up = (float(each @ sd) / figure if figure else 0.0 for sd in sds)
+        ends = figure * np.exp(np.array([-down, up]) * normal)
+        return float(min(ends)), float(max(ends))
+
+    out = []
+
+    def moved(points: FacetPoints) -> FloatArray:
+        return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
+
+    for force in conditions.forces:
+        points = facet_points(cells, force.facets)
+        given = np.array(force.force_N)
+        direction = given / np.linalg.norm(given)
+        where = moved(points)
+        figure = float(where[-1] @ direction)
+        span = interval(figure, mechanics.mean_weights(points, direction))
+        out.append(Response(force.selector, "load", where, shares * given, direction, span))
+    for k, support in enumerate(conditions.supports):
+        held = mechanics.held[k]
+        force, span = reactions[:, k], None
+        size = float(np.linalg.norm(held.target_mm))
+        if size > 0.0:
+            direction = held.target_mm / size
+            figure = float(force[-1] @ direction)
+            span = interval(figure, mechanics.reaction_weights(k, direction))
+        else:
+            direction = _unit(force[-1])
+        kind = "move" if size > 0.0 else "fix"
+        out.append(Response(support.selector, kind, moved(held.points), force, direction, span))
+    for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
+        force = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
+        where = moved(pushed.points)
+        direction = _unit(where[-1])
+        out.append(Response(pressure.selector, "pressure", where, force, direction, None))
+    for watched in conditions.watched:
+        points = facet_points(cells, watched.facets)
+        where = moved(points)
+        direction = _unit(where[-1])
+        span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))
+        out.append(Response(watched.selector, "watch", where, 0.0 * where, direction, span))
+    return out
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    size = float(np.linalg.norm(vector))
+    return vector / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+_KNOWN = 65  # strains at which variances are taken; they vary slowly
+
+
+def log_stress_sds(
+    mechanics: Mechanics, state: Equilibrium, model: CoefficientModel, normal: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviations of ln(stress) at the points, downwards and upwards, (Q,).
+
+    They are those of the bar's interval (`planner.simulation.simulate`): the grades' own, other
+    readings' reach included, and the bridge between grades, at the strain of a tensile test with
+    the same first invariant.
+    """
+    strain = uniaxial_strain(mechanics.observe(state).x)
+    known = np.linspace(0.0, model.strain_limit, _KNOWN)
+    coordinate = mechanics.body.coordinate
+    variance = np.interp(strain, known, model.wiener_variance(known))
+    lower, upper, _ = model.bracket(coordinate)
+    found = []
+    for own in model.own_log_sds(known, normal):
+        softer, harder = (_of_points(strain, known, own, grade) for grade in (lower, upper))
+        found.append(model.log_sd(coordinate, variance, softer, harder))
+    return found[0], found[1]
+
+
+def _of_points(
+    strain: FloatArray, known: FloatArray, rows: FloatArray, grade: IntArray
+) -> FloatArray:
+    out = np.empty_like(strain)
+    for k in np.unique(grade).tolist():
+        at = grade == k
+        out[at] = np.interp(strain[at], known, rows[k])
+    return out
