@@ -20,6 +20,7 @@ __all__ = [
     "dense",
     "grid_for",
     "iterate_columns",
+    "join",
     "slab_runs",
     "snap",
     "voxelize",
@@ -588,7 +589,7 @@ def voxelize(mesh: Mesh, pitch_mm: float | Sequence[float], *, shortest: int = 0
         See `grid_for` and `iterate_columns`.
     """
     grid = grid_for(mesh.bounds_mm, pitch_mm)
-    return _join(list(iterate_columns(mesh, grid, shortest=shortest)))
+    return join(list(iterate_columns(mesh, grid, shortest=shortest)))
 
 
 def dense(columns: Columns) -> BoolArray:
@@ -599,7 +600,8 @@ def dense(columns: Columns) -> BoolArray:
     return voxels.view(np.bool_).reshape(columns.rows, nx, nz).transpose(1, 0, 2)
 
 
-def _join(slabs: list[Columns]) -> Columns:
+def join(slabs: list[Columns]) -> Columns:
+    """Return the rows of consecutive slabs as one."""
     runs = np.cumsum([0, *(len(s.start) for s in slabs)])
     parts = [s.offsets[1:] + before for s, before in zip(slabs, runs, strict=False)]
     faults = [s.faults for s in slabs]
