@@ -1,0 +1,779 @@
+"""Factor finite-element matrices of 27-node cells: multifrontal Cholesky on nested dissection."""
+
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, TypeAlias
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import get_cython_function_address, intrinsic
+from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
+
+from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel, kernel
+
+__all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor"]
+
+
+# ------------------------------------------------------------------------------------------------
+# How it works
+#
+# The cells are halved again and again. A node that cells of both halves touch belongs to that cut
+# and is eliminated after all nodes inside either half (A. George, Nested dissection of a regular
+# finite element mesh, SIAM J. Numer. Anal. 10, 1973, doi 10.1137/0710032). Every cut, and every
+# last heap of cells, has a front: a dense matrix over its own nodes and the rest, nodes of earlier
+# cuts that its cells touch. It is the sum of its cells' matrices and of the updates of its two
+# halves; dense LAPACK eliminates its own nodes, and what then stands over the rest is its update
+# (J. W. H. Liu, The multifrontal method for sparse matrix solution, SIAM Review 34, 1992, doi
+# 10.1137/1034004).
+#
+# Fronts are numbered in postorder: halves before their cut, and the fronts within one cut without a
+# gap. Rows and columns of a front go by the order of elimination, own nodes first, so that lower
+# triangles go into lower triangles.
+
+
+_CELLS_OF_A_LEAF = 4
+"""So many cells are not halved further. Measured on boxes and thin walls: 2 to 8 differ by less
+than a tenth, 1 and 27 take 1.3 times as long."""
+
+_TASKS = 8
+"""A subtree of at most this share of all work is one task; cuts above are tasks of their own.
+Numerical: enough to keep two threads busy, few enough updates that wait at a time."""
+
+_THREADS = 2
+"""More do not pay: the last cut's front is half of all work and one thread's."""
+
+
+class NotPositiveDefinite(Exception):  # noqa: N818 - it is an answer, no error
+    """A pivot was not above 0: the body is not held, or not stable.
+
+    Attributes
+    ----------
+    node
+        Where.
+    """
+
+    def __init__(self, node: int):
+        super().__init__(f"the matrix is not positive definite: node {node}")
+        self.node = node
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """In which order nodes are eliminated, and what that needs; no number of the matrix is known.
+
+    Attributes
+    ----------
+    factor_bytes, work_bytes
+        Of the factor, and of what is needed beside it until it is done, at most.
+    flops
+        Of factoring.
+    order : (N,)
+        The nodes as they are eliminated.
+    first : (T + 1,)
+        Where the own nodes of each front begin in the order.
+    rest, above, rest_start
+        Other nodes of front t, by their places in the order, at `rest_start[t]:rest_start[t + 1]`;
+        and each one's place in the front above.
+    below : (T, 2)
+        Fronts of both halves, or -1.
+    side : (T,)
+        At which end of the working memory the update stands.
+    cells, cell_start
+        Cells of front t at `cell_start[t]:cell_start[t + 1]`.
+    place : (n, 27)
+        Of each cell's nodes in their front.
+    panel : (T + 1,)
+        Where the columns of each front begin in the factor.
+    tasks : (k, 2)
+        First front of each task and the one after its last, in postorder.
+    work : (k,)
+        How many numbers each needs for updates.
+    """
+
+    factor_bytes: int
+    work_bytes: int
+    flops: float
+    order: IntArray
+    first: IntArray
+    rest: IntArray
+    above: IntArray
+    rest_start: IntArray
+    below: IntArray
+    side: IntArray
+    cells: IntArray
+    cell_start: IntArray
+    place: IntArray
+    panel: IntArray
+    tasks: IntArray
+    work: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """The factor of a matrix, which solves for any right-hand side."""
+
+    analysis: Analysis
+    columns: FloatArray
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Return x where the matrix times x is `rhs`.
+
+        Parameters
+        ----------
+        rhs : (3 N,) or (3 N, k)
+        """
+        a = self.analysis
+        given = np.asarray(rhs, dtype=np.float64)
+        columns = given.reshape(len(a.order), 3, -1)
+        x = np.array(columns[a.order].reshape(3 * len(a.order), -1), order="F")
+        most = 3 * int(np.diff(a.rest_start).max(initial=0))
+        with _blas_threads().limit(limits=1, user_api="blas"):
+            _solve(
+                _blas(), a.first, a.rest, a.rest_start, a.panel, self.columns,
+                x.ravel(order="K"), np.empty(max(most, 1) * x.shape[1]), x.shape[1],
+            )  # fmt: skip
+        solved = np.empty_like(columns)
+        solved[a.order] = x.reshape(len(a.order), 3, -1)
+        return solved.reshape(given.shape)
+
+
+# ------------------------------------------------------------------------------------------------
+# Analysis: halving, fronts and their sizes.
+
+
+def analyse(nodes: IntArray, node_mm: FloatArray) -> Analysis:
+    """Order the nodes of a mesh so that little fills in, and foretell what factoring needs.
+
+    Parameters
+    ----------
+    nodes : (n, 27)
+        Of each cell. Cells are coupled by the nodes they share and by nothing else.
+    node_mm : (N, 3)
+        Places, several nodes at one if need be; they only decide where to cut.
+    """
+    cell_nodes = np.ascontiguousarray(nodes, dtype=np.int32)
+    count = len(node_mm)
+    middle = np.asarray(node_mm, dtype=np.float64)[cell_nodes].mean(axis=1)
+    ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
+    cells, bounds, halves, depth, owner = _halved(cell_nodes, ranks, count, _CELLS_OF_A_LEAF)
+    # The last front made comes first: halves before their cut.
+    fronts = len(bounds)
+    bounds, depth = bounds[::-1], depth[::-1]
+    below = np.where(halves >= 0, fronts - 1 - halves, -1)[::-1].copy()
+    # Nodes of no cell stay with the last front, where they fail as pivots.
+    front_of = fronts - 1 - owner
+    order = np.argsort(front_of, kind="stable").astype(np.int32)
+    first = np.searchsorted(front_of[order], np.arange(fronts + 1)).astype(np.int32)
+    number = np.empty(count, dtype=np.int32)
+    number[order] = np.arange(count, dtype=np.int32)
+    leaf = below[:, 0] < 0
+    cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
+    cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
+    rest, above, rest_start, place = _structure(cell_nodes, number, first, below, cells, cell_start)
+
+    own = 3 * np.diff(first).astype(np.int64)
+    update = (3 * np.diff(rest_start)) ** 2
+    panel = np.concatenate([[0], np.cumsum(-(-own * (own + 3 * np.diff(rest_start)) // 8) * 8)])
+    k, b = own.astype(np.float64), np.sqrt(update)
+    flops = k**3 / 3.0 + k * k * b + k * b * b
+    tasks, work, most = _tasks(below, update, flops)
+    return Analysis(
+        factor_bytes=8 * int(panel[-1]) + 64,
+        work_bytes=8 * most,
+        flops=float(flops.sum()),
+        order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
+        side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, place=place,
+        panel=panel, tasks=tasks, work=work,
+    )  # fmt: skip
+
+
+def _ranks(value: FloatArray) -> IntArray:
+    """Return the ranks of values; what rounding alone tells apart has one."""
+    by_value = np.argsort(value, kind="stable")
+    rising = value[by_value]
+    extent = float(np.ptp(rising)) if len(value) else 0.0
+    ranks = np.empty(len(value), dtype=np.int64)
+    # Cells are thousandths of the extent and more, roundings of means 1e-15 of the coordinates.
+    ranks[by_value] = np.cumsum(np.diff(rising, prepend=rising[:1]) > 1e-6 * extent)
+    return ranks
+
+
+@kernel
+def _halved(
+    nodes: NDArray[np.int32], ranks: NDArray[np.int32], count: int, most: int
+) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
+    """Halve the cells until heaps of at most so many are left.
+
+    The cut is the plane between layers of cells with the fewest nodes on it over the product of
+    the cells on either side.
+
+    Returns
+    -------
+    cells : (n,)
+        Their order.
+    bounds : (T, 2)
+        Of each front's cells, cuts before their halves.
+    halves : (T, 2)
+        -1 for heaps.
+    depth : (T,)
+        How many cuts are above.
+    owner : (N,)
+        Front that each node is eliminated in.
+    """
+    n = nodes.shape[0]
+    cells = np.arange(n).astype(np.int32)
+    bounds = np.zeros((2 * n + 1, 2), dtype=np.int64)
+    halves = np.full((2 * n + 1, 2), -1, dtype=np.int64)
+    depth = np.zeros(2 * n + 1, dtype=np.int64)
+    owner = np.full(count, -1, dtype=np.int64)
+    low, high = np.empty((3, count), dtype=np.int32), np.empty((3, count), dtype=np.int32)
+    seen = np.full(count, -1, dtype=np.int64)
+    touched = np.empty(count, dtype=np.int32)
+    spare = np.empty(n, dtype=np.int32)
+    width = 0
+    for axis in range(3):
+        for c in range(n):
+            width = max(width, ranks[axis, c] + 2)
+    on_cut, in_layer = np.zeros(width, dtype=np.int64), np.zeros(width, dtype=np.int64)
+    # Waiting: bounds, depth, and the half of which cut it is.
+    waiting = [(0, n, 0, -1, 0)]
+    made = 0
+    while len(waiting) > 0:
+        start, end, deep, cut, half = waiting.pop()
+        t = made
+        made += 1
+        bounds[t, 0], bounds[t, 1], depth[t] = start, end, deep
+        if cut >= 0:
+            halves[cut, half] = t
+        met = 0
+        for place in range(start, end):
+            c = cells[place]
+            for node in nodes[c]:
+                if owner[node] >= 0:
+                    continue
+                if seen[node] != t:
+                    seen[node] = t
+                    touched[met] = node
+                    met += 1
+                    for axis in range(3):
+                        low[axis, node] = high[axis, node] = ranks[axis, c]
+                else:
+                    for axis in range(3):
+                        low[axis, node] = min(low[axis, node], ranks[axis, c])
+                        high[axis, node] = max(high[axis, node], ranks[axis, c])
+        best, best_axis, best_rank = np.inf, -1, 0
+        if end - start > most:
+            for axis in range(3):
+                least, greatest = ranks[axis, cells[start]], ranks[axis, cells[start]]
+                for place in range(start, end):
+                    least = min(least, ranks[axis, cells[place]])
+                    greatest = max(greatest, ranks[axis, cells[place]])
+                on_cut[: greatest - least + 2] = 0
+                in_layer[: greatest - least + 2] = 0
+                for place in range(start, end):
+                    in_layer[ranks[axis, cells[place]] - least] += 1
+                for i in range(met):
+                    on_cut[low[axis, touched[i]] - least + 1] += 1
+                    on_cut[high[axis, touched[i]] - least + 1] -= 1
+                before, cost = 0, 0
+                for rank in range(1, greatest - least + 1):
+                    before += in_layer[rank - 1]
+                    cost += on_cut[rank]
+                    if before == 0 or before == end - start:
+                        continue
+                    score = cost / (np.float64(before) * np.float64(end - start - before))
+                    if score < best:
+                        best, best_axis, best_rank = score, axis, rank + least
+        if best_axis < 0:
+            for i in range(met):
+                owner[touched[i]] = t
+            continue
+        for i in range(met):
+            node = touched[i]
+            if low[best_axis, node] < best_rank <= high[best_axis, node]:
+                owner[node] = t
+        lower, upper = start, 0
+        for place in range(start, end):
+            c = cells[place]
+            if ranks[best_axis, c] < best_rank:
+                cells[lower] = c
+                lower += 1
+            else:
+                spare[upper] = c
+                upper += 1
+        cells[lower:end] = spare[:upper]
+        # The larger half is made last and so factored first, while no update waits.
+        if lower - start > upper:
+            waiting.append((start, lower, deep + 1, t, 0))
+            waiting.append((lower, end, deep + 1, t, 1))
+        else:
+            waiting.append((lower, end, deep + 1, t, 1))
+            waiting.append((start, lower, deep + 1, t, 0))
+    for node in range(count):
+        owner[node] = max(owner[node], 0)
+    return cells, bounds[:made], halves[:made], depth[:made], owner
+
+
+@kernel
+def _structure(
+    nodes: NDArray[np.int32],
+    number: NDArray[np.int32],
+    first: NDArray[np.int32],
+    below: IntArray,
+    cells: IntArray,
+    cell_start: IntArray,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], IntArray, NDArray[np.int32]]:
+    """Return the rest of every front, places in the front above, and of cells' nodes in fronts."""
+    fronts = below.shape[0]
+    rest_start = np.zeros(fronts + 1, dtype=np.int64)
+    rest = np.empty(4 * nodes.size + 16, dtype=np.int32)
+    above = np.empty(4 * nodes.size + 16, dtype=np.int32)
+    place = np.empty(nodes.shape, dtype=np.int32)
+    seen = np.full(len(number), -1, dtype=np.int64)
+    where = np.empty(len(number), dtype=np.int32)
+    for t in range(fronts):
+        begin, last, own = rest_start[t], first[t + 1], first[t + 1] - first[t]
+        at = begin
+        if below[t, 0] < 0:
+            needed = 27 * (cell_start[t + 1] - cell_start[t])
+        else:
+            needed = np.int64(0)
+            for half in below[t]:
+                needed += rest_start[half + 1] - rest_start[half]
+        if at + needed > len(rest):
+            more = np.empty(2 * (at + needed), dtype=np.int32)
+            more[:at] = rest[:at]
+            rest = more
+            more = np.empty(2 * (at + needed), dtype=np.int32)
+            more[:at] = above[:at]
+            above = more
+        if below[t, 0] < 0:
+            for c in cells[cell_start[t] : cell_start[t + 1]]:
+                for node in nodes[c]:
+                    e = number[node]
+                    if e >= last and seen[e] != t:
+                        seen[e] = t
+                        rest[at] = e
+                        at += 1
+            rest[begin:at] = np.sort(rest[begin:at])
+            for i in range(begin, at):
+                where[rest[i]] = own + i - begin
+            for c in cells[cell_start[t] : cell_start[t + 1]]:
+                for a in range(27):
+                    e = number[nodes[c, a]]
+                    place[c, a] = where[e] if e >= last else e - first[t]
+        else:
+            i, j = rest_start[below[t, 0]], rest_start[below[t, 1]]
+            end_i, end_j = rest_start[below[t, 0] + 1], rest_start[below[t, 1] + 1]
+            while i < end_i or j < end_j:
+                e = min(rest[i] if i < end_i else 2147483647, rest[j] if j < end_j else 2147483647)
+                if e >= last:
+                    rest[at] = e
+                    position = own + at - begin
+                    at += 1
+                else:
+                    position = np.int64(e - first[t])
+                if i < end_i and rest[i] == e:
+                    above[i] = position
+                    i += 1
+                if j < end_j and rest[j] == e:
+                    above[j] = position
+                    j += 1
+        rest_start[t + 1] = at
+    return rest[: rest_start[-1]].copy(), above[: rest_start[-1]].copy(), rest_start, place
+
+
+def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArray, IntArray, int]:
+    """Divide the fronts among tasks.
+
+    Returns
+    -------
+    tasks : (k, 2)
+    work : (k,)
+        Numbers that the updates of each need at most at a time.
+    most
+        What all tasks together may have in use at a time, whatever order they run in.
+    """
+    fronts = len(below)
+    total, need, start = flops.copy(), update.copy(), np.arange(fronts)
+    for t in range(fronts):
+        a, b = sorted(below[t])
+        if a >= 0:
+            total[t] += total[a] + total[b]
+            need[t] = max(need[a], update[a] + need[b], update[a] + update[b] + update[t])
+            start[t] = start[a]
+    small = total * _TASKS <= total[-1]
+    if not small.any():
+        small[-1] = True
+    tasks, work = [], []
+    all_at_once = np.zeros(fronts, dtype=np.int64)
+    above = np.full(fronts, -1)
+    above[below[below[:, 0] >= 0].ravel()] = np.repeat(np.flatnonzero(below[:, 0] >= 0), 2)
+    for t in range(fronts):
+        a, b = below[t]
+        if small[t]:
+            if above[t] >= 0 and small[above[t]]:
+                continue
+            tasks.append((start[t], t + 1))
+            work.append(need[t])
+            all_at_once[t] = need[t] + update[t]
+        else:
+            tasks.append((t, t + 1))
+            work.append(update[t])
+            waiting, busy = (
+                (0, 0)
+                if a < 0
+                else (
+                    update[a] + update[b],
+                    all_at_once[a] + all_at_once[b],
+                )
+            )
+            all_at_once[t] = max(busy, update[t] + waiting)
+    return np.array(tasks), np.array(work), int(all_at_once[-1])
+
+
+# ------------------------------------------------------------------------------------------------
+# LAPACK and BLAS from kernels: their addresses come from scipy at run time, so that kernels can be
+# cached on disk. OpenBLAS runs on one thread: two of its own on busy cores take tens of times as
+# long.
+
+
+@cache
+def _blas_threads() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+@cache
+def _blas() -> NDArray[np.int64]:
+    """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
+    return np.array(
+        [get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")]
+        + [
+            get_cython_function_address("scipy.linalg.cython_blas", name)
+            for name in ("dtrsm", "dsyrk", "dgemm")
+        ],
+        dtype=np.int64,
+    )
+
+
+def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
+    """Call the function at an address with a tuple of pointers, all as integers."""
+    unpacked: Any = cgutils.unpack_tuple
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = ir.IntType(8).as_pointer()
+        given = [builder.inttoptr(value, pointer) for value in unpacked(builder, arguments[1])]
+        function = ir.FunctionType(ir.VoidType(), [pointer] * len(given)).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), given)
+        return context.get_dummy_value()
+
+    return types.void(address, pointers), code
+
+
+_call: Any = intrinsic(_calling)
+
+
+_Int: TypeAlias = Any  # in kernels, of any width
+
+
+@inner_kernel
+def _address(array: Any) -> _Int:
+    return np.int64(array.ctypes.data)
+
+
+_LETTERS = np.frombuffer(b"LRTN", dtype=np.uint8)
+_NUMBERS = np.array([1.0, -1.0, 0.0])
+
+
+@inner_kernel
+def _potrf(address: _Int, n: _Int, a: _Int, lda: _Int, integers: IntArray) -> _Int:
+    """Factor; return 0, or which pivot failed, from 1."""
+    integers[0], integers[1], integers[2] = n, lda, 0
+    i = _address(integers)
+    _call(address, (_address(_LETTERS), i, a, i + 4, i + 8))
+    return integers[2]
+
+
+@inner_kernel
+def _trsm(
+    address: _Int, side: _Int, transposed: bool, m: _Int, n: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Divide b, (m, n), by a lower triangle, from the left (0) or the right (1)."""
+    integers[0], integers[1], integers[2], integers[3] = m, n, lda, ldb
+    i, letters = _address(integers), _address(_LETTERS)
+    turned = letters + (2 if transposed else 3)
+    one = _address(_NUMBERS)
+    _call(
+        address,
+        (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12),
+    )
+
+
+@inner_kernel
+def _syrk(
+    address: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Take a times its transpose from the lower triangle of c."""
+    integers[0], integers[1], integers[2], integers[3] = n, k, lda, ldc
+    i, letters, numbers = _address(integers), _address(_LETTERS), _address(_NUMBERS)
+    _call(address, (letters, letters + 3, i, i + 4, numbers + 8, a, i + 8, numbers, c, i + 12))
+
+
+@inner_kernel
+def _gemm(
+    address: _Int, transposed: bool, m: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, b: _Int,
+    ldb: _Int, scale: _Int, c: _Int, ldc: _Int, integers: IntArray,
+) -> None:  # fmt: skip
+    """Set c to a, or its transpose, times b (scale 0); or take that from c (scale 1)."""
+    integers[0], integers[1], integers[2] = m, n, k
+    integers[3], integers[4], integers[5] = lda, ldb, ldc
+    i, letters, numbers = _address(integers), _address(_LETTERS), _address(_NUMBERS)
+    turned = letters + (2 if transposed else 3)
+    by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
+    _call(
+        address,
+        (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# Factoring
+
+
+def factor(
+    analysis: Analysis,
+    element_matrices: FloatArray,
+    *,
+    into: Factor | None = None,
+    threads: int = _THREADS,
+) -> Factor:
+    """Sum the matrices of cells and factor the sum.
+
+    The result is the same bytes on any number of threads.
+
+    Parameters
+    ----------
+    element_matrices : (n, 81, 81)
+        Of each cell, symmetric: row 3 a + axis is that of local node a.
+    into
+        A factor of the same analysis that is needed no more: its memory is taken.
+
+    Raises
+    ------
+    NotPositiveDefinite
+        A pivot failed, the first in the order of elimination.
+    """
+    a = analysis
+    matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
+    assert matrices.shape == (len(a.place), 81, 81)
+    columns = _aligned(int(a.panel[-1])) if into is None else into.columns
+    updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
+    none = np.empty(0)
+    failed = len(a.order)
+
+    def run(task: int) -> int:
+        start, end = a.tasks[task]
+        outside = (
+            [updates.pop(t, none) for t in a.below[end - 1]] if end - start == 1 else [none, none]
+        )
+        work = np.empty(a.work[task])
+        pivot, at = _factor_fronts(
+            _blas(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
+            a.cell_start, a.place, a.panel, matrices, columns, work, outside[0], outside[1],
+        )  # fmt: skip
+        size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
+        updates[end - 1] = work if len(work) == size else work[at : at + size].copy()
+        return int(pivot)
+
+    above = {int(a.tasks[k, 1]) - 1: k for k in range(len(a.tasks))}
+    missing = [
+        {above[int(t)] for t in a.below[end - 1] if t in above} if end - start == 1 else set()
+        for start, end in a.tasks
+    ]
+    with (
+        _blas_threads().limit(limits=1, user_api="blas"),
+        ThreadPoolExecutor(max(threads, 1)) as pool,
+    ):
+        todo, done = list(range(len(a.tasks))), set[int]()
+        running: dict[Future[int], int] = {}
+        while todo or running:
+            for task in [k for k in todo if missing[k] <= done][: max(threads, 1) - len(running)]:
+                todo.remove(task)
+                running[pool.submit(run, task)] = task
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task = running.pop(future)
+                done.add(task)
+                if future.result() >= 0:
+                    # Tasks before this one may fail at an earlier pivot; those after it cannot.
+                    failed = min(failed, future.result())
+                    todo = [k for k in todo if k < task]
+    if failed < len(a.order):
+        raise NotPositiveDefinite(int(a.order[failed]))
+    return Factor(analysis, columns)
+
+
+def _aligned(size: int) -> FloatArray:
+    """Return so many numbers in memory that begins where a vector register's line does."""
+    memory = np.empty(size + 8)
+    skip = (-memory.ctypes.data // 8) % 8
+    return memory[skip : skip + size]
+
+
+@free_kernel
+def _factor_fronts(
+    blas: IntArray, start: _Int, end: _Int, first: IntArray, rest_start: IntArray, above: IntArray,
+    below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, place: IntArray,
+    panel_start: IntArray, matrices: FloatArray, columns: FloatArray, work: FloatArray,
+    outside_0: FloatArray, outside_1: FloatArray,
+) -> tuple[_Int, _Int]:  # fmt: skip
+    """Factor fronts of one task, in order.
+
+    Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
+    end when their cut's comes to the other.
+
+    Returns
+    -------
+    pivot
+        The one that failed, in the order of elimination, or -1.
+    at
+        Where the update of the last front begins in `work`.
+    """
+    low, high = 0, len(work)
+    where = np.zeros(end - start, dtype=np.int64)
+    integers = np.zeros(8, dtype=np.int32)
+    for t in range(start, end):
+        own = np.int64(3 * (first[t + 1] - first[t]))
+        rest = 3 * (rest_start[t + 1] - rest_start[t])
+        rows, size = own + rest, rest * rest
+        if side[t] == 0:
+            at = low
+            low += size
+        else:
+            high -= size
+            at = high
+        where[t - start] = at
+        panel = columns[panel_start[t] : panel_start[t] + rows * own]
+        update = work[at : at + size]
+        panel[:] = 0.0
+        for j in range(rest):
+            update[j * rest + j - j % 3 : (j + 1) * rest] = 0.0
+        for c in cells[cell_start[t] : cell_start[t + 1]]:
+            _add_cell(matrices[c], place[c], panel, rows, update, own, rest)
+        for k in range(2):
+            half = below[t, k]
+            if half < 0:
+                continue
+            nodes = rest_start[half + 1] - rest_start[half]
+            if half >= start:
+                given = work[where[half - start] : where[half - start] + 9 * nodes * nodes]
+                if side[half] == 0:
+                    low -= 9 * nodes * nodes
+                else:
+                    high += 9 * nodes * nodes
+            elif k == 0:
+                given = outside_0
+            else:
+                given = outside_1
+            to = above[rest_start[half] : rest_start[half + 1]]
+            _add_update(given, to, panel, rows, update, own, rest)
+        if own == 0:
+            continue
+        a, b, c = _address(panel), _address(panel) + 8 * own, _address(update)
+        failed = _potrf(blas[0], own, a, rows, integers)
+        for j in range(own):  # LAPACK lets what is not a number pass
+            if failed == 0 and not panel[j * rows + j] > 0.0:
+                failed = j + 1
+        if failed > 0:
+            return np.int64(first[t]) + (failed - 1) // 3, at
+        if rest > 0:
+            _trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
+            _syrk(blas[2], rest, own, b, rows, c, rest, integers)
+    return np.int64(-1), at
+
+
+@inner_kernel
+def _add_cell(
+    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
+    FloatArray, own: _Int, rest: _Int,
+) -> None:  # fmt: skip
+    """Add a cell's matrix to the lower triangle of its front."""
+    for b in range(27):
+        for axis in range(3):
+            column = np.int64(3 * place[b] + axis)
+            into, offset = (
+                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
+            )
+            for a in range(27):
+                if place[a] >= place[b]:
+                    to, of = offset + 3 * place[a], 3 * a
+                    for i in range(3):
+                        into[to + i] += matrix[of + i, 3 * b + axis]
+
+
+@inner_kernel
+def _add_update(
+    given: FloatArray, to: IntArray, panel: FloatArray, rows: _Int, update: FloatArray,
+    own: _Int, rest: _Int,
+) -> None:  # fmt: skip
+    """Add the lower triangle of a half's update to its front."""
+    n = len(to)
+    for b in range(n):
+        for axis in range(3):
+            column = np.int64(3 * to[b] + axis)
+            into, offset = (
+                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
+            )
+            source = (3 * b + axis) * 3 * n
+            for a in range(b, n):
+                at = offset + 3 * to[a]
+                of = source + 3 * a
+                into[at] += given[of]
+                into[at + 1] += given[of + 1]
+                into[at + 2] += given[of + 2]
+
+
+# ------------------------------------------------------------------------------------------------
+# Solving
+
+
+@free_kernel
+def _solve(
+    blas: IntArray, first: IntArray, rest: IntArray, rest_start: IntArray, panel_start: IntArray,
+    columns: FloatArray, x: FloatArray, spare: FloatArray, many: _Int,
+) -> None:  # fmt: skip
+    """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
+    length = 3 * np.int64(first[-1])
+    integers = np.zeros(8, dtype=np.int32)
+    fronts = len(first) - 1
+    for turn in range(2 * fronts):
+        back = turn >= fronts
+        t = 2 * fronts - 1 - turn if back else turn
+        own = np.int64(3 * (first[t + 1] - first[t]))
+        others = rest[rest_start[t] : rest_start[t + 1]]
+        n = 3 * len(others)
+        rows = own + n
+        if own == 0:
+            continue
+        l11 = _address(columns) + 8 * panel_start[t]
+        l21 = l11 + 8 * own
+        x1, s = _address(x) + 24 * first[t], _address(spare)
+        if not back:
+            _trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
+            if n > 0:
+                _gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
+                for k in range(many):
+                    for i in range(len(others)):
+                        for axis in range(3):
+                            x[k * length + 3 * others[i] + axis] -= spare[k * n + 3 * i + axis]
+        else:
+            if n > 0:
+                for k in range(many):
+                    for i in range(len(others)):
+                        for axis in range(3):
+                            spare[k * n + 3 * i + axis] = x[k * length + 3 * others[i] + axis]
+                _gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
+            _trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
