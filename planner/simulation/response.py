@@ -9,15 +9,15 @@ import numpy as np
 from planner.materials.marlow import uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray, IntArray
+from planner.simulation.element import shape_functions
 from planner.simulation.solid import (
     Body,
     Equilibrium,
     FacetPoints,
-    LostStability,
+    LostStabilityError,
     Mechanics,
     Progress,
     facet_points,
-    shape_functions,
 )
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class LoadSteps:
     largest_mm: FloatArray
     energy_mJ: FloatArray
     responses: tuple[Response, ...]
-    lost: LostStability | None
+    lost: LostStabilityError | None
     iterations: int
 
 
@@ -167,7 +167,7 @@ def respond(
             ))  # fmt: skip
             keep(state)
             last = state
-    except LostStability as stop:
+    except LostStabilityError as stop:
         lost = stop
     responses = tuple(
         _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
@@ -221,14 +221,17 @@ class _Average:
     def at_vertices(self, nodal: FloatArray) -> FloatArray:
         """Return values at the corners between them, at the surface's vertices."""
         hats = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
-        return np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]])
+        return np.asarray(
+            np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]])
+        )
 
 
 def _hats(local: FloatArray) -> FloatArray:
     """Return the eight linear shape functions at places in a cell, (n, 8)."""
     low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
     ends = np.stack([low, high], axis=2)  # (n, 3, 2)
-    return np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0]).reshape(-1, 8)
+    hats = np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0])
+    return np.asarray(hats.reshape(-1, 8))
 
 
 def _responses(
@@ -268,21 +271,22 @@ def _responses(
         out.append(Response(force.selector, "load", where, shares * given, direction, span))
     for k, support in enumerate(conditions.supports):
         held = mechanics.held[k]
-        force, span = reactions[:, k], None
+        pull: FloatArray = reactions[:, k]
+        span: tuple[float, float] | None = None
         size = float(np.linalg.norm(held.target_mm))
         if size > 0.0:
             direction = held.target_mm / size
-            figure = float(force[-1] @ direction)
+            figure = float(pull[-1] @ direction)
             span = interval(figure, mechanics.reaction_weights(k, direction))
         else:
-            direction = _unit(force[-1])
+            direction = _unit(pull[-1])
         kind = "move" if size > 0.0 else "fix"
-        out.append(Response(support.selector, kind, moved(held.points), force, direction, span))
+        out.append(Response(support.selector, kind, moved(held.points), pull, direction, span))
     for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
-        force = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
+        push = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
         where = moved(pushed.points)
         direction = _unit(where[-1])
-        out.append(Response(pressure.selector, "pressure", where, force, direction, None))
+        out.append(Response(pressure.selector, "pressure", where, push, direction, None))
     for watched in conditions.watched:
         points = facet_points(cells, watched.facets)
         where = moved(points)
