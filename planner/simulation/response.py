@@ -257,6 +257,7 @@ def _responses(
         return float(min(ends)), float(max(ends))
 
     out = []
+    span: tuple[float, float] | None
 
     def moved(points: FacetPoints) -> FloatArray:
         return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
@@ -272,7 +273,7 @@ def _responses(
     for k, support in enumerate(conditions.supports):
         held = mechanics.held[k]
         pull: FloatArray = reactions[:, k]
-        span: tuple[float, float] | None = None
+        span = None
         size = float(np.linalg.norm(held.target_mm))
         if size > 0.0:
             direction = held.target_mm / size
