@@ -1,15 +1,15 @@
 """Cells that a surface cuts from a Cartesian lattice, with positive quadrature in each."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
-from planner.mesh.mesh import Mesh, number_groups, order_edges, unite
-from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel, kernel
+from planner.mesh.mesh import Mesh, connected, number_groups, order_edges, unite
+from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
 __all__ = ["COLUMNS_ACROSS", "MOMENTS", "CutCells", "cut_cells"]
@@ -55,7 +55,12 @@ class CutCells:
     Each connected piece of material in a cell of the lattice is a cell here: where two walls stand
     in one, it is there twice, with nodes of its own for each wall. Pieces of neighbouring cells
     share the nodes of their common face exactly when material connects them through it, so that
-    one quadratic field runs through each body.
+    one quadratic field runs through each body. A skin that lies on a face, thinner than the
+    columns hold together (0.06 of a cell), belongs to the piece on the face's other side.
+
+    The quadrature is exact for polynomials of total degree 6 over a cut cell; in a full one it is
+    Gauss's, of 27 points. Cut ones have 27 points as well, save the odd flat piece. Points lie in
+    the bounding box of their piece: not all of them in material, where the piece is not convex.
 
     Attributes
     ----------
@@ -74,7 +79,7 @@ class CutCells:
     offsets : (n + 1,) int64
         Cell c has the quadrature points ``offsets[c]`` to ``offsets[c + 1]``.
     points : (Q, 3)
-        In the cell's own coordinates, -1..1.
+        In the cell's own coordinates: -1..1, and as far as 1.12 where a skin belongs to it.
     weights_mm3 : (Q,)
         All above 0; their sum is the volume.
     surface
@@ -84,7 +89,7 @@ class CutCells:
     vertex_cell : (V,) int32
         The cell each vertex of `surface` bounds.
     vertex_local : (V, 3)
-        Its place there, in the cell's own coordinates.
+        Its place there, in the cell's own coordinates: -1..1, a little more on skins.
     dropped_mm3
         Volume of specks that hang on nothing and are left out.
     material
@@ -137,7 +142,7 @@ class CutCells:
         -------
         cell : (k,) int32
         local : (k, 3)
-            In the cell's own coordinates, -1..1.
+            In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
         """
         material = self.material
         place = (points_mm - self.origin_mm) / self.cell_mm
@@ -210,7 +215,7 @@ def cut_cells(
         raise _too_many(cell_mm, fewest, most_cells)
     cells = tuple(int(n) for n in counts)
     material = _sample(mesh, low, extent, cells, columns_across)
-    pieces = _pieces(material)
+    pieces = _pieces(material, extent / counts)
     if not len(pieces.index):
         raise MeshError(
             f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
@@ -260,6 +265,8 @@ class Material:
         of x and y in cells a mm; u, v and x, y are from the part's lower corner.
     foot : (columns,) int32
         Footprint each column stands in, ``i counts[1] + j``; -1 outside the bounding box.
+    per_foot : (footprints,) int64
+        Columns that stand in each.
     first : (runs,) int64
         First segment of each run; the others follow upwards, one a cell.
     piece : (segments,) int32
@@ -271,6 +278,7 @@ class Material:
     voxels: int
     frame: FloatArray
     foot: NDArray[np.int32]
+    per_foot: NDArray[np.int64]
     first: NDArray[np.int64]
     piece: NDArray[np.int32]
 
@@ -312,7 +320,8 @@ def _sample(
     reach[np.repeat(foot < 0, runs)] = 0
     first = np.append(0, np.cumsum(reach, dtype=np.int64))
     piece = np.arange(first[-1], dtype=np.int32)
-    return Material(columns, cells, voxels, frame, foot, first[:-1], piece)
+    per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
+    return Material(columns, cells, voxels, frame, foot, per_foot, first[:-1], piece)
 
 
 @inner_kernel
@@ -343,47 +352,72 @@ class _Pieces:
     nodes: NDArray[np.int32]
     node_place: NDArray[np.int32]  # in halves of a cell
     body: NDArray[np.int32]
-    share: FloatArray  # of the cell that is filled: 1.0 exactly where all of it is
-    columns: NDArray[np.int64]  # that stand in the cell's footprint
+    full: BoolArray  # whether the piece is all of its cell, and nothing else
     dropped: float  # volume left out, in cells
 
 
-def _pieces(material: Material) -> _Pieces:
-    nx, ny, nz = material.counts
+def _pieces(material: Material, size: FloatArray) -> _Pieces:
     parent = material.piece.copy()
-    no_nodes = np.empty((0, 27), np.int32)
-    _join_segments(*material.lines, ny, parent, no_nodes, no_nodes[:, 0], no_nodes)
+    _join_within(*material.lines, parent)
     piece = number_groups(parent)
     n = int(piece.max(initial=-1)) + 1
-    filled, place = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    _fill(*material.lines, nz, piece, filled, place)
-    columns = np.bincount(material.foot[material.foot >= 0], minlength=nx * ny)[place // nz]
-    share = filled / (columns * material.voxels)
-    # nodes: each piece has its own, then those of connected faces become one
-    own = np.arange(27 * n, dtype=np.int32)
-    body = np.arange(n, dtype=np.int32)
-    _join_segments(
-        *material.lines, ny, piece, own.reshape(n, 27), body, np.full((n, 10), -1, np.int32)
-    )
-    body = number_groups(body)
-    kept = np.bincount(body, share)[body] >= _NEARLY_NOTHING
+    filled, cell, ends = np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 2, 3))
+    ends[:, 0], ends[:, 1] = np.inf, -np.inf
+    _fill(*material.lines, material.frame, np.array(material.counts), piece, filled, cell, ends)
+    place = np.stack(np.unravel_index(cell, material.counts), axis=1)
+    share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
+    last, pairs = np.full((n, 10), -1, np.int32), np.empty((0, 2), np.int32)
+    many = _pairs_across(*material.lines, material.counts[1], piece, last.copy(), pairs)
+    pairs = np.empty((many, 2), np.int32)
+    _pairs_across(*material.lines, material.counts[1], piece, last, pairs)
+    pairs = np.unique(pairs, axis=0)
+    body = connected(n, *pairs.T)
+
+    thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
+    flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
+    into = _merge_skins(pairs, place, flat, share)
+    kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
-    order = order[np.argsort(place[order], kind="stable")]
+    order = order[np.argsort(cell[order], kind="stable")]
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
-    index = np.stack(np.unravel_index(place[order], material.counts), axis=1).astype(np.int32)
+    own = np.arange(27 * n, dtype=np.int32)
+    pairs = np.unique(into[pairs], axis=0)
+    _join_nodes(pairs, place, own)
+    index = place[order].astype(np.int32)
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
     bodies = np.unique(body[order], return_inverse=True)[1].astype(np.int32)
-    told = Material(
-        material.columns, material.counts, material.voxels, material.frame, material.foot,
-        material.first, number[piece],
-    )  # fmt: skip
-    dropped = float(np.sum(share[~kept]))
-    return _Pieces(told, index, nodes, node_place, bodies, share[order], columns[order], dropped)
+    full = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
+    dropped = float(np.sum(share[number[into] < 0]))
+    told = replace(material, piece=number[into[piece]])
+    return _Pieces(told, index, nodes, node_place, bodies, full[order], dropped)
 
 
 @kernel
-def _join_segments(
+def _join_within(
+    offsets: Any, start: Any, stop: Any, first: Any, foot: Any, nu: Any, voxels: Any, piece: Any
+) -> None:
+    # Join segments of neighbouring columns that touch within a cell.
+    for c in range(foot.size):
+        for side in range(2):
+            d = c + (nu if side else 1)
+            if foot[c] < 0 or d >= foot.size or (not side and d % nu == 0) or foot[d] != foot[c]:
+                continue
+            r, s = offsets[c], offsets[d]
+            while r < offsets[c + 1] and s < offsets[d + 1]:
+                low, high = max(start[r], start[s]), min(stop[r], stop[s])
+                if low < high:
+                    for k in range(low // voxels, (high - 1) // voxels + 1):
+                        one = first[r] + k - start[r] // voxels
+                        unite(piece, one, first[s] + k - start[s] // voxels)
+                if stop[r] < stop[s]:
+                    r += 1
+                else:
+                    s += 1
+
+
+@kernel
+def _pairs_across(
     offsets: Any,
     start: Any,
     stop: Any,
@@ -393,60 +427,46 @@ def _join_segments(
     voxels: Any,
     cells_y: Any,
     piece: Any,
-    nodes: Any,
-    body: Any,
     last: Any,
-) -> None:
-    # Without `nodes`: join segments of neighbouring columns that touch within a cell (`piece` is
-    # their union-find). With them: join nodes and bodies of pieces that touch across cells; `last`
-    # is the piece that each one was joined to last on each side, which spares most of the work.
-    across = nodes.size > 0
-    flat = nodes.ravel()
+    pairs: Any,
+) -> Any:
+    # Pairs of pieces that touch across cells, as many as there is room for; how many there are.
+    # `last` is what each piece was paired with last on each side, which spares most repeats.
+    n = 0
     for c in range(foot.size):
         if foot[c] < 0:
             continue
-        if across:
-            for r in range(offsets[c], offsets[c + 1]):
-                for s in range(first[r], first[r] + (stop[r] - 1) // voxels - start[r] // voxels):
-                    if last[piece[s], 9] != piece[s + 1]:
-                        last[piece[s], 9] = piece[s + 1]
-                        _join_nodes(flat, piece[s], piece[s + 1], 0, 0, 1)
-                        unite(body, piece[s], piece[s + 1])
+        for r in range(offsets[c], offsets[c + 1]):
+            for s in range(first[r], first[r] + (stop[r] - 1) // voxels - start[r] // voxels):
+                p, q = piece[s], piece[s + 1]
+                if last[p, 9] != q:
+                    last[p, 9] = q
+                    if n < pairs.shape[0]:
+                        pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)
+                    n += 1
         for side in range(2):
             d = c + (nu if side else 1)
-            if d >= foot.size or (side == 0 and d % nu == 0) or foot[d] < 0:
-                continue
-            if (foot[d] != foot[c]) != across:
+            if d >= foot.size or (not side and d % nu == 0) or foot[d] < 0 or foot[d] == foot[c]:
                 continue
             dx = foot[d] // cells_y - foot[c] // cells_y
-            dy = foot[d] % cells_y - foot[c] % cells_y
-            way = 3 * dx + dy + 4
+            way = 3 * dx + foot[d] % cells_y - foot[c] % cells_y + 4
             r, s = offsets[c], offsets[d]
             while r < offsets[c + 1] and s < offsets[d + 1]:
                 low, high = max(start[r], start[s]), min(stop[r], stop[s])
                 if low < high:
                     for k in range(low // voxels, (high - 1) // voxels + 1):
-                        one = first[r] + k - start[r] // voxels
-                        other = first[s] + k - start[s] // voxels
-                        if not across:
-                            unite(piece, one, other)
-                        elif last[piece[one], way] != piece[other]:
-                            last[piece[one], way] = piece[other]
-                            _join_nodes(flat, piece[one], piece[other], dx, dy, 0)
-                            unite(body, piece[one], piece[other])
+                        p = piece[first[r] + k - start[r] // voxels]
+                        q = piece[first[s] + k - start[s] // voxels]
+                        if last[p, way] != q:
+                            last[p, way] = q
+                            if n < pairs.shape[0]:
+                                pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)
+                            n += 1
                 if stop[r] < stop[s]:
                     r += 1
                 else:
                     s += 1
-
-
-@inner_kernel
-def _join_nodes(parent: Any, p: Any, q: Any, dx: Any, dy: Any, dz: Any) -> Any:
-    # Join the nodes that piece p and piece q, so many cells on, have in common.
-    for a in range(27):
-        i, j, k = a % 3 - 2 * dx, a // 3 % 3 - 2 * dy, a // 9 - 2 * dz
-        if 0 <= i <= 2 and 0 <= j <= 2 and 0 <= k <= 2:
-            unite(parent, 27 * p + a, 27 * q + i + 3 * j + 9 * k)
+    return n
 
 
 @kernel
@@ -458,20 +478,87 @@ def _fill(
     foot: Any,
     nu: Any,
     voxels: Any,
-    cells_z: Any,
+    frame: Any,
+    counts: Any,
     piece: Any,
     filled: Any,
-    place: Any,
+    cell: Any,
+    ends: Any,
 ) -> None:
-    # How much of its cell each piece fills, and which cell that is.
+    # How much of its cell each piece fills, which cell that is, and its bounds, in cells.
     for c in range(foot.size):
-        if foot[c] >= 0:
-            for r in range(offsets[c], offsets[c + 1]):
-                for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
-                    p = piece[first[r] + k - start[r] // voxels]
-                    low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
-                    filled[p] += high - low
-                    place[p] = foot[c] * cells_z + k
+        if foot[c] < 0:
+            continue
+        x, y = _column_place(frame, nu, c)
+        for r in range(offsets[c], offsets[c + 1]):
+            for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
+                p = piece[first[r] + k - start[r] // voxels]
+                low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
+                filled[p] += high - low
+                cell[p] = foot[c] * counts[2] + k
+                ends[p, 0, 0], ends[p, 1, 0] = min(ends[p, 0, 0], x), max(ends[p, 1, 0], x)
+                ends[p, 0, 1], ends[p, 1, 1] = min(ends[p, 0, 1], y), max(ends[p, 1, 1], y)
+                ends[p, 0, 2] = min(ends[p, 0, 2], low / voxels)
+                ends[p, 1, 2] = max(ends[p, 1, 2], high / voxels)
+
+
+def _merge_skins(
+    pairs: NDArray[np.int32], place: IntArray, flat: BoolArray, share: FloatArray
+) -> NDArray[np.int32]:
+    """Tell which piece each piece is made part of: its own number, or that of a neighbour.
+
+    Where a wall ends just beyond a face of the lattice, what is beyond is a skin on that face,
+    thinner than the lattice of columns holds together: it would be many cells of a column
+    each. Such a skin belongs to the piece that it lies on, whose field goes on through it.
+    Only where it lies on one piece alone: a skin that bridges two walls is a cell of its own.
+
+    Parameters
+    ----------
+    pairs
+        Pieces that touch across a face.
+    place
+        Cell each is in.
+    flat : (n, 3, 2)
+        Whether it lies wholly at the lower, or the upper face of its cell along each axis.
+    """
+    into = np.arange(len(place), dtype=np.int32)
+    skin, base = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0).T
+    step = place[skin] - place[base]
+    axis = np.argmax(np.abs(step), axis=1)
+    side = (np.take_along_axis(step, axis[:, None], axis=1)[:, 0] < 0).astype(np.int64)
+    lies = flat[skin, axis, side] & (np.sum(np.abs(step), axis=1) == 1)
+    skin, base, on = skin[lies], base[lies], (6 * skin.astype(np.int64) + 2 * axis + side)[lies]
+    _, which, repeats = np.unique(on, return_inverse=True, return_counts=True)
+    alone = repeats[which] == 1
+    skin, base = skin[alone], base[alone]
+    waiting = np.zeros(len(place), np.bool_)
+    waiting[skin] = True
+    while True:  # a skin on a skin, at an edge of the lattice, goes where that one went
+        target = into[base]
+        away = place[skin] - place[target]
+        near = (away == 0) | ((away == 1) & flat[skin, :, 0]) | ((away == -1) & flat[skin, :, 1])
+        found = np.flatnonzero(waiting[skin] & ~waiting[base] & near.all(axis=1))
+        if not len(found):
+            return into
+        found = found[np.lexsort((target[found], share[target[found]]))]
+        into[skin[found]] = target[found]  # the last of several counts: the largest
+        waiting[skin[found]] = False
+
+
+@kernel
+def _join_nodes(pairs: Any, place: Any, parent: Any) -> None:
+    # Join the nodes that the cells of each pair have in common.
+    for n in range(pairs.shape[0]):
+        p, q = pairs[n, 0], pairs[n, 1]
+        dx = place[q, 0] - place[p, 0]
+        dy = place[q, 1] - place[p, 1]
+        dz = place[q, 2] - place[p, 2]
+        if p == q or (dx == 0 and dy == 0 and dz == 0):
+            continue
+        for a in range(27):
+            i, j, k = a % 3 - 2 * dx, a // 3 % 3 - 2 * dy, a // 9 - 2 * dz
+            if 0 <= i <= 2 and 0 <= j <= 2 and 0 <= k <= 2:
+                unite(parent, 27 * p + a, 27 * q + i + 3 * j + 9 * k)
 
 
 def _number_nodes(
@@ -492,11 +579,16 @@ def _number_nodes(
 # ------------------------------------------------------------------------------------------------
 # Quadrature.
 #
-# The material of a cut piece is a discrete measure: 4 Gauss points along each segment. By
-# Tchakaloff's theorem at most as many of them as there are moments carry these exactly, with
-# positive weights. They are found by halving: points in twice as many groups as there are
-# moments; the groups' own moments are linearly dependent, and weight is moved along that
-# dependence until one group has none, again and again. Each round drops half of the groups.
+# The material of a cut piece is a discrete measure: 4 Gauss points along each segment. Its moments
+# up to degree 6 are met by 27 points, as many as a full cell has: 108 numbers for 84 equations.
+# Newton's method finds them (the step of least length, no weight below zero and no point out of
+# the piece's box), from the Gauss points of a box stretched to where the material is.
+#
+# Where that does not end (flat or odd pieces), Tchakaloff's theorem does: points of the measure
+# itself, at most as many as there are moments, carry them with positive weights. They are found by
+# halving: points in twice as many groups as there are moments; the groups' own moments are
+# linearly dependent, and weight is moved along that dependence until one group has none, again
+# and again. Each round drops half of the groups.
 
 
 _CHUNK = 32  # pieces that a thread takes at once
@@ -506,7 +598,7 @@ def _quadrature(
     pieces: _Pieces, size: FloatArray, threads: int
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     material, n = pieces.material, len(pieces.index)
-    full = pieces.share == 1.0
+    full = pieces.full
     nodes, gauss = np.polynomial.legendre.leggauss(3)
     a = np.arange(27)
     local = np.stack([nodes[a % 3], nodes[a // 3 % 3], nodes[a // 9]], axis=1)
@@ -519,21 +611,22 @@ def _quadrature(
     where[material.piece < 0] = -1
     begin = np.append(0, np.cumsum(np.bincount(where[where >= 0], minlength=many)))
     segments = np.empty((int(begin[-1]), 3), np.int32)
-    _gather(*material.lines, where, begin[:-1].copy(), segments)
+    index = pieces.index[~full]
+    _gather(*material.lines, where, index[:, 2].copy(), begin[:-1].copy(), segments)
 
     points, weights = np.zeros((many, MOMENTS, 3)), np.zeros((many, MOMENTS))
     used = np.zeros(many, np.int64)
-    columns, index = pieces.columns[~full], pieces.index[~full]
-    line, line_weight = np.polynomial.legendre.leggauss(4)
-    rule = np.stack([line, line_weight])
+    rule = np.stack(np.polynomial.legendre.leggauss(4))
+    share = 1.0 / material.per_foot[material.foot]  # of a column outside of all: not asked for
 
     def work(first: int) -> None:
         chunk = slice(first, min(first + _CHUNK, many))
         most = int(np.max(np.diff(begin[first : chunk.stop + 1])))
         _compress(
             segments, begin, first, chunk.stop, material.frame, material.columns.grid.shape[0],
-            material.voxels, columns, index, rule, np.empty((4 * most, 4)),
-            np.empty((MOMENTS, 2 * MOMENTS)), points, weights, used,
+            material.voxels, share, index, rule, np.empty((4 * most, 4)),
+            np.empty((MOMENTS, 2 * MOMENTS)), np.empty((MOMENTS, MOMENTS)),
+            np.empty((4 * _SETTLED, MOMENTS)), points, weights, used,
         )  # fmt: skip
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
@@ -562,6 +655,7 @@ def _gather(
     nu: Any,
     voxels: Any,
     where: Any,
+    layer: Any,
     cursor: Any,
     segments: Any,
 ) -> None:
@@ -574,9 +668,18 @@ def _gather(
                     if p >= 0:
                         s = cursor[p]
                         segments[s, 0] = c
-                        segments[s, 1] = max(start[r] - k * voxels, 0)
-                        segments[s, 2] = min(stop[r] - k * voxels, voxels)
+                        segments[s, 1] = max(start[r], k * voxels) - layer[p] * voxels
+                        segments[s, 2] = min(stop[r], (k + 1) * voxels) - layer[p] * voxels
                         cursor[p] += 1
+
+
+_SETTLED = 27
+"""Points of a cut piece, unless they cannot be found."""
+
+_STRAY = 0.05
+# How far points are moved off the places of Gauss's, of the box's half edge. On these Newton's
+# method cannot begin: the square of Legendre's third polynomial is zero there, and so is its
+# slope. Any stray from 0.02 to 0.2 does.
 
 
 @free_kernel
@@ -588,33 +691,257 @@ def _compress(
     frame: Any,
     nu: Any,
     voxels: Any,
-    columns: Any,
+    share: Any,
     index: Any,
     rule: Any,
     measure: Any,
     table: Any,
+    normal: Any,
+    slopes: Any,
     points: Any,
     weights: Any,
     used: Any,
 ) -> None:
+    # The quadrature of pieces first..stop: `points`, `weights` (in cells) and how many are `used`.
+    low, high, middle, half = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    line, moment = np.empty((7, 7)), np.empty(table.shape[0])
+    place, weight = np.empty((27, 3)), np.empty(27)
     for p in range(first, stop):
         n = 0
+        low[:], high[:] = np.inf, -np.inf
         for s in range(begin[p], begin[p + 1]):
             x, y = _column_place(frame, nu, segments[s, 0])
-            half = (segments[s, 2] - segments[s, 1]) / voxels  # of the cell's local -1..1
-            middle = (segments[s, 2] + segments[s, 1]) / voxels - 1.0
+            bottom = 2.0 * segments[s, 1] / voxels - 1.0
+            top = 2.0 * segments[s, 2] / voxels - 1.0
             for g in range(rule.shape[1]):
                 measure[n, 0] = 2.0 * (x - index[p, 0]) - 1.0
                 measure[n, 1] = 2.0 * (y - index[p, 1]) - 1.0
-                measure[n, 2] = middle + half * rule[0, g]
-                measure[n, 3] = half * rule[1, g] / (2.0 * columns[p])
+                measure[n, 2] = (top + bottom + (top - bottom) * rule[0, g]) / 2.0
+                measure[n, 3] = (top - bottom) * rule[1, g] / 4.0 * share[segments[s, 0]]
                 n += 1
-        n = _recombine(measure, n, table)
+            for axis in range(2):
+                spread = frame[2] * frame[5 + axis]  # half a column's width, of the local -1..1
+                low[axis] = min(low[axis], measure[n - 1, axis] - spread)
+                high[axis] = max(high[axis], measure[n - 1, axis] + spread)
+            low[2], high[2] = min(low[2], bottom), max(high[2], top)
+        for axis in range(3):
+            middle[axis] = (high[axis] + low[axis]) / 2.0
+            half[axis] = (high[axis] - low[axis]) / 2.0
+        mass = 0.0
+        moment[:] = 0.0
+        for q in range(0, n, rule.shape[1]):  # a segment: x and y are those of its column
+            _legendre((measure[q, 0] - middle[0]) / half[0], line[0], line[3])
+            _legendre((measure[q, 1] - middle[1]) / half[1], line[1], line[3])
+            line[2, :] = 0.0
+            for g in range(q, q + rule.shape[1]):
+                _legendre((measure[g, 2] - middle[2]) / half[2], line[4], line[3])
+                mass += measure[g, 3]
+                for d in range(7):
+                    line[2, d] += measure[g, 3] * line[4, d]
+            _add_products(moment, 1.0, line[0], line[1], line[2])
+        for t in range(moment.size):
+            moment[t] /= mass
+        _guess(measure, n, middle, half, place, weight)
+        if _settle(moment, place, weight, line, normal, slopes):
+            n = weight.size
+            for q in range(n):
+                for axis in range(3):
+                    measure[q, axis] = middle[axis] + half[axis] * place[q, axis]
+                measure[q, 3] = mass * weight[q]
+        else:
+            n = _recombine(measure, n, table, line)
         used[p] = n
         for q in range(n):
             for axis in range(3):
                 points[p, q, axis] = measure[q, axis]
             weights[p, q] = measure[q, 3]
+
+
+@inner_kernel
+def _legendre(x: Any, value: Any, slope: Any) -> Any:
+    # Legendre polynomials, of mean square 1 over -1..1, and their slopes.
+    value[0], value[1], slope[0], slope[1] = 1.0, x, 0.0, 1.0
+    for d in range(2, value.size):
+        value[d] = (2 - 1 / d) * x * value[d - 1] - (1 - 1 / d) * value[d - 2]
+        slope[d] = slope[d - 2] + (2 * d - 1) * value[d - 1]
+    for d in range(value.size):
+        scale = np.sqrt(2.0 * d + 1.0)
+        value[d] *= scale
+        slope[d] *= scale
+
+
+@inner_kernel
+def _add_products(row: Any, factor: Any, x: Any, y: Any, z: Any) -> Any:
+    # Add factor x[a] y[b] z[c] to all moments, those of a + b + c up to 6.
+    t, n = 0, x.size
+    for a in range(n):
+        for b in range(n - a):
+            f = factor * x[a] * y[b]
+            for c in range(n - a - b):
+                row[t + c] += f * z[c]
+            t += n - a - b
+
+
+@inner_kernel
+def _guess(measure: Any, n: Any, middle: Any, half: Any, place: Any, weight: Any) -> Any:
+    # 27 points like the material: along x three places as Gauss's are to mean and spread; the
+    # material divided between them, the same along y for each share, and along z for theirs. Then
+    # each a little aside, evenly to all sides (multiples of powers of an irrational number).
+    group = np.zeros(n, np.int64)
+    total, mean, spread = np.empty(28), np.empty(28), np.empty(28)
+    weight[0] = 1.0
+    for axis in range(3):
+        groups = 3**axis
+        total[:], mean[:], spread[:] = 0.0, 0.0, 0.0
+        for q in range(n):
+            x, w = (measure[q, axis] - middle[axis]) / half[axis], measure[q, 3]
+            for g in (group[q], 27):  # 27: all of the material, for shares that have none
+                total[g] += w
+                mean[g] += w * x
+                spread[g] += w * x * x
+        for g in range(28):
+            if total[g] > 0.0:
+                mean[g] /= total[g]
+                spread[g] = np.sqrt(max(spread[g] / total[g] - mean[g] ** 2, 0.0025))
+        for q in range(n):
+            g = group[q]
+            away = ((measure[q, axis] - middle[axis]) / half[axis] - mean[g]) / spread[g]
+            # shares of 5, 8 and 5 of 18 where it is even
+            group[q] = 3 * g + (0 if away < -0.7698 else 1 if away < 0.7698 else 2)
+        for g in range(groups - 1, -1, -1):
+            of = g if total[g] > 0.0 else 27
+            for k in range(2, -1, -1):
+                for before in range(axis):
+                    place[3 * g + k, before] = place[g, before]
+                x = mean[of] + (k - 1) * np.sqrt(1.8) * spread[of]
+                place[3 * g + k, axis] = min(max(x, -0.97), 0.97)
+                weight[3 * g + k] = weight[g] * (8.0 if k == 1 else 5.0) / 18.0
+    for q in range(27):
+        for axis in range(3):
+            aside = 2.0 * ((q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
+            place[q, axis] = min(max(place[q, axis] + _STRAY * aside, -0.97), 0.97)
+
+
+_STEPS = 40
+# Newton steps before it is given up: 11 are usual.
+
+_MET = 1e-12
+# Largest error of a moment, of the mass; Newton's last step usually ends near 1e-15.
+
+
+@inner_kernel
+def _settle(moment: Any, place: Any, weight: Any, line: Any, normal: Any, slopes: Any) -> Any:
+    """Move points in the box -1..1, and change their weights, until they have the moments."""
+    many, moments = weight.size, moment.size
+    miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
+    trial, trial_weight = place.copy(), weight.copy()
+    step = np.empty((many, 4))
+    error = _miss(moment, place, weight, line, miss)
+    for _ in range(_STEPS):
+        worst = 0.0
+        for t in range(moments):
+            worst = max(worst, abs(miss[t]))
+        if worst < _MET:
+            return True
+        # slopes of the moments by each weight and each place, in units of the weight and of the
+        # room to the box's sides
+        for q in range(many):
+            for axis in range(3):
+                _legendre(place[q, axis], line[axis], line[3 + axis])
+            x, y, z, w = line[0], line[1], line[2], weight[q]
+            slopes[4 * q : 4 * q + 4] = 0.0
+            _add_products(slopes[4 * q], w, x, y, z)
+            _add_products(slopes[4 * q + 1], w * _room(place[q, 0]), line[3], y, z)
+            _add_products(slopes[4 * q + 2], w * _room(place[q, 1]), x, line[4], z)
+            _add_products(slopes[4 * q + 3], w * _room(place[q, 2]), x, y, line[5])
+        _solve_normal(slopes, miss, normal, answer)
+        most = 1.0
+        for q in range(many):
+            for k in range(4):
+                move = 0.0
+                for t in range(moments):
+                    move += slopes[4 * q + k, t] * answer[t]
+                if k == 0:
+                    move *= weight[q]
+                    room = weight[q] if move < 0.0 else np.inf
+                else:
+                    x = place[q, k - 1]
+                    move *= _room(x)
+                    room = 1.0 - x if move > 0.0 else 1.0 + x
+                step[q, k] = move
+                if 0.9 * room < most * abs(move):
+                    most = 0.9 * room / abs(move)
+        better = False
+        for _ in range(6):
+            for q in range(many):
+                trial_weight[q] = weight[q] + most * step[q, 0]
+                for axis in range(3):
+                    trial[q, axis] = place[q, axis] + most * step[q, 1 + axis]
+            trial_error = _miss(moment, trial, trial_weight, line, trial_miss)
+            if trial_error < error * (1.0 - 1e-3 * most):
+                better = True
+                break
+            most /= 2.0
+        if not better:
+            return False
+        place[:], weight[:], miss[:] = trial, trial_weight, trial_miss
+        error = trial_error
+    return False
+
+
+@inner_kernel
+def _room(x: Any) -> Any:
+    return np.sqrt((1.0 - x) * (1.0 + x))
+
+
+@inner_kernel
+def _miss(moment: Any, place: Any, weight: Any, line: Any, miss: Any) -> Any:
+    # What the moments lack, and the length of that.
+    miss[:] = moment
+    for q in range(weight.size):
+        for axis in range(3):
+            _legendre(place[q, axis], line[axis], line[3])
+        _add_products(miss, -weight[q], line[0], line[1], line[2])
+    square = 0.0
+    for t in range(miss.size):
+        square += miss[t] ** 2
+    return np.sqrt(square)
+
+
+@inner_kernel
+def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
+    # slopes' slopes answer = miss, by Cholesky's factors from the left; all inner loops run along
+    # rows, so that they are done several numbers at a time.
+    n = miss.size
+    trace = 0.0
+    for i in range(n):
+        row = normal[i]
+        row[i:] = 0.0
+        for v in range(0, slopes.shape[0], 4):
+            s0, s1, s2, s3 = slopes[v], slopes[v + 1], slopes[v + 2], slopes[v + 3]
+            f0, f1, f2, f3 = s0[i], s1[i], s2[i], s3[i]
+            for j in range(i, n):
+                row[j] += (f0 * s0[j] + f1 * s1[j]) + (f2 * s2[j] + f3 * s3[j])
+        trace += row[i]
+    for i in range(n):
+        normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
+        answer[i] = miss[i]
+    for k in range(n):
+        row = normal[k]
+        scale = 1.0 / np.sqrt(row[k])
+        for j in range(k, n):
+            row[j] *= scale
+        answer[k] /= row[k]
+        for i in range(k + 1, n):
+            answer[i] -= answer[k] * row[i]
+            target, f = normal[i], row[i]
+            for j in range(i, n):
+                target[j] -= f * row[j]
+    for k in range(n - 1, -1, -1):
+        row = normal[k]
+        for j in range(k + 1, n):
+            answer[k] -= row[j] * answer[j]
+        answer[k] /= row[k]
 
 
 _DEPENDENT = 1e-13
@@ -623,7 +950,7 @@ _DEPENDENT = 1e-13
 
 
 @inner_kernel
-def _recombine(measure: Any, n: Any, table: Any) -> Any:
+def _recombine(measure: Any, n: Any, table: Any, line: Any) -> Any:
     """Leave at most as many points (x, y, z, weight) as there are moments; return how many."""
     moments, most = table.shape
     factor = np.empty(most)
@@ -631,7 +958,6 @@ def _recombine(measure: Any, n: Any, table: Any) -> Any:
     member = np.empty(most, np.int64)
     mass = np.empty(most)
     left = np.empty(most)
-    legendre = np.empty((3, 7))
     while True:
         groups = min(n, most)
         for g in range(groups):
@@ -642,20 +968,8 @@ def _recombine(measure: Any, n: Any, table: Any) -> Any:
                 w = measure[q, 3]
                 mass[g] += w
                 for axis in range(3):
-                    x = measure[q, axis]
-                    legendre[axis, 0], legendre[axis, 1] = 1.0, x
-                    for d in range(2, 7):
-                        legendre[axis, d] = (
-                            (2 * d - 1) * x * legendre[axis, d - 1]
-                            - (d - 1) * legendre[axis, d - 2]
-                        ) / d
-                t = 0
-                for degree in range(7):
-                    for a in range(degree + 1):
-                        wx = w * legendre[0, a]
-                        for b in range(degree - a + 1):
-                            column[t] += wx * legendre[1, b] * legendre[2, degree - a - b]
-                            t += 1
+                    _legendre(measure[q, axis], line[axis], line[3])
+                _add_products(column, w, line[0], line[1], line[2])
             for t in range(moments):
                 table[t, g] = column[t] / mass[g]
             member[g], left[g] = g, mass[g]

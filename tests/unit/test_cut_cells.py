@@ -44,3 +44,59 @@ def test_a_box_on_the_lattice_is_full_cells_and_exact():
 def test_a_cell_larger_than_the_part_is_refused():
     with pytest.raises(ArgumentError, match="`cell_mm` 9"):
         cut_cells(box((6, 4, 5)), 9.0)
+
+
+def moments(cells: CutCells) -> np.ndarray:
+    """All monomials up to degree 6 over the part, about its middle, in half its length."""
+    middle = cells.surface.bounds_mm.mean(axis=0)
+    x, y, z = (places(cells) - middle).T / (np.ptp(cells.surface.bounds_mm) / 2)
+    return np.array(
+        [
+            np.sum(cells.weights_mm3 * x**a * y**b * z ** (d - a - b))
+            for d in range(7)
+            for a in range(d + 1)
+            for b in range(d + 1 - a)
+        ]
+    )
+
+
+def columns_moments(cells: CutCells) -> np.ndarray:
+    """The same of the columns themselves, by four Gauss points in each segment."""
+    material = cells.material
+    columns, h = material.columns, cells.cell_mm
+    u0, v0, pitch, cos, sin = material.frame[:5]
+    number = np.repeat(np.arange(len(material.foot)), np.diff(columns.offsets))
+    u = u0 + pitch * (number % columns.grid.shape[0])
+    v = v0 + pitch * (number // columns.grid.shape[0])
+    x, y = cos * u - sin * v, sin * u + cos * v
+    area = h[0] * h[1] / material.per_foot[material.foot[number]]
+    low, high = columns.start * h[2] / material.voxels, columns.stop * h[2] / material.voxels
+    middle = np.ptp(cells.surface.bounds_mm, axis=0) / 2
+    scale = np.ptp(cells.surface.bounds_mm) / 2
+    x, y, low, high = (
+        (c - m) / scale for c, m in zip((x, y, low, high), middle[[0, 1, 2, 2]], strict=True)
+    )
+    return np.array(
+        [
+            np.sum(area * scale * x**a * y**b * (high ** (c + 1) - low ** (c + 1)) / (c + 1))
+            for d in range(7)
+            for a in range(d + 1)
+            for b in range(d + 1 - a)
+            for c in (d - a - b,)
+        ]
+    )
+
+
+def sphere(radius=5.0) -> Mesh:
+    body = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    return Mesh(body.vertices, body.faces)
+
+
+def test_weights_are_positive_and_moments_those_of_the_columns():
+    """Eight cut cells and no full one: all 84 moments are those of the columns."""
+    cells = cut_cells(sphere(), 5.0)
+    assert len(cells.index) == 8
+    assert cells.weights_mm3.min() > 0
+    assert np.all(np.diff(cells.offsets) == 27)
+    exact = columns_moments(cells)
+    assert moments(cells) == pytest.approx(exact, abs=1e-10 * exact[0])
