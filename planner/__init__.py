@@ -35,9 +35,11 @@ if TYPE_CHECKING:
     from planner.report.fit_figures import fit_figure
     from planner.report.gap_page import write_diagnosis
     from planner.report.material_figures import characterisation_figure, materials_figure
+    from planner.report.part_page import part_page
     from planner.report.plan_page import plan_page, view
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
+    from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation, simulate
     from planner.slices.slices import Layer, iterate_layers
     from planner.slices.write import SliceStack, write_slices
@@ -59,6 +61,7 @@ __all__ = [
     "Mixture",
     "Palette",
     "PaletteStudy",
+    "PartSimulation",
     "Plan",
     "PlannerError",
     "Printer",
@@ -86,6 +89,7 @@ __all__ = [
     "load_palette",
     "load_printer",
     "materials_figure",
+    "part_page",
     "plan_page",
     "read_campaign",
     "read_diagnosis",
@@ -123,9 +127,11 @@ _MODULES = {
     "planner.report.fit_figures": "fit_figure",
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.material_figures": "characterisation_figure materials_figure",
+    "planner.report.part_page": "part_page",
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
+    "planner.simulation.part": "PartSimulation",
     "planner.simulation.simulate": "Simulation simulate",
     "planner.slices.slices": "Layer iterate_layers",
     "planner.slices.write": "SliceStack write_slices",

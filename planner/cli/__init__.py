@@ -17,6 +17,7 @@ import typer
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
+from planner.cli import simulate as _simulate
 
 __all__ = ["app", "main", "run"]
 
@@ -95,9 +96,14 @@ def _with_options(message: str, commands: typer.Typer) -> str:
     groups: list[Any] = [typer.main.get_command(app), typer.main.get_command(commands)]
     for command in groups:  # which grows by the groups within
         groups += getattr(command, "commands", {}).values()
-        options |= {p.name: max(p.opts, key=len) for p in command.params if p.opts}
+        options |= {p.name: _long(p.opts) for p in command.params if p.opts}
     # msgspec quotes fields of files alike: "missing required field `coordinate`".
     return re.sub(r"(?<!field )`(\w+)`", lambda named: options.get(named[1], named[0]), message)
+
+
+def _long(names: list[str]) -> str:
+    """Return the name of an option that messages use: the first that is no letter."""
+    return next((name for name in names if name.startswith("--")), names[0])
 
 
 def _interrupted(error: BaseException | None) -> bool:
@@ -146,7 +152,7 @@ def _planner(
 
 
 app.command()(_plans.grade)
-app.command()(_plans.simulate)
+app.command()(_simulate.simulate)
 app.add_typer(_gap.app)
 app.command()(_materials.invert)
 app.command()(_materials.materials)

@@ -70,7 +70,7 @@ from planner.plan import (
 )
 from planner.printers import Printer, load_printer, palette_of
 
-__all__ = ["grade"]
+__all__ = ["grade", "open_part"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ class PartSource:
     warnings: tuple[str, ...]
 
 
-def _open_part(
+def open_part(
     part: object,
     *,
     unit: str | None = None,
@@ -508,7 +508,7 @@ def grade(
     )
 
     progress("reading the part")
-    source = _open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
+    source = open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
     mesh, translation = place(source.part.mesh)
     pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
     if wish.field is None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.mesh.mesh import cancel_opposite, compact, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray
 
-__all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown"]
+__all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -84,6 +84,26 @@ def shown(shells: Sequence[_Indexed], most: int = MOST_TRIANGLES) -> Shown:
         used, own = compact(f, len(points))
         kept.append((points[used].astype(np.uint16), own))
     return Shown(low, step_mm, tuple(kept), sum(map(len, faces)), of, moved_mm)
+
+
+def thinned(
+    vertices: FloatArray, faces: NDArray[np.int32], most: int
+) -> tuple[IntArray, NDArray[np.int32]]:
+    """Return which vertices of a closed surface to keep, and its faces in terms of those alone.
+
+    Parameters
+    ----------
+    most
+        Triangles that are left, at most about so many.
+    """
+    if len(faces) > most:
+        low = vertices.min(axis=0)
+        step_mm = float(np.ptp(vertices, axis=0).max()) / _STEPS or 1.0
+        points = np.floor((vertices - low) / step_mm + 0.5).astype(np.int64)
+        faces = _coarse(points, [faces], most)[faces]
+        faces = faces[~repeats_index(faces)]
+        faces = faces[cancel_opposite(faces)]
+    return compact(faces, len(vertices))
 
 
 def _keys(vertices: Float32Array | FloatArray, low: FloatArray, step_mm: float) -> IntArray:

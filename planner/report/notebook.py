@@ -15,6 +15,7 @@ from planner.report.display import colours_told_apart
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import headline, scope
 from planner.report.material_figures import materials_figure
+from planner.report.part_text import response_rows, summary_words
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
     error_words,
@@ -24,6 +25,7 @@ from planner.report.plan_text import (
     unreachable_words,
 )
 from planner.report.svg import simulation_figure
+from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
 __all__ = ["AT_STRAIN", "html_of"]
@@ -143,6 +145,20 @@ def _simulation(simulation: Simulation) -> str:
             _words([finding.message for finding in simulation.findings]),
             _figure(simulation_figure(simulation)) if len(simulation.force_N) > 1 else "",
             _words(simulation.notes, "note"),
+        ],
+    )
+
+
+@html_of.register
+def _part_simulation(result: PartSimulation) -> str:
+    rows = list(response_rows(result))
+    return _html(
+        result,
+        [
+            _words([finding.message for finding in result.findings]),
+            _figure(simulation_figure(result)) if len(result.steps.share) > 1 else "",
+            _table(list(rows[0]), rows, ["transparent"] * len(rows), ["", "faces"]),
+            _words([*summary_words(result), *result.notes], "note"),
         ],
     )
 

@@ -37,6 +37,7 @@ __all__ = [
     "regions_table",
     "section_controls",
     "source_of",
+    "stage",
     "swatch",
     "view",
     "viewer_data",
@@ -237,7 +238,11 @@ def _page(source: PlanSource) -> Iterator[str]:
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)
     yield '<main>\n<div class="bench">'
-    yield from _stage(plan, display)
+    yield from stage(
+        f"The part {plan.part.file} in its materials",
+        _in_words(plan),
+        _simplified(display) if display.simplified else "",
+    )
     yield '<div class="panel">'
     yield from _findings(plan)
     yield from section_controls([name for name, *_ in _ways(plan)])
@@ -388,14 +393,29 @@ def _field_words(field: Mapping[str, object]) -> str:
     return f"along ({', '.join(f'{d:.3g}' for d in direction)})"
 
 
-def _stage(plan: Plan, display: Shown) -> Iterator[str]:
-    name = escape(plan.part.file)
+_NO_VIEW = (
+    "The figures, the table and the how-to below are whole; the .3mf opens in any 3D program."
+)
+
+
+def stage(label: str, words: str, note: str = "", no_view: str = _NO_VIEW) -> Iterator[str]:
+    """Yield the 3D view with what lies over it.
+
+    Parameters
+    ----------
+    label, words
+        What it is called, and what it shows, for those who do not see it.
+    note
+        HTML that stands in its corner.
+    no_view
+        What to look at where there is none.
+    """
     yield '<section class="stage" aria-label="3D view">'
     yield (
-        f'<canvas id="view" tabindex="0" role="application" aria-label="The part {name} in its '
-        'materials, 3D view" aria-describedby="view-words keys"></canvas>'
+        f'<canvas id="view" tabindex="0" role="application" aria-label="{escape(label)}, 3D view" '
+        'aria-describedby="view-words keys"></canvas>'
     )
-    yield f'<p id="view-words" hidden>{escape(_in_words(plan))}</p>'
+    yield f'<p id="view-words" hidden>{escape(words)}</p>'
     yield '<div id="marks" aria-hidden="true"></div>'
     yield '<div class="bar" role="group" aria-label="Views" data-needs-view hidden>'
     views = {"corner": "Whole", "front": "Front", "side": "Side", "top": "Top"}
@@ -411,12 +431,9 @@ def _stage(plan: Plan, display: Shown) -> Iterator[str]:
     yield '</svg>\n<div class="read" id="scale" aria-hidden="true" data-needs-view hidden>'
     yield '<span id="scale-words"></span><div id="scale-bar"></div></div>'
     yield '<div class="read" id="under" role="status"></div>'
-    if display.simplified:
-        yield f'<p class="read" id="simplified">{_simplified(display)}</p>'
-    yield (
-        '<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). The figures, the '
-        "table and the how-to below are whole; the .3mf opens in any 3D program.</p>"
-    )
+    if note:
+        yield f'<p class="read" id="simplified">{note}</p>'
+    yield (f'<p id="no-view" hidden>This browser shows no 3D graphics (WebGL 2). {no_view}</p>')
     yield (
         '<noscript><p class="quiet">The 3D view needs JavaScript; the rest of the page does '
         "not.</p></noscript>"

@@ -13,6 +13,7 @@ from planner.numerics import BoolArray, FloatArray
 from planner.palette import Palette
 
 if TYPE_CHECKING:
+    from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation
 
 __all__ = [
@@ -313,10 +314,11 @@ _HEADROOM = 1.06
 _ROW, _SPACE = 13.0, 3.0  # between rows of names; between a name and its line
 
 
-def simulation_figure(simulation: "Simulation") -> bytes:
+def simulation_figure(simulation: "Simulation | PartSimulation") -> bytes:
     """Draw force against displacement with its interval, and the strain along the bar.
 
-    A coupon, which strains evenly, has the left panel alone.
+    A coupon, which strains evenly, has the left panel alone. A whole part has its load curve and
+    its largest strain.
 
     Parameters
     ----------
@@ -333,6 +335,10 @@ def simulation_figure(simulation: "Simulation") -> bytes:
     >>> figure = planner.simulation_figure(planner.simulate("FLX9760"))  # doctest: +SKIP
     >>> Path("pull.svg").write_bytes(figure)  # doctest: +SKIP
     """
+    from planner.simulation.simulate import Simulation
+
+    if not isinstance(simulation, Simulation):
+        return _part_figure(simulation)
     title = f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}"
     parts = list(_curve(simulation))
     width, height = _LEFT + _WIDTH + 24.0, _TOP + _HEIGHT + 92.0
@@ -348,6 +354,52 @@ def simulation_figure(simulation: "Simulation") -> bytes:
         )
         width, height = width + _GAP + _WIDTH + 24.0, height + lower
     return picture(width, height, parts, title=title)
+
+
+def _part_figure(result: "PartSimulation") -> bytes:
+    """Draw a whole part's load curve with its interval, and its largest strain over break."""
+    curve, steps = result.curve, result.steps
+    broken = next((found.load for found in result.findings if found.kind == "break"), None)
+    # Curves turn back where a part snaps; axes hold all of them and 0.
+    ends = [
+        np.outer(sure, values)
+        for sure, values in ((curve.sure_x, curve.x), (curve.sure_y, curve.y))
+    ]
+    x_range, y_range = ((_floor(float(v.min())), _span(float(v.max()))) for v in ends)
+    left = _LEFT + _WIDTH + _GAP
+    charts = (
+        (Chart(_LEFT, _TOP, _WIDTH, _HEIGHT, x_range, y_range), curve.y, curve.y_label),
+        (
+            Chart(left, _TOP, _WIDTH, _HEIGHT, x_range, (0.0, _span(float(steps.largest.max())))),
+            steps.largest,
+            "largest strain over elongation at break",
+        ),
+    )
+    parts: list[str] = []
+    for number, (chart, values, label) in enumerate(charts):
+        if number == 0:
+            (less, more), (low, high) = curve.sure_x, curve.sure_y
+            edge = np.concatenate([curve.x * less, (curve.x * more)[::-1]])
+            other = np.concatenate([values * low, (values * high)[::-1]])
+            parts.append(f'<path d="{chart.path(edge, other)}Z" fill="{PALE_BLUE}"/>')
+        parts += frame(chart, x_label=curve.x_label, y_label=label)
+        parts.append(line(chart, curve.x, values, colour=BLUE))
+        parts += [disc(chart.x(float(x)), chart.y(float(y)), colour=BLUE, radius=2.5)
+                  for x, y in zip(curve.x, values, strict=True)]  # fmt: skip
+        if broken is not None:
+            at = [float(np.interp(broken, steps.share, one)) for one in (curve.x, values)]
+            parts.append(cross(chart.x(at[0]), chart.y(at[1]), colour=RED))
+    sure = curve.sure_x != (1.0, 1.0) or curve.sure_y != (1.0, 1.0)
+    note = f"band: {100 * result.level:g} % of prints, from the last step" if sure else ""
+    if broken is not None:
+        note += ("; " if note else "") + "cross: break"
+    parts.append(text(left + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY))
+    width, height = left + _WIDTH + 24.0, _TOP + _HEIGHT + 64.0
+    return picture(width, height, parts, title=f"{result.name}: load curve")
+
+
+def _floor(least: float) -> float:
+    return -_span(-least) if least < 0.0 else 0.0
 
 
 def _curve(simulation: "Simulation") -> Iterator[str]:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.tables import finite_number, read_columns, read_records
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
-from planner.numerics import FloatArray
+from planner.numerics import Float32Array, FloatArray
 from planner.palette import Palette
 from planner.plan import Plan, plan_file, read_plan
+from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
     # Cutting a plan's shells takes meshes, voxels and dithers; coupons and profiles do not.
@@ -27,11 +28,15 @@ __all__ = [
     "ProfileDesign",
     "bar_between",
     "coupon",
+    "plan_palette",
     "plan_sections",
+    "plan_shells",
     "read_profile",
     "read_profile_bar",
+    "region_coordinates",
     "slice_edges_mm",
     "step_places_mm",
+    "united",
 ]
 
 
@@ -197,7 +202,7 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     from planner.voxels.columns import iterate_columns
 
     direction, start_mm, span_mm = _axis(plan.gradient.field)
-    mesh = _turned(_shells(folder, plan), direction)
+    mesh = _turned(united(plan_shells(folder, plan)), direction)
     grid = _grid(mesh, start_mm, span_mm, slices)
     counts = np.zeros(slices, dtype=np.int64)
     for columns in iterate_columns(mesh, grid):
@@ -216,11 +221,42 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     area = np.where(centres <= bands[region, 1], layer_area_mm2[layer], 0.0)
     if is_dithered(plan):
         return edges, np.interp(centres / span_mm, *dithered_profile(plan, palette)), area
-    coordinates = np.array(
+    return edges, region_coordinates(plan, palette)[region], area
+
+
+def region_coordinates(plan: Plan, palette: Palette) -> FloatArray:
+    """Return the coordinate of each region on a palette: its material's, or its mixture's."""
+    return np.array(
         [r.coordinate if r.material is None else palette.resolve(r.material).coordinate
          for r in plan.regions]
     )  # fmt: skip
-    return edges, coordinates[region], area
+
+
+def plan_palette(
+    plan: Plan, palette: str | Path | Palette | None, printer: str | Printer | None
+) -> tuple[Palette, tuple[str, ...]]:
+    """Return the palette that a plan is simulated with, by default its own, and what to know of it.
+
+    Raises
+    ------
+    UnknownNameError
+        The plan's palette is not installed, or there is none of that name.
+    """
+    if palette is None:
+        try:
+            chosen = palette_of(plan.palette.name, plan.printer if printer is None else printer)
+        except UnknownNameError as error:
+            raise UnknownNameError(
+                f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
+                "`palette`"
+            ) from error
+    else:
+        chosen = palette_of(palette, printer)
+    if chosen.sha256 == plan.palette.sha256:
+        return chosen, ()
+    return chosen, (
+        f"palette {chosen.name} is not the one that the plan was made with; its laws are used",
+    )
 
 
 def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
@@ -242,12 +278,17 @@ def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
     return (x, y, z), start_mm, span_mm
 
 
-def _shells(folder: Path, plan: Plan) -> "Mesh":
-    """Read all shells as one mesh; where two touch, their faces cancel in winding numbers."""
-    from planner.formats.stl import decode_stl
-    from planner.mesh.mesh import Mesh, weld
+def plan_shells(folder: Path, plan: Plan) -> dict[str, Float32Array | FloatArray]:
+    """Read a plan's shells, unaltered: triangles (k, 3, 3), as placed for printing, by file.
 
-    soups = [decode_stl(shell.stl, shell.file) for shell in plan.shells]
+    Raises
+    ------
+    FileError
+        A shell is missing, or is not the one that the plan was written with.
+    """
+    from planner.formats.stl import decode_stl
+
+    soups = {shell.file: decode_stl(shell.stl, shell.file) for shell in plan.shells}
     files = {} if soups else {region.file: region.sha256 for region in plan.regions}
     for file, expected in files.items():
         try:
@@ -262,10 +303,17 @@ def _shells(folder: Path, plan: Plan) -> "Mesh":
                 f"{folder / file}: its content is not what the plan was written with; grade the "
                 "part again"
             )
-        soups.append(decode_stl(data, str(folder / file)))
+        soups[file] = decode_stl(data, str(folder / file))
     if not soups:
         raise FileError(f"{folder}: the plan has no regions; grade the part again")
-    vertices, faces = weld(np.concatenate(soups).astype(np.float32))
+    return soups
+
+
+def united(soups: Mapping[str, Float32Array | FloatArray]) -> "Mesh":
+    """Return shells as one mesh; where two touch, their faces cancel in winding numbers."""
+    from planner.mesh.mesh import Mesh, weld
+
+    vertices, faces = weld(np.concatenate(list(soups.values())).astype(np.float32))
     return Mesh(vertices.astype(np.float64), faces)
 
 

@@ -12,7 +12,7 @@ from planner.mesh.mesh import Mesh, connected, number_groups, order_edges, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["COLUMNS_ACROSS", "MOMENTS", "CutCells", "cut_cells"]
+__all__ = ["COLUMNS_ACROSS", "MOMENTS", "CutCells", "cut_cells", "halve_long_edges"]
 
 
 COLUMNS_ACROSS = 24
@@ -225,7 +225,7 @@ def cut_cells(
         raise _too_many(cell_mm, len(pieces.index), most_cells)
     size = extent / counts
     offsets, points, weights = _quadrature(pieces, size, threads)
-    surface, triangle = _halve_long_edges(mesh, float(np.min(size)) / 2)
+    surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     return CutCells(
         low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
         offsets, points, weights, surface, triangle, pieces.dropped * float(np.prod(size)),
@@ -1073,9 +1073,12 @@ def _eliminate(table: Any, groups: Any, member: Any, left: Any, factor: Any) -> 
 # The surface, fine enough to follow the cells.
 
 
-def _halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:
-    # Split triangles at the middles of long edges, until there are none; the same edge is split
-    # at the same place for both its triangles, so that a closed surface stays closed.
+def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:
+    """Split triangles at the middles of long edges, until there are none.
+
+    An edge is split at the same place for both its triangles, so that a closed surface stays
+    closed. Also returned: which triangle each face is of.
+    """
     vertices, faces = mesh.vertices, mesh.faces
     triangle = np.arange(len(faces), dtype=np.int32)
     while True:

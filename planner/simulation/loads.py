@@ -16,7 +16,7 @@ from planner.formats.tables import QUANTITY_UNITS, quantities_of, unit_factor
 from planner.mesh.mesh import Mesh, Topology, connected, measure
 from planner.numerics import BoolArray, FloatArray, IntArray, Point
 
-__all__ = ["Conditions", "Force", "Pressure", "Support", "read_conditions"]
+__all__ = ["Conditions", "Force", "Pressure", "Support", "Watched", "read_conditions"]
 
 Displacement = tuple[float | None, float | None, float | None]
 
@@ -54,6 +54,14 @@ class Pressure:
 
 
 @dataclass(frozen=True, eq=False)
+class Watched:
+    """Faces whose displacement is told, and which carry nothing."""
+
+    selector: str
+    facets: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """What holds and loads a part; facets are (F,) masks over the faces of its surface.
 
@@ -67,16 +75,18 @@ class Conditions:
     forces: tuple[Force, ...] = ()
     pressures: tuple[Pressure, ...] = ()
     gravity: Point | None = None
+    watched: tuple[Watched, ...] = ()
 
 
 def read_conditions(
     surface: Mesh,
     *,
-    fix: Sequence[str] = (),
-    load: Sequence[str] = (),
-    pressure: Sequence[str] = (),
-    move: Sequence[str] = (),
+    fix: str | Sequence[str] = (),
+    load: str | Sequence[str] = (),
+    pressure: str | Sequence[str] = (),
+    move: str | Sequence[str] = (),
     gravity: str | Sequence[float] | None = None,
+    watch: str | Sequence[str] = (),
 ) -> Conditions:
     """Read loads and supports, and find the faces that each is on.
 
@@ -100,6 +110,8 @@ def read_conditions(
         ``SELECTOR: ux,uy,uz UNIT``; a component may be ``free``.
     gravity
         Where the part's weight pulls: ``-z``, or three numbers.
+    watch
+        Selectors of faces whose displacement is told.
 
     Raises
     ------
@@ -108,6 +120,10 @@ def read_conditions(
         face or all, supports that contradict each other or leave a body free to move.
     """
     faces = _Faces(surface)
+    fix, load, pressure, move, watch = (
+        (texts,) if isinstance(texts, str) else tuple(texts)
+        for texts in (fix, load, pressure, move, watch)
+    )
     held: list[tuple[str, str, Displacement]] = [("fix", text, (0.0, 0.0, 0.0)) for text in fix]
     for text in move:
         selector, parts, factor = _split("move", text, "length", 3)
@@ -115,7 +131,8 @@ def read_conditions(
         if x is None and y is None and z is None:
             raise ArgumentError(f"`move` {text}: all of it is free; leave it out")
         held.append(("move", selector, (x, y, z)))
-    for option, texts in (("fix", fix), ("load", load), ("pressure", pressure), ("move", move)):
+    given = {"fix": fix, "load": load, "pressure": pressure, "move": move, "watch": watch}
+    for option, texts in given.items():
         plain = ["".join(text.split()) for text in texts]
         for at, text in enumerate(plain):
             if text in plain[:at]:
@@ -150,7 +167,8 @@ def read_conditions(
     _check_supports(faces, supports, [option for option, _, _ in held])
     for force in forces:
         _check_carried(force, supports)
-    return Conditions(supports, tuple(forces), tuple(pressures), weight)
+    seen = tuple(Watched(text.strip(), chosen("watch", text)) for text in watch)
+    return Conditions(supports, tuple(forces), tuple(pressures), weight, seen)
 
 
 def _gravity(gravity: str | Sequence[float]) -> Point:

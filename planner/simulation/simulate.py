@@ -2,10 +2,11 @@
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
@@ -17,7 +18,14 @@ from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Material, Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import Bar, bar_between, coupon, plan_sections, read_profile_bar
+from planner.simulation.bar import (
+    Bar,
+    bar_between,
+    coupon,
+    plan_palette,
+    plan_sections,
+    read_profile_bar,
+)
 from planner.simulation.bar_solver import (
     FARTHEST,
     LawTables,
@@ -30,7 +38,9 @@ from planner.simulation.bar_solver import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Simulation", "loading_path", "simulate"]
+    from planner.simulation.part import PartSimulation
+
+__all__ = ["Simulation", "called", "loading_path", "log_sds", "simulate", "table_csv"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -253,12 +263,13 @@ def _break_findings(
         at = float(np.interp(limit, reached.strain[last, first], gauge_strain[last]))
         begin, end = float(bar.edges_mm[start]), float(bar.edges_mm[stop])
         spread = f" (in the end for all of {begin:.4g} .. {end:.4g} mm)" if stop > start + 1 else ""
+        name = called(model, float(bar.coordinate[first]))
         found.append(
             BreakFinding(
                 "break",
-                f"{_called(model, bar, first)} at {bar.x_mm[first]:.4g} mm passes its elongation "
-                f"at break, {limit:.3g}, at a strain of {at:.3g} of the bar; a print would break "
-                f"there, and what follows is extrapolated{spread}",
+                f"{name} at {bar.x_mm[first]:.4g} mm passes its elongation at break, {limit:.3g}, "
+                f"at a strain of {at:.3g} of the bar; a print would break there, and what follows "
+                f"is extrapolated{spread}",
                 (begin, end),
                 at,
             )
@@ -290,7 +301,7 @@ def _unreachable(
     bar: Bar, model: CoefficientModel, path: LoadingPath, reached: _Pulled, at: int
 ) -> BreakFinding:
     wanted = float(path.displacement_mm.max()) / bar.gauge_mm
-    got = reached.reach_mm / bar.gauge_mm
+    got, name = reached.reach_mm / bar.gauge_mm, called(model, float(bar.coordinate[at]))
     limit, breaks = float(reached.strain_limit[at]), float(reached.break_strain[at])
     why = (
         f"{FARTHEST:g} times its elongation at break, and its law is not known further"
@@ -299,18 +310,20 @@ def _unreachable(
     )
     return BreakFinding(
         "unreachable",
-        f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {_called(model, bar, at)} at "
-        f"{bar.x_mm[at]:.4g} mm is strained by {limit:.3g}, {why}",
+        f"a strain of {wanted:.3g} is out of reach: at {got:.3g}, {name} at {bar.x_mm[at]:.4g} mm "
+        f"is strained by {limit:.3g}, {why}",
         (float(bar.edges_mm[at]), float(bar.edges_mm[at + 1])),
         got,
     )
 
 
-def _called(model: CoefficientModel, bar: Bar, at: int) -> str:
-    m = float(bar.coordinate[at])
-    lower, upper, t = model.bracket(m)
+def called(model: CoefficientModel, coordinate: float) -> str:
+    """Return what a coordinate is called: a grade, or the blend of the two beside it."""
+    lower, upper, t = model.bracket(coordinate)
     softer, harder = (model.palette.materials[int(k)].id for k in (lower, upper))
-    return softer if t == 0.0 else f"the blend of {softer} and {harder} at m = {m:.4g}"
+    if t == 0.0:
+        return softer
+    return f"the blend of {softer} and {harder} at m = {coordinate:.4g}"
 
 
 # ------------------------------------------------------------------------------------------------
@@ -436,7 +449,7 @@ class Simulation:
             "gauge_strain": self.gauge_strain,
             "beyond_break": self.beyond_break.astype(np.float64),
         }
-        return _csv(columns)
+        return table_csv(columns)
 
     def field_csv(self) -> bytes:
         """Return the strain along the bar as CSV: time_s, x_mm, strain of each step and slice."""
@@ -446,10 +459,11 @@ class Simulation:
             "x_mm": np.tile(self.bar.x_mm, steps),
             "strain": self.strain.ravel(),
         }
-        return _csv(columns)
+        return table_csv(columns)
 
 
-def _csv(columns: dict[str, FloatArray]) -> bytes:
+def table_csv(columns: dict[str, FloatArray]) -> bytes:
+    """Return columns of equal length as CSV."""
     row = ",".join([f"%.{SIGNIFICANT_DIGITS}g"] * len(columns))
     values = np.stack(list(columns.values()), axis=1) + 0.0  # no -0
     lines = [",".join(columns), *(row % tuple(figures) for figures in values.tolist())]
@@ -485,7 +499,8 @@ def _bar_of(
         if path.is_file():
             raise FileError(
                 f"{path}: is no plan and no profile; give a plan.json or its folder (planner grade "
-                "makes one), a profile (.csv), or a material"
+                "makes one), a profile (.csv), or a material; or say how a mesh is held and loaded "
+                "with `fix` and `load`"
             )
         try:
             source = palette.resolve(str(source))
@@ -504,29 +519,15 @@ def _of_plan(
     slices: int,
     between_mm: tuple[float, float] | None,
 ) -> _Source:
-    if palette is None:
-        try:
-            chosen = palette_of(plan.palette.name, plan.printer if printer is None else printer)
-        except UnknownNameError as error:
-            raise UnknownNameError(
-                f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
-                "`palette`"
-            ) from error
-    else:
-        chosen = palette_of(palette, printer)
-    notes = []
-    if chosen.sha256 != plan.palette.sha256:
-        notes.append(
-            f"palette {chosen.name} is not the one that the plan was made with; its laws are used"
-        )
+    chosen, notes = plan_palette(plan, palette, printer)
     edges_mm, coordinate, area_mm2 = plan_sections(folder, plan, chosen, slices=slices)
     bar = bar_between(edges_mm, coordinate, area_mm2, between_mm)
     if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
-        notes.append(
+        notes += (
             "the part is wider than it is long along the gradient: sections do not stay plane, and "
-            "forces are a rough guide"
+            "forces are a rough guide",
         )
-    return _Source(plan.part.file, bar, chosen, tuple(notes))
+    return _Source(plan.part.file, bar, chosen, notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -562,25 +563,46 @@ def _force_interval_N(
     weight = bar.length_mm * reached.stress_MPa / reached.tangent_MPa
     total = weight.sum(axis=1, keepdims=True)
     weight = weight / np.where(total > 0.0, total, 1.0)
-    known = np.linspace(0.0, model.strain_limit, _STRAINS)
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
-    variance = np.interp(reached.strain, known, model.wiener_variance(known))
-    beside = model.bracket(bar.coordinate)[:2]
-    ends = []
-    for sign, own in zip((-1.0, 1.0), model.own_log_sds(known, normal), strict=True):
-        softer, harder = (_of_slices(reached.strain, known, own, grade) for grade in beside)
-        sd = np.sum(weight * model.log_sd(bar.coordinate, variance, softer, harder), axis=1)
-        ends.append(reached.force_N * np.exp(sign * normal * sd))
+    sds = log_sds(model, bar.coordinate, reached.strain, normal)
+    ends = [
+        reached.force_N * np.exp(sign * normal * np.sum(weight * sd, axis=1))
+        for sign, sd in zip((-1.0, 1.0), sds, strict=True)
+    ]
     return np.stack(ends, axis=1)
+
+
+def log_sds(
+    model: CoefficientModel, coordinate: FloatArray, strain: FloatArray, normal: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviations of ln(stress), downwards and upwards, at coordinates (n,).
+
+    Parameters
+    ----------
+    strain : (..., n)
+        Of each coordinate.
+    normal
+        Deviations at which other readings' reach is included.
+    """
+    known = np.linspace(0.0, model.strain_limit, _STRAINS)
+    variance = np.interp(strain, known, model.wiener_variance(known))
+    beside = model.bracket(coordinate)[:2]
+    down, up = (
+        model.log_sd(
+            coordinate, variance, *(_of_slices(strain, known, own, grade) for grade in beside)
+        )
+        for own in model.own_log_sds(known, normal)
+    )
+    return down, up
 
 
 def _of_slices(
     strain: FloatArray, known: FloatArray, rows: FloatArray, grade: IntArray
 ) -> FloatArray:
-    """Return at the strains of slices, (steps, n), what is known of the grade of each, (n,)."""
+    """Return at the strains of slices, (..., n), what is known of the grade of each, (n,)."""
     out = np.empty_like(strain)
     for k in np.unique(grade).tolist():
-        out[:, grade == k] = np.interp(strain[:, grade == k], known, rows[k])
+        out[..., grade == k] = np.interp(strain[..., grade == k], known, rows[k])
     return out
 
 
@@ -593,13 +615,17 @@ _MOST_STRAIN = 10.0
 _MOST_STATES = 20_000_000  # slices times steps: half a GB
 
 
+_Conditions = str | Sequence[str]
+
+
+@overload
 def simulate(
     source: str | Path | Plan | Material | Bar,
     *,
-    to_strain: float = 0.3,
+    to_strain: float | None = None,
     rate_mm_s: float | None = None,
     protocol: str = "monotonic",
-    steps: int = 100,
+    steps: int | None = None,
     cycles: int = 1,
     hold_s: float = 100.0,
     slices: int = 400,
@@ -610,16 +636,74 @@ def simulate(
     level: float = 0.95,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
-) -> Simulation:
-    """Predict force against displacement of a printed bar, and the strain along it.
+) -> Simulation: ...
+
+
+@overload
+def simulate(
+    source: object,
+    *,
+    fix: _Conditions,
+    load: _Conditions = (),
+    pressure: _Conditions = (),
+    move: _Conditions = (),
+    gravity: str | Sequence[float] | None = None,
+    watch: _Conditions = (),
+    material: str | None = None,
+    cell_mm: float | None = None,
+    steps: int | None = None,
+    level: float = 0.95,
+    compare_cells: bool = True,
+    unit: str | None = None,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> "PartSimulation": ...
+
+
+def simulate(
+    source: Any,
+    *,
+    to_strain: float | None = None,
+    rate_mm_s: float | None = None,
+    protocol: str = "monotonic",
+    steps: int | None = None,
+    cycles: int = 1,
+    hold_s: float = 100.0,
+    slices: int = 400,
+    between_mm: tuple[float, float] | None = None,
+    width_mm: float = 6.0,
+    thickness_mm: float = 4.0,
+    gauge_mm: float = 33.0,
+    fix: _Conditions = (),
+    load: _Conditions = (),
+    pressure: _Conditions = (),
+    move: _Conditions = (),
+    gravity: str | Sequence[float] | None = None,
+    watch: _Conditions = (),
+    material: str | None = None,
+    cell_mm: float | None = None,
+    compare_cells: bool = True,
+    unit: str | None = None,
+    level: float = 0.95,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> "Simulation | PartSimulation":
+    """Pull a printed bar, or load a whole part where it is said how it is held and loaded.
+
+    A bar's sections share one force: what comes out is force against displacement, and the strain
+    along it. A whole part, under `fix`, `load`, `pressure`, `move` or `gravity`, is a solid that
+    may bend: what comes out is how each place of it moves and strains.
 
     Parameters
     ----------
     source
-        Path of a plan.json, its folder or a profile (``.csv``); a material's name; or a `Plan`,
-        just made or read back, a `Material` or a `Bar`.
+        Of a bar: path of a plan.json, its folder or a profile (``.csv``); a material's name; or a
+        `Plan`, just made or read back, a `Material` or a `Bar`. Of a whole part: a plan, or a mesh
+        as `planner.grade` takes it.
     to_strain
-        Largest displacement over the bar's length at rest.
+        Largest displacement over the bar's length at rest; 0.3 by default.
     rate_mm_s
         Speed of the crosshead; by default the palette's reference strain rate times the length.
         The palette's laws are elastic, so it sets the times alone.
@@ -630,7 +714,7 @@ def simulate(
     hold_s
         How long relaxation holds.
     steps
-        Load steps of each leg.
+        Load steps of each leg, 100 by default; of a whole part 10.
     slices
         Slices over a plan's axis or a profile; a coupon is one.
     between_mm
@@ -638,15 +722,37 @@ def simulate(
     width_mm, thickness_mm, gauge_mm
         Size of a material's coupon, by default the narrow section of ASTM D638's type IV; width
         and thickness also of a profile that has none.
+    fix
+        Faces of a whole part that do not move, as ``"x=max"``; one or more selectors.
+    load
+        Forces, as ``"x=min: 0,0,-0.5 N"``: the whole force on the faces that the selector names.
+    pressure
+        Pressures, as ``"cavity: 20 kPa"``; they follow the surface.
+    move
+        Faces that are moved, as ``"z>102: 5,free,0 mm"``.
+    gravity
+        Where the part's weight pulls: ``-z``, or three numbers.
+    watch
+        Faces whose displacement is told beside those of the loaded ones.
+    material
+        Of a mesh, which has none of its own.
+    cell_mm
+        Edge of the cells that a whole part is cut into.
+    compare_cells
+        Whether larger cells tell how far figures depend on the cells.
+    unit
+        Unit of a mesh's figures; mm unless the file says otherwise.
     level
-        Probability that the interval of the force holds a print's.
+        Probability that an interval holds what a print does.
     printer, palette
         By name, file or value; by default those of the plan, else the Connex3 and its own.
+    progress
+        Called with what is being done, of a whole part.
 
     Returns
     -------
-    Simulation
-        `Simulation.ok` is false when a print would break or the strain is out of reach.
+    Simulation or PartSimulation
+        Its ``ok`` is false when a print would break, or the strain or load is out of reach.
 
     Raises
     ------
@@ -658,7 +764,45 @@ def simulate(
     >>> result = planner.simulate("FLX9760", to_strain=0.2)  # doctest: +SKIP
     >>> round(float(result.force_N[-1]), 2)  # doctest: +SKIP
     8.42
+    >>> bent = planner.simulate(
+    ...     "finger-graded", fix="x=max", load="x=min: 0,0,-0.5 N"
+    ... )  # doctest: +SKIP
     """
+    conditions: dict[str, Any] = {
+        "fix": fix, "load": load, "pressure": pressure, "move": move, "gravity": gravity,
+    }  # fmt: skip
+    of_part: dict[str, Any] = {
+        "watch": watch,
+        "material": material,
+        "cell_mm": cell_mm,
+        "unit": unit,
+    }
+    of_bar: dict[str, tuple[Any, Any]] = {
+        "to_strain": (to_strain, None), "rate_mm_s": (rate_mm_s, None),
+        "protocol": (protocol, "monotonic"), "cycles": (cycles, 1), "hold_s": (hold_s, 100.0),
+        "slices": (slices, 400), "between_mm": (between_mm, None), "width_mm": (width_mm, 6.0),
+        "thickness_mm": (thickness_mm, 4.0), "gauge_mm": (gauge_mm, 33.0),
+    }  # fmt: skip
+    if any(given is not None and len(given) for given in conditions.values()):
+        for name, (given, default) in of_bar.items():
+            if given != default:
+                raise ArgumentError(
+                    f"`{name}` {given}: it is of a bar that is pulled along its axis, not of a "
+                    "whole part under `fix`, `load`, `pressure`, `move` or `gravity`; leave it out"
+                )
+        from planner.simulation.part import simulate_part
+
+        return simulate_part(
+            source, **conditions, **of_part, steps=10 if steps is None else steps, level=level,
+            compare_cells=compare_cells, printer=printer, palette=palette, progress=progress,
+        )  # fmt: skip
+    for name, given in of_part.items():
+        if given:
+            raise ArgumentError(
+                f"`{name}` {given}: it is of a whole part; say how that is held and loaded with "
+                "`fix` and `load`, `pressure`, `move` or `gravity`"
+            )
+    to_strain, steps = 0.3 if to_strain is None else to_strain, 100 if steps is None else steps
     if not 0.0 < to_strain <= _MOST_STRAIN:
         raise ArgumentError(
             f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "

@@ -28,6 +28,9 @@ OF_THE_COMMAND = {
     "field",
     "figure",
     "tables",
+    "deformed",
+    "vtu",
+    "page",
     "as_json",
     "quiet",
 }

@@ -36,8 +36,8 @@
       viewer.setShown(number, value);
     });
   };
-  $("#show-all").addEventListener("click", () => all(true));
-  $("#hide-all").addEventListener("click", () => all(false));
+  $("#show-all")?.addEventListener("click", () => all(true));
+  $("#hide-all")?.addEventListener("click", () => all(false));
 
   let lit = null;
   const light = (number) => {
@@ -141,7 +141,7 @@
     const found = viewer.pick(event.clientX - box.left, event.clientY - box.top);
     const shell = found && data.shells[found.shell];
     under.textContent = found
-      ? `${[`${shell.number} ${shell.name}`, shell.modulus].filter(Boolean).join(", ")} at ` +
+      ? viewer.describe?.(found) ?? `${[`${shell.number} ${shell.name}`, shell.modulus].filter(Boolean).join(", ")} at ` +
         `(${found.place.map((v, k) => mm(v - data.moved[k])).join(", ")}) mm`
       : "";
   };

@@ -119,7 +119,7 @@ function shade(shell) {
     normal[4 * i + 1] = (shaded[i] << 16) >> 24;
     normal[4 * i + 2] = (shaded[i] << 24) >> 24;
   }
-  return { position, normal, index, edges };
+  return { position, normal, index, edges, vertexOf };
 }
 
 function boxOf(points) {
@@ -219,17 +219,38 @@ function createViewer(canvas, data) {
   let plane = null; // {normal, at (mm), flipped}
   let highlighted = null;
 
-  function build(shell, number) {
+  function surfaceOf(shell) {
+    // A shell's triangles and sharp edges; coloured by vertex where it has values, 0 to 255.
     const made = shade(shell);
-    const colour = new THREE.Color(shell.colour);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(made.position, 4));
     geometry.setAttribute("normal", new THREE.BufferAttribute(made.normal, 4, true));
     geometry.setIndex(new THREE.BufferAttribute(made.index, 1));
+    if (shell.values) {
+      const colours = new Float32Array(3 * made.vertexOf.length);
+      made.vertexOf.forEach((v, i) => shell.scale[shell.values[v]].toArray(colours, 3 * i));
+      geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+    }
     const lines = new THREE.BufferGeometry();
     const ends = new Uint16Array((made.edges.length * 4));
     made.edges.forEach((v, i) => ends.set(shell.points.subarray(3 * v, 3 * v + 3), 4 * i));
     lines.setAttribute("position", new THREE.BufferAttribute(ends, 4));
+    return { geometry, lines };
+  }
+
+  const ghosts = [];
+
+  function ghostOf(number) {
+    const { lines } = surfaceOf(data.shells[number]);
+    const ghost = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x808080 }));
+    ghost.frustumCulled = false;
+    inSteps.add(ghost);
+    return ghost;
+  }
+
+  function build(shell, number) {
+    const colour = new THREE.Color(shell.colour);
+    const { geometry, lines } = surfaceOf(shell);
     const body = new THREE.Mesh(
       geometry,
       new THREE.MeshLambertMaterial({
@@ -325,7 +346,7 @@ function createViewer(canvas, data) {
       }
       const dimmed = highlighted !== null && shells[highlighted] !== shell;
       for (const { material } of [body, cap]) {
-        material.color.copy(shell.colour);
+        material.color.copy(material.vertexColors ? white : shell.colour);
         if (dimmed) material.color.lerp(pale, 0.82);
       }
     }
@@ -346,7 +367,7 @@ function createViewer(canvas, data) {
     return (at - there) / data.step;
   }
 
-  const pale = new THREE.Color();
+  const pale = new THREE.Color(), white = new THREE.Color(1, 1, 1);
   function setTheme({ ink, edgeOpacity, faded }) {
     pale.set(faded);
     for (const { edges } of shells) {
@@ -495,20 +516,22 @@ function createViewer(canvas, data) {
     const way = new THREE.Vector3(0, 0, -1).transformDirection(camera.matrixWorld);
     const o = from.clone().sub(inSteps.position).divideScalar(data.step);
     const atPlane = plane ? -clip.distanceToPoint(from) / clip.normal.dot(way) / data.step : NaN;
-    let best = null, near = Infinity;
+    let best = null, near = Infinity, face = null;
     for (const [number, shell] of shells.entries()) {
       if (!shell.shown) continue;
       let turns = 0; // how often the plane's point lies inside
-      for (const [t, outwards] of hits(shell, o, way)) {
+      for (const [t, outwards, f] of hits(shell, o, way)) {
         if (t > atPlane) turns += outwards;
         const kept = !plane || clip.distanceToPoint(from.clone().addScaledVector(way, t * data.step)) >= 0;
-        if (kept && t > 0 && t < near) [near, best] = [t, number];
+        if (kept && t > 0 && t < near) [near, best, face] = [t, number, f];
       }
-      if (turns > 0 && atPlane > 0 && atPlane < near && clip.normal.dot(way) > 0) [near, best] = [atPlane, number];
+      if (turns > 0 && atPlane > 0 && atPlane < near && clip.normal.dot(way) > 0) {
+        [near, best, face] = [atPlane, number, null]; // the section itself
+      }
     }
     if (best === null) return null;
     const place = from.addScaledVector(way, near * data.step);
-    return { shell: best, place: [place.x, place.y, place.z] };
+    return { shell: best, face, place: [place.x, place.y, place.z] };
   }
 
   function* hits({ points, faces, low, high }, o, way) {
@@ -533,7 +556,7 @@ function createViewer(canvas, data) {
       const qx = sy * uz - sz * uy, qy = sz * ux - sx * uz, qz = sx * uy - sy * ux;
       const v = (d[0] * qx + d[1] * qy + d[2] * qz) / det;
       if (v < 0 || u + v > 1) continue;
-      yield [(vx * qx + vy * qy + vz * qz) / det, det > 0 ? -1 : 1];
+      yield [(vx * qx + vy * qy + vz * qz) / det, det > 0 ? -1 : 1, f];
     }
   }
 
@@ -578,6 +601,23 @@ function createViewer(canvas, data) {
       arrange();
     },
     setEdges(value) { withEdges = value; arrange(); },
+    // Show a shell with other points, coloured by a value a vertex on a scale of 256 colours.
+    setFrame(number, { points, values, scale }) {
+      const shell = shells[number];
+      const { geometry, lines } = surfaceOf({ ...shell, points, values, scale });
+      for (const item of [shell.body, ...shell.counters]) item.geometry = geometry;
+      shell.edges.geometry.dispose();
+      shell.edges.geometry = lines;
+      shell.body.material.vertexColors = shell.body.material.needsUpdate = true;
+      Object.assign(shell, { points, values }, boxOf(points));
+      arrange();
+    },
+    // The sharp edges of a shell as it was at first, beside what it has become.
+    setGhost(number, value) {
+      ghosts[number] ??= ghostOf(number);
+      ghosts[number].visible = value;
+      invalidate();
+    },
     setClip(normal, at, flipped) { plane = normal && { normal, at, flipped }; arrange(); },
   };
 }

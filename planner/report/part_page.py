@@ -1,0 +1,250 @@
+"""A loaded part on one page that needs nothing else: as it moves from step to step, and figures."""
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from planner import __version__
+from planner.formats.files import encode_document
+from planner.numerics import IntArray
+from planner.report.display import thinned
+from planner.report.page import asset, begin, end
+from planner.report.part_text import part_title, response_rows, step_rows, summary_words
+from planner.report.plan_page import KEYS, library, section_controls, stage
+from planner.report.plan_text import format_number
+from planner.report.svg import simulation_figure, ticks
+from planner.simulation.part import PartSimulation
+
+__all__ = ["part_page"]
+
+
+_MOST_TRIANGLES = 100_000
+"""A step is on the screen 0.3 s after the slider moves, without a graphics card (headless Chromium,
+SwiftShader, two cores)."""
+
+_POINTS = 65535
+"""Positions along the longest edge of all steps' box: what 16 bits count."""
+
+_SCALE = (
+    "#440154", "#482878", "#3E4A89", "#31688E", "#26828E", "#1F9E89", "#35B779", "#6DCD59",
+    "#B4DE2C", "#FDE725",
+)  # fmt: skip
+"""From no strain to the most: lightness rises all the way, for the colour-blind too (the colour map
+"viridis" of matplotlib, CC0)."""
+
+_BROKEN = "#E0218A"
+"""Beyond the elongation at break; no colour of the scale is near it, to the colour-blind either: it
+is half-way light where the scale is green."""
+
+
+def part_page(result: PartSimulation) -> bytes:
+    """Return the page of a loaded part: the part at every step, coloured by strain, and figures.
+
+    It holds all that it needs, and loads nothing from anywhere.
+
+    Parameters
+    ----------
+    result
+        What `planner.simulate` returns of a whole part.
+
+    Returns
+    -------
+    bytes
+        HTML; the same for the same result.
+
+    Raises
+    ------
+    PlannerError
+        Not of a result that `planner.simulate` returns.
+
+    Examples
+    --------
+    >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
+    >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
+    """
+    return "\n".join(_page(result)).encode("utf-8")
+
+
+def _page(result: PartSimulation) -> Iterator[str]:
+    kept, faces = thinned(
+        result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
+    )
+    own = "\n".join(map(asset, ("viewer.js", "page.js", "part.js")))
+    scripts = (library(), f"{own}\n")
+    top = _top(float(result.steps.strain_over_break.max()))
+    yield from begin(
+        f"{result.name}: under load",
+        styles=["plan.css"],
+        scripts=scripts,
+        stamp=f'<meta name="generator" content="planner {__version__}">',
+    )
+    yield '<a class="skip" href="#figures">Skip the 3D view</a>'
+    yield from _header(result)
+    yield '<main>\n<div class="bench">'
+    yield from stage(
+        f"The part {result.name} under load",
+        " ".join([f"{part_title(result)}.", *(f"{words}." for words in summary_words(result))]),
+        no_view="The figure and the tables below are whole.",
+    )
+    yield '<div class="panel">'
+    yield from _findings(result)
+    yield from _slider(result)
+    yield from _legend(top)
+    yield from section_controls("xyz")
+    yield KEYS
+    yield '</div>\n</div>\n<div class="below" id="figures">'
+    yield '<section aria-labelledby="curve-title">\n<h2 id="curve-title">Load curve</h2>'
+    yield '<figure><div class="wide" tabindex="0" role="group" aria-labelledby="curve-title">'
+    yield f"{simulation_figure(result).decode()}</div></figure>\n</section>"
+    responses, steps = list(response_rows(result)), list(step_rows(result, len(result.steps.share)))
+    yield from _table("Where it is held and loaded, at the last step", "responses", responses)
+    yield from _table("Steps", "steps-table", steps, numbered=True)
+    yield '<section aria-labelledby="notes-title">\n<h2 id="notes-title">Notes</h2>'
+    notes = [*summary_words(result), *result.notes]
+    yield '<ul class="notes">' + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>"
+    yield "</section>\n</div>\n</main>\n<footer>"
+    shown, of = len(faces), len(result.cells.surface.faces)
+    simplified = f", simplified for display to {shown} of {of} triangles" if shown < of else ""
+    yield (
+        f"<p>Places are in the coordinates of the part's own file, in mm{simplified}.</p>\n"
+        f"<p>planner {__version__}; palette {escape(result.palette.name)} "
+        f"{result.palette.sha256[:16]}. 3D view by three.js r187, MIT licence, whose text is in "
+        "this file.</p>\n</footer>"
+    )
+    data, rest, moved = _packed(result, kept, faces, top)
+    yield f'<script type="application/json" id="data">{data}</script>'
+    yield f'<script type="text/plain" id="geometry">{rest}</script>'
+    yield f'<script type="text/plain" id="steps">{moved}</script>'
+    yield end(scripts)
+
+
+def _top(most: float) -> float:
+    """Return where the colour scale ends: at the break, or lower where strains are far from it."""
+    return 1.0 if most > 0.5 else ticks(0.0, 1.25 * most or 1.0)[-1]
+
+
+def _header(result: PartSimulation) -> Iterator[str]:
+    curve, steps = result.curve, result.steps
+    yield f"<header>\n<div>\n<h1>{escape(result.name)} under load</h1>"
+    yield f'<p class="quiet">{escape(part_title(result))}</p>\n</div>\n<dl class="facts">'
+    worst = float(steps.largest.max())
+    for name, value, kind in (
+        (curve.x_label, format_number(float(curve.x[-1]), 4), ""),
+        (curve.y_label, format_number(float(curve.y[-1]), 4), ""),
+        ("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"),
+        ("findings", str(len(result.findings)), "bad" if result.findings else "good"),
+    ):
+        yield f'<div><dt>{escape(name)}</dt><dd class="{kind}">{escape(value)}</dd></div>'
+    yield "</dl>\n</header>"
+
+
+def _findings(result: PartSimulation) -> Iterator[str]:
+    if result.findings:
+        yield '<section class="card" id="findings" aria-labelledby="findings-title">'
+        yield f'<h2 id="findings-title">Findings ({len(result.findings)})</h2>\n<ol role="list">'
+        for found in result.findings:
+            yield f'<li class="plain">{escape(found.message)}</li>'
+        yield "</ol>\n</section>"
+
+
+def _slider(result: PartSimulation) -> Iterator[str]:
+    last = len(result.steps.share) - 1
+    yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
+    yield (
+        f'<input type="range" id="step" min="0" max="{last}" value="{last}" step="1" '
+        'aria-label="Step of the load">'
+    )
+    yield '<output id="step-words" for="step"></output></div>'
+    yield '<label class="tick"><input type="checkbox" id="ghost"> outline at rest</label>'
+    yield '<label class="tick"><input type="checkbox" id="edges" checked> edges</label></fieldset>'
+
+
+def _legend(top: float) -> Iterator[str]:
+    yield '<section class="card" aria-labelledby="legend-title">'
+    yield '<h2 id="legend-title">Strain over elongation at break</h2>'
+    yield f'<div class="scale" style="background:linear-gradient(90deg,{",".join(_SCALE)})"></div>'
+    yield '<div class="scale-figures">'
+    yield "".join(f"<span>{top * share:.3g}</span>" for share in (0.0, 0.25, 0.5, 0.75, 1.0))
+    yield "</div>"
+    if top == 1.0:
+        yield (
+            f'<p class="note"><span class="beyond" style="background:{_BROKEN}"></span> above 1: '
+            "a print would break here</p>"
+        )
+    yield "</section>"
+
+
+def _table(
+    title: str, name: str, rows: Sequence[Mapping[str, str]], *, numbered: bool = False
+) -> Iterator[str]:
+    yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">{title}</h2>'
+    yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{name}">\n<table>'
+    heads = "".join(f'<th scope="col">{escape(column) or "what"}</th>' for column in rows[0])
+    yield f"<thead><tr>{heads}</tr></thead>\n<tbody>"
+    for number, row in enumerate(rows):
+        mark = f' data-step="{number}"' if numbered else ""
+        yield f"<tr{mark}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row.values()) + "</tr>"
+    yield "</tbody>\n</table>\n</div>\n</section>"
+
+
+# ------------------------------------------------------------------------------------------------
+# What the viewer reads: positions of all steps as counts on one grid, values as bytes.
+
+
+def _packed(
+    result: PartSimulation, kept: IntArray, faces: IntArray, top: float
+) -> tuple[str, str, str]:
+    """Return the viewer's JSON, the part at rest, and its steps, both in base64."""
+    steps, curve = result.steps, result.curve
+    places = result.cells.surface.vertices[kept] + steps.displacement_mm[:, kept]
+    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
+    step_mm = float((high - low).max()) / _POINTS or 1.0
+    wide = len(kept) > 1 << 16
+    points = np.floor((places - low) / step_mm + 0.5).astype("<u2")
+    # One colour is kept for what is broken: the last.
+    values = np.minimum(
+        np.floor(254.0 * np.maximum(steps.strain_over_break[:, kept], 0.0) / top), 254
+    )
+    values[steps.strain_over_break[:, kept] > 1.0] = 255
+    rest = [points[0].tobytes(), faces.astype("<u4" if wide else "<u2").tobytes()]
+    moved = [
+        one.tobytes() + value.astype("u1").tobytes()
+        for one, value in zip(points, values, strict=True)
+    ]
+    document = {
+        "origin": low.tolist(),
+        "step": step_mm,
+        "moved": [0.0, 0.0, 0.0],
+        "size": (high - low).tolist(),
+        "shells": [{
+            "name": "", "number": 1, "modulus": "", "colour": "#8A8F98", "points": len(kept),
+            "faces": len(faces), "wide": wide,
+        }],
+        "sections": [
+            {"name": name, "normal": [float(k == axis) for axis in range(3)], "zero": 0.0}
+            for k, name in enumerate("xyz")
+        ],
+        "findings": [],
+        "steps": [
+            f"load {share:.3g}: {x:.4g} mm" for share, x in zip(steps.share, curve.x, strict=True)
+        ],
+        "scale": _colours(),
+        "top": top,
+    }  # fmt: skip
+    data = encode_document(document).decode().strip().replace("<", "\\u003c")
+    return data, _base64(rest), _base64(moved)
+
+
+def _base64(parts: Sequence[bytes]) -> str:
+    """Return parts that each begin at a multiple of four bytes."""
+    return base64.b64encode(b"".join(part + bytes(-len(part) % 4) for part in parts)).decode()
+
+
+def _colours() -> list[str]:
+    """Return 255 colours of the scale, and that of what is broken."""
+    known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE], float)
+    at = np.linspace(0.0, len(_SCALE) - 1.0, 255)
+    mixed = np.stack([np.interp(at, range(len(_SCALE)), channel) for channel in known.T], axis=1)
+    return [*("#" + bytes(np.rint(row).astype(np.uint8)).hex() for row in mixed), _BROKEN]

@@ -1,0 +1,99 @@
+"""What a loaded part does, as tables of words: what the terminal and the page show."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.numerics import FloatArray
+from planner.report.plan_text import format_interval, format_number
+
+if TYPE_CHECKING:
+    from planner.simulation.part import PartSimulation
+
+__all__ = ["part_title", "response_rows", "step_rows", "summary_words"]
+
+
+def part_title(result: "PartSimulation") -> str:
+    """Say in a line what was solved."""
+    cells = result.cells
+    edges = " x ".join(f"{edge:.3g}" for edge in cells.cell_mm)
+    share = float(result.steps.share[-1])
+    reached = "the whole load" if share == 1.0 else f"{share:.3g} of the load"
+    return (
+        f"{result.name}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
+        f"unknowns, {reached}"
+    )
+
+
+def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
+    """Yield what the part does at the last step where it is loaded, held and watched, a row each.
+
+    The interval is of the figure that was not given: the displacement along a force, or the force
+    along a move.
+    """
+    interval = f"{100.0 * result.level:g} % interval"
+    for response in result.steps.responses:
+        held = response.kind in ("fix", "move")
+        stiffness = response.stiffness_N_mm
+        sure = "" if response.interval is None else format_interval(response.interval)
+        yield {
+            "": response.kind,
+            "faces": response.selector,
+            "moves mm (x y z)": ""
+            if response.kind == "fix"
+            else _vector(response.displacement_mm[-1]),
+            "force N (x y z)": "" if response.kind == "watch" else _vector(response.force_N[-1]),
+            interval: f"{sure} {'N' if held else 'mm'}" if sure else "",
+            "N/mm": "" if stiffness is None else format_number(stiffness),
+        }
+    moved, (x, y, z) = result.farthest
+    yield {
+        "": "farthest",
+        "faces": f"({x:.4g}, {y:.4g}, {z:.4g}) mm",
+        "moves mm (x y z)": _vector(moved),
+        "force N (x y z)": "",
+        interval: "",
+        "N/mm": "",
+    }
+
+
+_NOTHING = 5e-6
+"""Of a vector's length, below which a component is written as 0: forces are solved for so far."""
+
+
+def _vector(components: FloatArray) -> str:
+    size = float(np.linalg.norm(components))
+    rounded = np.where(np.abs(components) < _NOTHING * size, 0.0, components)
+    return " ".join(format_number(float(c)) for c in rounded)
+
+
+def step_rows(result: "PartSimulation", most: int) -> Iterator[Mapping[str, str]]:
+    """Yield up to so many steps, from rest to the last."""
+    curve, steps = result.curve, result.steps
+    count = len(steps.share)
+    for k in sorted({round(i * (count - 1) / (most - 1)) for i in range(most)}):
+        yield {
+            "load": f"{steps.share[k]:.3g}",
+            curve.x_label: format_number(float(curve.x[k]), 4),
+            curve.y_label: format_number(float(curve.y[k]), 4),
+            "energy, mJ": format_number(float(steps.energy_mJ[k]), 4),
+            "strain / break": format_number(float(steps.largest[k])),
+        }
+
+
+def summary_words(result: "PartSimulation") -> Iterator[str]:
+    """Say what the largest strain is and where, and how far the figures depend on the cells."""
+    steps = result.steps
+    k = int(steps.largest.argmax())
+    x, y, z = steps.largest_mm[k].tolist()
+    yield (
+        f"largest strain over elongation at break: {steps.largest[k]:.3g}, at ({x:.4g}, {y:.4g}, "
+        f"{z:.4g}) mm"
+    )
+    found = result.discretisation
+    if found is not None:
+        yield (
+            f"cells of {found.cell_mm:.3g} mm give figures that differ by up to "
+            f"{100.0 * found.largest:.2g} %"
+        )

@@ -1,0 +1,669 @@
+"""A whole part under its loads: what stands where in it, how it deforms, how sure that is."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from planner.errors import ArgumentError, FileError, positive
+from planner.fields.basic import AxisField, Field
+from planner.fields.parse import Setting, build_field, field_text
+from planner.formats.files import encode_document
+from planner.formats.stl import encode_stl
+from planner.formats.vtu import encode_vtu
+from planner.glance import counted, html_of, one_line, outcome
+from planner.grading.grade import open_part
+from planner.grading.profile import dithered_profile, is_dithered
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
+from planner.numerics import BoolArray, Float32Array, FloatArray, Point
+from planner.palette import Palette
+from planner.plan import Plan, plan_file, read_plan
+from planner.printers import Printer, palette_of
+from planner.simulation.bar import plan_palette, plan_shells, region_coordinates, united
+from planner.simulation.cut_cells import CutCells, cut_cells, halve_long_edges
+from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.simulate import called, table_csv
+
+if TYPE_CHECKING:
+    # The solver is loaded when a part is solved, and not before its input is known to be sound.
+    from planner.simulation.response import LoadSteps, Response
+    from planner.simulation.solid import Mechanics
+    from planner.simulation.sparse_cholesky import Analysis
+
+__all__ = [
+    "Discretisation",
+    "LoadCurve",
+    "PartFinding",
+    "PartSimulation",
+    "coordinates_at",
+    "plan_surface",
+    "simulate_part",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# What stands at a place of a plan, and the surface around it; all in the part's own coordinates.
+
+
+_Filling = Callable[[FloatArray], FloatArray]
+"""The coordinate, (n,), at points (n, 3)."""
+
+_OFF = 1e-4
+"""Of the volume: how far shells, rounded to single precision, may be off the part's."""
+
+
+def coordinates_at(plan: Plan, folder: Path, palette: Palette, points_mm: FloatArray) -> FloatArray:
+    """Return the coordinate on a palette of what a plan prints at points (n, 3), by its field.
+
+    Cells of two materials that lie among each other count as the mixture that they come to. Where
+    plan.json does not hold what its field is made of, the shells are looked at.
+
+    Parameters
+    ----------
+    folder
+        Where the plan's files are; not looked at where the plan still holds its shells.
+
+    Raises
+    ------
+    ArgumentError
+        Dithered cells along a field that plan.json does not hold.
+    FileError
+        A shell is missing or altered, or the plan is not as planner writes it.
+    """
+    shells = plan_shells(folder, plan)
+    return _filling(plan, shells, _outer(shells), palette)(points_mm)
+
+
+def plan_surface(plan: Plan, folder: Path) -> Mesh:
+    """Return the outer surface of a plan's shells, without the faces where two of them touch.
+
+    Raises
+    ------
+    FileError
+        A shell is missing or altered, or the shells do not make up the part.
+    """
+    return _own(plan, _outer(plan_shells(folder, plan)))
+
+
+def _outer(soups: Mapping[str, Float32Array | FloatArray]) -> Mesh:
+    whole = united(soups)
+    faces = whole.faces[~repeats_index(whole.faces)]
+    used, faces = compact(faces[cancel_opposite(faces)], len(whole.vertices))
+    return Mesh(whole.vertices[used], faces)
+
+
+def _own(plan: Plan, placed: Mesh) -> Mesh:
+    off = abs(placed.volume_mm3 - plan.part.volume_mm3)
+    if not Topology(placed.faces).closed or off > _OFF * plan.part.volume_mm3:
+        raise FileError(
+            f"the shells of {plan.part.file} make up {placed.volume_mm3:.6g} mm3, the part is "
+            f"{plan.part.volume_mm3:.6g} mm3, or leave it open; grade the part again"
+        )
+    return Mesh(placed.vertices - np.array(plan.part.translation_mm), placed.faces)
+
+
+def _filling(
+    plan: Plan, shells: Mapping[str, Float32Array | FloatArray], placed: Mesh, palette: Palette
+) -> _Filling:
+    moved = np.array(plan.part.translation_mm)
+    field = _field(plan, placed)
+    if field is None and is_dithered(plan):
+        raise ArgumentError(
+            f"{plan.part.file}: its cells are dealt along a field, {plan.gradient.field['name']}, "
+            "that plan.json does not hold, so that no mixture is known; grade it with another "
+            "`blend` to simulate it"
+        )
+    if field is None:
+        return _by_shells(plan, shells, palette)
+    if is_dithered(plan):
+        along, coordinate = dithered_profile(plan, palette)
+        return lambda points: np.interp(field.values(points + moved), along, coordinate)
+    rising = sorted(range(len(plan.regions)), key=lambda k: plan.regions[k].field)
+    starts = np.array([plan.regions[k].field[0] for k in rising])
+    coordinates = region_coordinates(plan, palette)[rising]
+
+    def by_field(points: FloatArray) -> FloatArray:
+        band = np.searchsorted(starts, field.values(points + moved), side="right") - 1
+        return coordinates[np.maximum(band, 0)]
+
+    return by_field
+
+
+def _field(plan: Plan, placed: Mesh) -> Field | None:
+    """Return a plan's field, None where plan.json does not hold it."""
+    says = plan.gradient.field
+    x, y, z = says.get("direction", (0.0, 0.0, 0.0))
+    if says.get("name") == "axis":
+        return AxisField((x, y, z), float(says["start_mm"]), float(says["span_mm"]))
+    if "'faces'" in str(says):
+        return None  # of the part's triangles in a box: shells have theirs cut
+    try:
+        text = field_text(says, plan.part.translation_mm)
+    except ArgumentError:
+        return None
+    pitch_mm = float(says.get("pitch_mm", 0.5))
+    return build_field(text, Setting(placed, plan.part.translation_mm, pitch_mm))
+
+
+def _by_shells(
+    plan: Plan, shells: Mapping[str, Float32Array | FloatArray], palette: Palette
+) -> _Filling:
+    """Look up in which shell points are; those in none, by rounding, are in the nearest."""
+    moved = np.array(plan.part.translation_mm)
+    of_file = dict(
+        zip([r.file for r in plan.regions], region_coordinates(plan, palette), strict=True)
+    )
+    meshes = {file: united({file: soup}) for file, soup in shells.items()}
+    trees = {file: triangle_tree(mesh) for file, mesh in meshes.items()}
+
+    def by_shells(points: FloatArray) -> FloatArray:
+        placed = np.ascontiguousarray(points + moved)
+        found, off = np.full(len(points), np.nan), np.full(len(points), np.inf)
+        for file, tree in trees.items():
+            low, high = meshes[file].bounds_mm
+            near = np.flatnonzero(((placed >= low) & (placed <= high)).all(axis=1))
+            _, outside = nearest(tree, placed[near])
+            found[near[~outside]] = of_file[file]
+        lost = np.flatnonzero(np.isnan(found))
+        for file, tree in trees.items():
+            distance, _ = nearest(tree, placed[lost])
+            closer = distance < off[lost]
+            found[lost[closer]], off[lost[closer]] = of_file[file], distance[closer]
+        return found
+
+    return by_shells
+
+
+# ------------------------------------------------------------------------------------------------
+# What is to be loaded: a plan, or a mesh of one material.
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A closed surface, what fills it, and where it came from."""
+
+    name: str
+    surface: Mesh
+    filling: _Filling
+    palette: Palette
+    notes: tuple[str, ...]
+
+
+def _solid(
+    source: object,
+    material: str | None,
+    unit: str | None,
+    printer: str | Printer | None,
+    palette: str | Path | Palette | None,
+) -> _Solid:
+    is_path = isinstance(source, (str, Path))
+    if is_path and (Path(str(source)).is_dir() or Path(str(source)).suffix.casefold() == ".json"):
+        source = read_plan(plan_file(Path(str(source))))
+    if not isinstance(source, Plan):
+        chosen = palette_of(palette, printer)
+        if material is None:
+            raise ArgumentError(
+                "`material` is missing: a mesh has none of its own; give one, as "
+                f"{chosen.materials[len(chosen.materials) // 2].id}, or a plan"
+            )
+        coordinate = chosen.resolve(material).coordinate
+        opened = open_part(source, unit=unit)
+        notes = (*opened.part.repairs, *opened.warnings)
+        return _Solid(
+            opened.file,
+            opened.part.mesh,
+            lambda points: np.full(len(points), coordinate),
+            chosen,
+            tuple(f"{opened.file}: {note}" for note in notes),
+        )
+    for name, given in (("`material`", material), ("`unit`", unit)):
+        if given is not None:
+            raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
+    chosen, notes = plan_palette(source, palette, printer)
+    shells = plan_shells(Path() if source.shells else plan_file(source).parent, source)
+    placed = _outer(shells)
+    filling = _filling(source, shells, placed, chosen)
+    return _Solid(source.part.file, _own(source, placed), filling, chosen, notes)
+
+
+# ------------------------------------------------------------------------------------------------
+# The result.
+
+
+@dataclass(frozen=True, slots=True)
+class PartFinding:
+    """Something that a print would not do as simulated.
+
+    Attributes
+    ----------
+    kind
+        ``break``: a strain passes its elongation at break. ``stopped``: the load is not reached.
+    load
+        Share of the load at which it happens.
+    """
+
+    kind: str
+    message: str
+    load: float
+    place_mm: Point | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Discretisation:
+    """How far figures depend on the cells: those of larger cells over these, less 1.
+
+    Both are of a small share of the load, where a part answers linearly.
+
+    Attributes
+    ----------
+    cell_mm
+        Edge of the larger cells.
+    changes
+        By response: of its displacement, or of the force of a support that moves; None where
+        there is none.
+    """
+
+    cell_mm: float
+    changes: tuple[float | None, ...]
+
+    @property
+    def largest(self) -> float:
+        """The largest change, without its sign."""
+        return max((abs(change) for change in self.changes if change is not None), default=0.0)
+
+
+_TRIANGLE = 5
+"""VTK's number of it."""
+
+
+class LoadCurve(NamedTuple):
+    """What a load curve is drawn of, (steps,) each, and the factors to the interval's ends.
+
+    Attributes
+    ----------
+    sure_x, sure_y
+        Lower and upper factor of x and y; (1, 1) of what is given.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    x_label: str
+    y_label: str
+    sure_x: tuple[float, float] = (1.0, 1.0)
+    sure_y: tuple[float, float] = (1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PartSimulation:
+    """A part under its loads, in steps from none to all of them.
+
+    Attributes
+    ----------
+    name
+        The part's file.
+    coordinate : (Q,)
+        Of the mixture at the cells' quadrature points.
+    surface_coordinate : (V,)
+        At the vertices of the surface, ``cells.surface``.
+    steps
+        What the part does: displacements and strains of the surface at every step, and the
+        responses where it is held, loaded and watched.
+    level
+        Probability that intervals hold a print's figure.
+    notes
+        What was assumed, one sentence each.
+    """
+
+    name: str
+    palette: Palette
+    conditions: Conditions
+    cells: CutCells
+    coordinate: FloatArray
+    surface_coordinate: FloatArray
+    steps: "LoadSteps"
+    level: float
+    discretisation: Discretisation | None = None
+    findings: tuple[PartFinding, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    _repr_html_ = html_of
+
+    @one_line
+    def __repr__(self) -> str:
+        curve = self.curve
+        return (
+            f"{self.name}: {curve.x[-1]:.4g} mm at {curve.y[-1]:.4g} "
+            f"{curve.y_label.rpartition(', ')[2].removeprefix('share ')}, "
+            f"{counted(len(curve.x) - 1, 'step')}; " + outcome((len(self.findings), "finding"))
+        )
+
+    @property
+    def ok(self) -> bool:
+        """Whether the whole load is reached and nothing breaks."""
+        return not self.findings
+
+    @property
+    def main(self) -> "Response | None":
+        """The response that the load curve is of: the first load, else move, watch, pressure."""
+        order = {"load": 0, "move": 1, "watch": 2, "pressure": 3}
+        loaded = [response for response in self.steps.responses if response.kind in order]
+        return min(loaded, key=lambda response: order[response.kind], default=None)
+
+    @property
+    def curve(self) -> LoadCurve:
+        """Force, pressure or share of the load over the displacement of the main response."""
+        share, main = self.steps.share, self.main
+        if main is None:
+            moved = np.linalg.norm(self.steps.displacement_mm, axis=2).max(axis=1)
+            return LoadCurve(moved, share, "largest displacement, mm", "share of the load")
+        low, high = main.interval or (1.0, 1.0)
+        figure = float((main.along_N if main.kind == "move" else main.along_mm)[-1])
+        sure = (low / figure, high / figure) if main.interval and figure else (1.0, 1.0)
+        x_label = f"displacement of {main.selector}, mm"
+        if main.kind == "move":
+            return LoadCurve(main.along_mm, main.along_N, x_label, "force, N", sure_y=sure)
+        if main.kind == "load":
+            return LoadCurve(main.along_mm, main.along_N, x_label, "force, N", sure_x=sure)
+        pressures = {1000.0 * pressure.pressure_MPa for pressure in self.conditions.pressures}
+        if len(pressures) == 1:
+            y, y_label = share * pressures.pop(), "pressure, kPa"
+        else:
+            y, y_label = share, "share of the load"
+        return LoadCurve(main.along_mm, y, x_label, y_label, sure_x=sure)
+
+    @property
+    def farthest(self) -> tuple[FloatArray, Point]:
+        """Displacement at last of the vertex that moves most, (3,), and its place at rest."""
+        moved = self.steps.displacement_mm[-1]
+        at = int(np.linalg.norm(moved, axis=1).argmax())
+        x, y, z = self.cells.surface.vertices[at].tolist()
+        return moved[at], (x, y, z)
+
+    def document(self) -> dict[str, Any]:
+        """Return the simulation as JSON holds it."""
+        steps, cells, found = self.steps, self.cells, self.discretisation
+        moved, place = self.farthest
+        return {
+            "schema": 1,
+            "source": self.name,
+            "palette": {"name": self.palette.name, "sha256": self.palette.sha256},
+            "cells": {
+                "cell_mm": cells.cell_mm.tolist(),
+                "count": len(cells.nodes),
+                "unknowns": 3 * len(cells.node_mm),
+                "volume_mm3": cells.volume_mm3,
+            },
+            "level": self.level,
+            "gravity": self.conditions.gravity,
+            "share": steps.share.tolist(),
+            "energy_mJ": steps.energy_mJ.tolist(),
+            "strain_over_break": steps.largest.tolist(),
+            "strain_place_mm": steps.largest_mm.tolist(),
+            "farthest": {"place_mm": place, "displacement_mm": moved.tolist()},
+            "responses": [
+                {
+                    "kind": response.kind,
+                    "selector": response.selector,
+                    "direction": response.direction.tolist(),
+                    "displacement_mm": response.displacement_mm.tolist(),
+                    "force_N": response.force_N.tolist(),
+                    "interval": response.interval,
+                    "stiffness_N_mm": response.stiffness_N_mm,
+                }
+                for response in steps.responses
+            ],
+            "discretisation": None if found is None else dataclasses.asdict(found),
+            "findings": [dataclasses.asdict(finding) for finding in self.findings],
+            "notes": list(self.notes),
+        }
+
+    def json(self) -> bytes:
+        """Return the bytes of the JSON document."""
+        return encode_document(self.document())
+
+    def csv(self) -> bytes:
+        """Return the steps as CSV, one a row; responses are numbered as in the JSON, from 1."""
+        steps = self.steps
+        columns = {
+            "share": steps.share,
+            "energy_mJ": steps.energy_mJ,
+            "strain_over_break": steps.largest,
+        }
+        for number, response in enumerate(steps.responses, start=1):
+            for what, values in (("mm", response.displacement_mm), ("N", response.force_N)):
+                if what == "mm" or response.kind != "watch":
+                    for axis, column in zip("xyz", values.T, strict=True):
+                        columns[f"{response.kind}{number}_{axis}_{what}"] = column
+        return table_csv(columns)
+
+    def deformed_stl(self, step: int = -1) -> bytes:
+        """Return the surface as it is at a step, in the part's own coordinates: a binary STL."""
+        surface = self.cells.surface
+        vertices = (surface.vertices + self.steps.displacement_mm[step]).astype(np.float32)
+        share = self.steps.share[step]
+        return encode_stl(vertices, surface.faces, f"planner: {self.name} at load {share:.3g}, mm")
+
+    def vtu(self, step: int = -1) -> bytes:
+        """Return the surface at rest, with what its vertices do at a step: a VTU file.
+
+        Values are ``displacement_mm``, by which ParaView's filter Warp By Vector deforms it,
+        ``strain_over_break`` and ``coordinate``.
+        """
+        surface = self.cells.surface
+        values = {
+            "displacement_mm": self.steps.displacement_mm[step],
+            "strain_over_break": self.steps.strain_over_break[step],
+            "coordinate": self.surface_coordinate,
+        }
+        return encode_vtu(surface.vertices, [(_TRIANGLE, surface.faces)], point_data=values)
+
+
+# ------------------------------------------------------------------------------------------------
+# A part, its conditions, its cells, and the solver: planner.simulate with loads.
+
+
+_CELLS = 2000
+"""Of material in full cells, where no size is given: a minute's work. The comparison with larger
+cells says how much it leaves open."""
+
+_COARSER = 1.5
+"""Times larger are the cells that tell how far figures depend on their size."""
+
+_SMALL = 1e-3
+"""Share of the load at which sizes of cells are compared: parts answer linearly there."""
+
+_MOST_STEPS = 1000
+
+
+def simulate_part(
+    source: object,
+    *,
+    fix: str | Sequence[str] = (),
+    load: str | Sequence[str] = (),
+    pressure: str | Sequence[str] = (),
+    move: str | Sequence[str] = (),
+    gravity: str | Sequence[float] | None = None,
+    watch: str | Sequence[str] = (),
+    material: str | None = None,
+    cell_mm: float | None = None,
+    steps: int = 10,
+    level: float = 0.95,
+    compare_cells: bool = True,
+    unit: str | None = None,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> PartSimulation:
+    """Load a whole part: what `planner.simulate` does where it is given supports.
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+    """
+    if not 1 <= steps <= _MOST_STEPS:
+        raise ArgumentError(f"`steps` {steps}: it must be a whole number from 1 to {_MOST_STEPS}")
+    if not 0.0 < level < 1.0:
+        raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
+    if cell_mm is not None:
+        positive(cell_mm, "`cell_mm`")
+    progress("reading the part")
+    solid = _solid(source, material, unit, printer, palette)
+    volume_mm3 = solid.surface.volume_mm3
+    edge = float(f"{np.cbrt(volume_mm3 / _CELLS):.2g}") if cell_mm is None else cell_mm
+
+    def conditions(surface: Mesh) -> Conditions:
+        return read_conditions(
+            surface, fix=fix, load=load, pressure=pressure, move=move, gravity=gravity, watch=watch
+        )
+
+    conditions(halve_long_edges(solid.surface, 0.5 * edge)[0])  # before anything that takes long
+    progress("loading the solver")
+    from planner.materials.marlow import marlow_table
+    from planner.simulation.response import respond
+    from planner.simulation.solid import POISSON, Body, Mechanics
+    from planner.simulation.sparse_cholesky import analyse
+
+    model = CoefficientModel(solid.palette)
+    table = marlow_table(model, poisson=POISSON)
+    grams = [material.density_g_cm3 for material in solid.palette.materials]
+
+    def prepared(edge_mm: float) -> tuple[Body, Conditions, "Analysis", FloatArray]:
+        progress(f"cutting the part into cells of {edge_mm:.3g} mm")
+        cells = cut_cells(solid.surface, edge_mm)
+        index = np.repeat(cells.index, np.diff(cells.offsets), axis=0)
+        places = cells.origin_mm + (index + 0.5 * (cells.points + 1.0)) * cells.cell_mm
+        body = Body(cells, table, solid.filling(places))
+        progress(f"ordering {3 * len(cells.node_mm)} equations")
+        analysis = analyse(cells.nodes, cells.node_mm)
+        _check_memory(analysis, cells)
+        densities = np.interp(body.coordinate, model.coordinates, grams)
+        return body, conditions(cells.surface), analysis, densities
+
+    def told(share: float, iteration: int, residual: float) -> None:
+        progress(f"load {share:.3g}: iteration {iteration}, residual {residual:.1e}")
+
+    body, on, analysis, densities = prepared(edge)
+    found = respond(
+        body, on, analysis, model, steps=steps, level=level, densities=densities, progress=told
+    )
+    compared = None
+    larger_mm = _COARSER * float(body.cells.cell_mm.max())
+    if compare_cells and larger_mm < float(np.ptp(solid.surface.bounds_mm, axis=0).max()):
+        here, there = (
+            _small_figures(Mechanics(one, its, order, densities=weights))
+            for one, its, order, weights in ((body, on, analysis, densities), prepared(larger_mm))
+        )
+        compared = Discretisation(larger_mm, tuple(map(_change, here, there)))
+    return PartSimulation(
+        name=solid.name,
+        palette=solid.palette,
+        conditions=on,
+        cells=body.cells,
+        coordinate=body.coordinate,
+        surface_coordinate=solid.filling(body.cells.surface.vertices),
+        steps=found,
+        level=level,
+        discretisation=compared,
+        findings=tuple(_findings(found, solid.filling, model)),
+        notes=(*solid.notes, *_notes(body.cells)),
+    )
+
+
+def _check_memory(analysis: "Analysis", cells: CutCells) -> None:
+    """Refuse before it is taken what the machine does not have."""
+    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
+    try:
+        info = Path("/proc/meminfo").read_text(encoding="ascii").split()
+        free = 1024 * int(info[info.index("MemAvailable:") + 1])
+    except (OSError, ValueError):
+        return  # not Linux: the system says it itself
+    if needed > free:
+        # A factor grows with the fourth power of the cells along an edge.
+        edge_mm = float(cells.cell_mm.max()) * (needed / free) ** 0.25
+        raise ArgumentError(
+            f"`cell_mm` {cells.cell_mm.max():.3g}: {3 * len(cells.node_mm)} equations take "
+            f"{needed / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free; take cells of "
+            f"{edge_mm:.2g} mm or more"
+        )
+
+
+def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
+    """Return what each response is of at a small load: a displacement, or a support's force."""
+    from planner.simulation.solid import facet_points
+
+    on, cells = mechanics.conditions, mechanics.body.cells
+    state, _ = mechanics.settle(mechanics.at_rest(), _SMALL)
+
+    def moved(facets: BoolArray) -> FloatArray:
+        return mechanics.mean(facet_points(cells, facets), state.displacement_mm)
+
+    pulls = zip(on.supports, mechanics.reactions(state), strict=True)
+    return [
+        *(moved(force.facets) for force in on.forces),
+        *(pull if support.moves else None for support, pull in pulls),
+        *(moved(pressure.facets) for pressure in on.pressures),
+        *(moved(watched.facets) for watched in on.watched),
+    ]
+
+
+def _change(here: FloatArray | None, there: FloatArray | None) -> float | None:
+    if here is None or there is None or not (size := float(here @ here)):
+        return None
+    return float(here @ there) / size - 1.0
+
+
+def _findings(
+    steps: "LoadSteps", filling: _Filling, model: CoefficientModel
+) -> Iterator[PartFinding]:
+    """Report where the part breaks first, and where it loses stability."""
+    broken = steps.largest > 1.0
+    if broken.any():
+        k = int(np.argmax(broken))  # never at rest
+        share = float(np.interp(1.0, steps.largest[k - 1 : k + 1], steps.share[k - 1 : k + 1]))
+        place, words = _place(steps.largest_mm[k])
+        coordinate = float(filling(steps.largest_mm[k][None])[0])
+        yield PartFinding(
+            "break",
+            f"{called(model, coordinate)} at {words} passes its elongation at break at "
+            f"{share:.3g} of the load, by the mean of neighbouring cells; a print would break "
+            "there, and what follows is extrapolated",
+            share,
+            place,
+        )
+    if steps.lost is not None:
+        share = float(steps.share[-1])
+        where = None if steps.lost.place_mm is None else _place(steps.lost.place_mm)
+        yield PartFinding(
+            "stopped",
+            f"the part loses stability at {steps.lost.share:.3g} of the load"
+            + (f", at {where[1]}" if where else "")
+            + ": it buckles, snaps through or is inflated without end; only what is before is "
+            "given (a given displacement, `move`, often goes farther than a force)",
+            share,
+            where[0] if where else None,
+        )
+
+
+def _place(place_mm: FloatArray) -> tuple[Point, str]:
+    x, y, z = place_mm.tolist()
+    return (x, y, z), f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+
+
+def _notes(cells: CutCells) -> Iterator[str]:
+    edges = " x ".join(f"{edge:.3g}" for edge in cells.cell_mm)
+    yield (
+        "the palette's laws are of tension; what compression and stretch in two directions do is "
+        "extrapolated from them"
+    )
+    yield (
+        f"strains are means over neighbouring cells of {edges} mm; at clamped edges and sharp "
+        "corners they are higher"
+    )
+    if cells.dropped_mm3 > 0.0:
+        yield f"{cells.dropped_mm3:.2g} mm3 of specks that hang on nothing are left out"
