@@ -13,7 +13,7 @@ from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_text
 from planner.formats.files import encode_document
 from planner.formats.stl import encode_stl
-from planner.formats.vtu import encode_vtu
+from planner.formats.vtu import TRIANGLE, encode_vtu
 from planner.glance import counted, html_of, one_line, outcome
 from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
@@ -40,7 +40,9 @@ __all__ = [
     "LoadCurve",
     "PartFinding",
     "PartSimulation",
+    "Solid",
     "coordinates_at",
+    "open_solid",
     "plan_surface",
     "simulate_part",
 ]
@@ -50,8 +52,8 @@ __all__ = [
 # What stands at a place of a plan, and the surface around it; all in the part's own coordinates.
 
 
-_Filling = Callable[[FloatArray], FloatArray]
-"""The coordinate, (n,), at points (n, 3)."""
+Filling = Callable[[FloatArray], FloatArray]
+"""The coordinate, (n,), at points (n, 3) mm."""
 
 _OFF = 1e-4
 """Of the volume: how far shells, rounded to single precision, may be off the part's."""
@@ -109,7 +111,7 @@ def _own(plan: Plan, placed: Mesh) -> Mesh:
 
 def _filling(
     plan: Plan, shells: Mapping[str, Float32Array | FloatArray], placed: Mesh, palette: Palette
-) -> _Filling:
+) -> Filling:
     moved = np.array(plan.part.translation_mm)
     field = _field(plan, placed)
     if field is None and is_dithered(plan):
@@ -152,7 +154,7 @@ def _field(plan: Plan, placed: Mesh) -> Field | None:
 
 def _by_shells(
     plan: Plan, shells: Mapping[str, Float32Array | FloatArray], palette: Palette
-) -> _Filling:
+) -> Filling:
     """Look up in which shell points are; those in none, by rounding, are in the nearest."""
     moved = np.array(plan.part.translation_mm)
     of_file = dict(
@@ -184,23 +186,43 @@ def _by_shells(
 
 
 @dataclass(frozen=True, eq=False)
-class _Solid:
-    """A closed surface, what fills it, and where it came from."""
+class Solid:
+    """A closed surface in the part's own coordinates, what fills it, and where it came from.
+
+    Attributes
+    ----------
+    filling
+        The coordinate on the palette, (n,), at points (n, 3) mm.
+    """
 
     name: str
     surface: Mesh
-    filling: _Filling
+    filling: Filling
     palette: Palette
     notes: tuple[str, ...]
 
 
-def _solid(
+def open_solid(
     source: object,
     material: str | None,
     unit: str | None,
     printer: str | Printer | None,
     palette: str | Path | Palette | None,
-) -> _Solid:
+) -> Solid:
+    """Return what a plan prints, or a mesh of one material.
+
+    Parameters
+    ----------
+    source
+        A plan, its plan.json or folder; or a mesh as `planner.grade` takes it.
+    material, unit
+        Of a mesh.
+
+    Raises
+    ------
+    PlannerError
+        It cannot be read, or has no material, or two.
+    """
     is_path = isinstance(source, (str, Path))
     if is_path and (Path(str(source)).is_dir() or Path(str(source)).suffix.casefold() == ".json"):
         source = read_plan(plan_file(Path(str(source))))
@@ -214,7 +236,7 @@ def _solid(
         coordinate = chosen.resolve(material).coordinate
         opened = open_part(source, unit=unit)
         notes = (*opened.part.repairs, *opened.warnings)
-        return _Solid(
+        return Solid(
             opened.file,
             opened.part.mesh,
             lambda points: np.full(len(points), coordinate),
@@ -228,7 +250,7 @@ def _solid(
     shells = plan_shells(Path() if source.shells else plan_file(source).parent, source)
     placed = _outer(shells)
     filling = _filling(source, shells, placed, chosen)
-    return _Solid(source.part.file, _own(source, placed), filling, chosen, notes)
+    return Solid(source.part.file, _own(source, placed), filling, chosen, notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -275,10 +297,6 @@ class Discretisation:
     def largest(self) -> float:
         """The largest change, without its sign."""
         return max((abs(change) for change in self.changes if change is not None), default=0.0)
-
-
-_TRIANGLE = 5
-"""VTK's number of it."""
 
 
 class LoadCurve(NamedTuple):
@@ -460,7 +478,7 @@ class PartSimulation:
             "strain_over_break": self.steps.strain_over_break[step],
             "coordinate": self.surface_coordinate,
         }
-        return encode_vtu(surface.vertices, [(_TRIANGLE, surface.faces)], point_data=values)
+        return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -513,7 +531,7 @@ def simulate_part(
     if cell_mm is not None:
         positive(cell_mm, "`cell_mm`")
     progress("reading the part")
-    solid = _solid(source, material, unit, printer, palette)
+    solid = open_solid(source, material, unit, printer, palette)
     volume_mm3 = solid.surface.volume_mm3
     edge = float(f"{np.cbrt(volume_mm3 / _CELLS):.2g}") if cell_mm is None else cell_mm
 
@@ -619,7 +637,7 @@ def _change(here: FloatArray | None, there: FloatArray | None) -> float | None:
 
 
 def _findings(
-    steps: "LoadSteps", filling: _Filling, model: CoefficientModel
+    steps: "LoadSteps", filling: Filling, model: CoefficientModel
 ) -> Iterator[PartFinding]:
     """Report where the part breaks first, and where it loses stability."""
     broken = steps.largest > 1.0
