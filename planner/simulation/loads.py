@@ -320,12 +320,14 @@ def _terms(selector: str) -> list[str]:
 
 def _chosen(faces: _Faces, selector: str, where: str, caps: Sequence[_Cap]) -> BoolArray:
     """Return the faces that all terms of a selector catch."""
-    each = [_term(faces, term, where, caps) for term in _terms(selector)]
+    terms = _terms(selector)
+    each = [
+        _term(faces, term, where if len(terms) == 1 else f"{where}: {term}", caps) for term in terms
+    ]
     facets = np.logical_and.reduce(each)
     if not facets.any():
         counts = ", ".join(
-            f"{term}: {np.count_nonzero(one)}"
-            for term, one in zip(_terms(selector), each, strict=True)
+            f"{term}: {np.count_nonzero(one)}" for term, one in zip(terms, each, strict=True)
         )
         raise ArgumentError(f"{where} catches no face: none is in all terms at once ({counts})")
     if facets.all():
@@ -340,7 +342,7 @@ def _term(faces: _Faces, term: str, where: str, caps: Sequence[_Cap]) -> BoolArr
         return _cavity(faces, where, caps)
     if found := _PLACE.fullmatch(term):
         axis, sign, word = "xyz".index(found[1].casefold()), found[2], found[3].casefold()
-        return _at_place(faces, axis, sign, word, f"{where}: {term}" if term != where else where)
+        return _at_place(faces, axis, sign, word, where)
     if found := _CALLED.fullmatch(term):
         return _BY_NAME[found[1].casefold()](faces, found[2], where)
     hint = did_you_mean(re.split(r"[^a-z]", term.casefold())[0], ("cavity", *_BY_NAME))
