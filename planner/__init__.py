@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from planner.report.plan_page import plan_page, view
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
+    from planner.simulation.export import Export, ExportedMaterial, export
     from planner.simulation.part import PartSimulation
     from planner.simulation.simulate import Simulation, simulate
     from planner.slices.slices import Layer, iterate_layers
@@ -55,6 +56,8 @@ __all__ = [
     "Correction",
     "Diagnosis",
     "Difference",
+    "Export",
+    "ExportedMaterial",
     "Field",
     "Layer",
     "Material",
@@ -78,6 +81,7 @@ __all__ = [
     "design",
     "diagnose",
     "diff",
+    "export",
     "fit",
     "fit_figure",
     "fit_tables",
@@ -132,6 +136,7 @@ _MODULES = {
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
     "planner.simulation.part": "PartSimulation",
+    "planner.simulation.export": "Export ExportedMaterial export",
     "planner.simulation.simulate": "Simulation simulate",
     "planner.slices.slices": "Layer iterate_layers",
     "planner.slices.write": "SliceStack write_slices",

@@ -14,6 +14,7 @@ TARGET = Path(__file__).with_name("python.md")
 COMMANDS = {
     "grade": "grade",
     "simulate": "simulate",
+    "export": "export",
     "invert": "invert",
     "materials": "list_materials",
     "fit": "fit",

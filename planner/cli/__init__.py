@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
+from planner.cli import export as _export
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
@@ -153,6 +154,7 @@ def _planner(
 
 app.command()(_plans.grade)
 app.command()(_simulate.simulate)
+app.command()(_export.export)
 app.add_typer(_gap.app)
 app.command()(_materials.invert)
 app.command()(_materials.materials)

@@ -193,6 +193,8 @@ class Solid:
     ----------
     filling
         The coordinate on the palette, (n,), at points (n, 3) mm.
+    at_strain
+        Working strain of the plan, up to which its moduli are secants.
     """
 
     name: str
@@ -200,6 +202,7 @@ class Solid:
     filling: Filling
     palette: Palette
     notes: tuple[str, ...]
+    at_strain: float = 0.1
 
 
 def open_solid(
@@ -250,7 +253,8 @@ def open_solid(
     shells = plan_shells(Path() if source.shells else plan_file(source).parent, source)
     placed = _outer(shells)
     filling = _filling(source, shells, placed, chosen)
-    return Solid(source.part.file, _own(source, placed), filling, chosen, notes)
+    surface, strain = _own(source, placed), source.stiffness.at_strain
+    return Solid(source.part.file, surface, filling, chosen, notes, strain)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -1,0 +1,477 @@
+"""A planned part as a finite-element model for Abaqus, CalculiX or ParaView (planner.export)."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from planner.errors import ArgumentError, did_you_mean
+from planner.formats.files import check_absent, encode_document, write_whole
+from planner.formats.inp import Held, InpMaterial, InpModel, encode_inp
+from planner.formats.vtu import HEXAHEDRON, encode_vtu
+from planner.glance import counted, one_line
+from planner.materials.mixtures import CoefficientModel
+from planner.materials.stable_yeoh import stable_yeoh
+from planner.mesh.mesh import Mesh
+from planner.notes import Caution
+from planner.numerics import FloatArray, IntArray
+from planner.palette import Palette
+from planner.printers import Printer
+from planner.simulation.cut_cells import halve_long_edges
+from planner.simulation.hexahedra import FACE_NODES, Hexahedra, hexahedra
+from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.part import open_solid
+
+__all__ = ["Export", "ExportedMaterial", "export"]
+
+
+_TARGETS = ("abaqus", "calculix", "vtu")
+
+_CELLS = 15_000
+"""By default; chosen: CalculiX then solves a part in minutes, and walls of a fiftieth of its length
+are as thick as a cell or more."""
+
+_MOST_MATERIALS = 64
+_BINS = 32
+"""Of coordinates, where a plan has more than 64. Chosen: over seven grades stiffness then changes
+by a fifth from one to the next, about as much as prints of one grade scatter."""
+
+_FAR_OFF = 0.1
+"""Relative: a volume of cells off by more is told as a warning. Chosen: stiffness goes with it at
+least in proportion, and the palette's moduli are known to about that."""
+
+_CURVE_POINTS = 40
+
+_NEIGHBOURS = 24
+"""Numerical: nearest facets to look among for one that faces the same way; in a wall of one cell
+a cell's edge away lie about eight facets of the other side."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedMaterial:
+    """A material of the model.
+
+    Attributes
+    ----------
+    modulus_MPa
+        Secant modulus at the working strain.
+    cells, volume_mm3
+        Made of it.
+    fit_error
+        Largest relative error of CalculiX' law against the palette's tensile curve up to break;
+        None for others, which take the curve or none.
+    """
+
+    name: str
+    coordinate: float
+    modulus_MPa: float
+    cells: int
+    volume_mm3: float
+    fit_error: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """A finite-element model of a part, as the bytes of a file.
+
+    Attributes
+    ----------
+    name
+        The part's file.
+    to
+        ``abaqus``, ``calculix`` or ``vtu``.
+    data
+        The file.
+    cell_mm
+        Edges of a cell along x, y, z.
+    volume_mm3, part_mm3
+        Of the cells and of the part.
+    notes
+        What was assumed, one sentence each; cautions ask for an act.
+    """
+
+    name: str
+    to: Literal["abaqus", "calculix", "vtu"]
+    data: bytes = field(repr=False)
+    cell_mm: tuple[float, float, float]
+    cells: int
+    nodes: int
+    volume_mm3: float
+    part_mm3: float
+    materials: tuple[ExportedMaterial, ...]
+    notes: tuple[str, ...] = ()
+
+    @one_line
+    def __repr__(self) -> str:
+        return (
+            f"{self.name} for {self.to}: {counted(self.cells, 'cell')}, {self.nodes} nodes, "
+            f"{counted(len(self.materials), 'material')}, volume {self.volume_error:+.1%}"
+        )
+
+    @property
+    def volume_error(self) -> float:
+        """Volume of the cells over the part's, less 1."""
+        return self.volume_mm3 / self.part_mm3 - 1.0
+
+    @property
+    def file_name(self) -> str:
+        """What the file is called where nothing else is said."""
+        return f"{Path(self.name).stem}.{'vtu' if self.to == 'vtu' else 'inp'}"
+
+    def write(self, output: str | Path | None = None, *, force: bool = False) -> Path:
+        """Write the file, whole or not at all; return its path.
+
+        Raises
+        ------
+        OutputError
+            It is there and `force` is not set, or it cannot be written.
+        """
+        path = Path(self.file_name if output is None else output)
+        check_absent(path, force=force)
+        write_whole(path, self.data)
+        return path
+
+    def document(self) -> dict[str, Any]:
+        """Return what the model is as JSON holds it."""
+        import dataclasses
+
+        return {
+            "schema": 1,
+            "source": self.name,
+            "to": self.to,
+            "cell_mm": list(self.cell_mm),
+            "cells": self.cells,
+            "nodes": self.nodes,
+            "volume_mm3": self.volume_mm3,
+            "part_mm3": self.part_mm3,
+            "materials": [dataclasses.asdict(material) for material in self.materials],
+            "notes": list(self.notes),
+        }
+
+    def json(self) -> bytes:
+        """Return the bytes of the JSON document."""
+        return encode_document(self.document())
+
+
+def export(
+    source: object,
+    *,
+    to: str,
+    cell_mm: float | None = None,
+    fix: Sequence[str] = (),
+    load: Sequence[str] = (),
+    pressure: Sequence[str] = (),
+    move: Sequence[str] = (),
+    gravity: str | Sequence[float] | None = None,
+    material: str | None = None,
+    unit: str | None = None,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+) -> Export:
+    """Make a finite-element model of a planned part: hexahedra of 20 nodes, each in its material.
+
+    Cells of an even lattice that are at least half full of the part stand for it, so that any part
+    has a mesh; curved and slanted faces are stairs.
+
+    Parameters
+    ----------
+    source
+        A plan, just made, read back, or the path of a plan.json or its folder; or a mesh, by path
+        or value, with a `material`.
+    to
+        ``abaqus`` (Marlow's law: the palette's own tensile curves), ``calculix`` (Yeoh's law, the
+        nearest that is stable at every strain) or ``vtu`` (ParaView: material, coordinate and
+        modulus of every cell).
+    cell_mm
+        Edge of a cell; by default what makes about 15000.
+    fix, load, pressure, move, gravity
+        What holds and loads the part, as `planner.simulate` has it; without any the file has no
+        step. Each is also a set of nodes or faces.
+    material, unit
+        Of a mesh.
+    printer, palette
+        By name, file or value; by default those of the plan, else the Connex3 and its own.
+
+    Returns
+    -------
+    Export
+        `Export.write` writes it.
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+
+    Examples
+    --------
+    >>> planner.export("finger-graded", to="calculix").write("finger.inp")  # doctest: +SKIP
+    """
+    if to not in _TARGETS:
+        raise ArgumentError(
+            f"`to` {to}: {did_you_mean(to, _TARGETS)}it must be abaqus, calculix or vtu"
+        )
+    conditions = [fix, load, pressure, move]
+    is_loaded = any(conditions) or gravity is not None
+    if is_loaded and to == "vtu":
+        raise ArgumentError("`to` vtu: loads and supports have no place in it; leave them out")
+    solid = open_solid(source, material, unit, printer, palette)
+    part_mm3 = solid.surface.volume_mm3
+    edge = (part_mm3 / _CELLS) ** (1.0 / 3.0) if cell_mm is None else cell_mm
+    mesh = hexahedra(solid.surface, edge)
+    model = CoefficientModel(solid.palette)
+    strain = solid.at_strain
+    coordinate = solid.filling(mesh.middle_mm)
+    levels, of_cell, notes = _materials(coordinate, model, strain)
+    moduli = model.modulus_MPa(levels, strain)
+    notes = (*solid.notes, *_mesh_notes(mesh, part_mm3), *notes)
+    names = list(_names(levels, model))
+    errors: list[float | None] = [None] * len(levels)
+    if to == "vtu":
+        corners, nodes = np.unique(mesh.nodes[:, :8], return_inverse=True)
+        data = encode_vtu(
+            mesh.node_mm[corners],
+            [(HEXAHEDRON, nodes.reshape(-1, 8))],
+            cell_data={
+                "material": of_cell.astype(np.int32),
+                "coordinate": coordinate,
+                "modulus_MPa": model.modulus_MPa(coordinate, strain),
+            },
+        )
+    else:
+        laws = [_law(model, m) for m in levels.tolist()]
+        errors = [law.error if to == "calculix" else None for law in laws]
+        on = None
+        if is_loaded:
+            surface = halve_long_edges(solid.surface, 0.5 * float(mesh.cell_mm.min()))[0]
+            on = (
+                surface,
+                read_conditions(
+                    surface, fix=fix, load=load, pressure=pressure, move=move, gravity=gravity
+                ),
+            )
+        else:
+            notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
+        written = _inp(mesh, of_cell, names, laws, moduli, solid.name, part_mm3, on)
+        data = encode_inp(written, "abaqus" if to == "abaqus" else "calculix")
+        rough = [name for name, error in zip(names, errors, strict=True) if (error or 0.0) > 0.1]
+        if rough:
+            notes = (*notes, Caution(_rough_words(rough, max(e for e in errors if e))))
+    cells = np.bincount(of_cell, minlength=len(levels)).tolist()
+    ex, ey, ez = mesh.cell_mm.tolist()
+    return Export(
+        name=solid.name,
+        to=to,  # type: ignore[arg-type]  # one of _TARGETS
+        data=data,
+        cell_mm=(ex, ey, ez),
+        cells=len(mesh.nodes),
+        nodes=len(mesh.node_mm),
+        volume_mm3=mesh.volume_mm3,
+        part_mm3=part_mm3,
+        materials=tuple(
+            ExportedMaterial(name, m, modulus, n, n * mesh.cell_mm3, error)
+            for name, m, modulus, n, error in zip(
+                names, levels.tolist(), moduli.tolist(), cells, errors, strict=True
+            )
+        ),
+        notes=notes,
+    )
+
+
+def _rough_words(rough: Sequence[str], worst: float) -> str:
+    return (
+        f"{', '.join(rough)}: no law of CalculiX that is stable follows the curve; its stress in "
+        f"tension is up to {worst:.0%} off; Abaqus takes the curve itself"
+    )
+
+
+def _mesh_notes(mesh: Hexahedra, part_mm3: float) -> Iterator[str]:
+    off = mesh.volume_mm3 / part_mm3 - 1.0
+    words = f"the cells have {abs(off):.1%} {'more' if off > 0 else 'less'} volume than the part"
+    if abs(off) > _FAR_OFF:
+        yield Caution(f"{words}; take a smaller `cell_mm`")
+    else:
+        yield f"{words}; slanted and curved faces are stairs of {mesh.cell_mm.max():.3g} mm"
+    if mesh.pieces > 1:
+        yield Caution(
+            f"the cells make {mesh.pieces} bodies that no face joins, each of which must be held; "
+            "if the part is one, take a smaller `cell_mm`"
+        )
+    if mesh.dropped_mm3 > 0.0:
+        yield f"{mesh.dropped_mm3:.2g} mm3 of cells that hang on nothing are left out"
+
+
+# ------------------------------------------------------------------------------------------------
+# Materials
+
+
+def _materials(
+    coordinate: FloatArray, model: CoefficientModel, strain: float
+) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
+    """Return the coordinates of materials, which of them each cell is made of, and notes."""
+    levels, of_cell = np.unique(np.round(coordinate, 9), return_inverse=True)
+    if len(levels) <= _MOST_MATERIALS:
+        return levels, of_cell, ()
+    edges = np.linspace(levels[0], levels[-1], _BINS + 1)
+    of_bin = np.clip(np.searchsorted(edges, coordinate, side="right") - 1, 0, _BINS - 1)
+    used, of_cell = np.unique(of_bin, return_inverse=True)
+    means = np.bincount(of_cell, weights=coordinate) / np.bincount(of_cell)
+    steps = np.log(model.modulus_MPa(edges[1:], strain) / model.modulus_MPa(edges[:-1], strain))
+    half = np.expm1(0.5 * float(steps.max()))
+    return means, of_cell, (f"{len(used)} materials stand for all mixtures, within {half:.0%}",)
+
+
+def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
+    ids = {round(m.coordinate, 9): m.id for m in model.palette.materials}
+    for number, m in enumerate(levels.tolist()):
+        word = ids.get(round(m, 9)) or f"m{m:.4f}"
+        yield f"M{number:02d}_" + re.sub(r"[^A-Za-z0-9_-]", "_", word)
+
+
+@dataclass(frozen=True, eq=False)
+class _Law:
+    coordinate: float
+    break_strain: float
+    curve: FloatArray
+    yeoh_MPa: tuple[float, float, float]
+    error: float
+    density_g_cm3: float
+
+
+def _law(model: CoefficientModel, coordinate: float) -> _Law:
+    materials = model.palette.materials
+    at = model.coordinates
+    end = float(np.interp(coordinate, at, [m.elongation_at_break for m in materials]))
+    # Closer at rest, where the curve bends most.
+    strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 1.5
+    stress = model.nominal_stress_MPa(coordinate, 1.0 + strain)
+    rising = np.concatenate([[True], np.diff(stress) > 0.0])
+    kept = slice(None if rising.all() else int(np.argmin(rising)))
+    fitted = stable_yeoh(strain[kept], stress[kept])
+    return _Law(
+        coordinate,
+        end,
+        np.stack([strain[kept], stress[kept]], axis=1),
+        fitted.coefficients_MPa,
+        fitted.error,
+        float(np.interp(coordinate, at, [m.density_g_cm3 for m in materials])),
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# What is held and loaded, on the cells' outer faces
+
+
+def _inp(
+    mesh: Hexahedra,
+    of_cell: IntArray,
+    names: Sequence[str],
+    laws: Sequence[_Law],
+    moduli: FloatArray,
+    name: str,
+    part_mm3: float,
+    on: tuple[Mesh, Conditions] | None,
+) -> InpModel:
+    from planner.simulation.solid import POISSON
+
+    remarks = [
+        f"{name}: {len(mesh.nodes)} cells of "
+        + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)
+        + " mm",
+        f"cells at least half full of the part: {mesh.volume_mm3:.6g} mm3 for {part_mm3:.6g} mm3 "
+        f"({mesh.volume_mm3 / part_mm3 - 1.0:+.1%})",
+    ]
+    materials = [
+        InpMaterial(
+            name=word,
+            remark=f"coordinate {law.coordinate:.4g}, secant modulus {modulus:.4g} MPa, breaks at "
+            f"strain {law.break_strain:.3g}; Yeoh's law is within {law.error:.1%} of its curve",
+            elements=np.flatnonzero(of_cell == k),
+            curve=law.curve,
+            yeoh_MPa=law.yeoh_MPa,
+            poisson=POISSON,
+            density_g_cm3=law.density_g_cm3 if np.isfinite(law.density_g_cm3) else None,
+        )
+        for k, (word, law, modulus) in enumerate(zip(names, laws, moduli.tolist(), strict=True))
+    ]
+    low, high = mesh.node_mm.min(axis=0), mesh.node_mm.max(axis=0)
+    ends = {
+        f"{axis}{end}": np.flatnonzero(np.abs(mesh.node_mm[:, a] - place[a]) < 1e-6 * edge)
+        for a, (axis, edge) in enumerate(zip("XYZ", mesh.cell_mm.tolist(), strict=True))
+        for end, place in (("MIN", low), ("MAX", high))
+    }
+    if on is None:
+        return InpModel(remarks, mesh.node_mm, mesh.nodes, materials, ends)
+    surface, conditions = on
+    if conditions.gravity is not None and any(m.density_g_cm3 is None for m in materials):
+        raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
+    facet = _facets(mesh, surface)
+    held: list[Held] = []
+    given = np.full(mesh.node_mm.shape, np.nan)
+    for number, support in enumerate(conditions.supports, start=1):
+        nodes = np.unique(_nodes(mesh, _faces(support.facets, facet, support.selector)))
+        wanted = np.array([np.nan if u is None else u for u in support.displacement_mm])
+        # On an edge between two that want different things the first has its way.
+        with np.errstate(invalid="ignore"):
+            nodes = nodes[~(np.abs(given[nodes] - wanted) > 0.0).any(axis=1)]
+        given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
+        remarks.append(f"HELD{number}: {support.selector}")
+        held.append(Held(f"HELD{number}", nodes, support.displacement_mm))
+    forces = {}
+    for number, force in enumerate(conditions.forces, start=1):
+        faces = _faces(force.facets, facet, force.selector)
+        remarks.append(f"LOAD{number}: {force.selector}")
+        forces[f"LOAD{number}"] = _spread(mesh, faces, np.array(force.force_N))
+    pressures = {}
+    for number, push in enumerate(conditions.pressures, start=1):
+        faces = _faces(push.facets, facet, push.selector)
+        remarks.append(f"PRESSURE{number}: {push.selector}")
+        pressures[f"PRESSURE{number}"] = (mesh.outer[faces], push.pressure_MPa)
+    return InpModel(
+        remarks, mesh.node_mm, mesh.nodes, materials, ends, held, forces, pressures,
+        conditions.gravity,
+    )  # fmt: skip
+
+
+def _facets(mesh: Hexahedra, surface: Mesh) -> IntArray:
+    """Return the facet of the part that each outer face of the cells stands for.
+
+    It is the nearest that faces the same way, if any of the nearest ones does.
+    """
+    from scipy.spatial import cKDTree
+
+    corners = surface.vertices[surface.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    k = min(_NEIGHBOURS, len(corners))
+    _, near = cKDTree(corners.mean(axis=1)).query(mesh.outer_mm, k=k)
+    near = np.asarray(near).reshape(-1, k)
+    agrees = np.einsum("nki,ni->nk", normals[near], mesh.outer_normal) > 0.0
+    return np.asarray(near[np.arange(len(near)), agrees.argmax(axis=1)])
+
+
+def _faces(facets: FloatArray | Any, facet: IntArray, selector: str) -> IntArray:
+    faces = np.flatnonzero(np.asarray(facets)[facet])
+    if not len(faces):
+        raise ArgumentError(
+            f"{selector}: no face of the cells stands for it; take a smaller `cell_mm`"
+        )
+    return faces
+
+
+def _nodes(mesh: Hexahedra, faces: IntArray) -> IntArray:
+    """Return the eight nodes of outer faces, corners first."""
+    cell, face = mesh.outer[faces].T
+    return np.asarray(mesh.nodes[cell[:, None], FACE_NODES[face]])
+
+
+def _spread(mesh: Hexahedra, faces: IntArray, force: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Spread a force evenly over the area of faces, as their quadratic functions have it."""
+    edges = mesh.cell_mm
+    area = np.prod(edges) / np.abs(mesh.outer_normal[faces] @ edges)
+    # Of a face of eight nodes: -1/12 at corners, 1/3 at the middles of its edges.
+    weight = np.repeat([[-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4], len(faces), axis=0)
+    nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)
+    share = np.bincount(at.ravel(), weights=(weight * area[:, None]).ravel())
+    return nodes, share[:, None] / area.sum() * force

@@ -1,0 +1,246 @@
+"""Finite-element models: cells, sets, loads and laws; CalculiX runs them where it is installed."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import planner
+from planner.errors import ArgumentError
+from planner.formats.field_file import _open
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.mesh import Mesh
+from planner.notes import Caution
+from planner.printers import palette_of
+from planner.simulation.hexahedra import FACE_NODES, hexahedra
+
+
+def box(*extents: float) -> Mesh:
+    body = trimesh.creation.box(extents)
+    return Mesh(body.vertices + np.array(extents) / 2, body.faces)
+
+
+def cards(data: bytes) -> dict[str, list[str]]:
+    """Return the data lines of each card, by the card; cards that stand twice are joined."""
+    found: dict[str, list[str]] = {}
+    card = ""
+    for line in data.decode("ascii").splitlines():
+        if line.startswith("**"):
+            continue
+        if line.startswith("*"):
+            card = line
+            found.setdefault(card, [])
+        else:
+            found[card].append(line)
+    return found
+
+
+def numbers(lines: list[str]) -> np.ndarray:
+    return np.array([[float(n) for n in line.split(",")] for line in lines])
+
+
+# ------------------------------------------------------------------------------------------------
+# Cells
+
+
+def test_a_box_is_its_cells():
+    mesh = hexahedra(box(4.0, 2.0, 1.0), 1.0)
+    assert len(mesh.nodes) == 8
+    assert mesh.volume_mm3 == pytest.approx(8.0)
+    assert len(mesh.outer) == 2 * (8 + 4 + 2)
+    assert mesh.pieces == 1
+    # Nodes of a serendipity lattice: corners, and middles of edges.
+    assert len(mesh.node_mm) == 5 * 3 * 2 + (4 * 3 * 2 + 5 * 2 * 2 + 5 * 3 * 1)
+
+
+def test_nodes_of_a_cell_stand_where_solvers_expect_them():
+    mesh = hexahedra(box(2.0, 2.0, 2.0), 2.0)
+    at = mesh.node_mm[mesh.nodes[0]]
+    np.testing.assert_array_equal(at[:4], [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)])
+    np.testing.assert_array_equal(at[4:8], at[:4] + np.array([0, 0, 2]))
+    for middle, (a, b) in enumerate(
+        [
+            (0, 1),
+            (1, 2),
+            (2, 3),
+            (3, 0),
+            (4, 5),
+            (5, 6),
+            (6, 7),
+            (7, 4),
+            *((k, k + 4) for k in range(4)),
+        ]
+    ):
+        np.testing.assert_array_equal(at[8 + middle], (at[a] + at[b]) / 2)
+    # Faces 1 to 6 of C3D20: 1-2-3-4, 5-8-7-6, 1-5-6-2, 2-6-7-3, 3-7-8-4, 4-8-5-1.
+    expected = [{0, 1, 2, 3}, {4, 5, 6, 7}, {0, 1, 4, 5}, {1, 2, 5, 6}, {2, 3, 6, 7}, {0, 3, 4, 7}]
+    assert [set(face[:4].tolist()) for face in FACE_NODES] == expected
+
+
+def test_cells_are_those_at_least_half_full():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=5.0)
+    mesh = hexahedra(Mesh(ball.vertices, ball.faces), 0.5)
+    # A cell whose middle is a fifth of its edge inside or outside is more or less than half full.
+    along = 5.0 * (np.indices((20, 20, 20)).reshape(3, -1).T - 9.5) / 10.0
+    radius = np.linalg.norm(along, axis=1)
+    kept = {tuple(p) for p in np.round(mesh.middle_mm, 2).tolist()}
+    middles = {tuple(p) for p in np.round(along[radius < 4.9], 2).tolist()}
+    assert middles <= kept <= {tuple(p) for p in np.round(along[radius < 5.1], 2).tolist()}
+    # Stairs over and under a curved face even out.
+    assert mesh.volume_mm3 == pytest.approx(ball.volume, rel=0.03)
+
+
+def test_a_wall_thinner_than_half_a_cell_is_refused():
+    wall = box(10.0, 10.0, 10.0)
+    void = Mesh(0.2 + 0.96 * wall.vertices, wall.faces[:, ::-1])
+    shell = Mesh(
+        np.concatenate([wall.vertices, void.vertices]), np.concatenate([wall.faces, void.faces + 8])
+    )
+    with pytest.raises(ArgumentError, match="no cell is half full"):
+        hexahedra(shell, 2.0)
+    with pytest.raises(ArgumentError, match="take larger ones"):
+        hexahedra(wall, 0.1)
+
+
+# ------------------------------------------------------------------------------------------------
+# Files
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return planner.grade(box(40.0, 8.0, 8.0), from_="Tango", to="FLX9770", axis="x")
+
+
+def test_every_cell_has_the_material_of_its_place(plan):
+    made = planner.export(plan, to="vtu", cell_mm=2.0)
+    root = _open(made.data, "made.vtu", "UnstructuredGrid").root
+    assert root.find("UnstructuredGrid/Piece").get("NumberOfCells") == "320"
+    assert made.cells == 320
+    assert sum(m.cells for m in made.materials) == 320
+    coordinates = [m.coordinate for m in made.materials]
+    assert coordinates == sorted(coordinates)
+    for region in plan.regions:
+        # Whole layers of 2 mm: of each cut less than half a layer is lost or won.
+        found = sum(m.volume_mm3 for m in made.materials if m.name.endswith(region.printed))
+        assert found == pytest.approx(region.volume_mm3, abs=2 * 64.0)
+
+
+def test_abaqus_gets_the_palettes_own_curves(plan):
+    made = planner.export(plan, to="abaqus", cell_mm=4.0)
+    text = made.data.decode("ascii")
+    assert "*STEP" not in text
+    assert any("no *STEP" in note for note in made.notes)
+    assert text.count("TYPE=C3D20RH") == len(made.materials)
+    model = CoefficientModel(palette_of())
+    blocks = re.findall(r"\*MATERIAL, NAME=(\S+)\n\*HYPERELASTIC, MARLOW, POISSON=0.49\n"
+                        r"\*UNIAXIAL TEST DATA\n((?:[^*]+\n)+)", text)  # fmt: skip
+    assert [name for name, _ in blocks] == [m.name for m in made.materials]
+    for material, (_, lines) in zip(made.materials, blocks, strict=True):
+        stress, strain = numbers(lines.splitlines()).T
+        expected = model.nominal_stress_MPa(material.coordinate, 1.0 + strain)
+        np.testing.assert_allclose(stress, expected, rtol=1e-7)
+
+
+def test_loads_add_up(plan):
+    made = planner.export(
+        plan, to="calculix", cell_mm=2.0, fix=["x=min"], load=["x=max: 1,0,-2 N"],
+        pressure=["z=max: 20 kPa"], gravity="-z",
+    )  # fmt: skip
+    found = cards(made.data)
+    node = numbers(found["*NODE, NSET=NALL"])
+    load = numbers(found["*CLOAD"])
+    np.testing.assert_allclose(
+        [load[load[:, 1] == axis, 2].sum() for axis in (1, 2, 3)], [1.0, 0.0, -2.0], atol=1e-8
+    )
+    loaded = node[np.isin(node[:, 0], load[:, 0])]
+    np.testing.assert_array_equal(loaded[:, 1], 40.0)
+    # The force acts in the middle of the face: no moment about it.
+    for axis in (2, 3):
+        arm = node[load[load[:, 1] == 3, 0].astype(int) - 1, axis] - 4.0
+        assert arm @ load[load[:, 1] == 3, 2] == pytest.approx(0.0, abs=1e-7)
+    held = [int(n) for line in found["*NSET, NSET=HELD1"] for n in line.split(",")]
+    np.testing.assert_array_equal(node[np.array(held) - 1, 1], 0.0)
+    pushed = [n for line in found["*ELSET, ELSET=PRESSURE1_S2"] for n in line.split(",")]
+    assert len(pushed) == 20 * 4
+    assert found["*DLOAD"] == ["PRESSURE1_S2, P2, 0.02", "EALL, GRAV, 9806.65, 0, 0, -1"]
+    assert found["*DENSITY"][0] == "1.125e-09"
+
+
+def test_mixtures_of_dithered_cells_are_binned(plan):
+    dithered = planner.grade(
+        box(40.0, 8.0, 8.0), from_="Tango", to="FLX9770", axis="x", blend="dither"
+    )
+    made = planner.export(dithered, to="calculix", cell_mm=0.5)
+    assert 16 <= len(made.materials) <= 32
+    assert any("stand for all mixtures" in note for note in made.notes)
+    assert made.document()["cells"] == 16 * 16 * 80
+
+
+def test_what_cannot_be_is_said(plan):
+    with pytest.raises(ArgumentError, match="did you mean calculix"):
+        planner.export(plan, to="calculx")
+    with pytest.raises(ArgumentError, match="no place"):
+        planner.export(plan, to="vtu", fix=["x=min"], load=["x=max: 1,0,0 N"])
+    with pytest.raises(ArgumentError, match="`material`"):
+        planner.export(box(1.0, 1.0, 1.0), to="vtu")
+
+
+def test_walls_that_the_cells_miss_are_told():
+    stairs = trimesh.creation.cylinder(radius=6.0, height=20.0, sections=64)
+    hollow = trimesh.creation.cylinder(radius=4.9, height=30.0, sections=64)
+    tube = trimesh.boolean.difference([stairs, hollow], engine="manifold")
+    made = planner.export(Mesh(tube.vertices, tube.faces), to="vtu", material="Tango", cell_mm=2.0)
+    assert any(isinstance(note, Caution) for note in made.notes)
+
+
+# ------------------------------------------------------------------------------------------------
+# CalculiX
+
+
+def run_calculix(made, folder: Path) -> None:
+    made.write(folder / "a.inp")
+    done = subprocess.run(
+        ["ccx", "-i", "a"], cwd=folder, capture_output=True, text=True, timeout=240, check=False,
+        env={"OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin:/usr/local/bin"},
+    )  # fmt: skip
+    assert "Job finished" in done.stdout, done.stdout[-2000:]
+    assert "*ERROR" not in done.stdout
+
+
+needs_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm"]
+
+
+@needs_calculix
+@pytest.mark.parametrize("name", ["TangoPlus", "FLX9785", "VeroWhitePlus"])
+def test_calculix_pulls_a_bar_as_the_palette_does(name, tmp_path):
+    strain = 0.3 if name != "VeroWhitePlus" else 0.05
+    made = planner.export(
+        box(8.0, 4.0, 4.0), to="calculix", material=name, cell_mm=4.0,
+        move=[*FREE, f"x=max: {8.0 * strain},free,free mm"],
+    )  # fmt: skip
+    run_calculix(made, tmp_path)
+    text = (tmp_path / "a.dat").read_text()
+    last = text[text.rindex("HELD4") :].splitlines()
+    force = float(next(line for line in last[1:] if line.strip()).split()[0])
+    palette = palette_of()
+    stress = CoefficientModel(palette).nominal_stress_MPa(
+        palette.resolve(name).coordinate, 1.0 + strain
+    )
+    error = made.materials[0].fit_error
+    # Within the fit's error, and 2 % for a Poisson's ratio of 0.49 and not 0.5.
+    assert force == pytest.approx(16.0 * float(stress), rel=error + 0.02)
+
+
+@needs_calculix
+def test_calculix_runs_a_graded_bar_that_bends(plan, tmp_path):
+    made = planner.export(
+        plan, to="calculix", cell_mm=4.0, fix=["x=max"], load=["x=min: 0,0,-0.02 N"]
+    )
+    run_calculix(made, tmp_path)
+    last = (tmp_path / "a.sta").read_text().splitlines()[-1].split()
+    assert float(last[4]) == 1.0  # the whole load
