@@ -2,13 +2,13 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
-from planner.mesh.mesh import Mesh, connected, number_groups, order_edges, unite
+from planner.mesh.mesh import Mesh, connected, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
@@ -676,6 +676,9 @@ def _gather(
 _SETTLED = 27
 """Points of a cut piece, unless they cannot be found."""
 
+_OUTERMOST = 0.8611363115940526
+# of the four Gauss points between -1 and 1.
+
 _STRAY = 0.05
 # How far points are moved off the places of Gauss's, of the box's half edge. On these Newton's
 # method cannot begin: the square of Legendre's third polynomial is zero there, and so is its
@@ -703,12 +706,12 @@ def _compress(
     used: Any,
 ) -> None:
     # The quadrature of pieces first..stop: `points`, `weights` (in cells) and how many are `used`.
-    low, high, middle, half = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    middle, half, turn = np.empty(3), np.empty(3), np.empty((3, 3))
     line, moment = np.empty((7, 7)), np.empty(table.shape[0])
-    place, weight = np.empty((27, 3)), np.empty(27)
+    place, weight = np.empty((_SETTLED, 3)), np.empty(_SETTLED)
+    wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
     for p in range(first, stop):
-        n = 0
-        low[:], high[:] = np.inf, -np.inf
+        n, mass = 0, 0.0
         for s in range(begin[p], begin[p + 1]):
             x, y = _column_place(frame, nu, segments[s, 0])
             bottom = 2.0 * segments[s, 1] / voxels - 1.0
@@ -718,38 +721,31 @@ def _compress(
                 measure[n, 1] = 2.0 * (y - index[p, 1]) - 1.0
                 measure[n, 2] = (top + bottom + (top - bottom) * rule[0, g]) / 2.0
                 measure[n, 3] = (top - bottom) * rule[1, g] / 4.0 * share[segments[s, 0]]
+                mass += measure[n, 3]
                 n += 1
-            for axis in range(2):
-                spread = frame[2] * frame[5 + axis]  # half a column's width, of the local -1..1
-                low[axis] = min(low[axis], measure[n - 1, axis] - spread)
-                high[axis] = max(high[axis], measure[n - 1, axis] + spread)
-            low[2], high[2] = min(low[2], bottom), max(high[2], top)
-        for axis in range(3):
-            middle[axis] = (high[axis] + low[axis]) / 2.0
-            half[axis] = (high[axis] - low[axis]) / 2.0
-        mass = 0.0
-        moment[:] = 0.0
-        for q in range(0, n, rule.shape[1]):  # a segment: x and y are those of its column
-            _legendre((measure[q, 0] - middle[0]) / half[0], line[0], line[3])
-            _legendre((measure[q, 1] - middle[1]) / half[1], line[1], line[3])
-            line[2, :] = 0.0
-            for g in range(q, q + rule.shape[1]):
-                _legendre((measure[g, 2] - middle[2]) / half[2], line[4], line[3])
-                mass += measure[g, 3]
-                for d in range(7):
-                    line[2, d] += measure[g, 3] * line[4, d]
-            _add_products(moment, 1.0, line[0], line[1], line[2])
+        _find_box(measure, n, wide, middle, half, turn)
+        _into_box(measure, n, middle, half, turn, False)
         for t in range(moment.size):
-            moment[t] /= mass
-        _guess(measure, n, middle, half, place, weight)
-        if _settle(moment, place, weight, line, normal, slopes):
-            n = weight.size
+            moment[t] = 0.0
+        for q in range(n):
+            for axis in range(3):
+                _legendre(measure[q, axis], line[axis], line[3])
+            _add_products(moment, measure[q, 3] / mass, line[0], line[1], line[2])
+        settled = False
+        for trial in range(_TRIALS):
+            _guess(measure, n, place, weight, trial)
+            settled = n > _SETTLED and _settle(moment, place, weight, line, normal, slopes)
+            if settled:
+                break
+        if settled:
+            n = _SETTLED
             for q in range(n):
                 for axis in range(3):
-                    measure[q, axis] = middle[axis] + half[axis] * place[q, axis]
+                    measure[q, axis] = place[q, axis]
                 measure[q, 3] = mass * weight[q]
         else:
             n = _recombine(measure, n, table, line)
+        _into_box(measure, n, middle, half, turn, True)
         used[p] = n
         for q in range(n):
             for axis in range(3):
@@ -758,32 +754,116 @@ def _compress(
 
 
 @inner_kernel
+def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
+    # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
+    # the cell's where that is not much smaller.
+    mean, spread = np.zeros(3), np.zeros((3, 3))
+    mass = 0.0
+    for q in range(n):
+        mass += measure[q, 3]
+        for a in range(3):
+            mean[a] += measure[q, 3] * measure[q, a]
+            for b in range(3):
+                spread[a, b] += measure[q, 3] * measure[q, a] * measure[q, b]
+    for a in range(3):
+        for b in range(3):
+            spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
+            turn[a, b] = 1.0 if a == b else 0.0
+    for sweep in range(18):  # Jacobi's rotations, six times about each axis
+        a, b = sweep % 3, (sweep + 1) % 3
+        if abs(spread[a, b]) < 1e-14:
+            continue
+        lean = (spread[b, b] - spread[a, a]) / (2.0 * spread[a, b])
+        tan = (1.0 if lean >= 0.0 else -1.0) / (abs(lean) + np.sqrt(lean * lean + 1.0))
+        cos = 1.0 / np.sqrt(tan * tan + 1.0)
+        sin = tan * cos
+        for k in range(3):
+            spread[k, a], spread[k, b] = (
+                cos * spread[k, a] - sin * spread[k, b],
+                sin * spread[k, a] + cos * spread[k, b],
+            )
+        for k in range(3):
+            spread[a, k], spread[b, k] = (
+                cos * spread[a, k] - sin * spread[b, k],
+                sin * spread[a, k] + cos * spread[b, k],
+            )
+            turn[a, k], turn[b, k] = (
+                cos * turn[a, k] - sin * turn[b, k],
+                sin * turn[a, k] + cos * turn[b, k],
+            )
+    aligned = np.zeros((3, 3))
+    for a in range(3):
+        aligned[a, a] = 1.0
+    whole = _bounds(measure, n, wide, aligned, middle, half)
+    if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
+        for a in range(3):
+            for b in range(3):
+                turn[a, b] = aligned[a, b]
+        _bounds(measure, n, wide, turn, middle, half)
+
+
+@inner_kernel
+def _bounds(measure: Any, n: Any, wide: Any, turn: Any, middle: Any, half: Any) -> Any:
+    # The box along the rows of `turn` about all segments, each a pillar as `wide` as its column.
+    volume = 1.0
+    for a in range(3):
+        low, high = np.inf, -np.inf
+        for q in range(0, n, 4):
+            across = turn[a, 0] * measure[q, 0] + turn[a, 1] * measure[q, 1]
+            rise = (measure[q + 3, 2] - measure[q, 2]) / (2.0 * _OUTERMOST)
+            for z in (-rise, rise):
+                at = across + turn[a, 2] * ((measure[q + 3, 2] + measure[q, 2]) / 2.0 + z)
+                low, high = min(low, at), max(high, at)
+        middle[a] = (high + low) / 2.0
+        half[a] = (high - low) / 2.0 + wide * np.sqrt(turn[a, 0] ** 2 + turn[a, 1] ** 2)
+        volume *= half[a]
+    return volume
+
+
+@inner_kernel
+def _into_box(measure: Any, n: Any, middle: Any, half: Any, turn: Any, back: Any) -> Any:
+    # From the cell's coordinates to those of the box, -1..1, or back.
+    at = np.empty(3)
+    for q in range(n):
+        for a in range(3):
+            at[a] = middle[a] + half[a] * measure[q, a] if back else measure[q, a]
+        for a in range(3):
+            if back:
+                measure[q, a] = turn[0, a] * at[0] + turn[1, a] * at[1] + turn[2, a] * at[2]
+            else:
+                x = turn[a, 0] * at[0] + turn[a, 1] * at[1] + turn[a, 2] * at[2]
+                measure[q, a] = (x - middle[a]) / half[a]
+
+
+_SIZE = np.sqrt(2.0 * np.arange(8) + 1.0)
+_RISE = _SIZE[1:] * _SIZE[:-1] / np.arange(1, 8)
+_FALL = np.append(0.0, _RISE[1:] / _RISE[:-1])
+# Legendre polynomials of mean square 1 over -1..1: next = rise x this - fall previous.
+
+
+@inner_kernel
 def _legendre(x: Any, value: Any, slope: Any) -> Any:
-    # Legendre polynomials, of mean square 1 over -1..1, and their slopes.
-    value[0], value[1], slope[0], slope[1] = 1.0, x, 0.0, 1.0
-    for d in range(2, value.size):
-        value[d] = (2 - 1 / d) * x * value[d - 1] - (1 - 1 / d) * value[d - 2]
-        slope[d] = slope[d - 2] + (2 * d - 1) * value[d - 1]
-    for d in range(value.size):
-        scale = np.sqrt(2.0 * d + 1.0)
-        value[d] *= scale
-        slope[d] *= scale
+    value[0], slope[0] = 1.0, 0.0
+    value[1], slope[1] = _RISE[0] * x, _RISE[0]
+    for d in range(1, 6):
+        value[d + 1] = _RISE[d] * x * value[d] - _FALL[d] * value[d - 1]
+        slope[d + 1] = _RISE[d] * (value[d] + x * slope[d]) - _FALL[d] * slope[d - 1]
 
 
 @inner_kernel
 def _add_products(row: Any, factor: Any, x: Any, y: Any, z: Any) -> Any:
     # Add factor x[a] y[b] z[c] to all moments, those of a + b + c up to 6.
-    t, n = 0, x.size
-    for a in range(n):
-        for b in range(n - a):
+    t = 0
+    for a in range(7):
+        for b in range(7 - a):
             f = factor * x[a] * y[b]
-            for c in range(n - a - b):
+            for c in range(7 - a - b):
                 row[t + c] += f * z[c]
-            t += n - a - b
+            t += 7 - a - b
 
 
 @inner_kernel
-def _guess(measure: Any, n: Any, middle: Any, half: Any, place: Any, weight: Any) -> Any:
+def _guess(measure: Any, n: Any, place: Any, weight: Any, trial: Any) -> Any:
     # 27 points like the material: along x three places as Gauss's are to mean and spread; the
     # material divided between them, the same along y for each share, and along z for theirs. Then
     # each a little aside, evenly to all sides (multiples of powers of an irrational number).
@@ -794,7 +874,7 @@ def _guess(measure: Any, n: Any, middle: Any, half: Any, place: Any, weight: Any
         groups = 3**axis
         total[:], mean[:], spread[:] = 0.0, 0.0, 0.0
         for q in range(n):
-            x, w = (measure[q, axis] - middle[axis]) / half[axis], measure[q, 3]
+            x, w = measure[q, axis], measure[q, 3]
             for g in (group[q], 27):  # 27: all of the material, for shares that have none
                 total[g] += w
                 mean[g] += w * x
@@ -805,7 +885,7 @@ def _guess(measure: Any, n: Any, middle: Any, half: Any, place: Any, weight: Any
                 spread[g] = np.sqrt(max(spread[g] / total[g] - mean[g] ** 2, 0.0025))
         for q in range(n):
             g = group[q]
-            away = ((measure[q, axis] - middle[axis]) / half[axis] - mean[g]) / spread[g]
+            away = (measure[q, axis] - mean[g]) / spread[g]
             # shares of 5, 8 and 5 of 18 where it is even
             group[q] = 3 * g + (0 if away < -0.7698 else 1 if away < 0.7698 else 2)
         for g in range(groups - 1, -1, -1):
@@ -818,12 +898,19 @@ def _guess(measure: Any, n: Any, middle: Any, half: Any, place: Any, weight: Any
                 weight[3 * g + k] = weight[g] * (8.0 if k == 1 else 5.0) / 18.0
     for q in range(27):
         for axis in range(3):
-            aside = 2.0 * ((q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
+            aside = 2.0 * ((27 * trial + q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
             place[q, axis] = min(max(place[q, axis] + _STRAY * aside, -0.97), 0.97)
 
 
 _STEPS = 40
 # Newton steps before it is given up: 11 are usual.
+
+_TRIALS = 3
+# Starts before the theorem is called for.
+
+_MUCH_SMALLER = 0.7
+# A box along a piece's axes is taken from this share of the cell-aligned box on: of a wall aslant
+# it is a small part, and of a nearly full cell it would stick out.
 
 _MET = 1e-12
 # Largest error of a moment, of the mass; Newton's last step usually ends near 1e-15.
@@ -834,7 +921,7 @@ def _settle(moment: Any, place: Any, weight: Any, line: Any, normal: Any, slopes
     """Move points in the box -1..1, and change their weights, until they have the moments."""
     many, moments = weight.size, moment.size
     miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
-    trial, trial_weight = place.copy(), weight.copy()
+    trial, trial_weight = np.empty((many, 3)), np.empty(many)
     step = np.empty((many, 4))
     error = _miss(moment, place, weight, line, miss)
     for _ in range(_STEPS):
@@ -849,7 +936,9 @@ def _settle(moment: Any, place: Any, weight: Any, line: Any, normal: Any, slopes
             for axis in range(3):
                 _legendre(place[q, axis], line[axis], line[3 + axis])
             x, y, z, w = line[0], line[1], line[2], weight[q]
-            slopes[4 * q : 4 * q + 4] = 0.0
+            for k in range(4):
+                for t in range(moments):
+                    slopes[4 * q + k, t] = 0.0
             _add_products(slopes[4 * q], w, x, y, z)
             _add_products(slopes[4 * q + 1], w * _room(place[q, 0]), line[3], y, z)
             _add_products(slopes[4 * q + 2], w * _room(place[q, 1]), x, line[4], z)
@@ -884,7 +973,12 @@ def _settle(moment: Any, place: Any, weight: Any, line: Any, normal: Any, slopes
             most /= 2.0
         if not better:
             return False
-        place[:], weight[:], miss[:] = trial, trial_weight, trial_miss
+        for t in range(moments):
+            miss[t] = trial_miss[t]
+        for q in range(many):
+            weight[q] = trial_weight[q]
+            for axis in range(3):
+                place[q, axis] = trial[q, axis]
         error = trial_error
     return False
 
@@ -897,7 +991,8 @@ def _room(x: Any) -> Any:
 @inner_kernel
 def _miss(moment: Any, place: Any, weight: Any, line: Any, miss: Any) -> Any:
     # What the moments lack, and the length of that.
-    miss[:] = moment
+    for t in range(miss.size):
+        miss[t] = moment[t]
     for q in range(weight.size):
         for axis in range(3):
             _legendre(place[q, axis], line[axis], line[3])
@@ -916,7 +1011,8 @@ def _solve_normal(slopes: Any, miss: Any, normal: Any, answer: Any) -> Any:
     trace = 0.0
     for i in range(n):
         row = normal[i]
-        row[i:] = 0.0
+        for j in range(i, n):
+            row[j] = 0.0
         for v in range(0, slopes.shape[0], 4):
             s0, s1, s2, s3 = slopes[v], slopes[v + 1], slopes[v + 2], slopes[v + 3]
             f0, f1, f2, f3 = s0[i], s1[i], s2[i], s3[i]
@@ -1071,69 +1167,135 @@ def _eliminate(table: Any, groups: Any, member: Any, left: Any, factor: Any) -> 
 
 # ------------------------------------------------------------------------------------------------
 # The surface, fine enough to follow the cells.
+#
+# How often an edge is halved is told by its length alone, so that the triangles on both its sides
+# agree and a closed surface stays closed. A triangle with three edges to halve makes four of its
+# own shape. One with a short edge, as the long thin ones of CAD are, is cut across into a
+# triangle and a strip, and the strip across again: to bisect its sides one by one would make 3^k
+# triangles of it, where 2^k do.
+
+
+class _Shapes(NamedTuple):
+    """Triangles (n, 3), or strips (n, 4) whose second and fourth edge are long."""
+
+    corners: NDArray[np.int32]
+    halvings: IntArray  # of the edge from each corner to the next
+    parent: IntArray  # the triangle that each is of
+
+    def turned(self, chosen: BoolArray, first: IntArray) -> "_Shapes":
+        """Return some, begun at another corner."""
+        turn = (first[chosen, None] + np.arange(self.corners.shape[1])) % self.corners.shape[1]
+        return _Shapes(
+            np.take_along_axis(self.corners[chosen], turn, axis=1),
+            np.take_along_axis(self.halvings[chosen], turn, axis=1),
+            self.parent[chosen],
+        )
 
 
 def halve_long_edges(mesh: Mesh, longest_mm: float) -> tuple[Mesh, NDArray[np.int32]]:
-    """Split triangles at the middles of long edges, until there are none.
+    """Halve edges of a surface until none is longer than so much.
 
-    An edge is split at the same place for both its triangles, so that a closed surface stays
-    closed. Also returned: which triangle each face is of.
+    A closed surface stays closed. Also returned: which triangle of the mesh each new one is of.
     """
     vertices, faces = mesh.vertices, mesh.faces
     triangle = np.arange(len(faces), dtype=np.int32)
     while True:
-        tail, head = vertices[faces], vertices[faces[:, [1, 2, 0]]]
-        long = np.sqrt(np.sum((head - tail) ** 2, axis=2)) > longest_mm
-        if not long.any():
+        corners = vertices[faces]
+        length = np.sqrt(np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2))
+        if not (length > longest_mm).any():
             break
-        order, starts, _ = order_edges(faces)
-        edge = np.empty(faces.size, np.int64)
-        edge[order] = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
-        cut, at = np.unique(edge.reshape(-1, 3)[long], return_inverse=True)
-        middle = np.full(faces.shape, -1, np.int32)
-        middle[long] = len(vertices) + at
-        half = order[starts[cut]]
-        ends = faces.ravel()[half], faces[:, [1, 2, 0]].ravel()[half]
-        vertices = np.concatenate([vertices, (vertices[ends[0]] + vertices[ends[1]]) / 2])
-        faces, parent = _split(vertices, faces, middle)
-        triangle = triangle[parent]
+        with np.errstate(divide="ignore"):
+            halvings = np.ceil(np.maximum(np.log2(length / longest_mm), 0.0)).astype(np.int64)
+        halvings[length > longest_mm] = np.maximum(halvings[length > longest_mm], 1)
+        vertices, faces, parent = _halve(vertices, _Shapes(faces, halvings, triangle))
+        triangle = parent.astype(np.int32)
     if len(faces) == len(mesh.faces):
         return mesh, triangle
     return Mesh(vertices, faces), triangle
 
 
-def _split(
-    vertices: FloatArray, faces: NDArray[np.int32], middle: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], IntArray]:
-    marked = middle >= 0
-    count = np.count_nonzero(marked, axis=1)
-    # turn each triangle so that the one marked, or the one not marked of two others, comes first
-    first = np.where(count == 1, np.argmax(marked, axis=1), np.argmin(marked, axis=1))
-    turn = (first[:, None] + np.arange(3)) % 3
-    a, b, c = np.take_along_axis(faces, turn, axis=1).T
-    ab, bc, ca = np.take_along_axis(middle, turn, axis=1).T
-    # two marked: a triangle at c, and a quadrangle, cut by its shorter diagonal
-    one = np.sum((vertices[a] - vertices[bc]) ** 2, axis=1)
-    other = np.sum((vertices[b] - vertices[ca]) ** 2, axis=1)
-    near = one <= other
-    made = [
-        (count == 0, (a, b, c)),
-        (count == 1, (a, ab, c)),
-        (count == 1, (ab, b, c)),
-        (count == 2, (bc, c, ca)),
-        ((count == 2) & near, (a, b, bc)),
-        ((count == 2) & near, (a, bc, ca)),
-        ((count == 2) & ~near, (a, b, ca)),
-        ((count == 2) & ~near, (b, bc, ca)),
-        (count == 3, (a, ab, ca)),
-        (count == 3, (ab, b, bc)),
-        (count == 3, (bc, c, ca)),
-        (count == 3, (ab, bc, ca)),
-    ]
-    parent = np.concatenate([np.flatnonzero(chosen) for chosen, _ in made])
-    new = np.concatenate([np.stack(corners, axis=1)[chosen] for chosen, corners in made])
+def _halve(vertices: FloatArray, whole: _Shapes) -> tuple[FloatArray, NDArray[np.int32], IntArray]:
+    none = np.empty((0, 4), np.int32)
+    triangles, strips = whole, _Shapes(none, none, none[:, 0])
+    while triangles.halvings.any() or strips.halvings.any():
+        tails, heads = (
+            np.concatenate([np.roll(shapes.corners, -step, axis=1).ravel() for shapes in both])
+            for both, step in (((triangles, strips), 0), ((triangles, strips), 1))
+        )
+        marked = np.concatenate([triangles.halvings.ravel(), strips.halvings.ravel()]) > 0
+        ends = np.sort(np.stack([tails, heads], axis=1)[marked], axis=1)
+        edges, at = np.unique(ends, axis=0, return_inverse=True)
+        middle = np.full(len(marked), -1, np.int32)
+        middle[marked] = len(vertices) + at.ravel()
+        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+        split = triangles.corners.size
+        triangles, strips = _cut(
+            triangles, middle[:split].reshape(-1, 3), strips, middle[split:].reshape(-1, 4)
+        )
+    a, b, c, d = strips.corners.T
+    one = np.sum((vertices[a] - vertices[c]) ** 2, axis=1)
+    near = (one <= np.sum((vertices[b] - vertices[d]) ** 2, axis=1))[:, None]
+    halves = (
+        np.where(near, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1)),
+        np.where(near, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1)),
+    )
+    faces = np.concatenate([triangles.corners, *halves]).astype(np.int32)
+    parent = np.concatenate([triangles.parent, strips.parent, strips.parent])
     order = np.argsort(parent, kind="stable")
-    return new[order].astype(np.int32), parent[order]
+    return vertices, faces[order], parent[order]
+
+
+def _cut(
+    triangles: _Shapes,
+    middle: NDArray[np.int32],
+    strips: _Shapes,
+    strip_middle: NDArray[np.int32],
+) -> tuple[_Shapes, _Shapes]:
+    # Cut each shape once, at the middles of its edges that are to be halved (-1 elsewhere).
+    count = np.count_nonzero(middle >= 0, axis=1)
+    made = [triangles.turned(count == 0, count)]
+    made_strips: list[_Shapes] = []
+
+    def add(of: _Shapes, corners: tuple[IntArray, ...], halvings: tuple[Any, ...]) -> None:
+        into = made if len(corners) == 3 else made_strips
+        left = [np.broadcast_to(k, of.parent.shape) for k in halvings]
+        into.append(_Shapes(np.stack(corners, axis=1), np.stack(left, axis=1), of.parent))
+
+    def begun(of: _Shapes, at: NDArray[np.int32], chosen: BoolArray, first: IntArray) -> Any:
+        shapes, middles = of.turned(chosen, first), of._replace(corners=at).turned(chosen, first)
+        return shapes, shapes.corners.T, shapes.halvings.T - 1, middles.corners.T
+
+    some, (a, b, c), (k, m, n), (ab, bc, ca) = begun(triangles, middle, count == 3, 0 * count)
+    add(some, (a, ab, ca), (k, m, n))
+    add(some, (ab, b, bc), (k, m, n))
+    add(some, (ca, bc, c), (k, m, n))
+    add(some, (bc, ca, ab), (k, m, n))
+    short = np.argmin(middle >= 0, axis=1)
+    some, (a, b, c), (_, m, n), (_, bc, ca) = begun(triangles, middle, count == 2, short)
+    add(some, (ca, bc, c), (0, m, n))
+    add(some, (a, b, bc, ca), (0, m, 0, n))
+    long = np.argmax(middle >= 0, axis=1)
+    some, (a, b, c), (k, _, _), (ab, _, _) = begun(triangles, middle, count == 1, long)
+    add(some, (a, ab, c), (k, 0, 0))
+    add(some, (ab, b, c), (k, 0, 0))
+
+    count = np.count_nonzero(strip_middle >= 0, axis=1)
+    made_strips.append(strips.turned(count == 0, count))
+    some, (a, b, c, d), (_, m, _, n), (_, bc, _, da) = begun(
+        strips, strip_middle, count == 2, 0 * count
+    )
+    add(some, (a, b, bc, da), (0, m, 0, n))
+    add(some, (da, bc, c, d), (0, m, 0, n))
+    long = np.argmax(strip_middle >= 0, axis=1)
+    some, (a, b, c, d), (k, _, _, _), (ab, _, _, _) = begun(strips, strip_middle, count == 1, long)
+    add(some, (a, ab, d), (k, 0, 0))
+    add(some, (ab, c, d), (0, 0, 0))
+    add(some, (ab, b, c), (k, 0, 0))
+    return _joined(made), _joined(made_strips)
+
+
+def _joined(shapes: list[_Shapes]) -> _Shapes:
+    return _Shapes(*(np.concatenate(parts) for parts in zip(*shapes, strict=True)))
 
 
 # ------------------------------------------------------------------------------------------------
