@@ -122,7 +122,9 @@ def _page(result: PartSimulation) -> Iterator[str]:
 
 def _top(most: float) -> float:
     """Return where the colour scale ends: at the break, or lower where strains are far from it."""
-    return 1.0 if most > 0.5 else ticks(0.0, 1.25 * most or 1.0)[-1]
+    if not 0.0 < most <= 0.5:
+        return 1.0
+    return next(tick for tick in ticks(0.0, 2.0 * most) if tick >= most)
 
 
 def _header(result: PartSimulation) -> Iterator[str]:
