@@ -15,12 +15,12 @@ from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.stable_yeoh import stable_yeoh
+from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer
-from planner.simulation.cut_cells import halve_long_edges
 from planner.simulation.hexahedra import FACE_NODES, Hexahedra, hexahedra
 from planner.simulation.loads import Conditions, read_conditions
 from planner.simulation.part import open_solid

@@ -19,13 +19,14 @@ from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
+from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
 from planner.numerics import BoolArray, Float32Array, FloatArray, Point
 from planner.palette import Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import plan_palette, plan_shells, region_coordinates, united
-from planner.simulation.cut_cells import CutCells, cut_cells, halve_long_edges
+from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import Conditions, read_conditions
 from planner.simulation.simulate import called, table_csv
 

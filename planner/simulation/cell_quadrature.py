@@ -1,0 +1,454 @@
+"""Positive quadrature over the material in each cell: 27 points that have its moments."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.numerics import BoolArray, FloatArray, free_kernel, inner_kernel, kernel
+from planner.simulation.material_columns import Material, column_place
+
+__all__ = ["quadrature"]
+
+
+# The material of a cut piece is a discrete measure: 4 Gauss points along each segment. Its moments
+# up to degree 6 are met by 27 points, as many as a full cell has: 108 numbers for 84 equations.
+# Newton's method finds them (the step of least length, no weight below zero and no point out of
+# the piece's box), from the Gauss points of a box stretched to where the material is. Where that
+# does not end, as for some flat pieces, it is tried with twice as many points, and where that does
+# not either, the piece keeps all points of the measure: no material is lost.
+
+
+_DEGREE = 6
+_MOMENTS = (_DEGREE + 1) * (_DEGREE + 2) * (_DEGREE + 3) // 6
+
+_POINTS = 27
+"""Of a full cell, and of a cut piece unless they cannot be found."""
+
+_CHUNK = 32  # pieces that a thread takes at once
+
+_OUTERMOST = 0.8611363115940526
+# of the four Gauss points between -1 and 1.
+
+_MUCH_SMALLER = 0.7
+# A box along a piece's axes is taken up to this share of the cell-aligned box: of a wall aslant it
+# is a small part, and of a nearly full cell it would stick out.
+
+_STRAY = 0.05
+# How far points are moved off the places of Gauss's, of the box's half edge. On these Newton's
+# method cannot begin: the square of Legendre's third polynomial is zero there, and so is its
+# slope. Any stray from 0.02 to 0.2 does.
+
+_STEPS = 40
+# Newton steps before it is given up: 10 are usual.
+
+_MET = 1e-12
+# Largest error of a moment, of the mass; Newton's last step usually ends near 1e-15.
+
+
+def quadrature(
+    material: Material, index: NDArray[np.int32], full: BoolArray, threads: int
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Return the quadrature of all cells.
+
+    Parameters
+    ----------
+    material
+        Its segments told to cells.
+    index : (n, 3)
+        Place of each cell in the lattice.
+    full : (n,)
+        Whether its material is all of that place.
+    threads
+        The result does not depend on it.
+
+    Returns
+    -------
+    offsets, points, weights
+        As in `CutCells`; weights in cells.
+    """
+    many = int(np.count_nonzero(~full))
+    cut = np.where(full, -1, np.cumsum(~full) - 1).astype(np.int32)
+    where = np.append(cut, np.int32(-1))[material.piece]
+    begin = np.append(0, np.cumsum(np.bincount(where[where >= 0], minlength=many)))
+    segments, index = np.empty((int(begin[-1]), 3), np.int32), index[~full]
+    _gather(material.lines, where, index[:, 2].copy(), begin[:-1].copy(), segments)
+    share = 1.0 / np.maximum(material.per_foot[material.foot], 1)
+    rule = np.stack(np.polynomial.legendre.leggauss(4))
+    width = material.columns.grid.shape[0]
+    pieces = (segments, begin, material.frame, width, material.voxels, share, index, rule)
+    found, used = np.zeros((many, 2 * _POINTS, 4)), np.zeros(many, np.int64)
+
+    def find(first: int) -> None:
+        stop = min(first + _CHUNK, many)
+        measure = np.empty((4 * int(np.max(np.diff(begin[first : stop + 1]))), 4))
+        normal, slopes = np.empty((_MOMENTS, _MOMENTS)), np.empty((8 * _POINTS, _MOMENTS))
+        _find(pieces, first, stop, measure, normal, slopes, found, used)
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        for _ in pool.map(find, range(0, many, _CHUNK)):
+            pass
+    counts = np.full(len(full), _POINTS)
+    counts[~full] = np.where(used > 0, used, 4 * np.diff(begin))
+    offsets = np.append(0, np.cumsum(counts))
+    rows = np.empty((int(offsets[-1]), 4))
+    a = np.arange(_POINTS)
+    gauss, weight = np.polynomial.legendre.leggauss(3)
+    cell = np.stack([gauss[a % 3], gauss[a // 3 % 3], gauss[a // 9]], axis=1)
+    weights = weight[a % 3] * weight[a // 3 % 3] * weight[a // 9] / 8
+    rows[np.repeat(full, counts)] = np.tile(np.column_stack([cell, weights]), (len(full) - many, 1))
+    for p, first in enumerate(offsets[:-1][~full].tolist()):
+        if used[p]:
+            rows[first : first + used[p]] = found[p, : used[p]]
+        else:
+            _measure(pieces, p, rows[first:])
+    return offsets, rows[:, :3].copy(), rows[:, 3].copy()
+
+
+@kernel
+def _gather(lines: Any, where: Any, layer: Any, cursor: Any, segments: Any) -> None:
+    # Segments (column, low, high) of each piece that `where` numbers, one piece after the other.
+    offsets, start, stop, first, foot, _, voxels = lines
+    for c in range(foot.size):
+        if foot[c] >= 0:
+            for r in range(offsets[c], offsets[c + 1]):
+                for k in range(start[r] // voxels, (stop[r] - 1) // voxels + 1):
+                    p = where[first[r] + k - start[r] // voxels]
+                    if p >= 0:
+                        s = cursor[p]
+                        segments[s, 0] = c
+                        segments[s, 1] = max(start[r], k * voxels) - layer[p] * voxels
+                        segments[s, 2] = min(stop[r], (k + 1) * voxels) - layer[p] * voxels
+                        cursor[p] += 1
+
+
+@free_kernel
+def _measure(pieces: Any, p: Any, measure: Any) -> Any:
+    # The discrete measure of a piece: x, y, z in its cell and weight; how many points.
+    segments, begin, frame, width, voxels, share, index, rule = pieces
+    n = 0
+    for s in range(begin[p], begin[p + 1]):
+        x, y = column_place(frame, width, segments[s, 0])
+        bottom = 2.0 * segments[s, 1] / voxels - 1.0
+        top = 2.0 * segments[s, 2] / voxels - 1.0
+        for g in range(rule.shape[1]):
+            measure[n, 0] = 2.0 * (x - index[p, 0]) - 1.0
+            measure[n, 1] = 2.0 * (y - index[p, 1]) - 1.0
+            measure[n, 2] = (top + bottom + (top - bottom) * rule[0, g]) / 2.0
+            measure[n, 3] = (top - bottom) * rule[1, g] / 4.0 * share[segments[s, 0]]
+            n += 1
+    return n
+
+
+@free_kernel
+def _find(
+    pieces: Any,
+    first: Any,
+    stop: Any,
+    measure: Any,
+    normal: Any,
+    slopes: Any,
+    found: Any,
+    used: Any,
+) -> None:
+    # The points of pieces first..stop, and how many; 0 where there are too many to be `found`.
+    frame = pieces[2]
+    wide = frame[2] * min(frame[5], frame[6])  # half a column's width, of the local -1..1
+    middle, half, turn = np.empty(3), np.empty(3), np.empty((3, 3))
+    line, moment = np.empty((7, 7)), np.empty(normal.shape[0])
+    for p in range(first, stop):
+        n = _measure(pieces, p, measure)
+        if n > _POINTS:
+            _find_box(measure, n, wide, middle, half, turn)
+            _into_box(measure, n, middle, half, turn, False)
+            mass = 0.0
+            for q in range(n):
+                mass += measure[q, 3]
+            for t in range(moment.size):
+                moment[t] = 0.0
+            for q in range(n):
+                for axis in range(3):
+                    _legendre(measure[q, axis], line[axis], line[3])
+                _add_products(moment, measure[q, 3] / mass, line[0], line[1], line[2])
+            for many in range(_POINTS, min(2 * _POINTS, n) + 1, _POINTS):
+                place = found[p, :many]
+                _guess(measure, n, place)
+                if _settle(moment, place, line, normal, slopes):
+                    used[p] = many
+                    for q in range(many):
+                        place[q, 3] *= mass
+                    _into_box(place, many, middle, half, turn, True)
+                    break
+        else:
+            used[p] = n
+            for q in range(n):
+                for k in range(4):
+                    found[p, q, k] = measure[q, k]
+
+
+@inner_kernel
+def _find_box(measure: Any, n: Any, wide: Any, middle: Any, half: Any, turn: Any) -> Any:
+    # The box that holds a piece: along the piece's principal axes (the rows of `turn`), or along
+    # the cell's where that is not much smaller.
+    mean, spread = np.zeros(3), np.zeros((3, 3))
+    mass = 0.0
+    for q in range(n):
+        mass += measure[q, 3]
+        for a in range(3):
+            mean[a] += measure[q, 3] * measure[q, a]
+            for b in range(3):
+                spread[a, b] += measure[q, 3] * measure[q, a] * measure[q, b]
+    for a in range(3):
+        for b in range(3):
+            spread[a, b] = spread[a, b] / mass - mean[a] * mean[b] / mass**2
+            turn[a, b] = 1.0 if a == b else 0.0
+    for sweep in range(18):  # Jacobi's rotations, six times about each axis
+        a, b = sweep % 3, (sweep + 1) % 3
+        if abs(spread[a, b]) < 1e-14:
+            continue
+        lean = (spread[b, b] - spread[a, a]) / (2.0 * spread[a, b])
+        tan = (1.0 if lean >= 0.0 else -1.0) / (abs(lean) + np.sqrt(lean * lean + 1.0))
+        cos = 1.0 / np.sqrt(tan * tan + 1.0)
+        sin = tan * cos
+        for k in range(3):
+            spread[k, a], spread[k, b] = (
+                cos * spread[k, a] - sin * spread[k, b],
+                sin * spread[k, a] + cos * spread[k, b],
+            )
+        for k in range(3):
+            spread[a, k], spread[b, k] = (
+                cos * spread[a, k] - sin * spread[b, k],
+                sin * spread[a, k] + cos * spread[b, k],
+            )
+            turn[a, k], turn[b, k] = (
+                cos * turn[a, k] - sin * turn[b, k],
+                sin * turn[a, k] + cos * turn[b, k],
+            )
+    aligned = np.zeros((3, 3))
+    for a in range(3):
+        aligned[a, a] = 1.0
+    whole = _bounds(measure, n, wide, aligned, middle, half)
+    if _bounds(measure, n, wide, turn, middle, half) > _MUCH_SMALLER * whole:
+        for a in range(3):
+            for b in range(3):
+                turn[a, b] = aligned[a, b]
+        _bounds(measure, n, wide, turn, middle, half)
+
+
+@inner_kernel
+def _bounds(measure: Any, n: Any, wide: Any, turn: Any, middle: Any, half: Any) -> Any:
+    # The box along the rows of `turn` about all segments, each a pillar as `wide` as its column.
+    volume = 1.0
+    for a in range(3):
+        low, high = np.inf, -np.inf
+        for q in range(0, n, 4):
+            across = turn[a, 0] * measure[q, 0] + turn[a, 1] * measure[q, 1]
+            rise = (measure[q + 3, 2] - measure[q, 2]) / (2.0 * _OUTERMOST)
+            for z in (-rise, rise):
+                at = across + turn[a, 2] * ((measure[q + 3, 2] + measure[q, 2]) / 2.0 + z)
+                low, high = min(low, at), max(high, at)
+        middle[a] = (high + low) / 2.0
+        half[a] = (high - low) / 2.0 + wide * np.sqrt(turn[a, 0] ** 2 + turn[a, 1] ** 2)
+        volume *= half[a]
+    return volume
+
+
+@inner_kernel
+def _into_box(measure: Any, n: Any, middle: Any, half: Any, turn: Any, back: Any) -> Any:
+    # From the cell's coordinates to those of the box, -1..1, or back.
+    at = np.empty(3)
+    for q in range(n):
+        for a in range(3):
+            at[a] = middle[a] + half[a] * measure[q, a] if back else measure[q, a]
+        for a in range(3):
+            if back:
+                measure[q, a] = turn[0, a] * at[0] + turn[1, a] * at[1] + turn[2, a] * at[2]
+            else:
+                x = turn[a, 0] * at[0] + turn[a, 1] * at[1] + turn[a, 2] * at[2]
+                measure[q, a] = (x - middle[a]) / half[a]
+
+
+_SIZE = np.sqrt(2.0 * np.arange(8) + 1.0)
+_RISE = _SIZE[1:] * _SIZE[:-1] / np.arange(1, 8)
+_FALL = np.append(0.0, _RISE[1:] / _RISE[:-1])
+# Legendre polynomials of mean square 1 over -1..1: next = rise x this - fall previous.
+
+
+@inner_kernel
+def _legendre(x: Any, value: Any, slope: Any) -> Any:
+    value[0], slope[0] = 1.0, 0.0
+    value[1], slope[1] = _RISE[0] * x, _RISE[0]
+    for d in range(1, 6):
+        value[d + 1] = _RISE[d] * x * value[d] - _FALL[d] * value[d - 1]
+        slope[d + 1] = _RISE[d] * (value[d] + x * slope[d]) - _FALL[d] * slope[d - 1]
+
+
+@inner_kernel
+def _add_products(row: Any, factor: Any, x: Any, y: Any, z: Any) -> Any:
+    # Add factor x[a] y[b] z[c] to all moments, those of a + b + c up to 6.
+    t = 0
+    for a in range(7):
+        for b in range(7 - a):
+            f = factor * x[a] * y[b]
+            for c in range(7 - a - b):
+                row[t + c] += f * z[c]
+            t += 7 - a - b
+
+
+@inner_kernel
+def _guess(measure: Any, n: Any, place: Any) -> Any:
+    # 27 points like the material: along x three places as Gauss's are to mean and spread; the
+    # material divided between them, the same along y for each share, and along z for theirs. Then
+    # each a little aside, evenly to all sides (multiples of powers of an irrational number).
+    group = np.zeros(n, np.int64)
+    total, mean, spread = np.empty(28), np.empty(28), np.empty(28)
+    place[0, 3] = 1.0
+    for axis in range(3):
+        for g in range(28):
+            total[g], mean[g], spread[g] = 0.0, 0.0, 0.0
+        for q in range(n):
+            x, w = measure[q, axis], measure[q, 3]
+            for g in (group[q], 27):  # 27: all of the material, for shares that have none
+                total[g] += w
+                mean[g] += w * x
+                spread[g] += w * x * x
+        for g in range(28):
+            if total[g] > 0.0:
+                mean[g] /= total[g]
+                spread[g] = np.sqrt(max(spread[g] / total[g] - mean[g] ** 2, 0.0025))
+        for q in range(n):
+            g = group[q]
+            away = (measure[q, axis] - mean[g]) / spread[g]
+            # shares of 5, 8 and 5 of 18 where it is even
+            group[q] = 3 * g + (0 if away < -0.7698 else 1 if away < 0.7698 else 2)
+        for g in range(3**axis - 1, -1, -1):
+            of = g if total[g] > 0.0 else 27
+            for k in range(2, -1, -1):
+                for before in range(axis):
+                    place[3 * g + k, before] = place[g, before]
+                place[3 * g + k, axis] = mean[of] + (k - 1) * np.sqrt(1.8) * spread[of]
+                place[3 * g + k, 3] = place[g, 3] * (8.0 if k == 1 else 5.0) / 18.0
+    many = place.shape[0]
+    for q in range(many - 1, -1, -1):
+        place[q, 3] = place[q % 27, 3] * 27 / many
+        for axis in range(3):
+            aside = 2.0 * ((q + 1) * 0.8191725134 ** (axis + 1) % 1.0) - 1.0
+            place[q, axis] = min(max(place[q % 27, axis] + _STRAY * aside, -0.97), 0.97)
+
+
+@inner_kernel
+def _settle(moment: Any, place: Any, line: Any, normal: Any, slopes: Any) -> Any:
+    """Move points in the box -1..1, and change their weights, until they have the moments."""
+    many, moments = place.shape[0], moment.size
+    miss, trial_miss, answer = np.empty(moments), np.empty(moments), np.empty(moments)
+    trial, step = np.empty((many, 4)), np.empty((many, 4))
+    error = _miss(moment, place, line, miss)
+    for _ in range(_STEPS):
+        worst = 0.0
+        for t in range(moments):
+            worst = max(worst, abs(miss[t]))
+        if worst < _MET:
+            return True
+        # slopes of the moments by each place and each weight, in units of the room to the box's
+        # sides and of the weight
+        for q in range(many):
+            for axis in range(3):
+                _legendre(place[q, axis], line[axis], line[3 + axis])
+            x, y, z, w = line[0], line[1], line[2], place[q, 3]
+            for k in range(4):
+                for t in range(moments):
+                    slopes[4 * q + k, t] = 0.0
+            _add_products(slopes[4 * q], w * _room(place[q, 0]), line[3], y, z)
+            _add_products(slopes[4 * q + 1], w * _room(place[q, 1]), x, line[4], z)
+            _add_products(slopes[4 * q + 2], w * _room(place[q, 2]), x, y, line[5])
+            _add_products(slopes[4 * q + 3], w, x, y, z)
+        _solve_normal(slopes, 4 * many, miss, normal, answer)
+        most = 1.0
+        for q in range(many):
+            for k in range(4):
+                move, at = 0.0, place[q, k]
+                for t in range(moments):
+                    move += slopes[4 * q + k, t] * answer[t]
+                move *= at if k == 3 else _room(at)
+                step[q, k] = move
+                room = at if move < 0.0 else np.inf
+                if k < 3:
+                    room = 1.0 + at if move < 0.0 else 1.0 - at
+                if 0.9 * room < most * abs(move):
+                    most = 0.9 * room / abs(move)
+        trial_error = np.inf
+        for _ in range(6):
+            for q in range(many):
+                for k in range(4):
+                    trial[q, k] = place[q, k] + most * step[q, k]
+            trial_error = _miss(moment, trial, line, trial_miss)
+            if trial_error < error * (1.0 - 1e-3 * most):
+                break
+            most /= 2.0
+        if not trial_error < error:
+            return False
+        error = trial_error
+        for t in range(moments):
+            miss[t] = trial_miss[t]
+        for q in range(many):
+            for k in range(4):
+                place[q, k] = trial[q, k]
+    return False
+
+
+@inner_kernel
+def _room(x: Any) -> Any:
+    return np.sqrt((1.0 - x) * (1.0 + x))
+
+
+@inner_kernel
+def _miss(moment: Any, place: Any, line: Any, miss: Any) -> Any:
+    # What the moments lack, and the length of that.
+    for t in range(miss.size):
+        miss[t] = moment[t]
+    for q in range(place.shape[0]):
+        for axis in range(3):
+            _legendre(place[q, axis], line[axis], line[3])
+        _add_products(miss, -place[q, 3], line[0], line[1], line[2])
+    square = 0.0
+    for t in range(miss.size):
+        square += miss[t] ** 2
+    return np.sqrt(square)
+
+
+@inner_kernel
+def _solve_normal(slopes: Any, rows: Any, miss: Any, normal: Any, answer: Any) -> Any:
+    # slopes' slopes answer = miss, by Cholesky's factors from the left; all inner loops run along
+    # rows, so that they are done several numbers at a time.
+    n = miss.size
+    trace = 0.0
+    for i in range(n):
+        row = normal[i]
+        for j in range(i, n):
+            row[j] = 0.0
+        for v in range(0, rows, 4):
+            s0, s1, s2, s3 = slopes[v], slopes[v + 1], slopes[v + 2], slopes[v + 3]
+            f0, f1, f2, f3 = s0[i], s1[i], s2[i], s3[i]
+            for j in range(i, n):
+                row[j] += (f0 * s0[j] + f1 * s1[j]) + (f2 * s2[j] + f3 * s3[j])
+        trace += row[i]
+    for i in range(n):
+        normal[i, i] += 1e-12 * trace  # points that fall together leave it singular
+        answer[i] = miss[i]
+    for k in range(n):
+        row = normal[k]
+        scale = 1.0 / np.sqrt(row[k])
+        for j in range(k, n):
+            row[j] *= scale
+        answer[k] /= row[k]
+        for i in range(k + 1, n):
+            answer[i] -= answer[k] * row[i]
+            target, f = normal[i], row[i]
+            for j in range(i, n):
+                target[j] -= f * row[j]
+    for k in range(n - 1, -1, -1):
+        row = normal[k]
+        for j in range(k + 1, n):
+            answer[k] -= row[j] * answer[j]
+        answer[k] /= row[k]
