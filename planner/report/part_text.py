@@ -72,7 +72,7 @@ def step_rows(result: "PartSimulation", most: int) -> Iterator[Mapping[str, str]
     """Yield up to so many steps, from rest to the last."""
     curve, steps = result.curve, result.steps
     count = len(steps.share)
-    for k in sorted({round(i * (count - 1) / (most - 1)) for i in range(most)}):
+    for k in np.rint(np.linspace(0.0, count - 1.0, min(most, count))).astype(int).tolist():
         yield {
             "load": f"{steps.share[k]:.3g}",
             curve.x_label: format_number(float(curve.x[k]), 4),

@@ -1,5 +1,6 @@
 """A whole part under its loads: what stands where in it, how it deforms, how sure that is."""
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,9 +43,7 @@ __all__ = [
     "PartFinding",
     "PartSimulation",
     "Solid",
-    "coordinates_at",
     "open_solid",
-    "plan_surface",
     "simulate_part",
 ]
 
@@ -58,39 +57,6 @@ Filling = Callable[[FloatArray], FloatArray]
 
 _OFF = 1e-4
 """Of the volume: how far shells, rounded to single precision, may be off the part's."""
-
-
-def coordinates_at(plan: Plan, folder: Path, palette: Palette, points_mm: FloatArray) -> FloatArray:
-    """Return the coordinate on a palette of what a plan prints at points (n, 3), by its field.
-
-    Cells of two materials that lie among each other count as the mixture that they come to. Where
-    plan.json does not hold what its field is made of, the shells are looked at.
-
-    Parameters
-    ----------
-    folder
-        Where the plan's files are; not looked at where the plan still holds its shells.
-
-    Raises
-    ------
-    ArgumentError
-        Dithered cells along a field that plan.json does not hold.
-    FileError
-        A shell is missing or altered, or the plan is not as planner writes it.
-    """
-    shells = plan_shells(folder, plan)
-    return _filling(plan, shells, _outer(shells), palette)(points_mm)
-
-
-def plan_surface(plan: Plan, folder: Path) -> Mesh:
-    """Return the outer surface of a plan's shells, without the faces where two of them touch.
-
-    Raises
-    ------
-    FileError
-        A shell is missing or altered, or the shells do not make up the part.
-    """
-    return _own(plan, _outer(plan_shells(folder, plan)))
 
 
 def _outer(soups: Mapping[str, Float32Array | FloatArray]) -> Mesh:
@@ -214,6 +180,11 @@ def open_solid(
     palette: str | Path | Palette | None,
 ) -> Solid:
     """Return what a plan prints, or a mesh of one material.
+
+    A plan's surface is that of its shells, without the faces where two of them touch. What it
+    prints at a place is told by its field; where plan.json does not hold what that is made of, by
+    the shells. Cells of two materials that lie among each other count as the mixture that they
+    come to.
 
     Parameters
     ----------
@@ -549,7 +520,7 @@ def simulate_part(
     progress("loading the solver")
     from planner.materials.marlow import marlow_table
     from planner.simulation.response import respond
-    from planner.simulation.solid import POISSON, Body, Mechanics
+    from planner.simulation.solid import POISSON, Body, LostStabilityError, Mechanics
     from planner.simulation.sparse_cholesky import analyse
 
     model = CoefficientModel(solid.palette)
@@ -578,11 +549,11 @@ def simulate_part(
     compared = None
     larger_mm = _COARSER * float(body.cells.cell_mm.max())
     if compare_cells and larger_mm < float(np.ptp(solid.surface.bounds_mm, axis=0).max()):
-        here, there = (
-            _small_figures(Mechanics(one, its, order, densities=weights))
-            for one, its, order, weights in ((body, on, analysis, densities), prepared(larger_mm))
-        )
-        compared = Discretisation(larger_mm, tuple(map(_change, here, there)))
+        with contextlib.suppress(LostStabilityError):  # the steps say so, where it matters
+            here = _small_figures(Mechanics(body, on, analysis, densities=densities))
+            other, its, order, weights = prepared(larger_mm)
+            there = _small_figures(Mechanics(other, its, order, densities=weights))
+            compared = Discretisation(larger_mm, tuple(map(_change, here, there)))
     return PartSimulation(
         name=solid.name,
         palette=solid.palette,
@@ -662,15 +633,20 @@ def _findings(
     if steps.lost is not None:
         share = float(steps.share[-1])
         where = None if steps.lost.place_mm is None else _place(steps.lost.place_mm)
-        yield PartFinding(
-            "stopped",
-            f"the part loses stability at {steps.lost.share:.3g} of the load"
-            + (f", at {where[1]}" if where else "")
-            + ": it buckles, snaps through or is inflated without end; only what is before is "
-            "given (a given displacement, `move`, often goes farther than a force)",
-            share,
-            where[0] if where else None,
-        )
+        at = f" near {where[1]}" if where else ""
+        if steps.lost.share > 0.0:
+            words = (
+                f"the part loses stability at {steps.lost.share:.3g} of the load{at}: it buckles, "
+                "snaps through or is inflated without end; only what is before is given (a given "
+                "displacement, `move`, often goes farther than a force)"
+            )
+        else:
+            words = (
+                f"no equilibrium is found under the least load{at}: the part may hang together by "
+                "less than a cell there, or the load be too large for the first step; take "
+                "smaller cells (`cell_mm`) or more `steps`"
+            )
+        yield PartFinding("stopped", words, share, where[0] if where else None)
 
 
 def _place(place_mm: FloatArray) -> tuple[Point, str]:

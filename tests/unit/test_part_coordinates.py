@@ -1,6 +1,7 @@
 """What a plan prints at a place: its field, or its shells, in the part's own coordinates."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from planner.mesh.mesh import Topology
 from planner.mesh.part import make_part
 from planner.printers import load_printer
 from planner.simulation.bar import plan_shells, united
-from planner.simulation.part import coordinates_at, open_solid, plan_surface
+from planner.simulation.part import open_solid
 
 PALETTE = load_printer("connex3").palette()
 ENDS = {"from_": "Tango", "to": "FLX9795", "pitch_mm": 2.0}
@@ -29,6 +30,10 @@ SIZE = np.array([40.0, 12.0, 10.0])
 
 def graded(**options: object) -> planner.Plan:
     return planner.grade((CORNER + SIZE * BOX, FACES), name="box", **{**ENDS, **options})  # type: ignore[arg-type]
+
+
+def filling(plan: planner.Plan) -> Callable[[np.ndarray], np.ndarray]:
+    return open_solid(plan, None, None, None, None).filling
 
 
 def by_x(points: np.ndarray) -> np.ndarray:
@@ -59,7 +64,7 @@ def test_a_place_is_of_the_shell_that_holds_it(
 ) -> None:
     """Level sets are drawn on a grid, so that a place beside one may be on either side."""
     plan = graded(**options)
-    found = coordinates_at(plan, Path(), PALETTE, points)
+    found = filling(plan)(points)
     placed = points + plan.part.translation_mm
     alike = np.zeros(len(points), bool)
     beside = np.full(len(points), np.inf)
@@ -76,18 +81,18 @@ def test_dithered_cells_count_as_their_mixture(points: np.ndarray) -> None:
     """The coordinate rises along the axis from end to end, without the grades' steps."""
     plan = graded(axis="x", blend="dither", cell_mm=2.0)
     along = points[np.argsort(points[:, 0])]
-    found = coordinates_at(plan, Path(), PALETTE, along)
+    found = filling(plan)(along)
     assert (np.diff(found) >= 0.0).all()
     assert len(np.unique(np.round(found, 9))) > 0.9 * len(found)
     with pytest.raises(ArgumentError, match="no mixture is known; grade it with another `blend`"):
-        coordinates_at(graded(field=by_x, blend="dither", cell_mm=2.0), Path(), PALETTE, along)
+        filling(graded(field=by_x, blend="dither", cell_mm=2.0))
 
 
 @pytest.mark.parametrize(
     "options", [{"axis": "x"}, {"axis": "1,1,0", "blend": "dither", "cell_mm": 2.0}], ids=str
 )
 def test_the_outer_surface_of_a_plan_is_the_parts(options: dict[str, object]) -> None:
-    surface = plan_surface(graded(**options), Path())
+    surface = open_solid(graded(**options), None, None, None, None).surface
     assert Topology(surface.faces).closed
     assert surface.volume_mm3 == pytest.approx(SIZE.prod(), rel=1e-6)  # float32
     assert surface.area_mm2 == pytest.approx(2 * (40 * 12 + 40 * 10 + 12 * 10), rel=1e-6)
@@ -104,7 +109,7 @@ def test_a_real_part_read_from_its_folder(samples: Path, tmp_path: Path) -> None
     inside = np.array([[1.0, 5.0, 2.0], [96.0, 5.0, 2.0]])  # at both ends, in the floor
     ends = [PALETTE.resolve(name).coordinate for name in ("Tango", "FLX9795")]
     np.testing.assert_array_equal(solid.filling(inside), ends)
-    np.testing.assert_array_equal(coordinates_at(plan, Path(), PALETTE, inside), ends)
+    np.testing.assert_array_equal(filling(plan)(inside), ends)
     shell = folder / plan.regions[2].file
     shell.write_bytes(shell.read_bytes()[:-50] + bytes(50))
     with pytest.raises(FileError, match="not what the plan was written with"):
@@ -115,7 +120,7 @@ def test_shells_of_another_part_are_told() -> None:
     plan = graded(axis="x")
     other = dataclasses.replace(plan.part, volume_mm3=1.01 * plan.part.volume_mm3)
     with pytest.raises(FileError, match="the shells of box make up 4800 mm3, the part is 4848 mm3"):
-        plan_surface(dataclasses.replace(plan, part=other), Path())
+        filling(dataclasses.replace(plan, part=other))
 
 
 @pytest.mark.parametrize(

@@ -146,16 +146,32 @@ def test_a_break_is_found_with_its_place_and_load() -> None:
     assert not result.ok
 
 
-def test_a_column_that_buckles_is_told() -> None:
-    """Pushed beyond where its law holds it straight; what is before is given."""
-    result = simulate(
-        ([40.0, 2.0, 2.0] * BOX, FACES), fix="x=min", load="x=max: -3,0.001,0 N", steps=4,
-        material="Tango", cell_mm=2.0,
-    )  # fmt: skip
-    stopped = [found for found in result.findings if found.kind == "stopped"]
-    if stopped:  # or it was followed past the bend, as a pushed elastica may be
-        assert "loses stability at" in stopped[0].message
-        assert len(result.steps.share) < 5
+def test_a_balloon_that_is_inflated_without_end_is_told() -> None:
+    """A soft hollow cube: what is before is given, with the place; the command's code is 1."""
+    walls = (np.concatenate([10 * BOX, 2 + 6 * BOX]), np.concatenate([FACES, FACES[:, ::-1] + 8]))
+    result = simulate(walls, fix="x=min", pressure="cavity: 400 kPa", steps=8, material="Tango",
+                      cell_mm=5.0)  # fmt: skip
+    (found,) = result.findings
+    assert found.kind == "stopped"
+    assert found.place_mm is not None
+    assert "loses stability at 0.39 of the load near (" in found.message.replace("0.391", "0.39")
+    np.testing.assert_allclose(result.steps.share, [0.0, 0.125, 0.25, 0.375])
+    assert found.load == 0.375
+    assert result.curve.y[-1] == pytest.approx(150.0)  # kPa
+    assert b"stopped" in result.json()
+
+
+def test_a_load_that_nothing_holds_is_told() -> None:
+    """A column under a thousand times the force that it carries: the result is that at rest."""
+    result = simulate(([40.0, 2.0, 2.0] * BOX, FACES), fix="x=min", load="x=max: -3,0,0 N",
+                      steps=1, material="Tango", compare_cells=True)  # fmt: skip
+    (found,) = result.findings
+    assert "no equilibrium is found under the least load" in found.message
+    assert len(result.steps.share) == 1
+    assert "<PartSimulation" in repr(result)
+    assert planner.part_page(result)
+    assert planner.simulation_figure(result)
+    assert result._repr_html_()
 
 
 # --- the value and its files
