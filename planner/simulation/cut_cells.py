@@ -69,7 +69,7 @@ class CutCells:
     offsets : (n + 1,) int64
         Cell c has the quadrature points ``offsets[c]`` to ``offsets[c + 1]``.
     points : (Q, 3)
-        In the cell's own coordinates: -1..1, and as far as 1.12 where a skin belongs to it.
+        In the cell's own coordinates: -1..1, and up to 1.16 where a skin belongs to it.
     weights_mm3 : (Q,)
         All above 0; their sum is the volume.
     surface

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.errors import ArgumentError
-from planner.mesh.mesh import Mesh
+from planner.errors import ArgumentError, MeshError
+from planner.formats.mesh_file import read_mesh
+from planner.mesh.mesh import Mesh, Topology
+from planner.mesh.part import make_part
 from planner.simulation.cut_cells import CutCells, cut_cells
 
 
@@ -100,3 +102,187 @@ def test_weights_are_positive_and_moments_those_of_the_columns():
     assert np.all(np.diff(cells.offsets) == 27)
     exact = columns_moments(cells)
     assert moments(cells) == pytest.approx(exact, abs=1e-10 * exact[0])
+
+
+def turned(mesh: Mesh, axis, radians: float) -> Mesh:
+    turn = trimesh.transformations.rotation_matrix(radians, axis)[:3, :3]
+    return Mesh(mesh.vertices @ turn.T, mesh.faces)
+
+
+def second_moments(cells: CutCells) -> np.ndarray:
+    p = places(cells)
+    p = p - np.average(p, axis=0, weights=cells.weights_mm3)
+    return np.einsum("q,qi,qj->ij", cells.weights_mm3, p, p)
+
+
+def box_moments(extents, axis, radians: float) -> np.ndarray:
+    """V L^2 / 12 along each edge, turned."""
+    turn = trimesh.transformations.rotation_matrix(radians, axis)[:3, :3]
+    return turn @ np.diag(np.prod(extents) * np.square(extents) / 12) @ turn.T
+
+
+def test_a_box_aslant_has_its_volume_and_moments():
+    """10 x 6 x 4 mm: 2e-4 and 5e-4 at 24 columns a cell; measured 3e-5 and 1e-4 at most."""
+    extents, axis = (10.0, 6.0, 4.0), (1, 2, 3)
+    cells = cut_cells(turned(box(extents, low=(-5, -3, -2)), axis, 0.7), 2.0)
+    assert cells.volume_mm3 == pytest.approx(240, rel=2e-4)
+    exact = box_moments(extents, axis, 0.7)
+    assert second_moments(cells) == pytest.approx(exact, abs=5e-4 * np.trace(exact))
+
+
+def test_a_sphere_converges_with_the_spacing_of_columns():
+    """Volume of the triangles, exactly known: the error falls faster than the spacing."""
+    mesh = sphere()
+    errors = [
+        abs(cut_cells(mesh, 5.0, columns_across=n).volume_mm3 / mesh.volume_mm3 - 1)
+        for n in (6, 12, 24, 48, 96)
+    ]
+    slope = np.polyfit(np.log([6, 12, 24, 48, 96]), np.log(np.maximum(errors, 1e-7)), 1)[0]
+    assert slope < -1.0
+    assert errors[2] < 5e-4
+
+
+def test_a_cylinder_along_a_cell_direction_has_its_moments():
+    """A prism of 64 sides, diameter 6, length 20, across the columns: V and V L^2 / 12."""
+    mesh = turned(
+        Mesh(*(lambda b: (b.vertices, b.faces))(trimesh.creation.cylinder(3, 20, sections=64))),
+        (0, 1, 0),
+        np.pi / 2,
+    )
+    cells = cut_cells(mesh, 2.0)
+    assert cells.volume_mm3 == pytest.approx(mesh.volume_mm3, rel=3e-4)
+    assert second_moments(cells)[0, 0] == pytest.approx(mesh.volume_mm3 * 400 / 12, rel=3e-4)
+
+
+def walls(gap: float, bottom: float) -> Mesh:
+    """A U of two walls of 0.5 mm along y, on a bottom: an outline in x, z, drawn out along y."""
+    width = 1.0 + gap
+    outline = [(0, 0), (width, 0), (width, 8), (width - 0.5, 8), (width - 0.5, bottom),
+               (0.5, bottom), (0.5, 8), (0, 8)]  # fmt: skip
+    n = len(outline)
+    vertices = np.array([(x, y, z) for y in (0.0, 8.0) for x, z in outline])
+    sides = [
+        face for i in range(n) for j in [(i + 1) % n] for face in ((i, j, n + j), (i, n + j, n + i))
+    ]
+    cap = [(0, 1, 4), (0, 4, 5), (1, 2, 3), (1, 3, 4), (0, 5, 6), (0, 6, 7)]
+    faces = [*sides, *cap, *((n + a, n + c, n + b) for a, b, c in cap)]
+    mesh = Mesh(vertices, np.array(faces, np.int32))
+    return mesh if mesh.volume_mm3 > 0 else Mesh(vertices, mesh.faces[:, ::-1])
+
+
+def test_two_walls_in_a_cell_are_two_pieces_joined_at_the_bottom_only():
+    cells = cut_cells(walls(gap=0.8, bottom=1.0), 2.0)  # 1 x 4 x 4 cells, 1.8 mm wide
+    assert cells.volume_mm3 == pytest.approx(8 * (1.8 * 1 + 2 * 0.5 * 7), rel=1e-3)
+    assert cells.body.max() == 0
+    bottom, upper = cells.index[:, 2] == 0, cells.index[:, 2] > 0
+    assert bottom.sum() == 4
+    assert upper.sum() == 2 * 4 * 3
+    middle = np.add.reduceat(cells.weights_mm3[:, None] * places(cells), cells.offsets[:-1])
+    left = middle[:, 0] / np.add.reduceat(cells.weights_mm3, cells.offsets[:-1]) < 0.9
+    shared = np.intersect1d(cells.nodes[upper & left], cells.nodes[upper & ~left])
+    assert np.all(cells.node_mm[shared, 2] == 2.0)  # the face of the bottom cells, 3 x 9 nodes
+    assert len(shared) == 27
+    # and vertices of the walls are in their own pieces
+    high = cells.surface.vertices[:, 2] > 2.1
+    of_left = cells.surface.vertices[:, 0] < 0.9
+    assert np.all(left[cells.vertex_cell[high & of_left]])
+    assert not left[cells.vertex_cell[high & ~of_left]].any()
+
+
+def test_bodies_apart_share_nothing_and_are_numbered():
+    cells = cut_cells(united(box((4, 4, 4)), box((4, 4, 4), low=(4.3, 0, 0))), 2.0)
+    assert cells.body.max() == 1
+    one, other = (cells.nodes[cells.body == b] for b in (0, 1))
+    assert not np.intersect1d(one, other).size
+    assert cells.volume_mm3 == pytest.approx(128, rel=5e-4)  # measured 1.5e-4
+
+
+def test_a_thin_plate_aslant_holds_together():
+    """0.3 mm in cells of 2 mm: one body, its volume and the moment across its face."""
+    extents, axis = (20.0, 20.0, 0.3), (1, 0.5, 0.2)
+    cells = cut_cells(turned(box(extents, low=(-10, -10, -0.15)), axis, 0.6), 2.0)
+    assert cells.body.max() == 0
+    assert cells.volume_mm3 == pytest.approx(120, rel=1e-3)
+    exact = box_moments(extents, axis, 0.6)
+    assert second_moments(cells) == pytest.approx(exact, abs=1e-3 * np.trace(exact))
+    assert cells.weights_mm3.min() > 0
+
+
+def test_a_wall_that_ends_beside_a_face_makes_no_cells_of_single_columns():
+    """A step of 0.05 mm beyond x = 4 of a lattice of 2 mm is a skin: it belongs to the wall."""
+    step = united(box((4.05, 8, 4)), box((8, 8, 2), low=(0, 0, -2)))
+    cells = cut_cells(step, 2.0)
+    thin = np.diff(cells.offsets) < 27
+    assert not thin.any()
+    assert 1.0 < np.abs(cells.points).max() < 1.05 + 1 / 24  # half a column's width more
+    assert cells.volume_mm3 == pytest.approx(4.05 * 8 * 4 + 128, rel=1e-3)
+
+
+def test_vertices_are_placed_where_they_are():
+    cells = cut_cells(sphere(), 2.0)
+    cell = cells.vertex_cell
+    there = cells.origin_mm + (cells.index[cell] + (cells.vertex_local + 1) / 2) * cells.cell_mm
+    assert there == pytest.approx(cells.surface.vertices, abs=1e-9)
+    assert np.abs(cells.vertex_local).max() < 1.16
+
+
+def test_a_plane_fits_the_nodes():
+    """Nodes of each cell are at its own places."""
+    cells = cut_cells(sphere(), 2.0)
+    a = np.arange(27)
+    local = np.stack([a % 3, a // 3 % 3, a // 9], axis=1) / 2
+    place = cells.origin_mm + (cells.index[:, None] + local) * cells.cell_mm
+    assert cells.node_mm[cells.nodes] == pytest.approx(place, abs=1e-12)
+
+
+def test_the_same_on_one_thread_and_on_two_and_again():
+    mesh = turned(box((10, 6, 4)), (1, 2, 3), 0.7)
+    one, two, again = (cut_cells(mesh, 2.0, threads=n) for n in (1, 2, 2))
+    for name in ("index", "nodes", "node_mm", "offsets", "points", "weights_mm3", "vertex_local"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+        assert np.array_equal(getattr(two, name), getattr(again, name)), name
+
+
+def test_the_finger_has_its_volume(samples):
+    mesh = make_part(read_mesh(samples / "finger.stl").triangles, name="finger").mesh
+    cells = cut_cells(mesh, 4.0)
+    assert cells.volume_mm3 == pytest.approx(mesh.volume_mm3, rel=1e-4)
+    assert cells.body.max() == 0
+    assert cells.dropped_mm3 == 0.0
+    assert Topology(cells.surface.faces).closed
+    sides = cells.surface.triangles - np.roll(cells.surface.triangles, 1, axis=1)
+    assert np.linalg.norm(sides, axis=2).max() <= cells.cell_mm.min() / 2
+    assert cells.surface.area_mm2 == pytest.approx(mesh.area_mm2, rel=1e-12)
+    whole = np.bincount(cells.triangle, _areas(cells.surface), minlength=len(mesh.faces))
+    assert whole == pytest.approx(_areas(mesh), rel=1e-9)
+
+
+def _areas(mesh: Mesh) -> np.ndarray:
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_edge_is_refused(wrong):
+    with pytest.raises(ArgumentError, match="`cell_mm`"):
+        cut_cells(box((6, 4, 5)), wrong)
+
+
+def test_far_too_many_cells_are_refused_with_their_number():
+    with pytest.raises(ArgumentError, match=r"`cell_mm` 0\.1: the part has at least 120000 cells"):
+        cut_cells(box((6, 4, 5)), 0.1)
+    with pytest.raises(ArgumentError, match="more than can be sampled"):
+        cut_cells(box((6, 4, 5)), 0.001)
+
+
+def test_an_open_surface_is_refused():
+    mesh = box((6, 4, 5))
+    with pytest.raises(MeshError, match="open"):
+        cut_cells(Mesh(mesh.vertices, mesh.faces[mesh.triangles[:, :, 2].min(axis=1) < 5]), 2.0)
+
+
+def test_a_wall_that_no_column_meets_is_refused():
+    """A foil of 1 µm aslant, between columns 80 µm apart."""
+    foil = turned(box((0.0001, 8, 8)), (0, 0, 1), 1.0172)
+    with pytest.raises(MeshError, match="no material is found"):
+        cut_cells(foil, 2.0)
