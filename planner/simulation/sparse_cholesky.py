@@ -2,17 +2,21 @@
 
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, TypeAlias
 
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel, kernel
+from planner.simulation.lapack import (
+    Int,
+    address_of,
+    blas_addresses,
+    blas_threads,
+    gemm,
+    potrf,
+    syrk,
+    trsm,
+)
 
 __all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor"]
 
@@ -130,9 +134,9 @@ class Factor:
         columns = given.reshape(len(a.order), 3, -1)
         x = np.array(columns[a.order].reshape(3 * len(a.order), -1), order="F")
         most = 3 * int(np.diff(a.rest_start).max(initial=0))
-        with _blas_threads().limit(limits=1, user_api="blas"):
+        with blas_threads().limit(limits=1, user_api="blas"):
             _solve(
-                _blas(), a.first, a.rest, a.rest_start, a.panel, self.columns,
+                blas_addresses(), a.first, a.rest, a.rest_start, a.panel, self.columns,
                 x.ravel(order="K"), np.empty(max(most, 1) * x.shape[1]), x.shape[1],
             )  # fmt: skip
         solved = np.empty_like(columns)
@@ -430,111 +434,6 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
 
 
 # ------------------------------------------------------------------------------------------------
-# LAPACK and BLAS from kernels: their addresses come from scipy at run time, so that kernels can be
-# cached on disk. OpenBLAS runs on one thread: two of its own on busy cores take tens of times as
-# long.
-
-
-@cache
-def _blas_threads() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
-@cache
-def _blas() -> NDArray[np.int64]:
-    """Return the addresses of dpotrf, dtrsm, dsyrk and dgemm."""
-    return np.array(
-        [get_cython_function_address("scipy.linalg.cython_lapack", "dpotrf")]
-        + [
-            get_cython_function_address("scipy.linalg.cython_blas", name)
-            for name in ("dtrsm", "dsyrk", "dgemm")
-        ],
-        dtype=np.int64,
-    )
-
-
-def _calling(typing_context: Any, address: Any, pointers: Any) -> Any:
-    """Call the function at an address with a tuple of pointers, all as integers."""
-    unpacked: Any = cgutils.unpack_tuple
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = ir.IntType(8).as_pointer()
-        given = [builder.inttoptr(value, pointer) for value in unpacked(builder, arguments[1])]
-        function = ir.FunctionType(ir.VoidType(), [pointer] * len(given)).as_pointer()
-        builder.call(builder.inttoptr(arguments[0], function), given)
-        return context.get_dummy_value()
-
-    return types.void(address, pointers), code
-
-
-_call: Any = intrinsic(_calling)
-
-
-_Int: TypeAlias = Any  # in kernels, of any width
-
-
-@inner_kernel
-def _address(array: Any) -> _Int:
-    return np.int64(array.ctypes.data)
-
-
-_LETTERS = np.frombuffer(b"LRTN", dtype=np.uint8)
-_NUMBERS = np.array([1.0, -1.0, 0.0])
-
-
-@inner_kernel
-def _potrf(address: _Int, n: _Int, a: _Int, lda: _Int, integers: IntArray) -> _Int:
-    """Factor; return 0, or which pivot failed, from 1."""
-    integers[0], integers[1], integers[2] = n, lda, 0
-    i = _address(integers)
-    _call(address, (_address(_LETTERS), i, a, i + 4, i + 8))
-    return integers[2]
-
-
-@inner_kernel
-def _trsm(
-    address: _Int, side: _Int, transposed: bool, m: _Int, n: _Int, a: _Int, lda: _Int, b: _Int,
-    ldb: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Divide b, (m, n), by a lower triangle, from the left (0) or the right (1)."""
-    integers[0], integers[1], integers[2], integers[3] = m, n, lda, ldb
-    i, letters = _address(integers), _address(_LETTERS)
-    turned = letters + (2 if transposed else 3)
-    one = _address(_NUMBERS)
-    _call(
-        address,
-        (letters + side, letters, turned, letters + 3, i, i + 4, one, a, i + 8, b, i + 12),
-    )
-
-
-@inner_kernel
-def _syrk(
-    address: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, c: _Int, ldc: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Take a times its transpose from the lower triangle of c."""
-    integers[0], integers[1], integers[2], integers[3] = n, k, lda, ldc
-    i, letters, numbers = _address(integers), _address(_LETTERS), _address(_NUMBERS)
-    _call(address, (letters, letters + 3, i, i + 4, numbers + 8, a, i + 8, numbers, c, i + 12))
-
-
-@inner_kernel
-def _gemm(
-    address: _Int, transposed: bool, m: _Int, n: _Int, k: _Int, a: _Int, lda: _Int, b: _Int,
-    ldb: _Int, scale: _Int, c: _Int, ldc: _Int, integers: IntArray,
-) -> None:  # fmt: skip
-    """Set c to a, or its transpose, times b (scale 0); or take that from c (scale 1)."""
-    integers[0], integers[1], integers[2] = m, n, k
-    integers[3], integers[4], integers[5] = lda, ldb, ldc
-    i, letters, numbers = _address(integers), _address(_LETTERS), _address(_NUMBERS)
-    turned = letters + (2 if transposed else 3)
-    by, keep = (numbers + 8, numbers) if scale else (numbers, numbers + 16)
-    _call(
-        address,
-        (turned, letters + 3, i, i + 4, i + 8, by, a, i + 12, b, i + 16, keep, c, i + 20),
-    )
-
-
-# ------------------------------------------------------------------------------------------------
 # Factoring
 
 
@@ -576,7 +475,7 @@ def factor(
         )
         work = np.empty(a.work[task])
         pivot, at = _factor_fronts(
-            _blas(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
+            blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
             a.cell_start, a.place, a.panel, matrices, columns, work, outside[0], outside[1],
         )  # fmt: skip
         size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
@@ -589,7 +488,7 @@ def factor(
         for start, end in a.tasks
     ]
     with (
-        _blas_threads().limit(limits=1, user_api="blas"),
+        blas_threads().limit(limits=1, user_api="blas"),
         ThreadPoolExecutor(max(threads, 1)) as pool,
     ):
         todo, done = list(range(len(a.tasks))), set[int]()
@@ -619,11 +518,11 @@ def _aligned(size: int) -> FloatArray:
 
 @free_kernel
 def _factor_fronts(
-    blas: IntArray, start: _Int, end: _Int, first: IntArray, rest_start: IntArray, above: IntArray,
+    blas: IntArray, start: Int, end: Int, first: IntArray, rest_start: IntArray, above: IntArray,
     below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, place: IntArray,
     panel_start: IntArray, matrices: FloatArray, columns: FloatArray, work: FloatArray,
     outside_0: FloatArray, outside_1: FloatArray,
-) -> tuple[_Int, _Int]:  # fmt: skip
+) -> tuple[Int, Int]:  # fmt: skip
     """Factor fronts of one task, in order.
 
     Updates stand at both ends of `work`, by depth in turn: those of two halves lie last at one
@@ -676,23 +575,23 @@ def _factor_fronts(
             _add_update(given, to, panel, rows, update, own, rest)
         if own == 0:
             continue
-        a, b, c = _address(panel), _address(panel) + 8 * own, _address(update)
-        failed = _potrf(blas[0], own, a, rows, integers)
+        a, b, c = address_of(panel), address_of(panel) + 8 * own, address_of(update)
+        failed = potrf(blas[0], own, a, rows, integers)
         for j in range(own):  # LAPACK lets what is not a number pass
             if failed == 0 and not panel[j * rows + j] > 0.0:
                 failed = j + 1
         if failed > 0:
             return np.int64(first[t]) + (failed - 1) // 3, at
         if rest > 0:
-            _trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
-            _syrk(blas[2], rest, own, b, rows, c, rest, integers)
+            trsm(blas[1], 1, True, rest, own, a, rows, b, rows, integers)
+            syrk(blas[2], rest, own, b, rows, c, rest, integers)
     return np.int64(-1), at
 
 
 @inner_kernel
 def _add_cell(
-    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: _Int, update:
-    FloatArray, own: _Int, rest: _Int,
+    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: Int, update:
+    FloatArray, own: Int, rest: Int,
 ) -> None:  # fmt: skip
     """Add a cell's matrix to the lower triangle of its front."""
     for b in range(27):
@@ -710,8 +609,8 @@ def _add_cell(
 
 @inner_kernel
 def _add_update(
-    given: FloatArray, to: IntArray, panel: FloatArray, rows: _Int, update: FloatArray,
-    own: _Int, rest: _Int,
+    given: FloatArray, to: IntArray, panel: FloatArray, rows: Int, update: FloatArray,
+    own: Int, rest: Int,
 ) -> None:  # fmt: skip
     """Add the lower triangle of a half's update to its front."""
     n = len(to)
@@ -737,7 +636,7 @@ def _add_update(
 @free_kernel
 def _solve(
     blas: IntArray, first: IntArray, rest: IntArray, rest_start: IntArray, panel_start: IntArray,
-    columns: FloatArray, x: FloatArray, spare: FloatArray, many: _Int,
+    columns: FloatArray, x: FloatArray, spare: FloatArray, many: Int,
 ) -> None:  # fmt: skip
     """Solve in place for `many` right-hand sides, one after the other in x, by the order."""
     length = 3 * np.int64(first[-1])
@@ -752,13 +651,13 @@ def _solve(
         rows = own + n
         if own == 0:
             continue
-        l11 = _address(columns) + 8 * panel_start[t]
+        l11 = address_of(columns) + 8 * panel_start[t]
         l21 = l11 + 8 * own
-        x1, s = _address(x) + 24 * first[t], _address(spare)
+        x1, s = address_of(x) + 24 * first[t], address_of(spare)
         if not back:
-            _trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
+            trsm(blas[1], 0, False, own, many, l11, rows, x1, length, integers)
             if n > 0:
-                _gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
+                gemm(blas[3], False, n, many, own, l21, rows, x1, length, 0, s, n, integers)
                 for k in range(many):
                     for i in range(len(others)):
                         for axis in range(3):
@@ -769,5 +668,5 @@ def _solve(
                     for i in range(len(others)):
                         for axis in range(3):
                             spare[k * n + 3 * i + axis] = x[k * length + 3 * others[i] + axis]
-                _gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
-            _trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
+                gemm(blas[3], True, own, many, n, l21, rows, s, n, 1, x1, length, integers)
+            trsm(blas[1], 0, True, own, many, l11, rows, x1, length, integers)
