@@ -59,11 +59,24 @@ _OFF = 1e-4
 """Of the volume: how far shells, rounded to single precision, may be off the part's."""
 
 
+_FLAT_MM = 1e-4
+"""How far cuts that are taken back may move the surface: ten times what single precision rounds by
+on a tray of 400 mm, and a hundredth of a printed layer."""
+
+
 def _outer(soups: Mapping[str, Float32Array | FloatArray]) -> Mesh:
+    """Return the surface of all shells, without the edges that only their interfaces have cut."""
+    import manifold3d
+
     whole = united(soups)
     faces = whole.faces[~repeats_index(whole.faces)]
     used, faces = compact(faces[cancel_opposite(faces)], len(whole.vertices))
-    return Mesh(whole.vertices[used], faces)
+    vertices = np.ascontiguousarray(whole.vertices[used])
+    cut = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
+    if cut.status() != manifold3d.Error.NoError or cut.is_empty():
+        return Mesh(vertices, faces)  # two shells may touch along an edge
+    plain = cut.simplify(_FLAT_MM).to_mesh64()
+    return Mesh(np.array(plain.vert_properties)[:, :3], np.array(plain.tri_verts, np.int32))
 
 
 def _own(plan: Plan, placed: Mesh) -> Mesh:
