@@ -21,6 +21,7 @@ from planner.report.notebook import AT_STRAIN
 from planner.report.plan_figure import stretches, target_along
 from planner.report.plan_text import mm_along
 from planner.report.svg import BLUE, INK, RED
+from planner.simulation.part import PartSimulation
 from planner.simulation.simulate import Simulation
 
 if TYPE_CHECKING:
@@ -100,6 +101,21 @@ def _simulation(simulation: Simulation, ax: "Axes") -> None:
         ylabel="force, N",
         title=f"{simulation.name}: {simulation.protocol} to strain {simulation.to_strain:g}",
     )
+    ax.legend()
+
+
+@_draw.register(PartSimulation)
+def _part(result: PartSimulation, ax: "Axes") -> None:
+    curve = result.curve
+    edge = [
+        np.outer(sure, values)
+        for sure, values in ((curve.sure_x, curve.x), (curve.sure_y, curve.y))
+    ]
+    (x_low, x_high), (y_low, y_high) = edge
+    x, y = np.concatenate([x_low, x_high[::-1]]), np.concatenate([y_low, y_high[::-1]])
+    ax.fill(x, y, color=BLUE, alpha=0.2, label=f"{100 * result.level:g} % of prints")
+    ax.plot(curve.x, curve.y, "o-", color=BLUE, markersize=3.0, label="predicted")
+    ax.set(xlabel=curve.x_label, ylabel=curve.y_label, title=result.name)
     ax.legend()
 
 

@@ -15,7 +15,7 @@ from planner.fields.parse import Setting, build_field, field_text
 from planner.formats.files import encode_document
 from planner.formats.stl import encode_stl
 from planner.formats.vtu import TRIANGLE, encode_vtu
-from planner.glance import counted, html_of, one_line, outcome
+from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.grading.grade import open_part
 from planner.grading.profile import dithered_profile, is_dithered
 from planner.materials.mixtures import CoefficientModel
@@ -32,6 +32,8 @@ from planner.simulation.loads import Conditions, read_conditions
 from planner.simulation.simulate import called, table_csv
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     # The solver is loaded when a part is solved, and not before its input is known to be sound.
     from planner.simulation.response import LoadSteps, Response
     from planner.simulation.solid import Mechanics
@@ -348,6 +350,10 @@ class PartSimulation:
             f"{curve.y_label.rpartition(', ')[2].removeprefix('share ')}, "
             f"{counted(len(curve.x) - 1, 'step')}; " + outcome((len(self.findings), "finding"))
         )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the load curve with matplotlib; return the axes."""
+        return plotted(self, ax)
 
     @property
     def ok(self) -> bool:

@@ -39,6 +39,10 @@ def values(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         "ladder": scale,
         "simulation": planner.simulate(folder),
         "coupon": planner.simulate("FLX9760", to_strain=0.1, protocol="relaxation"),
+        "whole part": planner.simulate(
+            samples / "dogbone.stl", material="FLX9760", fix="x=min", load="x=max: 1,0,0 N",
+            cell_mm=8.0, steps=2,
+        ),
         "diagnosis": _diagnosis(),
         "tests": planner.characterise([samples / "tensile"]),
         "campaign": planner.read_campaign(samples / "warm-lab"),
@@ -60,7 +64,7 @@ def _diagnosis() -> planner.Diagnosis:
 
 _KINDS = [
     "plan", "plan read back", "plan with cells", "plan on a field", "palette", "ladder",
-    "simulation", "coupon", "diagnosis",
+    "simulation", "coupon", "whole part", "diagnosis",
 ]  # fmt: skip
 
 
