@@ -7,7 +7,7 @@ import numpy as np
 from planner.materials.marlow import law_at
 from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel
 
-__all__ = ["add_products", "advance", "assemble", "observe", "shape_functions"]
+__all__ = ["add_products", "advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -396,6 +396,25 @@ def observe(
                 p += pressure[c, r] * basis[q, r]
                 back += y[r] * basis[q, r]
             volumetric[q] = weights[q] * p * back / bulk[q]
+
+
+@free_kernel
+def pull(
+    nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
+    cell_mm: FloatArray, u: FloatArray, stress: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the nodal forces (N, 3) of stresses at the points, (Q, 6), times their volumes."""
+    gradient, F, strain = np.empty((27, 3)), np.empty((3, 3)), np.empty(6)
+    for c in range(nodes.shape[0]):
+        for q in range(offsets[c], offsets[c + 1]):
+            _gradients(points[q], cell_mm, gradient)
+            _deform(u, nodes[c], gradient, F, strain)
+            for i in range(3):
+                for m in range(3):
+                    first = F[i, 0] * stress[q, _SIX[0, m]] + F[i, 1] * stress[q, _SIX[1, m]]
+                    first = weights[q] * (first + F[i, 2] * stress[q, _SIX[2, m]])
+                    for a in range(27):
+                        out[nodes[c, a], i] += first * gradient[a, m]
 
 
 @free_kernel

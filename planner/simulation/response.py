@@ -17,7 +17,6 @@ from planner.simulation.solid import (
     LostStabilityError,
     Mechanics,
     Progress,
-    facet_points,
 )
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["LoadSteps", "Response", "log_stress_sds", "respond", "strain_over_break"]
+__all__ = ["CellAverage", "LoadSteps", "Response", "log_stress_sds", "respond", "strain_over_break"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +133,7 @@ def respond(
     mechanics = Mechanics(body, conditions, analysis, densities=densities)
     cells = body.cells
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
-    average = _Average(cells)
+    average = CellAverage(cells)
     states: list[Equilibrium] = [mechanics.at_rest()]
     iterations = 0
     lost = None
@@ -199,8 +198,16 @@ def strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
     return np.asarray((stretch - 1.0) / body.table.break_at(body.coordinate))
 
 
-class _Average:
-    """Means over neighbouring cells: hat functions of the cells' corners over the material."""
+class CellAverage:
+    """Means over neighbouring cells: hat functions of the cells' corners over the material.
+
+    Attributes
+    ----------
+    node : (n,)
+        The corners.
+    volume : (n,)
+        Of each hat, mm³.
+    """
 
     def __init__(self, cells: "CutCells") -> None:
         corners = [i + 3 * j + 9 * k for k in (0, 2) for j in (0, 2) for i in (0, 2)]
@@ -218,12 +225,15 @@ class _Average:
         total = np.bincount(self.at.ravel(), (self.hat * values[:, None]).ravel(), len(self.node))
         return np.asarray(total / np.where(self.volume > 0.0, self.volume, 1.0))
 
+    def back(self, weights: FloatArray) -> FloatArray:
+        """Return weights : means as weights of the values at the points, (Q,)."""
+        scaled = weights / np.where(self.volume > 0.0, self.volume, 1.0)
+        return np.einsum("qc,qc->q", self.hat, scaled[self.at])
+
     def at_vertices(self, nodal: FloatArray) -> FloatArray:
         """Return values at the corners between them, at the surface's vertices."""
         hats = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
-        return np.asarray(
-            np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]])
-        )
+        return np.asarray(np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]]))
 
 
 def _hats(local: FloatArray) -> FloatArray:
@@ -263,7 +273,7 @@ def _responses(
         return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
 
     for force in conditions.forces:
-        points = facet_points(cells, force.facets)
+        points = mechanics.points_of(force.facets)
         given = np.array(force.force_N)
         direction = given / np.linalg.norm(given)
         where = moved(points)
@@ -289,7 +299,7 @@ def _responses(
         direction = _unit(where[-1])
         out.append(Response(pressure.selector, "pressure", where, push, direction, None))
     for watched in conditions.watched:
-        points = facet_points(cells, watched.facets)
+        points = mechanics.points_of(watched.facets)
         where = moved(points)
         direction = _unit(where[-1])
         span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))

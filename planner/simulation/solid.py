@@ -15,6 +15,7 @@ from planner.simulation.element import (
     advance,
     assemble,
     observe,
+    pull,
     shape_functions,
 )
 
@@ -273,6 +274,9 @@ class Mechanics:
         Of the cells' matrix; another body on the same cells may share it.
     densities : (Q,), optional
         g/cm³ at the quadrature points, for gravity.
+    like : Mechanics, optional
+        Of the same cells and conditions, with other materials: places of loads and supports, and
+        memory, are shared; only one of both can be at work at a time.
     """
 
     def __init__(
@@ -282,6 +286,7 @@ class Mechanics:
         analysis: "Analysis",
         *,
         densities: FloatArray | None = None,
+        like: "Mechanics | None" = None,
     ) -> None:
         cells = body.cells
         self.body, self.conditions, self.analysis = body, conditions, analysis
@@ -312,14 +317,22 @@ class Mechanics:
             np.ascontiguousarray(cells.weights_mm3),
             np.ascontiguousarray(cells.cell_mm),
         )
+        self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
         self._build_loads(densities)
-        self._matrices = np.empty((len(cells.nodes), 81, 81))
+        self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
+
+    def points_of(self, facets: BoolArray) -> FacetPoints:
+        """Return the quadrature points of facets, as `facet_points`; kept for the next time."""
+        key = np.packbits(facets).tobytes()
+        if key not in self._places:
+            self._places[key] = facet_points(self.body.cells, facets)
+        return self._places[key]
 
     def _build_loads(self, densities: FloatArray | None) -> None:
         cells, conditions = self.body.cells, self.conditions
         self.forces: list[FloatArray] = []
         for force in conditions.forces:
-            at = facet_points(cells, force.facets)
+            at = self.points_of(force.facets)
             size = np.linalg.norm(at.area_mm2, axis=1)
             share = (size / size.sum())[:, None]
             self.forces.append(spread(cells, at, share * np.array(force.force_N)))
@@ -327,12 +340,12 @@ class Mechanics:
         if conditions.gravity is not None and densities is not None:
             self.dead = self.dead + self._weight(densities, np.array(conditions.gravity))
         self.pushed = [
-            _Pushed(facet_points(cells, p.facets), p.pressure_MPa) for p in conditions.pressures
+            _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
         ]
         self.held = []
         wide = float(cells.cell_mm.min())
         for support in conditions.supports:
-            at = facet_points(cells, support.facets)
+            at = self.points_of(support.facets)
             modulus = 3.0 * self.body.cell_shear_MPa[at.cell]
             if self.body.stabiliser_MPa is not None:
                 modulus = 3.0 * self.body.stabiliser_MPa[at.cell]
@@ -524,6 +537,23 @@ class Mechanics:
         size = np.linalg.norm(points.area_mm2, axis=1)
         return spread(self.body.cells, points, (size / size.sum())[:, None] * direction)
 
+    def place_weights(self, place_mm: FloatArray, direction: FloatArray) -> FloatArray:
+        """Return the nodal weights, (N, 3), of the displacement of a place along a direction.
+
+        It is carried by the material nearest to it.
+        """
+        cells = self.body.cells
+        middle = cells.origin_mm + (cells.index + 0.5) * cells.cell_mm
+        counts = np.diff(cells.offsets)
+        at = np.repeat(middle, counts, axis=0) + 0.5 * cells.cell_mm * cells.points
+        nearest = int(np.argmin(np.sum((at - place_mm) ** 2, axis=1)))
+        cell = int(np.searchsorted(cells.offsets, nearest, side="right")) - 1
+        local = 2.0 * (place_mm - middle[cell]) / cells.cell_mm
+        shape = shape_functions(local[None], cells.cell_mm)[0][0]
+        weights = np.zeros((len(cells.node_mm), 3))
+        weights[cells.nodes[cell]] = shape[:, None] * direction
+        return weights
+
     def reactions(self, state: Equilibrium) -> list[FloatArray]:
         """Return the force of each support on the body, (3,) each."""
         return [
@@ -565,6 +595,12 @@ class Mechanics:
         return Sensitivity(
             -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap
         )
+
+    def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
+        """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""
+        out = np.zeros_like(state.displacement_mm)
+        pull(*self.geometry, state.displacement_mm, stress, out)
+        return out
 
     def energy_mJ(self, state: Equilibrium) -> float:
         """Return the energy stored in the material, N mm."""

@@ -1,0 +1,1 @@
+"""Inverse design: the gradient with which a part deforms as wanted."""
