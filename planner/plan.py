@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -359,6 +360,7 @@ class Plan:
         force: bool = False,
         page: bytes | None = None,
         slicer: str | None = None,
+        beside: Mapping[str, bytes] = MappingProxyType({}),
     ) -> Path:
         """Write plan.json, 3MF, STL set, how-to and pictures of the part into a folder.
 
@@ -375,6 +377,8 @@ class Plan:
         slicer
             Whom the 3MF is for: prusaslicer gets all shells as one mesh, which it needs to show
             one object; bambu, orca and cura get what is written by default.
+        beside
+            More files of the folder, by name, such as a design's.
 
         Returns
         -------
@@ -441,6 +445,8 @@ class Plan:
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:
                 (scratch / "plan.html").write_bytes(page)
+            for name, data in beside.items():
+                (scratch / name).write_bytes(data)
             (scratch / "plan.json").write_bytes(self.json())
         return target
 

@@ -98,6 +98,8 @@ _PLAN = FolderKind(
         "part.png",
         "section.png",
         "report.html",
+        "design.json",
+        "profile.csv",
         "stl/*.stl",
     ),
 )

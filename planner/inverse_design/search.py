@@ -15,7 +15,7 @@ from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mech
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
     from planner.simulation.loads import Conditions
-    from planner.simulation.sparse_cholesky import Analysis
+    from planner.simulation.sparse_cholesky import Analysis, Factor
 
 __all__ = ["Candidate", "Case", "Found", "Knots", "Problem", "search"]
 
@@ -109,17 +109,12 @@ class Case:
         body = replace(self.body, coordinate=coordinate)
         mechanics = Mechanics(body, self.conditions, self.analysis, like=self.mechanics)
         self.mechanics = mechanics
-        found = None
-        if self.state is not None:
-            try:
-                found = mechanics.settle(self.state, 1.0)
-            except LostStabilityError:
-                found = None
-        if found is None:
-            for found in mechanics.follow([1.0]):
-                pass
-        assert found is not None
-        state, factored = found
+        try:
+            if self.state is None:
+                raise LostStabilityError(0.0, None)
+            state, factored = mechanics.settle(self.state, 1.0)
+        except LostStabilityError:
+            state, factored = list(mechanics.follow([1.0]))[-1]
         self.state = state
         if self.average is None:
             self.average = CellAverage(self.cells)
@@ -132,7 +127,7 @@ class Solved:
 
     mechanics: Mechanics
     state: Equilibrium
-    factored: object
+    factored: "Factor"
     average: CellAverage
     goals: Sequence[Functional]
 
@@ -146,7 +141,7 @@ class Solved:
             self.mechanics.sensitivity(
                 self.state,
                 self.factored,
-                goal.weights(self.mechanics)[0],  # type: ignore[arg-type]
+                goal.weights(self.mechanics)[0],
             ).coordinate
             for goal in self.goals
         ]
@@ -177,7 +172,7 @@ class Solved:
             tensor[:, k] = each / (breaks * stretch) * along[:, i] * along[:, j]
         # nodal_forces multiplies by volumes, which `back` has put in already
         pulled = mechanics.nodal_forces(state, tensor / mechanics.body.cells.weights_mm3[:, None])
-        through = mechanics.sensitivity(state, self.factored, pulled).coordinate  # type: ignore[arg-type]
+        through = mechanics.sensitivity(state, self.factored, pulled).coordinate
         table = body.table
         gap = 1e-6 * float(np.ptp(table.coordinate)) + 1e-12
         change = (table.break_at(body.coordinate + gap) - breaks) / gap
@@ -209,8 +204,10 @@ class Problem:
     ----------
     cases
         Load cases, each with its goals, on cells of one size.
-    field : (Q,)
+    along : (Q,)
         Field values at the cells' quadrature points.
+    ramp : (knots,)
+        The even gradient that a smooth profile stays near.
     prefer
         Among profiles that reach the targets: ``smooth``, or ``soft``, which has the least of
         what is stiff.
@@ -220,15 +217,16 @@ class Problem:
 
     knots: Knots
     cases: Sequence[Case]
-    field: FloatArray
+    along: FloatArray
     limits: Limits
+    ramp: FloatArray
     prefer: str
     knot_mm: float
     volume: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         weights = self.cases[0].cells.weights_mm3
-        volume = self.knots.gathered(self.field, weights)
+        volume = self.knots.gathered(self.along, weights)
         object.__setattr__(self, "volume", volume / volume.sum())
 
     @property
@@ -238,9 +236,10 @@ class Problem:
 
     def wish(self, values: FloatArray) -> float:
         """Return what is made small among profiles that reach the targets."""
-        bend = np.diff(values, 2) if len(values) > 2 else np.diff(values)
-        smooth = float(np.sum(bend**2) + 0.01 * np.sum(np.diff(values) ** 2))
-        return smooth if self.prefer == "smooth" else float(self.volume @ values) + 0.1 * smooth
+        bend = np.diff(values, 2)
+        if self.prefer == "soft":
+            return float(self.volume @ values + 0.1 * np.sum(bend**2))
+        return float(np.sum(bend**2) + 0.1 * np.mean((values - self.ramp) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,25 +275,30 @@ def evaluate(problem: Problem, values: FloatArray) -> Candidate:
     LostStabilityError
         A case has no stable equilibrium under its load.
     """
-    coordinate, over_value = problem.knots.coordinates(values, problem.field)
-    figures, slopes, over, over_slopes, largest = [], [], [], [], float("nan")
+    coordinate, over_value = problem.knots.coordinates(values, problem.along)
+    figures: list[float] = []
+    slopes: list[FloatArray] = []
+    over: list[float] = []
+    over_slopes: list[FloatArray] = []
+    largest = float("nan")
     limit = problem.limits.strain_over_break
     for case in problem.cases:
         solved = case.solve(coordinate)
         figures += solved.values().tolist()
         slopes += [
-            problem.knots.gathered(problem.field, row * over_value) for row in solved.slopes()
+            problem.knots.gathered(problem.along, row * over_value) for row in solved.slopes()
         ]
         if limit is not None:
             seen = solved.over_break()
             largest = float(np.fmax(largest, seen.largest))
-            over.append(np.log(seen.largest / limit))
-            row = problem.knots.gathered(problem.field, seen.slope * over_value)
-            over_slopes.append(row / (seen.norm / seen.largest) * (1.0 / seen.largest))
-    off, rows = [], []
+            over.append(float(np.log(seen.largest / limit)))
+            row = problem.knots.gathered(problem.along, seen.slope * over_value)
+            over_slopes.append(row / seen.norm)
+    off: list[float] = []
+    rows: list[FloatArray] = []
     for goal, figure, row in zip(problem.goals, figures, slopes, strict=True):
         if goal.hard and goal.wanted and figure / goal.wanted > 0.0:
-            off.append(np.log(figure / goal.wanted))
+            off.append(float(np.log(figure / goal.wanted)))
             rows.append(row / figure)
         else:
             scale = abs(goal.wanted) if goal.hard and goal.wanted else goal.scale
@@ -448,7 +452,7 @@ def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
         [at.values, np.maximum(off, 0.0), np.maximum(-off, 0.0), np.maximum(at.over_break, 0.0)]
     )
     found = minimize(
-        cost, start, method="SLSQP", bounds=list(zip(low, high, strict=True)),
+        cost, start, method="SLSQP", bounds=np.stack([low, high], axis=1),
         constraints=constraints, options={"maxiter": 300, "ftol": 1e-12},
     )  # fmt: skip
     return np.clip(found.x[:count], low[:count], high[:count])

@@ -45,6 +45,7 @@ __all__ = [
     "PartFinding",
     "PartSimulation",
     "Solid",
+    "default_cell_mm",
     "open_solid",
     "simulate_part",
 ]
@@ -493,6 +494,11 @@ _SMALL = 1e-3
 _MOST_STEPS = 1000
 
 
+def default_cell_mm(surface: Mesh) -> float:
+    """Return the edge of cells where none is given."""
+    return float(f"{np.cbrt(surface.volume_mm3 / _CELLS):.2g}")
+
+
 def simulate_part(
     source: object,
     *,
@@ -527,8 +533,7 @@ def simulate_part(
         positive(cell_mm, "`cell_mm`")
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette)
-    volume_mm3 = solid.surface.volume_mm3
-    edge = float(f"{np.cbrt(volume_mm3 / _CELLS):.2g}") if cell_mm is None else cell_mm
+    edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
 
     def conditions(surface: Mesh) -> Conditions:
         return read_conditions(

@@ -24,7 +24,15 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["CellAverage", "LoadSteps", "Response", "log_stress_sds", "respond", "strain_over_break"]
+__all__ = [
+    "CellAverage",
+    "LoadSteps",
+    "Response",
+    "figure_interval",
+    "log_stress_sds",
+    "respond",
+    "strain_over_break",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +236,7 @@ class CellAverage:
     def back(self, weights: FloatArray) -> FloatArray:
         """Return weights : means as weights of the values at the points, (Q,)."""
         scaled = weights / np.where(self.volume > 0.0, self.volume, 1.0)
-        return np.einsum("qc,qc->q", self.hat, scaled[self.at])
+        return np.asarray(np.einsum("qc,qc->q", self.hat, scaled[self.at]))
 
     def at_vertices(self, nodal: FloatArray) -> FloatArray:
         """Return values at the corners between them, at the surface's vertices."""
@@ -252,19 +260,14 @@ def _responses(
     model: CoefficientModel,
     level: float,
 ) -> "list[Response]":
-    cells, conditions = mechanics.body.cells, mechanics.conditions
+    conditions = mechanics.conditions
     normal = NormalDist().inv_cdf(0.5 + level / 2.0)
     sds = log_stress_sds(mechanics, last, model, normal)
     shares = np.array([state.share for state in states])[:, None]
     reactions = np.array([mechanics.reactions(state) for state in states])
 
     def interval(figure: float, weights: FloatArray) -> tuple[float, float]:
-        found = mechanics.sensitivity(last, factored, weights)
-        each = found.log_stress + found.log_bulk
-        # Errors of the grades go together, as in a bar: softer than thought, and stiffer.
-        down, up = (float(each @ sd) / figure if figure else 0.0 for sd in sds)
-        ends = figure * np.exp(np.array([-down, up]) * normal)
-        return float(min(ends)), float(max(ends))
+        return figure_interval(mechanics, last, factored, weights, figure, sds, normal)
 
     out = []
     span: tuple[float, float] | None
@@ -305,6 +308,27 @@ def _responses(
         span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))
         out.append(Response(watched.selector, "watch", where, 0.0 * where, direction, span))
     return out
+
+
+def figure_interval(
+    mechanics: Mechanics,
+    state: Equilibrium,
+    factored: "Factor",
+    weights: FloatArray,
+    figure: float,
+    sds: tuple[FloatArray, FloatArray],
+    normal: float,
+) -> tuple[float, float]:
+    """Return the interval of a figure whose nodal weights, (N, 3), are given.
+
+    Errors of the grades go together, as in a bar: all softer than thought, or all stiffer, by
+    `normal` of their standard deviations `sds` (`log_stress_sds`).
+    """
+    found = mechanics.sensitivity(state, factored, weights)
+    each = found.log_stress + found.log_bulk
+    down, up = (float(each @ sd) / figure if figure else 0.0 for sd in sds)
+    ends = figure * np.exp(np.array([-down, up]) * normal)
+    return float(min(ends)), float(max(ends))
 
 
 def _unit(vector: FloatArray) -> FloatArray:

@@ -279,6 +279,8 @@ class Mechanics:
         memory, are shared; only one of both can be at work at a time.
     """
 
+    _matrices: FloatArray
+
     def __init__(
         self,
         body: Body,

@@ -1,0 +1,507 @@
+"""Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import ArgumentError, did_you_mean, positive
+from planner.fields.basic import Field, axis_field
+from planner.fields.parse import Setting, build_field
+from planner.formats.files import encode_document
+from planner.glance import counted, html_of, one_line, outcome
+from planner.grading.grade import grade, open_part
+from planner.grading.profile import Profile, stiffness_scale
+from planner.grading.regions import point
+from planner.grading.wish import Wish, targets_of
+from planner.inverse_design.goals import Functional, LoadCase, functionals, read_limits, read_target
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.part import place
+from planner.numerics import FloatArray
+from planner.palette import Palette
+from planner.plan import Plan
+from planner.printers import Printer, load_printer, palette_of
+from planner.simulation.loads import read_conditions
+from planner.simulation.part import default_cell_mm, open_solid
+
+if TYPE_CHECKING:
+    from planner.inverse_design.search import Solved
+
+__all__ = ["DesignFinding", "PartDesign", "Reached", "design"]
+
+_MOST_KNOTS = 40
+_PREFER = ("smooth", "soft")
+_COARSER = 1.5  # cells of the search's first part, which only has to come near
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """One target, and what it came to.
+
+    Attributes
+    ----------
+    target, case
+        As it was written, and the load case's name.
+    quantity, unit
+        What the figures are: of a stiffness, the displacement or force that it means.
+    wanted
+        The figure.
+    continuous, printed
+        With the profile as it is wanted, and with the materials of the plan.
+    interval
+        Holds what a print does, from the palette's uncertainty.
+    error
+        (printed - wanted) over wanted; None where nothing is wanted to move.
+    hard
+        Whether it is to be met; points of a shape are only come near to.
+    """
+
+    target: str
+    case: str
+    unit: str
+    wanted: float
+    continuous: float
+    printed: float
+    interval: tuple[float, float]
+    error: float | None
+    hard: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DesignFinding:
+    """A target or limit that is not met, and why."""
+
+    kind: str
+    message: str
+
+
+@dataclass(frozen=True, eq=False)
+class PartDesign:
+    """A profile that was found, and the plan that prints it.
+
+    Attributes
+    ----------
+    positions, moduli_MPa : (knots,)
+        The profile along the field.
+    reached
+        Of every target.
+    strain_over_break
+        Largest in the printed materials, averaged over neighbouring cells; None without a limit.
+    tried
+        Equilibria that were solved for.
+    plan
+        What is written: `PartDesign.write`.
+    """
+
+    plan: Plan
+    positions: tuple[float, ...]
+    moduli_MPa: tuple[float, ...]
+    reached: tuple[Reached, ...]
+    strain_over_break: float | None
+    cell_mm: float
+    level: float
+    tried: int
+    findings: tuple[DesignFinding, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    _repr_html_ = html_of
+
+    @one_line
+    def __repr__(self) -> str:
+        worst = max((abs(r.error) for r in self.reached if r.error is not None), default=0.0)
+        return (
+            f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
+            f"{100 * worst:.2g} %, {counted(len(self.positions), 'knot')}; "
+            + outcome((len(self.findings), "finding"))
+        )
+
+    @property
+    def ok(self) -> bool:
+        """Whether all targets and limits are met by the printed materials, and it will print."""
+        return not self.findings and self.plan.ok
+
+    def document(self) -> dict[str, Any]:
+        """Return the design as JSON holds it; the plan has its own."""
+        return {
+            "schema": 1,
+            "part": self.plan.part.file,
+            "palette": asdict(self.plan.palette),
+            "field": dict(self.plan.gradient.field),
+            "profile": {
+                "positions": list(self.positions),
+                "moduli_MPa": list(self.moduli_MPa),
+            },
+            "targets": [asdict(r) for r in self.reached],
+            "level": self.level,
+            "strain_over_break": self.strain_over_break,
+            "cell_mm": self.cell_mm,
+            "tried": self.tried,
+            "findings": [asdict(f) for f in self.findings],
+            "notes": list(self.notes),
+        }
+
+    def json(self) -> bytes:
+        """Return `document` as bytes."""
+        return encode_document(self.document())
+
+    def profile_csv(self) -> bytes:
+        """Return the profile as `planner.grade` reads it."""
+        rows = zip(self.positions, self.moduli_MPa, strict=True)
+        lines = ["position,modulus_MPa", *(f"{u:.6g},{E:.6g}" for u, E in rows), ""]
+        return "\n".join(lines).encode()
+
+    def write(
+        self,
+        output: str | Path | None = None,
+        *,
+        force: bool = False,
+        page: bytes | None = None,
+    ) -> Path:
+        """Write the plan's folder, with design.json and profile.csv beside plan.json.
+
+        Raises
+        ------
+        OutputError
+            The folder exists already, or cannot be written.
+        """
+        target = f"{self.plan.part.name}-designed" if output is None else output
+        beside = {"design.json": self.json(), "profile.csv": self.profile_csv()}
+        return self.plan.write(target, force=force, page=page, beside=beside)
+
+
+def design(
+    part: object,
+    *,
+    from_: str | float,
+    to: str | float,
+    target: str | Sequence[str] = (),
+    fix: str | Sequence[str] = (),
+    load: str | Sequence[str] = (),
+    pressure: str | Sequence[str] = (),
+    move: str | Sequence[str] = (),
+    gravity: str | None = None,
+    cases: Sequence[LoadCase] = (),
+    limit: str | Sequence[str] = (),
+    knots: int = 7,
+    axis: str | tuple[float, float, float] | None = None,
+    field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
+    prefer: str = "smooth",
+    blend: str | None = None,
+    at_strain: float = 0.1,
+    cell_mm: float | None = None,
+    tolerance: float = 0.01,
+    level: float = 0.95,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+    unit: str | None = None,
+    name: str | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> PartDesign:
+    """Find the gradient with which a part deforms as wanted, and plan its print.
+
+    The profile is ln(modulus) at evenly spaced knots of the field. It is found by derivatives of
+    the whole part's equilibrium, first on larger cells, then on those asked for; then it is
+    planned, the plan's own materials are put into the cells, and the profile is moved as a whole
+    until what is printed reaches the targets.
+
+    Parameters
+    ----------
+    part
+        As `planner.grade` takes it.
+    from_, to
+        What stands at the beginning and the end of the gradient that the design sets out from, and
+        the softest and stiffest that it may use: materials or moduli.
+    target
+        ``SELECTOR ux=VALUE mm`` (uy, uz): the mean displacement of faces; ``SELECTOR
+        stiffness=VALUE N/mm`` of a load or motion there; ``SELECTOR fx=VALUE N`` of a support;
+        ``shape: FILE.csv`` with x_mm, y_mm, z_mm, ux_mm, uy_mm, uz_mm.
+    fix, load, pressure, move, gravity
+        As `planner.simulate`.
+    cases
+        More load cases, each with its own targets.
+    limit
+        ``strain/break<0.5``, ``slope<0.1 /mm`` (change of ln(modulus)).
+    knots
+        Of the profile.
+    axis, field
+        What the gradient follows, as `planner.grade`.
+    prefer
+        Of profiles that reach the targets: ``smooth``, which bends least and stays near the even
+        gradient from `from_` to `to`; or ``soft``, which has least of what is stiff.
+    blend
+        As `planner.grade`: ``nearest`` or ``dither``.
+    tolerance
+        Relative miss of a target that is accepted.
+
+    Returns
+    -------
+    PartDesign
+        `PartDesign.ok` is false when a target or limit is missed: the nearest is returned.
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+    """
+    texts = _texts(target)
+    if texts:
+        own = LoadCase(texts, _texts(fix), _texts(load), _texts(pressure), _texts(move), gravity)
+        cases = (own, *cases)
+    if not cases:
+        raise ArgumentError("`target` is missing: give one, as target='x=min uz=-12 mm'")
+    if not 2 <= knots <= _MOST_KNOTS:
+        raise ArgumentError(f"`knots` {knots}: it must be a whole number from 2 to {_MOST_KNOTS}")
+    if prefer not in _PREFER:
+        hint = did_you_mean(prefer, _PREFER)
+        raise ArgumentError(f"`prefer` {prefer}: {hint}it may be {' or '.join(_PREFER)}")
+    if blend not in (None, "nearest", "dither"):
+        raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
+    positive(tolerance, "`tolerance`")
+    limits = read_limits(_texts(limit))
+    machine = load_printer(printer or "connex3")
+    chosen = palette_of(palette, machine)
+    scale = stiffness_scale(chosen, at_strain)
+    ends, _, _ = targets_of(Wish(start=from_, end=to, profile="log"), scale)
+    wanted = [[read_target(text) for text in case.target] for case in cases]
+
+    progress("reading the part")
+    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    mesh = source.part.mesh
+    placed, translation = place(mesh)
+    if field is None:
+        along: Field = axis_field(axis, placed)
+    else:
+        along = build_field(field, Setting(placed, point(translation), 0.5))
+    length = along.description().get("span_mm")
+    span_mm = length if isinstance(length, float) else 1.0
+    edge = default_cell_mm(mesh) if cell_mm is None else positive(cell_mm, "`cell_mm`")
+
+    progress("loading the solver")
+    from planner.inverse_design.search import Case, Knots, Problem, search
+    from planner.materials.marlow import marlow_table
+    from planner.simulation.cut_cells import cut_cells
+    from planner.simulation.solid import POISSON, Body, LostStabilityError
+    from planner.simulation.sparse_cholesky import analyse
+
+    ramp = np.linspace(0.0, 1.0, knots)
+    ramp = ramp if ends.moduli_MPa[0] < ends.moduli_MPa[-1] else ramp[::-1]
+    low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
+    model = scale.model
+    unknowns = Knots(knots, (low, high), model, at_strain)
+    table = marlow_table(model, poisson=POISSON)
+
+    def problem_on(size_mm: float) -> tuple[Problem, FloatArray]:
+        progress(f"cutting the part into cells of {size_mm:.3g} mm")
+        cells = cut_cells(mesh, size_mm)
+        index = np.repeat(cells.index, np.diff(cells.offsets), axis=0)
+        points = cells.origin_mm + (index + 0.5 * (cells.points + 1.0)) * cells.cell_mm
+        u = along.values(points + translation)
+        analysis = analyse(cells.nodes, cells.node_mm)
+        middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
+        body = Body(cells, table, middle)
+        body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
+        extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
+        made = []
+        for number, (case, targets) in enumerate(zip(cases, wanted, strict=True)):
+            watch = [t.selector for t in targets if t.selector]
+            conditions = read_conditions(
+                cells.surface, fix=case.fix, load=case.load, pressure=case.pressure,
+                move=case.move, gravity=case.gravity, watch=watch,
+            )  # fmt: skip
+            if conditions.gravity is not None:
+                raise ArgumentError(
+                    "`gravity`: a design keeps no account of weight yet; leave it out and look at "
+                    "it with `planner simulate`"
+                )
+            goals = functionals(targets, conditions, extent)
+            called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
+            made.append(Case(called, cells, conditions, analysis, goals, body))
+        return Problem(unknowns, made, u, limits, ramp, prefer, span_mm / (knots - 1)), points
+
+    def told(stage: str) -> Callable[[int, float], None]:
+        return lambda tried, off: progress(f"{stage}: profile {tried}, off by {100 * off:.2g} %")
+
+    problem, _ = problem_on(_COARSER * edge)
+    found = None
+    for stiffer in (0.0, 0.5, 1.0):
+        try:
+            start = np.maximum(ramp, stiffer)
+            found = search(problem, start, tolerance=0.02, progress=told("larger cells"))
+            break
+        except LostStabilityError:
+            continue
+    if found is None:
+        raise ArgumentError(
+            "the part has no stable equilibrium under these loads even in the stiffest material; "
+            "take smaller loads"
+        )
+    tried = found.tried
+    problem, points = problem_on(edge)
+    found = search(
+        problem, found.best.values, tolerance=0.3 * tolerance, radius=0.1,
+        progress=told("cells asked for"),
+    )  # fmt: skip
+    tried += found.tried
+    best = found.best
+
+    progress("planning the print")
+    hard = np.array([goal.hard for goal in problem.goals])
+
+    def printed(values: FloatArray) -> "tuple[Plan, list[Solved]]":
+        profile = Profile(
+            "designed", tuple(unknowns.positions.tolist()),
+            tuple(unknowns.modulus_MPa(values).tolist()), "log",
+        )  # fmt: skip
+        plan = grade(
+            part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
+            printer=machine, palette=chosen, unit=unit, name=name,
+        )  # fmt: skip
+        filling = open_solid(plan, None, None, None, chosen).filling(points)
+        return plan, [case.solve(filling) for case in problem.cases]
+
+    def offs(solved: "list[Solved]") -> FloatArray:
+        figures = np.concatenate([s.values() for s in solved])
+        return np.array(
+            [_off(goal, f) for goal, f in zip(problem.goals, figures.tolist(), strict=True)]
+        )
+
+    plan, solved = printed(best.values)
+    tried += 1
+    shift, kept = 0.0, (best.values, plan)
+    missed = offs(solved)[hard]
+    # One offset of the whole profile: what is printed changes in steps, so that a secant may
+    # jump; brackets close in on the step that comes nearest.
+    trail = [(0.0, float(_signed(missed, best.slopes[hard])))]
+    least = float(np.abs(missed).max(initial=0.0))
+    while len(missed) and least > 0.2 * tolerance and len(trail) < 7:
+        shift = _next_shift(trail, best.slopes[hard])
+        values = np.clip(best.values + shift, 0.0, 1.0)
+        if shift in [s for s, _ in trail] or np.array_equal(values, kept[0]):
+            break
+        progress(f"printed materials: off by {100 * least:.2g} %")
+        plan, solved = printed(values)
+        tried += 1
+        now = offs(solved)[hard]
+        trail.append((shift, float(_signed(now, best.slopes[hard]))))
+        if float(np.abs(now).max()) < least:
+            least, kept = float(np.abs(now).max()), (values, plan)
+    values, plan = kept
+    plan, solved = printed(values)
+
+    rows, over = [], None
+    figures = iter(best.figures.tolist())
+    for case, one in zip(problem.cases, solved, strict=True):
+        intervals = _intervals(one, model, level)
+        for goal, figure, span in zip(case.goals, one.values().tolist(), intervals, strict=True):
+            off = None if not goal.wanted else figure / goal.wanted - 1.0
+            rows.append(
+                Reached(
+                    goal.text, case.name, goal.unit, goal.wanted, next(figures), figure, span,
+                    off, goal.hard,
+                )
+            )  # fmt: skip
+        if limits.strain_over_break is not None:
+            over = max(over or 0.0, one.over_break().largest)
+    findings = _findings(rows, over, limits.strain_over_break, tolerance, values, best.values)
+    return PartDesign(
+        plan=plan,
+        positions=tuple(unknowns.positions.tolist()),
+        moduli_MPa=tuple(unknowns.modulus_MPa(values).tolist()),
+        reached=tuple(rows),
+        strain_over_break=over,
+        cell_mm=edge,
+        level=level,
+        tried=tried,
+        findings=tuple(findings),
+        notes=(
+            f"figures are those of cells of {edge:.3g} mm; `planner simulate` of the plan tells "
+            "how far they depend on the cells",
+        ),
+    )
+
+
+def _texts(given: str | Sequence[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _off(goal: Functional, figure: float) -> float:
+    if goal.wanted:
+        return figure / goal.wanted - 1.0
+    return figure / goal.scale
+
+
+def _signed(missed: FloatArray, slopes: FloatArray) -> float:
+    """Return the least-squares part of the misses that a shift of all knots can mend."""
+    along = slopes.sum(axis=1)
+    return float(missed @ along / max(float(along @ along), 1e-300)) if len(missed) else 0.0
+
+
+def _next_shift(trail: Sequence[tuple[float, float]], slopes: FloatArray) -> float:
+    """Return the next offset to try: by the slope, then within the narrowest bracket."""
+    above = [t for t in trail if t[1] > 0.0]
+    below = [t for t in trail if t[1] <= 0.0]
+    if above and below:
+        a, b = min(above, key=lambda t: t[1]), max(below, key=lambda t: t[1])
+        share = a[1] / (a[1] - b[1])
+        return a[0] + min(max(share, 0.2), 0.8) * (b[0] - a[0])
+    at, miss = trail[-1]  # further the same way, by a little more than the slope says
+    return at - 1.2 * miss
+
+
+def _intervals(
+    solved: "Solved", model: CoefficientModel, level: float
+) -> list[tuple[float, float]]:
+    from planner.simulation.response import figure_interval, log_stress_sds
+
+    normal = NormalDist().inv_cdf(0.5 + level / 2.0)
+    sds = log_stress_sds(solved.mechanics, solved.state, model, normal)
+    return [
+        figure_interval(
+            solved.mechanics, solved.state, solved.factored, goal.weights(solved.mechanics)[0],
+            goal.value(solved.mechanics, solved.state), sds, normal,
+        )
+        for goal in solved.goals
+    ]  # fmt: skip
+
+
+def _findings(
+    rows: Sequence[Reached],
+    over: float | None,
+    limit: float | None,
+    tolerance: float,
+    values: FloatArray,
+    wanted: FloatArray,
+) -> list[DesignFinding]:
+    """Say which targets and limits are missed, and what stands in the way."""
+    found = []
+    softest, stiffest = float(np.mean(values <= 1e-6)), float(np.mean(values >= 1.0 - 1e-6))
+    why = ""
+    if softest == 1.0 or stiffest == 1.0:
+        word = "softest" if softest else "stiffest"
+        why = f"; all of the part is in the {word} material that is allowed"
+    elif limit is not None and over is not None and over > 0.97 * limit:
+        why = f"; strain over break is at its limit, {limit:g}"
+    for row in rows:
+        short = abs(row.continuous - row.wanted) > tolerance * abs(row.wanted)
+        if row.hard and row.error is not None and abs(row.error) > tolerance:
+            what = (
+                f"the nearest profile comes to {row.continuous:.4g} {row.unit}"
+                if short
+                else f"the profile comes to {row.continuous:.4g} {row.unit}, and the printed "
+                "materials are too few to follow it: try `blend` dither"
+            )
+            found.append(
+                DesignFinding(
+                    "target",
+                    f"{row.target}: {row.printed:.4g} {row.unit} is reached, "
+                    f"{100 * row.error:+.2g} %; {what}{why if short else ''}",
+                )
+            )
+    if limit is not None and over is not None and over > limit * (1.0 + tolerance):
+        found.append(
+            DesignFinding("limit", f"strain/break<{limit:g}: the printed part comes to {over:.3g}")
+        )
+    return found
