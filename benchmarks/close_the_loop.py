@@ -27,7 +27,7 @@ from benchmarks.withheld.reality.__main__ import main as reality
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.correct import correct
-from planner.gap.design import design
+from planner.gap.design import design_campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.effects import EFFECTS
 from planner.gap.virtual import virtual_specimen
@@ -210,7 +210,7 @@ def tested(lab: Laboratory, seed: int) -> tuple[Campaign, dict[str, float]]:
     rng = np.random.default_rng(seed)
     palette = load_printer("connex3").palette()
     bias = {m.id: CALIBRATION * rng.standard_normal() for m in palette.materials}
-    plan = design(lab.suspected, lab.budget, palette=palette).campaign
+    plan = design_campaign(lab.suspected, lab.budget, palette=palette).campaign
     return measured(plan, lab.hidden, bias, rng), bias
 
 

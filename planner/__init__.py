@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from planner.gap.campaign import Campaign
     from planner.gap.campaign_folder import read_campaign, write_campaign
     from planner.gap.correct import Correction, correct
-    from planner.gap.design import CampaignDesign, design
+    from planner.gap.design import CampaignDesign, design_campaign
     from planner.gap.diagnose import diagnose
     from planner.gap.diagnosis import Diagnosis, read_diagnosis
     from planner.gap.virtual import synthesise_campaign
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from planner.grading.grade import grade
     from planner.grading.invert import Mixture, invert
     from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.inverse_design.design import PartDesign, design
+    from planner.inverse_design.goals import LoadCase
     from planner.materials.fit_tables import fit_tables
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
@@ -60,10 +62,12 @@ __all__ = [
     "ExportedMaterial",
     "Field",
     "Layer",
+    "LoadCase",
     "Material",
     "Mixture",
     "Palette",
     "PaletteStudy",
+    "PartDesign",
     "PartSimulation",
     "Plan",
     "PlannerError",
@@ -79,6 +83,7 @@ __all__ = [
     "compare_page",
     "correct",
     "design",
+    "design_campaign",
     "diagnose",
     "diff",
     "export",
@@ -114,7 +119,7 @@ _MODULES = {
     "planner.gap.campaign": "Campaign",
     "planner.gap.campaign_folder": "read_campaign write_campaign",
     "planner.gap.correct": "Correction correct",
-    "planner.gap.design": "CampaignDesign design",
+    "planner.gap.design": "CampaignDesign design_campaign",
     "planner.gap.diagnose": "diagnose",
     "planner.gap.diagnosis": "Diagnosis read_diagnosis",
     "planner.gap.virtual": "synthesise_campaign",
@@ -122,6 +127,8 @@ _MODULES = {
     "planner.grading.grade": "grade",
     "planner.grading.invert": "Mixture invert",
     "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.inverse_design.design": "PartDesign design",
+    "planner.inverse_design.goals": "LoadCase",
     "planner.materials.fit_tables": "fit_tables",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
     "planner.palette": "Material Palette load_palette write_palette",

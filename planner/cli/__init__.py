@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
+from planner.cli import design as _design
 from planner.cli import export as _export
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
@@ -154,6 +155,7 @@ def _planner(
 
 app.command()(_plans.grade)
 app.command()(_simulate.simulate)
+app.command()(_design.design)
 app.command()(_export.export)
 app.add_typer(_gap.app)
 app.command()(_materials.invert)

@@ -242,7 +242,7 @@ def design(
     listed = output.suffix.casefold() == ".csv"
     _check_target(output, [id.strip() for id in effects.split(",")], listed=listed)
     with progress(not (quiet or as_json)) as stage:
-        made = planner.design(
+        made = planner.design_campaign(
             effects,
             budget,
             printer=printer,

@@ -752,7 +752,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
 
     Examples
     --------
-    >>> made = planner.design("rate,moisture", 16)  # doctest: +SKIP
+    >>> made = planner.design_campaign("rate,moisture", 16)  # doctest: +SKIP
     >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
     _, designs = _profile_files(campaign.specimens)

@@ -39,7 +39,14 @@ from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.bar_solver import Setup, predict
 
-__all__ = ["CampaignDesign", "Trial", "design", "may_take_bars", "next_experiments", "trials_of"]
+__all__ = [
+    "CampaignDesign",
+    "Trial",
+    "design_campaign",
+    "may_take_bars",
+    "next_experiments",
+    "trials_of",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -592,7 +599,7 @@ class CampaignDesign:
         }
 
 
-def design(
+def design_campaign(
     effects: str | Sequence[str],
     budget: int,
     *,
@@ -639,7 +646,7 @@ def design(
 
     Examples
     --------
-    >>> made = planner.design("rate,moisture", 16)  # doctest: +SKIP
+    >>> made = planner.design_campaign("rate,moisture", 16)  # doctest: +SKIP
     >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
     machine = load_printer(printer)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, did_you_mean
+from planner.errors import ArgumentError, FileError, did_you_mean
 from planner.formats.tables import finite_number, read_records, unit_factor
 from planner.numerics import FloatArray, Point
 
@@ -22,6 +22,7 @@ __all__ = [
     "LoadCase",
     "Target",
     "functionals",
+    "read_cases",
     "read_limits",
     "read_target",
 ]
@@ -66,6 +67,48 @@ class LoadCase:
     move: tuple[str, ...] = ()
     gravity: str | None = None
     name: str = ""
+
+
+_TEXTS = ("target", "fix", "load", "pressure", "move")
+
+
+def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
+    """Read load cases from a TOML file: tables ``[[case]]`` with the fields of `LoadCase`.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is not such a file.
+    """
+    import tomllib
+
+    try:
+        found = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{path}: is no TOML file ({error})") from error
+    tables = found.get("case")
+    if not isinstance(tables, list) or not tables or set(found) != {"case"}:
+        raise FileError(f"{path}: it needs tables [[case]], and nothing else")
+    cases = []
+    for number, table in enumerate(tables, 1):
+        where = f"{path}: case {number}"
+        for key, value in table.items():
+            if key not in (*_TEXTS, "gravity", "name"):
+                hint = did_you_mean(key, (*_TEXTS, "name"))
+                raise FileError(f"{where}: no such key {key!r}; {hint}it has {', '.join(_TEXTS)}")
+            texts = value if isinstance(value, list) and key in _TEXTS else [value]
+            if not all(isinstance(text, str) for text in texts):
+                raise FileError(f"{where}: {key} must be text, or a list of texts")
+        given = {
+            key: tuple(value) if isinstance(value, list) else (value,)
+            for key, value in table.items() if key in _TEXTS
+        }  # fmt: skip
+        if "target" not in given:
+            raise FileError(f"{where}: target is missing, as target = 'x=min uz=-12 mm'")
+        cases.append(LoadCase(**given, gravity=table.get("gravity"), name=table.get("name", "")))
+    return tuple(cases)
 
 
 @dataclass(frozen=True)

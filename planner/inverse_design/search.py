@@ -400,10 +400,10 @@ def _foretold(problem: Problem, at: Candidate, values: FloatArray) -> float:
 
 def _weighed(problem: Problem, values: FloatArray, off: FloatArray, over: FloatArray) -> float:
     hard = np.array([goal.hard for goal in problem.goals])
-    missed = np.abs(off[hard]).sum() + np.maximum(over, 0.0).sum()
+    missed = float(np.sum(np.abs(off[hard])) + np.sum(np.maximum(over, 0.0)))
     shape = float(np.sum(off[~hard] ** 2))
-    shape *= _MULTIPLIER / max(1, np.count_nonzero(~hard))
-    return float(_MULTIPLIER * missed + shape + problem.wish(values))
+    shape *= _MULTIPLIER / max(1, int(np.count_nonzero(~hard)))
+    return _MULTIPLIER * missed + shape + problem.wish(values)
 
 
 def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
@@ -411,7 +411,7 @@ def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
 
     The misses' absolute values become slack variables, so that the problem is smooth.
     """
-    from scipy.optimize import LinearConstraint, minimize
+    from scipy.optimize import Bounds, LinearConstraint, minimize
 
     hard = np.array([goal.hard for goal in problem.goals])
     rows = at.slopes[hard]
@@ -452,7 +452,7 @@ def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
         [at.values, np.maximum(off, 0.0), np.maximum(-off, 0.0), np.maximum(at.over_break, 0.0)]
     )
     found = minimize(
-        cost, start, method="SLSQP", bounds=np.stack([low, high], axis=1),
+        cost, start, method="SLSQP", bounds=Bounds(low, high),
         constraints=constraints, options={"maxiter": 300, "ftol": 1e-12},
     )  # fmt: skip
-    return np.clip(found.x[:count], low[:count], high[:count])
+    return np.asarray(np.clip(found.x[:count], low[:count], high[:count]))

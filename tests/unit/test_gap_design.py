@@ -14,7 +14,7 @@ from planner.gap.design import (
     CampaignDesign,
     Information,
     candidates_of,
-    design,
+    design_campaign,
 )
 from planner.gap.effect import untestable
 from planner.gap.effects import EFFECTS
@@ -32,7 +32,7 @@ def palette() -> Palette:
 
 @pytest.fixture(scope="module")
 def made(palette: Palette) -> CampaignDesign:
-    return design(["rate", "moisture"], BUDGET, palette=palette)
+    return design_campaign(["rate", "moisture"], BUDGET, palette=palette)
 
 
 def test_every_condition_is_printed_once_a_batch(made) -> None:
@@ -60,7 +60,7 @@ def test_the_palettes_own_condition_is_among_them(made, palette) -> None:
 
 def test_more_specimens_promise_more(made, palette) -> None:
     """With four times the specimens, smaller effects are named and the usual ones more surely."""
-    less = design(["rate", "moisture"], made.least, palette=palette)
+    less = design_campaign(["rate", "moisture"], made.least, palette=palette)
     for few, many in zip(less.expected, made.expected, strict=True):
         assert many.probability >= few.probability - 1e-9
         if few.smallest is not None:
@@ -70,7 +70,7 @@ def test_more_specimens_promise_more(made, palette) -> None:
 
 def test_what_one_section_cannot_split_is_said(palette) -> None:
     """Width, thickness and skin scale force alike but for their dependence on the section."""
-    expected = design(["cross-section", "skin"], 8, palette=palette).expected
+    expected = design_campaign(["cross-section", "skin"], 8, palette=palette).expected
     assert expected[0].alike == ("skin",)
     assert expected[1].alike == ("cross-section",)
 
@@ -104,7 +104,7 @@ def test_every_effect_has_candidates_that_make_it_testable(palette, made) -> Non
 
 
 def test_sizes_are_the_labs_own(palette) -> None:
-    made = design(
+    made = design_campaign(
         ["orientation"], 4, palette=palette, width_mm=10.0, thickness_mm=4.0, gauge_mm=50.0
     )
     assert {(s.width_mm, s.thickness_mm, s.gauge_mm) for s in made.campaign.specimens} == {
@@ -164,17 +164,17 @@ def test_a_list_alone_can_be_written(tmp_path, palette) -> None:
 )
 def test_bad_wishes_are_refused(palette, effects, budget, error, says) -> None:
     with pytest.raises(error, match=says):
-        design(effects, budget, palette=palette)
+        design_campaign(effects, budget, palette=palette)
 
 
 def test_the_least_that_a_refusal_names_will_do(palette) -> None:
     with pytest.raises(ArgumentError, match="at least 4, 2 conditions"):
-        design(["orientation"], 3, palette=palette)
-    made = design(["orientation"], 4, palette=palette)
+        design_campaign(["orientation"], 3, palette=palette)
+    made = design_campaign(["orientation"], 4, palette=palette)
     assert made.least == 4
     assert untestable(EFFECTS["orientation"], made.campaign) is None
 
 
 def test_sizes_out_of_bounds_are_refused(palette) -> None:
     with pytest.raises(ArgumentError, match="`gauge_mm`"):
-        design(["rate"], 8, palette=palette, gauge_mm=float("nan"))
+        design_campaign(["rate"], 8, palette=palette, gauge_mm=float("nan"))

@@ -123,9 +123,9 @@ WRONG = [
      "`between_mm` 9:3: it must rise"),
     ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0 MPa"),
     ("list_materials", {"at_strain": 0.0}, "materials --at-strain 0", "`at_strain` 0: the"),
-    ("design", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
+    ("design_campaign", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
      "`budget` 1000: it must be at most"),
-    ("design", {"budget": 8, "gauge_mm": 0.0},
+    ("design_campaign", {"budget": 8, "gauge_mm": 0.0},
      "gap design --effects rate --budget 8 --gauge-mm 0 -o d", "`gauge_mm` 0: it must be"),
     ("synthesise_campaign", {"scatter": 1.0}, "gap simulate --design lab --scatter 1 -o d",
      "`scatter` 1: it must be from 0 to 0.3"),
@@ -135,7 +135,7 @@ WRONG = [
 ]  # fmt: skip
 FIRST = {
     "grade": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0], "list_materials": [],
-    "design": ["rate"], "synthesise_campaign": ["lab"], "diagnose": ["lab"],
+    "design_campaign": ["rate"], "synthesise_campaign": ["lab"], "diagnose": ["lab"],
 }  # fmt: skip
 OPTIONS = {
     "`from_`": "--from", "`pitch_mm`": "--pitch", "`cell_mm`": "--cell", "`rate_mm_s`": "--rate",

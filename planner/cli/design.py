@@ -1,0 +1,144 @@
+"""planner design: the gradient with which a part deforms as wanted."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from planner.cli.output import AsJson, Force, PaletteName, Quiet
+
+if TYPE_CHECKING:
+    from planner.inverse_design.design import PartDesign
+
+
+def design(
+    part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
+    from_: Annotated[
+        str,
+        Option("--from", help="What the gradient begins with: a material or a modulus (0.5MPa)."),
+    ],
+    to: Annotated[str, Option(help="What it ends with. Nothing softer or stiffer is used.")],
+    target: Annotated[
+        list[str] | None,
+        Option(
+            help="What is wanted, as 'x=min uz=-12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 "
+            "N' or 'shape: points.csv'. Repeatable."
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None, Option(help="Faces that do not move, as x=max. Repeatable.")
+    ] = None,
+    load: Annotated[
+        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+    ] = None,
+    pressure: Annotated[
+        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
+    ] = None,
+    move: Annotated[
+        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
+    ] = None,
+    cases: Annotated[
+        Path | None,
+        Option(help="TOML file of several load cases: [[case]] with fix, load, target, name."),
+    ] = None,
+    limit: Annotated[
+        list[str] | None, Option(help="'strain/break<0.5' or 'slope<0.1 /mm'. Repeatable.")
+    ] = None,
+    knots: Annotated[int, Option(help="Of the profile, between which it is even.")] = 7,
+    axis: Annotated[
+        str | None, Option(help="Direction of the gradient; the longest side by default.")
+    ] = None,
+    field: Annotated[
+        str | None, Option(help="What the gradient follows instead, as for planner grade.")
+    ] = None,
+    prefer: Annotated[
+        str,
+        Option(
+            help="Among profiles that reach the targets: smooth (near the even gradient) or soft "
+            "(least of what is stiff)."
+        ),
+    ] = "smooth",
+    blend: Annotated[str | None, Option(help="nearest, by default, or dither.")] = None,
+    at_strain: Annotated[float, Option(help="Working strain of the moduli.")] = 0.1,
+    cell_mm: Annotated[
+        float | None,
+        Option("--cell", "--cell-mm", help="Edge of the cells; about 2000 by default."),
+    ] = None,
+    tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
+    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
+    printer: Annotated[str | None, Option(help="Installed printer; connex3 by default.")] = None,
+    palette: PaletteName = None,
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
+    ] = None,
+    no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
+    """Find the gradient with which a part bends, stretches or holds as wanted, and plan its print.
+
+    The profile is found on the whole part, planned in printed materials, simulated in those, and
+    corrected. Exit code 1 when a target or limit is missed: the nearest is written.
+
+    Example: [bold]planner design finger.stl --from Tango --to Vero --axis x --fix x=max --load
+    "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
+    """
+    import planner
+    from planner.cli.output import print_document, progress
+    from planner.formats.files import check_target
+    from planner.inverse_design.goals import read_cases
+
+    folder = Path(f"{part.stem}-designed") if output is None else output
+    check_target(folder, force=force)
+    with progress(not quiet and not as_json) as stage:
+        made = planner.design(
+            part, from_=from_, to=to, target=target or (), fix=fix or (), load=load or (),
+            pressure=pressure or (), move=move or (),
+            cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
+            axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
+            cell_mm=cell_mm, tolerance=tolerance, unit=unit, printer=printer, palette=palette,
+            progress=stage,
+        )  # fmt: skip
+        stage("writing the files")
+        made.write(folder, force=force, page=None if no_page else planner.plan_page(made.plan))
+    if as_json:
+        print_document(made.json())
+    elif not quiet:
+        _report(made, folder)
+    return 0 if made.ok else 1
+
+
+def _report(made: "PartDesign", folder: Path) -> None:
+    from planner.cli.output import finding, format_range, print_table, say, tell_notes
+
+    tell_notes(made.notes)
+    columns = [
+        "target",
+        "wanted",
+        "profile",
+        "printed",
+        "error",
+        f"{100 * made.level:g} % interval",
+    ]
+    rows = [
+        [
+            f"{row.case}: {row.target}" if row.case else row.target,
+            f"{row.wanted:.4g} {row.unit}",
+            f"{row.continuous:.4g}",
+            f"{row.printed:.4g}",
+            "" if row.error is None else f"{100 * row.error:+.2f} %",
+            format_range(list(row.interval)),
+        ]
+        for row in made.reached
+    ]
+    print_table(columns, rows, title=repr(made)[1:-1], right=columns[1:])
+    knots = zip(made.positions, made.moduli_MPa, strict=True)
+    say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
+    if made.strain_over_break is not None:
+        say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
+    for found in made.findings:
+        finding(found.message)
+    for found in made.plan.findings[:3]:
+        finding(found.message)
+    say(f"wrote {folder}: what planner grade writes, design.json and profile.csv")
