@@ -8,17 +8,20 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError, positive
 from planner.mesh.mesh import Mesh
 from planner.numerics import BoolArray, FloatArray, IntArray
-from planner.voxels.columns import Grid, dense, iterate_columns
+from planner.voxels.columns import MOST_VOXELS, Grid, dense, iterate_columns
 
-__all__ = ["FACE_NODES", "Hexahedra", "hexahedra"]
+__all__ = ["FACE_NODES", "Hexahedra", "fitting_cell_mm", "hexahedra"]
 
 
-_ACROSS = 6
-"""Columns along a cell's edge that tell how full it is. Numerical: the share of a cell that a
-plane cuts at any angle errs by less than a hundredth."""
+_ACROSS = 7
+"""Columns along a cell's edge that tell how full it is. Numerical: odd, so that a wall along the
+lattice fills half a cell exactly where the middle column says so; with 6 a finger gained 2 %."""
 
 _MOST_CELLS = 300_000
 """Chosen: 1.3 million nodes and a file of 150 MB, beyond what solvers of a workstation take."""
+
+_NEAR, _TRIALS = 1.15, 9
+"""Chosen: cells of a seventh more or less are as good to the user."""
 
 _SPECK = 0.01
 """Cells that no face joins to the rest are left out where they are less than this share of all.
@@ -84,6 +87,21 @@ class Hexahedra:
         return len(self.nodes) * self.cell_mm3
 
 
+def fitting_cell_mm(surface: Mesh, about_mm: float) -> float:
+    """Return the edge near a wanted one whose cells come nearest to the part's volume.
+
+    Walls gain or lose up to half a cell on either side; between one edge and another that is a
+    seventh longer the volume of a finger's cells swings by several percent.
+    """
+    wanted = surface.volume_mm3
+    off = {}
+    for edge_mm in about_mm * np.geomspace(1.0 / _NEAR, _NEAR, _TRIALS):
+        low, edges, shape = _lattice(surface, float(edge_mm))
+        full = _fill(surface, low, edges, shape) >= 0.5
+        off[float(edge_mm)] = abs(full.sum() * np.prod(edges) - wanted)
+    return min(off, key=lambda edge_mm: off[edge_mm])
+
+
 def hexahedra(surface: Mesh, cell_mm: float) -> Hexahedra:
     """Fill a closed surface with cells of about an edge.
 
@@ -92,17 +110,7 @@ def hexahedra(surface: Mesh, cell_mm: float) -> Hexahedra:
     ArgumentError
         There are too many, or none is half full.
     """
-    low, high = surface.bounds_mm
-    extent = high - low
-    shape = np.maximum(np.ceil(extent / positive(cell_mm, "`cell_mm`") - 1e-6), 1.0)
-    most = surface.volume_mm3 / cell_mm**3
-    if most > _MOST_CELLS or shape.max() * _ACROSS > 1 << 14:
-        raise ArgumentError(
-            f"`cell_mm` {cell_mm:g}: the part would come to {most:.3g} cells; up to {_MOST_CELLS} "
-            "are possible: take larger ones"
-        )
-    nx, ny, nz = (int(n) for n in shape)
-    edges = extent / shape
+    low, edges, (nx, ny, nz) = _lattice(surface, positive(cell_mm, "`cell_mm`"))
     full = _fill(surface, low, edges, (nx, ny, nz)) >= 0.5
     kept, pieces = _joined(full)
     index = np.argwhere(kept)
@@ -130,6 +138,19 @@ def hexahedra(surface: Mesh, cell_mm: float) -> Hexahedra:
         pieces=pieces,
         dropped_mm3=float((full.sum() - len(index)) * np.prod(edges)),
     )
+
+
+def _lattice(surface: Mesh, cell_mm: float) -> tuple[FloatArray, FloatArray, tuple[int, int, int]]:
+    """Return the lower corner, edges, and cells along x, y, z."""
+    low, high = surface.bounds_mm
+    nx, ny, nz = (max(int(n), 1) for n in np.ceil((high - low) / cell_mm - 1e-6))
+    most = surface.volume_mm3 / cell_mm**3
+    if most > _MOST_CELLS or max(nx, ny, nz) * _ACROSS > MOST_VOXELS:
+        raise ArgumentError(
+            f"`cell_mm` {cell_mm:g}: the part would come to {most:.3g} cells; up to {_MOST_CELLS} "
+            "are possible: take larger ones"
+        )
+    return low, (high - low) / (nx, ny, nz), (nx, ny, nz)
 
 
 def _fill(

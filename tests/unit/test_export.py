@@ -195,6 +195,11 @@ def test_walls_that_the_cells_miss_are_told():
     tube = trimesh.boolean.difference([stairs, hollow], engine="manifold")
     made = planner.export(Mesh(tube.vertices, tube.faces), to="vtu", material="Tango", cell_mm=2.0)
     assert any(isinstance(note, Caution) for note in made.notes)
+    made = planner.export(Mesh(tube.vertices, tube.faces), to="vtu", material="Tango")
+    assert not any(isinstance(note, Caution) for note in made.notes)
+    # Of nine sizes the best: on average a ninth of the 5 % that they swing by.
+    assert abs(made.volume_error) < 0.01
+    assert 10_000 < made.cells < 23_000
 
 
 # ------------------------------------------------------------------------------------------------
