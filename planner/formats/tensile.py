@@ -663,6 +663,9 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
 SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
 """The columns that say which specimen it is, what it is made of and where its curve stands."""
 
+_PART_TEXTS = ("part", "fix", "move", "load")
+"""Those of whole parts. Without the first, the others are a lab's own columns."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SpecimenConditions:
@@ -694,8 +697,11 @@ class ListedSpecimen(SpecimenConditions):
 
     Attributes
     ----------
-    material, profile
-        Exactly one is given: a material of one piece, or the file of a graded bar's design.
+    material, profile, part
+        Exactly one is given: a material of one piece, the file of a graded bar's design, or the
+        plan of a whole part.
+    fix, move, load
+        How a part is held and loaded.
     mode
         How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
     covariates
@@ -705,6 +711,10 @@ class ListedSpecimen(SpecimenConditions):
     specimen: str
     material: str = ""
     profile: str = ""
+    part: str = ""
+    fix: str = ""
+    move: str = ""
+    load: str = ""
     file: str = ""
     gauge_mm: float | None = None
     mode: str = ""
@@ -716,10 +726,10 @@ class ListedSpecimen(SpecimenConditions):
 
 
 def is_specimens_file(path: str | Path) -> bool:
-    """Say whether a file lists specimens: a column `specimen`, and `material` or `profile`."""
+    """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
     first = read_text(Path(path)).lstrip("\n").splitlines()[0]
     return any(
-        "specimen" in cells and ("material" in cells or "profile" in cells)
+        "specimen" in cells and not _MADE_OF.isdisjoint(cells)
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
     )
 
@@ -736,15 +746,18 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     """
     path = Path(path)
     headings, separator, rows = read_rows(path)
-    known = {name.casefold(): name for name in (*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS)}
+    texts: tuple[str, ...] = SPECIMEN_TEXTS
+    if "part" in (name.casefold() for name in headings):
+        texts += _PART_TEXTS
+    known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
     columns = [known.get(name.casefold(), name) for name in headings]
     for name in columns:
         if columns.count(name) > 1:
             raise FileError(f"{path.name}: two columns {name!r}; keep one")
-    if "specimen" not in columns or not {"material", "profile"} & set(columns):
+    if "specimen" not in columns or _MADE_OF.isdisjoint(columns):
         raise FileError(
             f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
-            "'profile') are needed"
+            "'profile', or 'part') are needed"
         )
     specimens: dict[str, tuple[int, ListedSpecimen]] = {}
     for line, cells in rows:
@@ -754,7 +767,7 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
                 f"{where}: {len(cells)} cells for {len(columns)} columns; a comma within a cell "
                 "needs quotes"
             )
-        row = _listed(dict(zip(columns, cells, strict=False)), separator, where)
+        row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
         before = specimens.setdefault(row.specimen, (line, row))[0]
         if before != line:
             raise FileError(
@@ -766,21 +779,33 @@ def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
     return tuple(row for _, row in specimens.values())
 
 
-def _listed(record: Mapping[str, str], separator: str, where: str) -> ListedSpecimen:
-    texts: dict[str, Any] = {name: record.get(name, "") for name in SPECIMEN_TEXTS}
+_MADE_OF = frozenset({"material", "profile", "part"})
+
+
+def _listed(
+    record: Mapping[str, str], names: Sequence[str], separator: str, where: str
+) -> ListedSpecimen:
+    texts: dict[str, Any] = {name: record.get(name, "") for name in names}
     if not texts["specimen"]:
         raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
-    if bool(texts["material"]) == bool(texts["profile"]):
+    given = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
+    if sum(map(bool, given.values())) != 1:
+        got = " and ".join(map(repr, given.values()))
         raise FileError(
-            f"{where}: give exactly one of 'material' and 'profile' (got "
-            f"{texts['material']!r} and {texts['profile']!r})"
+            f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
         )
+    if not texts.get("part"):
+        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
+        if loose is not None:
+            raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
+    elif record.get("gauge_mm"):
+        raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")
     record, mode = _without_mode(record)
     conditions: dict[str, Any] = {
         column.name: _condition(record.get(column.name, ""), column, separator, where)
         for column in SPECIMEN_COLUMNS.values()
     }
-    known = {*SPECIMEN_TEXTS, *SPECIMEN_COLUMNS, ""}
+    known = {*names, *SPECIMEN_COLUMNS, ""}
     others = {name: value for name, value in record.items() if name not in known}
     return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.errors import FileError
 from planner.formats.tensile import SPECIMEN_COLUMNS, SpecimenConditions
+from planner.gap.parts import PartTest
 from planner.glance import brief, counted, one_line, plotted
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.numerics import FloatArray
@@ -78,13 +79,14 @@ class Specimen(SpecimenConditions):
     time_s, displacement_mm, force_N
         The record: time rising, travel of the crosshead from rest, force positive in tension;
         shape (n,), n at least `MINIMUM_POINTS`. In compression both are negative.
-    material, profile
-        Exactly one is given: a material id of the palette, or a graded bar's design.
+    material, profile, part
+        Exactly one is given: a material id of the palette, a graded bar's design, or a whole part
+        with its supports and its load.
     width_mm, thickness_mm
         Nominal section; None for a graded bar whose design has its own, and where only the
         measured size is known.
     gauge_mm
-        Undeformed gauge length.
+        Undeformed gauge length; of a part, `PartResponse.gauge_mm`.
     orientation
         Of the gauge on the tray.
     covariates
@@ -104,6 +106,7 @@ class Specimen(SpecimenConditions):
     gauge_mm: float
     material: str | None = None
     profile: ProfileDesign | None = None
+    part: PartTest | None = None
     covariates: Mapping[str, str | float | None] = field(default_factory=dict)
     strain_field: StrainField | None = None
     time_recorded: bool = True
@@ -112,8 +115,7 @@ class Specimen(SpecimenConditions):
 
     @one_line
     def __repr__(self) -> str:
-        held = self.material if self.profile is None else self.profile.name
-        return f"{self.id}: {held}, {self.protocol}, {counted(len(self.time_s), 'point')}"
+        return f"{self.id}: {self.made_of}, {self.protocol}, {counted(len(self.time_s), 'point')}"
 
     def __post_init__(self) -> None:
         _freeze(self, ("time_s", "displacement_mm", "force_N"))
@@ -141,10 +143,29 @@ class Specimen(SpecimenConditions):
                 f"{where}: time goes from {self.time_s[fall[0]]:g} s to "
                 f"{self.time_s[fall[0] + 1]:g} s at point {fall[0] + 2}; time must rise"
             )
-        if (self.material is None) == (self.profile is None):
-            raise FileError(f"{where}: give exactly one of material and profile")
+        if sum(of is not None for of in (self.material, self.profile, self.part)) != 1:
+            raise FileError(f"{where}: give exactly one of material, profile and part")
         if not 0.0 < self.gauge_mm < np.inf:
             raise FileError(f"{where}: gauge_mm is {self.gauge_mm:g}; it must be above 0")
+
+    @property
+    def made_of(self) -> str:
+        """What it is: the material's id, or the name of its design or part."""
+        design = self.profile or self.part
+        return (self.material or "") if design is None else design.name
+
+    @property
+    def named(self) -> str:
+        """The same, a bar or a part named as such."""
+        kind = "" if self.material else "bar " if self.part is None else "part "
+        return f"{kind}{self.made_of}"
+
+    @property
+    def coordinates(self) -> FloatArray | None:
+        """Of its design or part; None of a coupon, which its material says."""
+        if self.part is not None:
+            return self.part.response.coordinate
+        return None if self.profile is None else self.profile.coordinate
 
     @property
     def pushed(self) -> bool:
@@ -277,6 +298,7 @@ def _condition_keys(specimens: Sequence[Specimen]) -> tuple[Hashable, ...]:
         (
             s.material,
             None if s.profile is None else _design_key(s),
+            None if s.part is None else id(s.part.response),
             s.orientation,
             s.protocol,
             s.pushed,
@@ -400,21 +422,24 @@ def _of_range(specimens: Sequence[Specimen], palette: Palette) -> Iterator[str]:
     for (reach, of), over in beyond.items():
         peak = max(float(np.max(s.strain)) for s in over)
         yield (
-            f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:g}, where the "
-            f"law of {of} ends; what lies beyond is not compared"
+            f"{named([s.id for s in over])}: strained to {peak:.4g}, past {reach:.4g}, where "
+            f"{of} ends; what lies beyond is not compared"
         )
 
 
 def _range_of(specimen: Specimen, palette: Palette) -> tuple[float, str]:
-    """Return the largest strain with a law, on average over the bar, and whose it is."""
+    """Return the largest strain that is predicted, on average over the bar, and what ends there."""
+    if specimen.part is not None:
+        response = specimen.part.response
+        return float(response.displacement_mm[-1]) / specimen.gauge_mm, "the part's own simulation"
     if specimen.profile is None:
         material = palette.resolve(specimen.material or "")
-        return material.elongation_at_break, material.id
+        return material.elongation_at_break, f"the law of {material.id}"
     low, high = (float(f(specimen.profile.coordinate)) for f in (np.min, np.max))
     printed = [m for m in palette.materials if low - 1e-6 <= m.coordinate <= high + 1e-6]
     among = printed or list(palette.materials)
     widest = max(among, key=lambda m: m.elongation_at_break)
-    return widest.elongation_at_break, widest.id
+    return widest.elongation_at_break, f"the law of {widest.id}"
 
 
 def named(ids: Sequence[str], most: int = 6) -> str:
@@ -525,13 +550,13 @@ def with_modes(campaign: Campaign) -> Campaign:
 def axis_columns(campaign: Campaign) -> Mapping[str, tuple[float | str | None, ...]]:
     """Return the columns by name, each with a value a specimen in the campaign's order.
 
-    ``material`` holds the design's name for a graded bar, ``specimen`` the id; further columns
-    stand last under their own names.
+    ``material`` holds the name of a graded bar's design or of a part, ``specimen`` the id; further
+    columns stand last under their own names.
     """
     specimens = campaign.specimens
     columns: dict[str, tuple[float | str | None, ...]] = {
         "specimen": tuple(s.id for s in specimens),
-        "material": tuple(s.material or (s.profile.name if s.profile else None) for s in specimens),
+        "material": tuple(s.made_of for s in specimens),
     }
     for name in SPECIMEN_COLUMNS:
         columns[name] = tuple(getattr(s, name) for s in specimens)

@@ -32,6 +32,7 @@ from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
+from planner.gap.parts import PartReader
 from planner.gap.unit_of import stated_units
 from planner.materials.characterise import MINIMUM_POINTS
 from planner.materials.laws import make_law
@@ -39,6 +40,7 @@ from planner.numerics import FloatArray
 from planner.palette import Palette, encode_palette, load_palette
 from planner.printers import load_printer, palette_of
 from planner.simulation.bar import ProfileDesign, read_profile
+from planner.simulation.part_response import encode_response
 
 __all__ = [
     "CURVES",
@@ -557,7 +559,7 @@ def read_campaign(
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
     units = stated_units(unit_of, [row.specimen for row in rows])
-    place = _Place(folder, palette, noted, units)
+    place = _Place(folder, palette, noted, units, PartReader(folder, palette))
     specimens: list[Specimen] = []
     for row in rows:
         if row.specimen not in tables:
@@ -601,6 +603,7 @@ class _Place:
     palette: Palette
     noted: _Notes
     units: Mapping[str, Mapping[str, UnitOf]]
+    parts: PartReader
 
 
 def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, TensileTable]:
@@ -655,11 +658,14 @@ def _specimen(
     for name, value in table.metadata.items():  # what the file's head tells, the row does not
         if known.get(name, "") is None and isinstance(value, float) and value > 0.0:
             known[name] = value
-    design, material = None, None
+    design, material, part = None, None, None
     notes: list[str] = []
     with _naming(f"{SPECIMENS}, specimen {row.specimen}"):
         if row.material:
             material = place.palette.resolve(row.material).id
+        elif row.part:
+            part = place.parts.read(row)
+            known["gauge_mm"] = part.response.gauge_mm
         else:
             file, gauge = place.folder / row.profile, known["gauge_mm"]
             design, told = read_profile(file, palette=place.palette, gauge_mm=gauge)
@@ -668,7 +674,7 @@ def _specimen(
     if known["gauge_mm"] is None:
         raise FileError(f"{where}: the gauge length is unknown; give gauge_mm in {SPECIMENS}")
     for name in ("width_mm", "thickness_mm"):
-        drawn = design is not None and getattr(design, name) is not None
+        drawn = part or (design is not None and getattr(design, name) is not None)
         if not (drawn or known[name] or known[f"measured_{name}"]):
             raise FileError(
                 f"{where}: the section is unknown, so its force cannot be predicted; give {name} "
@@ -677,7 +683,8 @@ def _specimen(
     gauge = known.pop("gauge_mm")
     area = SpecimenConditions(**known).area_mm2
     units = place.units[row.specimen]
-    said = said_mode([row.mode, *covariates.values()])
+    # A part's travel counts along its load, whether that pulls or pushes.
+    said = said_mode([row.mode, *covariates.values()]) if part is None else "tension"
     law = None if material is None else make_law(place.palette.resolve(material).law)
     record = _record_of(
         _Source(
@@ -695,6 +702,7 @@ def _specimen(
         gauge_mm=gauge,
         material=material,
         profile=design,
+        part=part,
         covariates=covariates,
         strain_field=None if measured_field is None else measured_field.on_gauge(gauge),
         **record,
@@ -725,7 +733,7 @@ def specimens_csv(campaign: Campaign) -> bytes:
 
 
 def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = True) -> Path:
-    """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv and profiles.
+    """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv, profiles and parts.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
     `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
@@ -768,6 +776,9 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
             (scratch / "profiles").mkdir()
         for name, design in designs.items():
             _write(scratch / name, _table(_profile_rows(design)))
+        for name, data in _part_files(campaign.specimens)[1].items():
+            (scratch / "parts").mkdir(exist_ok=True)
+            (scratch / name).write_bytes(data)
     return Path(output)
 
 
@@ -784,13 +795,21 @@ def _campaign_toml(campaign: Campaign) -> str:
 
 
 def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[Sequence[str]]:
-    yield ("specimen", "material", "profile", *_WRITTEN, *campaign.covariates)
-    for s, profile in zip(campaign.specimens, profiles, strict=True):
+    parts, files = _part_files(campaign.specimens)
+    how = ("fix", "move", "load") if files else ()
+    of_parts = ("part", *how) if files else ()
+    yield ("specimen", "material", "profile", *of_parts, *_WRITTEN, *campaign.covariates)
+    for s, profile, part in zip(campaign.specimens, profiles, parts, strict=True):
+        own = {name: getattr(s, name) for name in _WRITTEN}
+        if s.part is not None:
+            own["gauge_mm"] = None  # its response has it
         yield (
             s.id,
             s.material or "",
             profile,
-            *(_cell(getattr(s, name)) for name in _WRITTEN),
+            *([part] if files else []),
+            *("" if s.part is None else getattr(s.part, name) for name in how),
+            *map(_cell, own.values()),
             *(_cell(s.covariates.get(name)) for name in campaign.covariates),
         )
 
@@ -832,6 +851,23 @@ def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, 
         designs[name] = s.profile
         names.append(name)
     return names, designs
+
+
+def _part_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, bytes]]:
+    """Name a file for the response of each specimen's part ("" without), and what it holds."""
+    names: list[str] = []
+    files: dict[str, bytes] = {}
+    for s in specimens:
+        if s.part is None:
+            names.append("")
+            continue
+        data = encode_response(s.part.response)
+        number, name = 1, f"parts/{s.part.name}.json"
+        while files.setdefault(name, data) != data:
+            number += 1
+            name = f"parts/{s.part.name}-{number}.json"
+        names.append(name)
+    return names, files
 
 
 def _profile_rows(design: ProfileDesign) -> Iterable[Sequence[str]]:

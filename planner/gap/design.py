@@ -853,7 +853,7 @@ changes a polymer's stress by some 2 % (at 20 % a decade)."""
 
 def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
     """Return the coupon nearest to the palette's conditions, most usual in size, as at these."""
-    coupons = [s for s in campaign.specimens if s.profile is None] or list(campaign.specimens)
+    coupons = [s for s in campaign.specimens if s.material] or list(campaign.specimens)
     sizes = [(s.width_mm, s.thickness_mm, s.gauge_mm) for s in coupons]
     usual = max(set(sizes), key=sizes.count)
     conditions = ("temperature_C", "soak_h", "age_days", "orientation")
@@ -866,13 +866,14 @@ def _usual_coupon(campaign: Campaign, own: Reference) -> dict[str, Any]:
 
     best = min(coupons, key=departures)
     usual_size, rate = SpecimenSize(), best.rate_mm_s
+    gauge_mm = best.gauge_mm if best.part is None else usual_size.gauge_mm
     if own.strain_rate_per_s is not None:
-        rate = own.strain_rate_per_s * best.gauge_mm
+        rate = own.strain_rate_per_s * gauge_mm
     return {
         "material": best.material or campaign.palette.materials[0].id,
         "width_mm": best.width_mm or best.measured_width_mm or usual_size.width_mm,
         "thickness_mm": best.thickness_mm or best.measured_thickness_mm or usual_size.thickness_mm,
-        "gauge_mm": best.gauge_mm,
+        "gauge_mm": gauge_mm,
         "rate_mm_s": rate or 1.0,
         **{name: getattr(own, name) for name in conditions},
         "protocol": "monotonic",

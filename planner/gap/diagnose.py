@@ -105,7 +105,7 @@ def levels_tested(campaign: Campaign) -> Mapping[str, tuple[float | str, ...]]:
         found[name] = _levels([getattr(s, name) for s in specimens], name)
     found["strain_rate_per_s"] = _levels([r for s in specimens for r in _rates(s)], "rate_mm_s")
     found["orientation"] = tuple(sorted({s.orientation for s in specimens if s.orientation}))
-    spans = [s.profile.coordinate for s in specimens if s.profile is not None]
+    spans = [s.coordinates for s in specimens if s.coordinates is not None]
     found["material"] = tuple(
         m.id
         for m in campaign.palette.materials
@@ -170,8 +170,7 @@ def _traces_of(problem: Problem, chosen: Candidate) -> Traces:
 
 def _label(specimen: Specimen, specimens: tuple[Specimen, ...]) -> str:
     """Return what a test is, by the columns that vary in the campaign."""
-    profile = specimen.profile
-    parts = [specimen.material or (f"bar {profile.name}" if profile is not None else "")]
+    parts = [specimen.named]
     parts += ["compressed"] if specimen.pushed else []
     for name, column in SPECIMEN_COLUMNS.items():
         value = getattr(specimen, name)

@@ -147,7 +147,7 @@ class Effect:
         entry may name alternatives, "rate_mm_s|hold".
     channels
         What must have been measured, each entry with alternatives: ``unloading``, ``hold``,
-        ``bar``, ``materials`` (two or more, or a bar), ``section`` (width and thickness).
+        ``bar``, ``materials`` (two or more, a bar or a part), ``section`` (width and thickness).
     condition
         The condition of a palette's reference that it is an effect of, so that at the palette's
         own there is none.
@@ -265,13 +265,12 @@ def _is_held(specimen: Specimen) -> bool:
 
 
 def _is_graded(specimen: Specimen) -> bool:
-    return specimen.profile is not None and float(np.ptp(specimen.profile.coordinate)) > 1e-6
+    return specimen.coordinates is not None and float(np.ptp(specimen.coordinates)) > 1e-6
 
 
 def _mixtures(specimens: Sequence[Specimen]) -> int:
-    return len(
-        {s.material if s.profile is None else float(s.profile.coordinate[0]) for s in specimens}
-    )
+    drawn = [(s.material, s.coordinates) for s in specimens]
+    return len({material if m is None else float(m[0]) for material, m in drawn})
 
 
 _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = MappingProxyType(
@@ -281,7 +280,10 @@ _CHANNELS: Mapping[str, tuple[Callable[[Sequence[Specimen]], bool], str]] = Mapp
             "no specimen was unloaded",
         ),
         "hold": (lambda given: any(map(_is_held, given)), "no specimen was held at a strain"),
-        "bar": (lambda given: any(map(_is_graded, given)), "there is no graded bar"),
+        "bar": (
+            lambda given: any(s.profile is not None and _is_graded(s) for s in given),
+            "there is no graded bar",
+        ),
         "materials": (
             lambda given: any(map(_is_graded, given)) or _mixtures(given) > 1,
             "there is one material only",

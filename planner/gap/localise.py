@@ -118,18 +118,13 @@ def _campaign_columns(campaign: Campaign) -> tuple[Column, ...]:
     left out.
     """
     specimens = campaign.specimens
-    found = [_column("material", [_material(s) for s in specimens])]
+    found = [_column("material", [s.named for s in specimens])]
     found += [_column(name, [_size(s, name) for s in specimens]) for name in TOLERANCES]
     texts = [name for name, c in SPECIMEN_COLUMNS.items() if c.choices is not None]
     found += [_column(name, [getattr(s, name) for s in specimens]) for name in texts]
     names = dict.fromkeys((*campaign.covariates, *(k for s in specimens for k in s.covariates)))
     found += [_column(name, [s.covariates.get(name) for s in specimens]) for name in names]
     return tuple(column for column in found if column is not None)
-
-
-def _material(specimen: Specimen) -> str:
-    profile = specimen.profile
-    return (specimen.material or "") if profile is None else f"bar {profile.name}"
 
 
 def _size(specimen: Specimen, name: str) -> float | None:

@@ -252,9 +252,9 @@ class Calibration:
     Attributes
     ----------
     material
-        Its id, "" between two grades.
+        Its id, "" between two grades and of a part.
     kind
-        "level", "tilt" or "between".
+        "level", "tilt", "between", or "part": what its own simulation may be off by.
     sd
         Of its size.
     weight : (S,)
@@ -274,7 +274,7 @@ class Calibration:
 
 
 def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
-    """Return the ways that matter to a setup: of grades and gaps between grades that it holds."""
+    """Return the ways that matter to a setup: of its grades, gaps between these, and parts."""
     at = np.array([m.coordinate for m in palette.materials])
     where = np.clip(setup.coordinate, at[0], at[-1])
     found = []
@@ -289,6 +289,9 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
         bump = 4.0 * t * (1.0 - t)
         if bump.max() > 0.01:
             found.append(Calibration("", "between", _BETWEEN_SD, bump))
+    for part in dict.fromkeys(part for part in setup.parts if part is not None):
+        its = setup.on_slices(np.array([part is one for one in setup.parts], dtype=np.float64))
+        found.append(Calibration("", "part", part.log_sd, its))
     return tuple(found)
 
 
@@ -535,10 +538,7 @@ def discrepancy_columns(
 
     In compression another law is at work: it departs by itself.
     """
-    names = [
-        (s.material if s.profile is None else f"bar {s.profile.name}", s.pushed)
-        for s in campaign.specimens
-    ]
+    names = [(s.named, s.pushed) for s in campaign.specimens]
     decays = np.exp(-table.strain[:, None] / np.array(_DECAYS))
     force = np.where(table.is_field, 0.0, _DISCREPANCY_SD * sensitivity)[:, None] * decays
     # Laws of one family miss the same bends, whatever the material.

@@ -519,21 +519,32 @@ def _coupon_limit(specimen: Specimen, palette: Palette) -> float:
     among = palette.materials
     if specimen.pushed:
         return PUSHED_END
+    if specimen.part is not None:
+        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
     if specimen.material is not None:
         among = (palette.resolve(specimen.material),)
     return _BREAK_SHARE * max(m.elongation_at_break for m in among)
 
 
 def _bar_limits_mm(setup: Setup, prediction: Prediction, palette: Palette) -> dict[int, float]:
-    """Return, of bars in which a slice is strained too far, the travel up to which none is."""
+    """Return, of bars in which a slice is strained too far, the travel up to which none is.
+
+    A part's corners are strained farther than what decides its force: there the mean over shares
+    of the force counts.
+    """
     at, breaks = np.array([(m.coordinate, m.elongation_at_break) for m in palette.materials]).T
     most = _BREAK_SHARE * np.interp(setup.coordinate, at, breaks)
     most = np.where(prediction.strain < 0.0, PUSHED_END, most)
-    over = np.abs(prediction.strain) > most * (1.0 + 1e-6)
+    reached = np.abs(prediction.strain) / (most * (1.0 + 1e-6))
     limits = {}
-    for number in np.flatnonzero(setup.is_bar).tolist():
+    for number, (design, part) in enumerate(zip(setup.designs, setup.parts, strict=True)):
+        if design is None and part is None:
+            continue
         here = slice(int(setup.first_slice[number]), int(setup.first_slice[number + 1]))
-        late = np.flatnonzero(over[:, here].any(axis=1))
+        farthest = reached[:, here].max(axis=1)
+        if part is not None:
+            farthest = np.sum(part.at(setup.travel_mm[number])[2] * reached[:, here], axis=1)
+        late = np.flatnonzero(farthest > 1.0)
         if len(late):
             limits[number] = float(setup.travel_mm[number, : late[0]].max())
     return limits
@@ -565,7 +576,8 @@ def _limitations(
     bare = {
         place
         for place in paths
-        if specimens[place].section_mm2(np.array([0.5 * specimens[place].gauge_mm])) is None
+        if specimens[place].part is None
+        and specimens[place].section_mm2(np.array([0.5 * specimens[place].gauge_mm])) is None
     }
     if bare:
         yield f"{ids(bare)}: the section is unknown; it is taken to be 1 mm2"

@@ -67,9 +67,13 @@ def _stress_at(strain: FloatArray, stress_MPa: FloatArray, at: FloatArray) -> Fl
 def predicted_stress_MPa(specimen: Specimen, palette: Palette, strain: FloatArray) -> FloatArray:
     """Return the mean nominal stress that the palette's laws give, roughly for a graded bar.
 
-    A bar's slices are taken as springs of their secant moduli at the mean strain. Of a compressed
-    specimen strain and stress are positive, too.
+    A bar's slices are taken as springs of their secant moduli at the mean strain; of a part, whose
+    section nobody states, the force stands for it. Of a compressed specimen strain and stress are
+    positive, too.
     """
+    if specimen.part is not None:
+        force, _, _ = specimen.part.response.at(strain * specimen.gauge_mm)
+        return force / (specimen.area_mm2 or 1.0)
     grades = np.array([m.coordinate for m in palette.materials])
     true = -strain if specimen.pushed else strain
     secants = np.stack(
@@ -121,6 +125,8 @@ def _log_load(specimen: Specimen, palette: Palette, *, stretched: float = 1.0) -
 def _law_end(specimen: Specimen, palette: Palette) -> float:
     if specimen.pushed:
         return PUSHED_END
+    if specimen.part is not None:
+        return float(specimen.part.response.displacement_mm[-1]) / specimen.gauge_mm
     if specimen.profile is None:
         return palette.resolve(specimen.material or "").elongation_at_break
     return min(m.elongation_at_break for m in palette.materials)
@@ -346,7 +352,7 @@ def _trend_residuals(specimens: Sequence[Specimen], values: Sequence[float]) -> 
 
 
 def _design(specimens: Sequence[Specimen]) -> FloatArray:
-    pieces = [s.material if s.profile is None else f"design {s.profile.name}" for s in specimens]
+    pieces = [s.named for s in specimens]
     columns = _indicators(pieces) + _indicators([s.orientation for s in specimens])[1:]
     for name, described in SPECIMEN_COLUMNS.items():
         values = [getattr(s, name) for s in specimens]

@@ -498,10 +498,10 @@ Physical: jetted parts print up to 0.3 mm oversize."""
 
 
 def _sizes(specimens: Sequence[Specimen]) -> Iterator[QualityProblem]:
-    """Yield implausible sizes; one that all specimens share is the campaign's."""
+    """Yield implausible sizes of coupons and bars; one that all share is the campaign's."""
     for name, column in SPECIMEN_COLUMNS.items():
         if column.is_size:
-            sized = [s for s in specimens if getattr(s, name) is not None]
+            sized = [s for s in specimens if getattr(s, name) is not None and s.part is None]
             yield from _shared(partial(_implausible, column=column), sized)
     for name in ("width", "thickness"):
         yield from _each(partial(_off_nominal, name=name), specimens)

@@ -713,7 +713,9 @@ def _mean_times_s(paths: Sequence[Path], grid: TimeGrid) -> FloatArray:
 
 
 def _slice_bounds_mm(specimen: Specimen, gauge_mm: float) -> FloatArray:
-    """Return the edges of a specimen's slices along the drawn gauge."""
+    """Return the edges of a specimen's slices along the drawn gauge; a part's are its bins."""
+    if specimen.part is not None:
+        return np.arange(len(specimen.part.response.coordinate) + 1.0)
     if specimen.profile is None:
         return np.array([0.0, gauge_mm])
     edges = slice_edges_mm(specimen.profile)
@@ -735,7 +737,8 @@ def assemble(
     for group, b in zip(groups, bounds, strict=True):
         middle = 0.5 * (b[1:] + b[:-1])
         coordinate.append(_coordinates(campaign, group[0], middle))
-        area.append(mean_section_mm2(group, middle))
+        none = group[0].part is not None
+        area.append(np.ones_like(middle) if none else mean_section_mm2(group, middle))
     reference = campaign.palette.reference
     covariates: dict[str, Any] = {}
     known: dict[str, BoolArray] = {}
@@ -766,6 +769,7 @@ def assemble(
                               for o in orientations]),
         known=known,
         designs=tuple(group[0].profile for group in groups),
+        parts=tuple(part.response if (part := group[0].part) else None for group in groups),
         x_mm=np.concatenate([0.5 * (b[1:] + b[:-1]) for b in bounds]),
         length_mm=np.concatenate([np.diff(b) for b in bounds]),
         coordinate=np.concatenate(coordinate),
@@ -809,9 +813,14 @@ def mean_section_mm2(group: Sequence[Specimen], x_mm: FloatArray) -> FloatArray:
 
 
 def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
-    """Return nominal `width_mm` or `thickness_mm`, else the design's mean, else the measured."""
+    """Return nominal `width_mm` or `thickness_mm`, else the design's mean, else the measured.
+
+    A part of no stated section is a sheet of its mean thickness, endlessly wide.
+    """
     own: float | None = getattr(specimen, name)
     design = specimen.profile
+    if own is None and specimen.part is not None:
+        return specimen.part.response.thickness_mm if name == "thickness_mm" else np.inf
     if own is None and design is not None and getattr(design, name) is not None:
         length = design.length_mm
         own = float(np.trapezoid(getattr(design, name), design.x_mm)) / length
@@ -819,6 +828,8 @@ def _nominal_size_mm(specimen: Specimen, name: str) -> float | None:
 
 
 def _coordinates(campaign: Campaign, specimen: Specimen, x_mm: FloatArray) -> FloatArray:
+    if specimen.part is not None:
+        return specimen.part.response.coordinate
     if specimen.profile is None:
         return np.full_like(x_mm, campaign.palette.resolve(specimen.material or "").coordinate)
     return specimen.profile.at(x_mm)

@@ -25,6 +25,7 @@ from planner.gap.effect import Effect, Form, Parameter, StatedEffect, stated, wi
 from planner.gap.effects import effect_named, effects_for
 from planner.gap.loading_direction import said_mode
 from planner.gap.noise import USUAL
+from planner.gap.parts import PartReader
 from planner.gap.segments import assemble, path_of, replicate_test
 from planner.numerics import FloatArray
 from planner.palette import Palette
@@ -203,7 +204,7 @@ def read_design(
 
     A folder's own palette counts. Where it has curves, their specimens go the ways that they
     went; else each goes that of its protocol, as far as a column `to_strain` says, or
-    `virtual_strain`. Forces are stand-ins.
+    `virtual_strain`; a part as far as `to_mm` says, or it was simulated. Forces are stand-ins.
 
     Parameters
     ----------
@@ -278,6 +279,7 @@ def _retraced(specimen: Specimen) -> Specimen | None:
 
 def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool) -> Campaign:
     rows, covariates, notes = read_list(file)
+    parts = PartReader(file.parent, palette)
     designs = [
         read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
         if row.profile
@@ -292,21 +294,28 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
         own = covariates[row.specimen]
         share = 1.0 if design is None else BAR_SHARE
         conditions = row.conditions()
-        conditions["gauge_mm"] = _gauge_mm(row, design, file)
-        for size in ("width_mm", "thickness_mm"):
-            conditions[size] = _size(row, size, design, file)
+        part = parts.read(row) if row.part else None
+        if part is None:
+            far = _figure(own.get("to_strain"), share * strain, row, file, "to_strain")
+            conditions["gauge_mm"] = _gauge_mm(row, design, file)
+            for size in ("width_mm", "thickness_mm"):
+                conditions[size] = _size(row, size, design, file)
+        else:
+            gauge, end_mm = part.response.gauge_mm, float(part.response.displacement_mm[-1])
+            far = _figure(own.get("to_mm"), end_mm, row, file, "to_mm") / gauge
+            conditions["gauge_mm"] = gauge
         specimens.append(
             virtual_specimen(
                 palette,
                 id=row.specimen,
                 # What the list says is how far it goes; a bar else goes its share.
-                strain=_figure(own.get("to_strain"), share * strain, row, file, "to_strain")
-                / share,
+                strain=far / share,
                 hold_s=_figure(own.get("hold_s"), HOLD_S, row, file, "hold_s"),
                 camera=camera,
-                pushed=said_mode([row.mode, *own.values()]) == "compression",
+                pushed=part is None and said_mode([row.mode, *own.values()]) == "compression",
                 material=palette.resolve(row.material).id if row.material else None,
                 profile=design,
+                part=part,
                 covariates=own,
                 **conditions,
             )

@@ -170,9 +170,7 @@ def _tests(found: Characterisation, ax: "Axes") -> None:
 
 @_draw.register(Campaign)
 def _campaign(campaign: Campaign, ax: "Axes") -> None:
-    kinds = (s.material if s.profile is None else s.profile.name for s in campaign.specimens)
-    pairs = zip(kinds, campaign.specimens, strict=True)
-    _coloured(ax, ((str(kind), s.displacement_mm, s.force_N) for kind, s in pairs))
+    _coloured(ax, ((s.made_of, s.displacement_mm, s.force_N) for s in campaign.specimens))
     ax.set(xlabel="displacement, mm", ylabel="force, N", title=campaign.name)
 
 

@@ -1,10 +1,11 @@
-"""Force and strains of bars that are pulled: slices in series under one force."""
+"""Force and strains of bars that are pulled, slices in series under one force, and of parts."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from itertools import zip_longest
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights, p
 from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
+from planner.simulation.part_response import PartResponse, force_factor
 
 __all__ = [
     "FARTHEST",
@@ -355,7 +357,9 @@ of 0.05 of strain, and level beyond 1."""
 class PulledBars:
     """P bars that are pulled through T steps, cut into S slices in all.
 
-    A coupon is a bar of one slice. Where no effect acts, attributes are those of `unaltered`.
+    A coupon is a bar of one slice. A whole part's slices are the bins of its response, each of
+    length and section 1: they go through the strains that the response says, and bear its shares
+    of the force. Where no effect acts, attributes are those of `unaltered`.
 
     Attributes
     ----------
@@ -404,6 +408,8 @@ class PulledBars:
         ``compliance_mm_N (F + joint_share joint_N ln(1 + F / joint_N))``.
     gain, offset_N : (P, T)
         Of the load cell: it shows ``gain F + offset``.
+    parts
+        Of each test the response of its part, None of a bar; () where all are bars.
     """
 
     first_slice: IntArray
@@ -438,6 +444,7 @@ class PulledBars:
     softening_table: FloatArray = field(default_factory=lambda: np.zeros((21, 21)))
     set_table: FloatArray = field(default_factory=lambda: np.zeros(21))
     set_growth: float = 0.0
+    parts: tuple[PartResponse | None, ...] = ()
 
 
 def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
@@ -497,11 +504,6 @@ class Setup(PulledBars):
     def coordinate_range(self) -> tuple[float, float]:
         """Of the palette, softest to hardest."""
         return float(self.palette_coordinate[0]), float(self.palette_coordinate[-1])
-
-    @property
-    def is_bar(self) -> BoolArray:
-        """Which tests are graded bars, (P,)."""
-        return np.array([design is not None for design in self.designs])
 
     def on_slices(self, values: FloatArray) -> FloatArray:
         """Return values of the tests, (P,), on their slices, (S,)."""
@@ -643,6 +645,9 @@ def _slice_stress(
 # changes evenly, so that relaxing terms follow exactly. Where Newton's method does not settle, the
 # force is bracketed and each slice's strain with it: slow, but certain to end with finite numbers.
 
+
+_TOLERANCE = 1e-10
+"""Of the force, and of the length. Numerical: where Newton's method ends, far below any sensor."""
 
 _LOW = -0.6
 _ABOVE = 1.0
@@ -896,11 +901,68 @@ def _follow_path(
 
 
 # ------------------------------------------------------------------------------------------------
+# A whole part: each bin of its material is strained as its response says, by itself and with all
+# that it remembers. Its stress over the palette's there is what the bin's share of the force goes
+# by. What grips and machine take of the travel is taken before.
+
+
+@free_kernel
+def _take_travel(tests: _Record, force_N: FloatArray, lost: FloatArray, slope: FloatArray) -> None:
+    """Fill in what one test's grips and machine take of the travel, and its derivative, (T,)."""
+    largest_N = 0.0
+    for t in range(len(force_N)):
+        lost[t], slope[t] = _lost_travel(force_N[t], largest_N, tests[0])
+        largest_N = max(largest_N, force_N[t])
+
+
+_AT_REST = 1e-6
+"""Of a response's last displacement: below it strains are none. Numerical: so that stresses at rest
+have a ratio."""
+
+
+def _move_part(
+    response: PartResponse,
+    palette: LawTables,
+    test: _Record,
+    path: _Record,
+    follow: Callable[[_Record, _Record], None],
+) -> None:
+    """Fill in the forces of a part's test.
+
+    Parameters
+    ----------
+    palette
+        The laws that the response holds for.
+    test, path
+        (1,) and (T,).
+    follow
+        Pulls tests, (n,), along paths, (n, T): fills in strains of their slices, and forces.
+    """
+    bins = np.arange(test["first"][0], test["stop"][0])
+    alone = np.zeros(len(bins), dtype=_TEST)
+    alone["first"], alone["stop"] = bins, bins + 1
+    ways = np.repeat(path[None], len(bins), axis=0)
+    lost, slope = np.zeros((2, len(path)))
+    end = float(response.displacement_mm[-1])
+    least, moved = _AT_REST * end, path["travel_mm"].copy()
+    for _ in range(_ITERATIONS):
+        at = np.maximum(moved, least)
+        usual_N, strain, share = response.at(at)
+        ways["travel_mm"] = strain.T
+        follow(alone, ways)
+        usual_MPa, _ = palette.stress_and_tangent_MPa(response.coordinate, strain)
+        factor = force_factor(ways["force_N"].T / usual_MPa, share)
+        path["force_N"] = factor * usual_N + usual_N / at * np.minimum(moved - least, 0.0)
+        _take_travel(test, path["force_N"].copy(), lost, slope)
+        gap = path["travel_mm"] - lost - moved
+        if np.abs(gap).max() <= _TOLERANCE * end:
+            break
+        stiffness = factor * (response.at(at + least)[0] - usual_N) / least
+        moved += gap / (1.0 + slope * np.maximum(stiffness, 0.0))
+
+
+# ------------------------------------------------------------------------------------------------
 # What every test of a setup would show: force on the load cell, strain of every slice.
-
-
-_TOLERANCE = 1e-10
-"""Of the force, and of the length. Numerical: where Newton's method ends, far below any sensor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -942,6 +1004,9 @@ def _differs(bars: PulledBars, like: PulledBars) -> BoolArray:
         if name in _OF_ALL:
             differs |= not np.array_equal(own, other)
             continue
+        if name == "parts":
+            differs |= np.array([a is not b for a, b in zip_longest(own, other)], dtype=np.bool_)
+            continue
         changed = (own != other).reshape(len(own), -1).any(axis=1)
         if len(changed) != len(differs):
             changed = np.logical_or.reduceat(changed, bars.first_slice[:-1])
@@ -968,6 +1033,7 @@ def predict(
         By the same laws, of as many tests, steps and slices: tests that are the same in it are not
         followed again, and show the same to the last digit.
     """
+    palette = laws
     tests = np.empty(len(bars.time_s), dtype=_TEST)
     tests["first"], tests["stop"] = bars.first_slice[:-1], bars.first_slice[1:]
     for name in _LOSSES:
@@ -1004,14 +1070,25 @@ def predict(
     if like is not None and not stiffness:
         some = _differs(bars, like.bars)
         strain[:], force[:] = like.strain * np.where(pushed, -1.0, 1.0), like.force_N
-        tests, paths = tests[some], paths[some]
     # Copies, for kernels are compiled for arrays of one kind.
     softening = np.array(bars.softening_table, dtype=np.float64)
     left = np.array(bars.set_table, dtype=np.float64)
-    _follow_path(
-        tests, paths, slices, terms, relaxing, laws.cubics, laws.strain_step, softening, left,
-        bars.set_growth, tolerance, strain, stiffness_N,
-    )  # fmt: skip
+
+    def follow(tests: _Record, paths: _Record) -> None:
+        _follow_path(
+            tests, paths, slices.copy(), terms.copy(), relaxing.copy(), laws.cubics,
+            laws.strain_step, softening, left, bars.set_growth, tolerance, strain, stiffness_N,
+        )  # fmt: skip
+
+    of_bars = some.copy()
+    for number, part in enumerate(bars.parts):
+        if part is not None and some[number]:
+            of_bars[number] = False
+            _move_part(part, palette, tests[number : number + 1], paths[number], follow)
+    alone = paths[of_bars]
+    follow(tests[of_bars], alone)
+    paths[of_bars] = alone
+    paths = paths[some]
     signed = np.where(bars.pushed[some, None], -1.0, 1.0) * paths["force_N"]
     force[some] = bars.gain[some] * signed + bars.offset_N[some]
     return Prediction(force, np.where(pushed, -strain, strain), stiffness_N, bars)

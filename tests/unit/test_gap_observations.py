@@ -172,7 +172,7 @@ def test_covariates_are_the_records_or_unknown(model):
     assert not setup.known["soak_h"].any()
     assert not setup.known["orientation"].any()
     assert setup.age_days.tolist() == [9.0] * 5  # the reference's, and not known
-    assert setup.is_bar.tolist() == [False, False, True, False, False]
+    assert [design is not None for design in setup.designs] == [False, False, True, False, False]
 
 
 def test_features_lie_on_the_curves_within_noise(model):

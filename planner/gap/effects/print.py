@@ -622,5 +622,6 @@ SKIN = Effect(
     ),
     where=("thickness_mm", "width_mm"),
     changes=("section",),
+    channels=("section",),
     advice=_take_off,
 )

@@ -1,0 +1,283 @@
+"""A whole part pulled step by step, and what each of its mixtures has to do with its force."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.errors import ArgumentError, FileError
+from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
+from planner.materials.mixtures import CoefficientModel
+from planner.mesh.mesh import Mesh
+from planner.numerics import FloatArray, IntArray
+from planner.palette import Palette
+from planner.simulation.cut_cells import CutCells, cut_cells
+from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.part import open_solid
+from planner.simulation.part_response import PartResponse
+from planner.simulation.solid import (
+    POISSON,
+    Body,
+    LostStabilityError,
+    Mechanics,
+    facet_points,
+)
+from planner.simulation.sparse_cholesky import analyse
+
+__all__ = ["LoadedPart", "Moved", "followed", "loaded_part", "part_response", "response_of"]
+
+
+# ------------------------------------------------------------------------------------------------
+# A plan, held and loaded in one way, cut into cells.
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedPart:
+    """A part's cells with what fills them, its supports and its load.
+
+    Attributes
+    ----------
+    coordinate : (Q,)
+        Of the mixture at the cells' quadrature points.
+    """
+
+    name: str
+    surface: Mesh
+    cells: CutCells
+    coordinate: FloatArray
+    conditions: Conditions
+
+
+_CELLS = 1500
+"""Of material, where no size is given. Chosen: a part that bends is within about two per cent, less
+than its prints scatter by."""
+
+
+def loaded_part(
+    source: object,
+    palette: Palette,
+    *,
+    fix: Sequence[str],
+    move: str = "",
+    load: str = "",
+    cell_mm: float | None = None,
+) -> LoadedPart:
+    """Read a plan and cut its part into cells.
+
+    Parameters
+    ----------
+    source
+        A plan, its folder or its plan.json.
+    fix, move, load
+        As of `planner.simulate`; one of `move` and `load`, the other "".
+
+    Raises
+    ------
+    FileError
+        No such plan, or selectors and loads that mean nothing on this part.
+    """
+    try:
+        solid = open_solid(source, None, None, None, palette)
+        edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
+        cells = cut_cells(solid.surface, edge)
+        conditions = read_conditions(
+            cells.surface, fix=fix, move=[move] if move else [], load=[load] if load else []
+        )
+    except ArgumentError as error:
+        raise FileError(
+            f"part {Path(str(getattr(source, 'file', source))).name}: {error}"
+        ) from error
+    lattice = np.repeat(cells.index, np.diff(cells.offsets), axis=0) + 0.5 * (cells.points + 1.0)
+    coordinate = solid.filling(cells.origin_mm + lattice * cells.cell_mm)
+    return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
+
+
+# ------------------------------------------------------------------------------------------------
+# Equilibria along the load, with the derivative of the force by the law at every point.
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """Equilibria of a part: mean displacement of what is loaded, the force on it, and its points.
+
+    Attributes
+    ----------
+    displacement_mm, force_N : (n,)
+        Along the load.
+    strain, share : (n, Q)
+        As of `PartResponse`, at the quadrature points; without rows where they were not asked for.
+    """
+
+    displacement_mm: FloatArray
+    force_N: FloatArray
+    strain: FloatArray
+    share: FloatArray
+
+
+def followed(
+    part: LoadedPart,
+    table: MarlowTable,
+    steps: Sequence[float],
+    *,
+    sensitive: bool = True,
+    coordinate: FloatArray | None = None,
+) -> Moved:
+    """Load a part in steps, shares of its whole load, as far as it is stable.
+
+    Parameters
+    ----------
+    table
+        Laws; the palette's, or others.
+    coordinate : (Q,), optional
+        Of the mixtures, if others than the part's.
+    """
+    cells, conditions = part.cells, part.conditions
+    body = Body(cells, table, part.coordinate if coordinate is None else coordinate)
+    mechanics = Mechanics(body, conditions, analyse(cells.nodes, cells.node_mm))
+    moving = [k for k, support in enumerate(conditions.supports) if support.moves]
+    if moving:
+        whole = np.array([u or 0.0 for u in conditions.supports[moving[0]].displacement_mm])
+        points = mechanics.held[moving[0]].points
+    else:
+        whole = np.array(conditions.forces[0].force_N)
+        points = facet_points(cells, conditions.forces[0].facets)
+    size = float(np.linalg.norm(whole))
+    along = whole / size
+    if moving:
+        weights = mechanics.reaction_weights(moving[0], along)
+    else:
+        weights = mechanics.mean_weights(points, along)
+    found: list[tuple[float | FloatArray, ...]] = []
+    try:
+        for state, factored in mechanics.follow(list(steps)):
+            force = state.share * size
+            if moving:
+                force = float(mechanics.reactions(state)[moving[0]] @ along)
+            strain = share = np.empty(0)
+            if sensitive:
+                own = mechanics.sensitivity(state, factored, weights)
+                share = own.log_stress + own.log_bulk
+                share = share / share.sum()
+                strain = uniaxial_strain(mechanics.observe(state).x)
+            moved = float(mechanics.mean(points, state.displacement_mm) @ along)
+            found.append((moved, force, strain, share))
+    except LostStabilityError:
+        pass  # as far as it came
+    return Moved(*(np.array([step[k] for step in found]) for k in range(4)))
+
+
+# ------------------------------------------------------------------------------------------------
+# The response: points of nearly one mixture and one strain together in a bin.
+
+
+_STEPS = (0.02, *(0.1 * k for k in range(1, 11)))
+"""Shares of the load. Numerical: the first tells the part at rest; between them cubics."""
+
+_BINS = 36
+"""Of a part. Numerical: an effect's change of ln stress differs little within a bin."""
+
+_MIXTURES = 12
+"""Groups of mixtures, where a part has more of them. Numerical: as a palette has grades."""
+
+_COARSER = 1.5
+"""Times larger the cells are that tell how far the force depends on them."""
+
+_HELD = 0.01
+"""Of ln force, whatever the cells. Chosen: what clamps that do not give are off by."""
+
+
+def part_response(
+    source: object,
+    palette: Palette,
+    *,
+    fix: Sequence[str],
+    move: str = "",
+    load: str = "",
+    cell_mm: float | None = None,
+    compare_cells: bool = True,
+) -> PartResponse:
+    """Simulate a plan with its supports and its load; see `loaded_part`.
+
+    Raises
+    ------
+    FileError
+        As `loaded_part`; or no equilibrium is found.
+    """
+    part = loaded_part(source, palette, fix=fix, move=move, load=load, cell_mm=cell_mm)
+    table = marlow_table(CoefficientModel(palette), poisson=POISSON)
+    moved = followed(part, table, _STEPS)
+    log_sd = _HELD
+    if compare_cells and len(moved.force_N) > 1:
+        edge = _COARSER * float(part.cells.cell_mm.max())
+        coarser = loaded_part(source, palette, fix=fix, move=move, load=load, cell_mm=edge)
+        other = followed(coarser, table, _STEPS[:3], sensitive=False)
+        if len(other.force_N):
+            fine = np.interp(other.displacement_mm[-1], moved.displacement_mm, moved.force_N)
+            log_sd = math.hypot(_HELD, abs(math.log(max(other.force_N[-1], 1e-300) / fine)))
+    return response_of(part, moved, log_sd=log_sd)
+
+
+def response_of(part: LoadedPart, moved: Moved, *, log_sd: float) -> PartResponse:
+    """Return a part's response from what its points do.
+
+    Raises
+    ------
+    FileError
+        It was not solved for two steps, or does not resist.
+    """
+    if len(moved.force_N) < 2:
+        raise FileError(
+            f"part {part.name}: no equilibrium under its load; take a smaller one, or one that "
+            "does not push a slender part along itself"
+        )
+    weight = np.abs(moved.share).mean(axis=0)
+    weight += 1e-9 * weight.max()  # a point that bears nothing has a mean too
+    bin_of = _bins(part.coordinate, moved.strain[-1], weight)
+    count = int(bin_of.max()) + 1
+
+    def summed(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(bin_of, values, count), dtype=np.float64)
+
+    total = summed(weight)
+    return PartResponse(
+        part.name,
+        moved.displacement_mm,
+        moved.force_N,
+        summed(weight * part.coordinate) / total,
+        np.stack([summed(weight * strain) / total for strain in moved.strain]),
+        np.stack([summed(share) for share in moved.share]),
+        thickness_mm=2.0 * part.surface.volume_mm3 / part.surface.area_mm2,
+        log_sd=log_sd,
+    )
+
+
+def _bins(coordinate: FloatArray, strain: FloatArray, weight: FloatArray) -> IntArray:
+    """Return the number of each point's bin: groups of mixtures, each cut by its last strain.
+
+    Groups have as many bins as their part of the weight, one at least.
+    """
+    mixtures = np.unique(np.round(coordinate, 9))
+    group: IntArray = np.searchsorted(mixtures, np.round(coordinate, 9))
+    if len(mixtures) > _MIXTURES:
+        group = _quantiles(coordinate, weight, _MIXTURES)
+    bins = np.empty(len(coordinate), dtype=np.int64)
+    first = 0
+    for number in np.unique(group).tolist():
+        own = group == number
+        wanted = max(1, round(_BINS * float(weight[own].sum() / weight.sum())))
+        within = _quantiles(strain[own], weight[own], wanted)
+        _, within = np.unique(within, return_inverse=True)
+        bins[own] = first + within
+        first += int(within.max()) + 1
+    return bins
+
+
+def _quantiles(values: FloatArray, weight: FloatArray, count: int) -> IntArray:
+    """Return in which of so many groups of equal weight each value lies."""
+    order = np.argsort(values, kind="stable")
+    reach = np.cumsum(weight[order])
+    found = np.empty(len(values), dtype=np.int64)
+    found[order] = np.minimum((count * (reach - 0.5 * weight[order]) / reach[-1]), count - 1)
+    return found
