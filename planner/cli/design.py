@@ -137,6 +137,7 @@ def _report(made: "PartDesign", folder: Path) -> None:
     say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
     if made.strain_over_break is not None:
         say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
-    for words in [f.message for f in (*made.findings, *made.plan.findings[:3])]:
+    told = [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]
+    for words in told:
         finding(words)
     say(f"wrote {folder}: what planner grade writes, design.json and profile.csv")
