@@ -462,6 +462,11 @@ def unaltered(first_slice: IntArray, steps: int) -> dict[str, Any]:
     }
 
 
+_SLOWEST = 1e-3
+"""Of a part's mean strain rate, that of any bin. Numerical: so that it has a logarithm; what is
+strained so little bears hardly any share."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Setup(PulledBars):
     """Every test of a campaign with its conditions; an effect returns a changed copy.
@@ -504,6 +509,18 @@ class Setup(PulledBars):
     def coordinate_range(self) -> tuple[float, float]:
         """Of the palette, softest to hardest."""
         return float(self.palette_coordinate[0]), float(self.palette_coordinate[-1])
+
+    @property
+    def rate_ratio(self) -> FloatArray:
+        """How fast each slice is strained over its test's `rate_per_s`, (S,); 1 in a bar."""
+        ratio = np.ones(len(self.coordinate))
+        for number, part in enumerate(self.parts):
+            if part is not None:
+                end_mm = self.travel_mm[number].max(keepdims=True)
+                nominal = end_mm / self.gauge_mm[number]
+                bins = slice(self.first_slice[number], self.first_slice[number + 1])
+                ratio[bins] = np.maximum(part.at(end_mm)[1][0] / nominal, _SLOWEST)
+        return ratio
 
     def on_slices(self, values: FloatArray) -> FloatArray:
         """Return values of the tests, (P,), on their slices, (S,)."""

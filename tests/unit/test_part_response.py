@@ -104,7 +104,7 @@ def test_unaltered_it_bears_what_the_response_says(bar, part, laws):
         "material-law:form=FLX9750 factor,log_factor=0.3",
         "material-law:form=FLX9740 tilt,log_tilt=0.3", "ageing:change=0.1",
         "moisture:softening=0.2",
-        "rate:rise=0.1", "rate:form=prony,share=0.5,centre=10", "machine-compliance:compliance=0.1",
+        "rate:form=prony,share=0.5,centre=10", "machine-compliance:compliance=0.1",
         "rate:form=graded-prony,share=0.4,centre=10,peak=0.3", "grip-slack:slack=1",
         "grip-slip:slip=0.2,hold=2", "force-scale:log_gain=0.2", "force-offset:offset=0.2",
         "strain-scale:log_factor=0.1", "softening:softening=0.3,scale=0.1,power=1",
@@ -123,3 +123,17 @@ def test_effects_change_its_force_as_they_change_the_bar_s(bar, part, laws, pale
     found, exact = found[taut], exact[taut]
     assert change > 0.015 * plain.max()
     assert np.abs(found - exact).max() < 0.1 * change
+
+
+def test_each_bin_is_strained_at_its_own_rate(bar, part, laws, palette):
+    """Softest slices are strained some times faster than the part as a whole."""
+    one = [stated_effect("rate:rise=0.1", palette)]
+    fast = {"rate_per_s": np.array([0.2])}
+    ratio = part.rate_ratio
+    strain = predict(bar, laws).strain[STEPS - 1]
+    np.testing.assert_allclose(ratio, strain / (END_MM / 40.0), rtol=1e-2)
+    exact = with_effects(bar.with_(**fast), one).stiffened(0.1 * np.log10(ratio))
+    force = predict(exact, laws).force_N[0]
+    found = predict(with_effects(part.with_(**fast), one), laws).force_N[0]
+    change = np.abs(force - predict(bar, laws).force_N[0]).max()
+    assert np.abs(found - force).max() < 0.1 * change

@@ -391,14 +391,15 @@ _CENTRE = Parameter("centre", 0.05, 2000.0, "middle of the relaxation times", "s
 
 
 def _rate_decades(setup: Setup) -> FloatArray:
-    """Decades of strain rate above the reference, (P,)."""
-    return np.log10(_condition(setup, "rate_per_s") / _reference(setup, "rate_per_s"))
+    """Decades of strain rate above the reference, (S,)."""
+    rate = setup.on_slices(_condition(setup, "rate_per_s")) * setup.rate_ratio
+    return np.log10(rate / _reference(setup, "rate_per_s"))
 
 
 def _rate_power(setup: Setup, values: Values) -> Setup:
     """Stiffen alike by every decade."""
     rise = _graded(setup, values["rise"], values)
-    return setup.stiffened(rise * setup.on_slices(_rate_decades(setup)))
+    return setup.stiffened(rise * _rate_decades(setup))
 
 
 def _relaxing(setup: Setup, spectrum_at: Callable[[FloatArray], FloatArray]) -> Setup:
