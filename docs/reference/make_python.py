@@ -14,6 +14,7 @@ TARGET = Path(__file__).with_name("python.md")
 COMMANDS = {
     "grade": "grade",
     "simulate": "simulate",
+    "design": "design",
     "export": "export",
     "invert": "invert",
     "materials": "list_materials",
@@ -27,7 +28,7 @@ COMMANDS = {
     "printers": "installed_printers",
     "gap diagnose": "diagnose",
     "gap correct": "correct",
-    "gap design": "design",
+    "gap design": "design_campaign",
     "gap simulate": "synthesise_campaign",
 }
 """The function that each command calls."""
@@ -41,10 +42,12 @@ command's options: `--at-strain` is `at_strain`; a length in mm or a modulus say
 `pitch_mm`; `--from` is `from_`, because `from` is Python's. What takes a file takes the value that
 is read from it, too: a plan, a campaign, a diagnosis, a palette, a printer.
 
-Four functions are not called as their command. `planner.slices`, `planner.materials` and
+Some functions are not called as their command. `planner.slices`, `planner.materials` and
 `planner.printers` are packages and a module, which a function of that name would hide or be hidden
 by: `write_slices`, `list_materials` and `installed_printers` do what those commands do.
-`planner simulate` and `planner gap simulate` have one name: the second is `synthesise_campaign`.
+`planner compare` is `compare_page`. `planner.simulate` and `planner.design` are of a part; of a
+campaign, as `planner gap simulate` and `planner gap design`, they are `synthesise_campaign` and
+`design_campaign`.
 
 Results come back as values; writing is a step of its own, `Plan.write`, `write_palette`,
 `write_campaign`, `write_diagnosis`. A result's `ok` is false where its command's exit code is 1; a

@@ -39,7 +39,7 @@ def design(
     ] = None,
     cases: Annotated[
         Path | None,
-        Option(help="TOML file of several load cases: [[case]] with fix, load, target, name."),
+        Option(help="TOML file of several load cases: tables 'case' with fix, load, target, name."),
     ] = None,
     limit: Annotated[
         list[str] | None, Option(help="'strain/break<0.5' or 'slope<0.1 /mm'. Repeatable.")

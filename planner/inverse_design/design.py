@@ -233,8 +233,18 @@ def design(
         gradient from `from_` to `to`; or ``soft``, which has least of what is stiff.
     blend
         As `planner.grade`: ``nearest`` or ``dither``.
+    at_strain
+        Working strain at which moduli are secants.
+    cell_mm
+        Edge of the cells; about 2000 by default.
     tolerance
         Relative miss of a target that is accepted.
+    level
+        How probably an interval holds what a print does.
+    printer, palette, unit, name
+        As `planner.grade`.
+    progress
+        Called with a few words when a stage begins.
 
     Returns
     -------
@@ -245,6 +255,15 @@ def design(
     ------
     PlannerError
         Bad input, with what to do about it.
+
+    Examples
+    --------
+    >>> made = planner.design(  # doctest: +SKIP
+    ...     "finger.stl", from_="Tango", to="Vero", axis="x",
+    ...     fix="x=max", load="x=min: 0,0,-0.5 N", target="x=min uz=-12 mm",
+    ... )
+    >>> made.reached[0].printed, made.reached[0].interval  # doctest: +SKIP
+    >>> made.write("finger-designed")  # doctest: +SKIP
     """
     texts = _texts(target)
     if texts:

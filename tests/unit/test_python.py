@@ -103,6 +103,7 @@ def test_importing_planner_imports_nothing_else() -> None:
 
 
 BLOCK = "grade finger.stl --from Tango --to Vero"
+DESIGN = "design finger.stl --from Tango --to Vero"
 WRONG = [
     ("grade", {"from_": "Tango"}, "grade finger.stl --from Tango", "`from_` Tango `to` Vero"),
     ("grade", {"from_": "Tango", "to": "Tango"}, "grade finger.stl --from Tango --to Tango",
@@ -121,6 +122,15 @@ WRONG = [
     ("simulate", {"hold_s": -1.0}, "simulate FLX9760 --hold-s -1", "`hold_s` -1: it must be"),
     ("simulate", {"between_mm": (9.0, 3.0)}, "simulate FLX9760 --between 9:3",
      "`between_mm` 9:3: it must rise"),
+    ("design", {"target": "x=min uz=-1 mm", "knots": 1}, [*DESIGN.split(), "--target",
+     "x=min uz=-1 mm", "--knots", "1"], "`knots` 1: it must be a whole number from 2 to"),
+    ("design", {"target": "x=min uw=-1 mm"}, [*DESIGN.split(), "--target", "x=min uw=-1 mm"],
+     "`target` x=min uw=-1 mm: no such quantity 'uw'"),
+    ("design", {"target": "x=min uz=-1"}, [*DESIGN.split(), "--target", "x=min uz=-1"],
+     "`target` x=min uz=-1: the unit is missing"),
+    ("design", {"target": "x=min uz=-1 mm", "prefer": "smoth"}, [*DESIGN.split(), "--target",
+     "x=min uz=-1 mm", "--prefer", "smoth"], "`prefer` smoth: did you mean smooth"),
+    ("design", {}, DESIGN, "`target` is missing"),
     ("invert", {}, "invert --modulus 0", "`modulus_MPa` 0: it must be above 0 MPa"),
     ("list_materials", {"at_strain": 0.0}, "materials --at-strain 0", "`at_strain` 0: the"),
     ("design_campaign", {"budget": 1000}, "gap design --effects rate --budget 1000 -o d",
@@ -134,7 +144,7 @@ WRONG = [
     ("diagnose", {"without": "rat"}, "gap diagnose lab --without rat", "`without` rat: no such"),
 ]  # fmt: skip
 FIRST = {
-    "grade": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0], "list_materials": [],
+    "grade": ["finger.stl"], "design": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0], "list_materials": [],
     "design_campaign": ["rate"], "synthesise_campaign": ["lab"], "diagnose": ["lab"],
 }  # fmt: skip
 OPTIONS = {
@@ -150,7 +160,7 @@ def test_messages_name_arguments_in_python_and_options_on_the_command_line(
     monkeypatch.chdir(tmp_path)
     Path("finger.stl").symlink_to(samples / "finger.stl")
     Path("lab").symlink_to(samples / "warm-lab")
-    if name == "grade" and "from_" not in wrong:
+    if name in {"grade", "design"} and "from_" not in wrong:
         wrong = {"from_": "Tango", "to": "Vero", **wrong}
     with pytest.raises(planner.PlannerError) as caught:
         getattr(planner, name)(*FIRST[name], **wrong)
