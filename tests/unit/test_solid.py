@@ -1,0 +1,386 @@
+"""The solid against what is known: exact fields, textbook figures, differences, itself."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from planner.materials.marlow import MarlowTable
+from planner.mesh.mesh import Mesh
+from planner.simulation import solid
+from planner.simulation.cut_cells import cut_cells
+from planner.simulation.loads import Conditions, Force, Pressure, Support
+from planner.simulation.solid import Body, Mechanics, facet_points
+from planner.simulation.sparse_cholesky import analyse
+
+# ------------------------------------------------------------------------------------------------
+# Bodies
+
+
+def faces_of(size, counts):
+    """The surface of a lattice of cells: eight triangles on a cell's face, as `cut_cells` has
+    at least; the points of two would not hold all nine nodes of a face."""
+    counts = 2 * counts
+    quads = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        corner = np.stack(np.indices((counts[u], counts[v])), -1).reshape(-1, 1, 2)
+        corner = (corner + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * (size / counts)[[u, v]]
+        for end in (0.0, size[axis]):
+            quad = np.full((len(corner), 4, 3), end)
+            quad[:, :, [u, v]] = corner
+            quads.append(quad if end else quad[:, ::-1])
+    corners = np.concatenate(quads)
+    four = np.arange(4 * len(corners)).reshape(-1, 4)
+    return Mesh(corners.reshape(-1, 3), np.concatenate([four[:, :3], four[:, [0, 2, 3]]]))
+
+
+def lattice(size, counts):
+    """A box of whole cells of any proportions, which `cut_cells` would make nearly cubes."""
+    size, counts = np.array(size, float), np.array(counts)
+    cell = size / counts
+    index = np.stack(np.indices(counts), -1).reshape(-1, 3)
+    a = np.arange(27)
+    place = 2 * index[:, None] + np.stack([a % 3, a // 3 % 3, a // 9], axis=1)
+    grid = 2 * counts + 1
+    at, weight = np.polynomial.legendre.leggauss(3)
+    points = np.stack(np.meshgrid(at, at, at, indexing="ij"), -1).reshape(-1, 3)
+    weights = np.einsum("i,j,k->ijk", weight, weight, weight).ravel() * cell.prod() / 8.0
+
+    def locate(places, inward):
+        own = np.clip((places + 1e-9 * inward) // cell, 0, counts - 1).astype(int)
+        return np.ravel_multi_index(own.T, counts), 2.0 * (places / cell - own) - 1.0
+
+    return SimpleNamespace(
+        origin_mm=np.zeros(3), cell_mm=cell, index=index, offsets=27 * np.arange(len(index) + 1),
+        nodes=np.ravel_multi_index(np.moveaxis(place, 2, 0), grid).astype(np.int32),
+        node_mm=np.stack(np.indices(grid), -1).reshape(-1, 3) * cell / 2.0,
+        points=np.tile(points, (len(index), 1)), weights_mm3=np.tile(weights, len(index)),
+        surface=faces_of(size, counts), locate=locate,
+    )  # fmt: skip
+
+
+def prism(quads, height):
+    """A prism over quadrilaterals, (n, 4, 2), counter-clockwise, that share whole edges."""
+    corners = np.round(np.reshape(quads, (-1, 2)), 9)
+    flat, number = np.unique(corners, axis=0, return_inverse=True)
+    four, count = number.reshape(-1, 4), len(flat)
+    top = np.concatenate([four[:, [0, 1, 2]], four[:, [0, 2, 3]]])
+    edges = {(q[k - 1], q[k]) for q in four.tolist() for k in range(4)}
+    a, b = np.array(sorted(e for e in edges if e[::-1] not in edges)).T
+    c, d = b + count, a + count
+    sides = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    z = np.repeat([0.0, height], count)[:, None]
+    faces = np.concatenate([top[:, ::-1], top + count, sides])
+    return Mesh(np.hstack([np.tile(flat, (2, 1)), z]), faces)
+
+
+def places(cells):
+    """Quadrature points in mm."""
+    of = np.repeat(np.arange(len(cells.index)), np.diff(cells.offsets))
+    return cells.origin_mm + (cells.index[of] + (cells.points + 1.0) / 2.0) * cells.cell_mm
+
+
+def on(cells, axis, at):
+    """The facets in a plane."""
+    return (np.abs(cells.surface.triangles[:, :, axis] - at) < 1e-6).all(axis=1)
+
+
+def exponential(first, last, poisson):
+    """Neo-Hooke's law with Young's modulus from `first` to `last` as the coordinate goes to 1."""
+    log = np.log(np.array([first, last]) / (4.0 * (1.0 + poisson)))
+    x = 0.01 * np.arange(201)
+    slope = np.zeros((2, len(x), 2))
+    slope[..., 0] = log[:, None]
+    return MarlowTable(
+        np.array([0.0, 1.0]), 0.01, slope, np.exp(log)[:, None] * x * x, np.ones(2)
+    )  # fmt: skip
+
+
+def mechanics(body, held, forces=(), pressures=(), gravity=None, **more):
+    """A body with supports, forces and pressures, each facets and a value."""
+    conditions = Conditions(
+        tuple(Support("", *one) for one in held), tuple(Force("", *one) for one in forces),
+        tuple(Pressure("", *one) for one in pressures), gravity,
+    )  # fmt: skip
+    return Mechanics(body, conditions, analyse(body.cells.nodes, body.cells.node_mm), **more)
+
+
+def neo_hooke(cells, held, *, E=1.0, to=None, share=None, poisson=0.49, **loads):
+    table = exponential(E, E if to is None else to, poisson)
+    share = np.zeros(len(cells.points)) if share is None else share
+    return mechanics(Body(cells, table, share, poisson), held, **loads)
+
+
+def settled(problem, shares=(1.0,)):
+    """The last equilibrium."""
+    return list(problem.follow(shares))[-1][0]
+
+
+def mean(problem, state, facets):
+    return problem.mean(facet_points(problem.body.cells, facets), state.displacement_mm)
+
+
+def evenly(cells, ends=(None, None, None)):
+    """Supports on the three planes through the lower corner; a displacement of upper ones."""
+    low, high = cells.surface.bounds_mm
+    none = [None, None, None]
+    out = [(on(cells, k, low[k]), (*none[:k], 0.0, *none[k + 1 :])) for k in range(3)]
+    for k, end in enumerate(ends):
+        if end is not None:
+            out.append((on(cells, k, high[k]), (*none[:k], end, *none[k + 1 :])))
+    return out
+
+
+OBLIQUE = prism([[(0, 0), (5, 0), (3.9, 4.3), (0, 5.7)]], 6.0)
+"""Two faces in the planes x = 0 and y = 0, two slanted: cells are cut, some to slivers."""
+
+
+def turned_box():
+    """A box that no plane of the lattice is parallel to."""
+    size, axis = np.array([9.0, 6.0, 5.0]), np.array([1.0, 1.0, 0.3]) / np.sqrt(2.09)
+    cross = np.cross(np.eye(3), axis)
+    turn = np.eye(3) + np.sin(0.6) * cross + (1.0 - np.cos(0.6)) * cross @ cross
+    box = prism([[(0, 0), (1, 0), (1, 1), (0, 1)]], 1.0)
+    return Mesh(box.vertices * size @ turn.T, box.faces)
+
+
+# ------------------------------------------------------------------------------------------------
+# Fields that are exact
+
+
+@pytest.fixture(scope="module", params=["turned box", "cylinder", "two plates in a cell"])
+def cut(request):
+    if request.param == "turned box":
+        return cut_cells(turned_box(), 2.5)
+    if request.param == "cylinder":
+        a = np.linspace(0.0, 2.0 * np.pi, 33)
+        arc = np.stack([np.cos(a), np.sin(a)], axis=1)
+        ring = np.stack([arc[:-1], 4.0 * arc[:-1], 4.0 * arc[1:], arc[1:]], axis=1)
+        return cut_cells(prism(ring, 7.0), 2.3)
+    return cut_cells(two_plates(), 3.0)
+
+
+def two_plates():
+    """Two plates with a gap of 1 mm, both in one layer of cells of 3 mm along x."""
+    parts = [prism([[(x, 0), (x + 1, 0), (x + 1, 6), (x, 6)]], 6.0) for x in (0.0, 2.0)]
+    vertices = np.concatenate([part.vertices for part in parts])
+    return Mesh(vertices, np.concatenate([parts[0].faces, parts[1].faces + len(parts[0].vertices)]))
+
+
+def linear_field(problem, F):
+    """The state u = (F - I) X as Newton's method begins with it, and its pressures."""
+    cells = problem.body.cells
+    rest = problem.at_rest()
+    E = 0.5 * (F.T @ F - np.eye(3))
+    strain = np.tile(E[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]], (len(cells.points), 1))
+    pressure = np.zeros((len(cells.nodes), 4))
+    pressure[:, 0] = problem.bulk[0] * (np.linalg.det(F) - 1.0)
+    return solid.Equilibrium(
+        1.0, cells.node_mm @ (F - np.eye(3)).T, strain, rest.stress_MPa, pressure
+    )  # fmt: skip
+
+
+def first_piola_MPa(problem, F):
+    """Of Neo-Hooke's law W' (J^(-2/3) tr C - 3) + κ (J - 1)² / 2."""
+    J = np.linalg.det(F)
+    slope = float(np.exp(problem.body.table.log_slope_MPa[0, 0, 0]))
+    inverse = np.linalg.inv(F).T
+    shear = 2.0 * slope * J ** (-2.0 / 3.0) * (F - np.sum(F * F) / 3.0 * inverse)
+    return shear + problem.bulk[0] * (J - 1.0) * J * inverse
+
+
+STRETCH = np.array([[1.1, 0.05, -0.1], [0.2, 0.9, 0.15], [-0.05, 0.1, 1.2]])
+
+
+def test_cut_cells_hold_a_linear_field_exactly(cut):
+    """Its nodal forces are the exact stress times the integral of the gradients, no matter how
+    cells are cut: neither stabilisation nor the condensed pressures take part in it."""
+    problem = neo_hooke(cut, [], poisson=0.49)
+    assert np.any(problem.stabiliser > 0.0)
+    state = linear_field(problem, STRETCH)
+    residual, _ = problem._assembled(state, 0.0)
+    P = first_piola_MPa(problem, STRETCH)
+    _, gradient = solid.shape_functions(cut.points, cut.cell_mm)
+    each = np.einsum("q,qak,ik->qai", cut.weights_mm3, gradient, P)
+    of = np.repeat(np.arange(len(cut.index)), np.diff(cut.offsets))
+    wanted = solid._summed(cut.nodes[of], each, len(cut.node_mm))
+    # Rounding alone, on volumes of cells and a bulk modulus 50 times the shear modulus.
+    np.testing.assert_allclose(-residual, wanted, atol=1e-11 * np.abs(wanted).max())
+    x = problem.observe(state).x
+    I1 = np.sum(STRETCH**2) * np.linalg.det(STRETCH) ** (-2.0 / 3.0)
+    np.testing.assert_allclose(x, np.sqrt(I1 - 3.0), rtol=1e-11)
+
+
+def test_a_turned_body_is_unstrained_and_a_turned_state_turns_its_forces(cut):
+    a = 0.9
+    turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1.0]])
+    turn = turn[:, [1, 2, 0]]
+    problem = neo_hooke(cut, [])
+    whole, _ = problem._assembled(linear_field(problem, STRETCH), 0.0)
+    still, _ = problem._assembled(linear_field(problem, turn), 0.0)
+    assert np.abs(still).max() < 1e-11 * np.abs(whole).max()  # rounding
+    # A field of no special kind, with strains of its own, and the same one turned.
+    rng = np.random.default_rng(3)
+    state = linear_field(problem, np.eye(3))
+    u = 0.03 * rng.standard_normal(cut.node_mm.shape)
+    there = cut.node_mm + u
+    out = []
+    for v in (u, there @ turn.T - cut.node_mm):
+        seen = problem.observe(solid.Equilibrium(1.0, v, *[state.strain] * 2, state.pressure))
+        one = solid.Equilibrium(1.0, v, seen.strain, 0.0 * seen.strain, state.pressure)
+        out.append((seen.x, seen.strain, -problem._assembled(one, 0.0)[0]))
+    np.testing.assert_allclose(out[1][0], out[0][0], atol=1e-11)
+    np.testing.assert_allclose(out[1][1], out[0][1], atol=1e-11)
+    scale = np.abs(out[0][2]).max()
+    np.testing.assert_allclose(out[1][2], out[0][2] @ turn.T, atol=1e-11 * scale)
+
+
+@pytest.fixture
+def stiff_supports(monkeypatch):
+    """Supports that yield by 1e-9 of a cell and not 1e-6: what is left is the cells' own error."""
+    monkeypatch.setattr(solid, "_PENALTY", 1e9)
+
+
+@pytest.mark.usefixtures("stiff_supports")
+def test_a_prism_that_is_pulled_strains_evenly_on_cut_cells():
+    cells = cut_cells(OBLIQUE, 2.2)
+    problem = neo_hooke(cells, evenly(cells, (None, None, 1.5)))
+    assert np.count_nonzero(problem.stabiliser) > 5
+    state = settled(problem)
+    strain = problem.observe(state).strain
+    assert np.ptp(strain, axis=0).max() < 1e-8
+    F = np.diag(np.sqrt(1.0 + 2.0 * strain[0, :3]))
+    area = cells.volume_mm3 / 6.0
+    P = first_piola_MPa(problem, F)
+    assert np.abs(P[[0, 1], [0, 1]]).max() < 1e-6 * P[2, 2]
+    # The bulk modulus makes a stress of 50 times the strains' error.
+    assert problem.reactions(state)[3][2] == pytest.approx(P[2, 2] * area, rel=1e-7)
+
+
+@pytest.mark.usefixtures("stiff_supports")
+def test_two_plates_in_one_cell_strain_each_for_itself():
+    cells = cut_cells(two_plates(), 3.0)
+    x = cells.surface.triangles[..., 0]
+    held = [*evenly(cells)[1:], (on(cells, 0, 0.0), (0.0, None, None)),
+            (on(cells, 0, 3.0), (0.0, None, None))]  # fmt: skip
+    top = on(cells, 2, 6.0)
+    left, right = (x < 1.5).all(axis=1), (x > 1.5).all(axis=1)
+    held += [(top & left, (None, None, 0.6)), (top & right, (None, None, 1.8))]
+    problem = neo_hooke(cells, held)
+    state = settled(problem)
+    strain = problem.observe(state).strain[:, 2]
+    is_left = places(cells)[:, 0] < 1.5
+    for one, e in ((is_left, 0.1), (~is_left, 0.3)):
+        np.testing.assert_allclose(strain[one], e + e * e / 2.0, rtol=1e-8)
+
+
+# ------------------------------------------------------------------------------------------------
+# Figures of textbooks
+
+
+def test_elastica():
+    """P L² / (E I) = 10, L / t = 100: w / L = 0.81061, u / L = 0.55500.
+
+    K. E. Bisshopp, D. C. Drucker, Large deflection of cantilever beams, Q. Appl. Math. 3 (1945).
+    """
+    off = []
+    for count in (10, 20, 40):
+        cells = lattice((100.0, 1.0, 1.0), (count, 1, 1))
+        problem = neo_hooke(
+            cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=1000.0, poisson=0.0,
+            forces=[(on(cells, 0, 100.0), (0.0, 0.0, 1000.0 / 12.0 * 10.0 / 100.0**2))],
+        )  # fmt: skip
+        state = settled(problem)
+        tip = mean(problem, state, on(cells, 0, 100.0))
+        off.append([tip[2] / 81.061 - 1.0, tip[0] / -55.5 - 1.0])
+        assert state.iterations < 16  # displacements alone take hundreds
+    # Shear and stretch of a bar of L / t = 100 add about 1e-4, which the reference leaves out.
+    assert np.abs(off[2]).max() < 3e-4
+    # Third order at least, until that is reached.
+    assert np.abs(off[1]).max() < np.abs(off[0]).max() / 8.0
+
+
+@pytest.mark.parametrize(("count", "most"), [(10, 8e-3), (20, 1e-3)])
+def test_a_beam_graded_along_its_length(count, most):
+    """E = 950^(1 - x / L), L = 20, t = 1: Timoshenko's tip compliance is 582.992."""
+    cells = lattice((20.0, 1.0, 1.0), (count, 1, 1))
+    tip = on(cells, 0, 20.0)
+    problem = neo_hooke(
+        cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=950.0, to=1.0, poisson=0.0,
+        share=places(cells)[:, 0] / 20.0, forces=[(tip, (0.0, 0.0, 1e-7))],
+    )  # fmt: skip
+    assert mean(problem, settled(problem), tip)[2] / 1e-7 == pytest.approx(582.992, rel=most)
+
+
+def test_a_beam_graded_through_its_thickness():
+    """E = 950^(1 - z / t): Timoshenko's 953.528; four quadratic cells are 1.7 % soft."""
+    cells = lattice((20.0, 1.0, 1.0), (20, 1, 4))
+    tip = on(cells, 0, 20.0)
+    problem = neo_hooke(
+        cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=950.0, to=1.0, poisson=0.0,
+        share=places(cells)[:, 2], forces=[(tip, (0.0, 0.0, 1e-7))],
+    )  # fmt: skip
+    assert mean(problem, settled(problem), tip)[2] / 1e-7 == pytest.approx(953.528, rel=0.02)
+
+
+@pytest.mark.parametrize(("shape", "wanted"), [(0.25, 1.244), (1.0, 3.343), (2.5, 14.86)])
+def test_a_square_block_bonded_to_two_plates(shape, wanted):
+    """Apparent modulus over E by shape factor S, side / (4 height); an eighth of it."""
+    high = 1.0 / (4.0 * shape)
+    cells = lattice((0.5, 0.5, high / 2.0), (4, 4, max(1, round(4 * high))))
+    held = [(on(cells, 0, 0.5), (0.0, None, None)), (on(cells, 1, 0.5), (None, 0.0, None)),
+            (on(cells, 2, high / 2.0), (None, None, 0.0)),
+            (on(cells, 2, 0.0), (0.0, 0.0, 1e-6 * high / 2.0))]  # fmt: skip
+    problem = neo_hooke(cells, held, poisson=0.4999)
+    force = problem.reactions(settled(problem))[3][2]
+    # At the edge of the plates the stress is singular; of 4 cells the reference keeps two digits.
+    assert 4.0 * force / 1e-6 == pytest.approx(wanted, rel=0.01)
+
+
+def test_cooks_membrane():
+    """Nearly incompressible, F = 100: a tip that rises by 6.92; slanted edges cut the cells."""
+    poisson = (3.0 * 5000.0 - 2.0) / (2.0 * (3.0 * 5000.0 + 1.0))
+    for edge, most in ((11.0, 0.01), (5.0, 0.006)):
+        cells = cut_cells(prism([[(0, 0), (48, 44), (48, 60), (0, 44)]], edge), edge)
+        held = [(on(cells, 0, 0.0), (0.0, 0.0, None)), (on(cells, 2, 0.0), (None, None, 0.0)),
+                (on(cells, 2, edge), (None, None, 0.0))]  # fmt: skip
+        problem = neo_hooke(
+            cells, held, E=2.0 * (1.0 + poisson) * 80.1938, poisson=poisson,
+            forces=[(on(cells, 0, 48.0), (0.0, 100.0 * edge, 0.0))],
+        )  # fmt: skip
+        up = problem.place_weights(np.array([48.0, 60.0, edge / 2.0]), np.array([0.0, 1.0, 0.0]))
+        rise = float(np.sum(up * settled(problem).displacement_mm))
+        assert rise == pytest.approx(6.92, rel=most)
+
+
+def inflated_tube(pressure):
+    """A quarter of a tube, B / A = 2, in plane strain, and the facets of its bore."""
+    a = np.linspace(0.0, np.pi / 2.0, 65)
+    arc = 10.0 * np.stack([np.cos(a), np.sin(a)], axis=1)
+    quads = np.stack([arc[:-1], 2.0 * arc[:-1], 2.0 * arc[1:], arc[1:]], axis=1)
+    cells = cut_cells(prism(quads, 5.0), 5.0)
+    bore = (np.linalg.norm(cells.surface.triangles[..., :2], axis=2) < 10.001).all(axis=1)
+    return neo_hooke(
+        cells, evenly(cells, (None, None, 0.0)), E=2.0 * 1.4999, poisson=0.4999,
+        pressures=[(bore, pressure)],
+    ), bore  # fmt: skip
+
+
+def test_rivlins_tube():
+    """p = 0.428228 mu inflates the bore of an incompressible tube, B / A = 2, to a / A = 1.5."""
+    problem, bore = inflated_tube(0.428228)
+    state = settled(problem)
+    at = facet_points(problem.body.cells, bore)
+    nodes = problem.body.cells.nodes[at.cell]
+    rest = np.einsum("na,nai->ni", at.shape, problem.body.cells.node_mm[nodes])
+    u = np.einsum("na,nai->ni", at.shape, state.displacement_mm[nodes])
+    ratio = np.linalg.norm((rest + u)[:, :2], axis=1) / np.linalg.norm(rest[:, :2], axis=1)
+    # Two quadratic cells through the wall, and columns whose area is 1e-3 off.
+    np.testing.assert_allclose(ratio, 1.5, rtol=3e-3)
+    assert ratio.mean() == pytest.approx(1.5, rel=1e-3)
+    # Forces of the follower pressure and of the supports are in balance.
+    push = problem.push(problem.pushed[0], 1.0, state.displacement_mm)
+    np.testing.assert_allclose(sum(problem.reactions(state)) + push, 0.0, atol=1e-5)
+    # The hoop force of a half: pressure times the bore's radius as it is now, by 1e-2 in area.
+    assert -problem.reactions(state)[0][0] == pytest.approx(0.428228 * 15.0 * 5.0, rel=0.01)
