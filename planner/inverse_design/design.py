@@ -307,6 +307,9 @@ def design(
 
     ramp = np.linspace(0.0, 1.0, knots)
     ramp = ramp if ends.moduli_MPa[0] < ends.moduli_MPa[-1] else ramp[::-1]
+    if limits.slope is not None:  # the start keeps it, and so does every step
+        span = abs(np.log(ends.moduli_MPa[-1] / ends.moduli_MPa[0]))
+        ramp = 0.5 + (ramp - 0.5) * min(1.0, limits.slope * span_mm / span)
     low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
     model = scale.model
     unknowns = Knots(knots, (low, high), model, at_strain)
@@ -496,7 +499,7 @@ def _findings(
 ) -> list[DesignFinding]:
     """Say which targets and limits are missed, and what stands in the way."""
     found = []
-    softest, stiffest = float(np.mean(values <= 1e-6)), float(np.mean(values >= 1.0 - 1e-6))
+    softest, stiffest = float(np.mean(values < 0.01)), float(np.mean(values > 0.99))
     why = ""
     if softest == 1.0 or stiffest == 1.0:
         word = "softest" if softest else "stiffest"

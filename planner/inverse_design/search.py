@@ -316,6 +316,10 @@ def evaluate(problem: Problem, values: FloatArray) -> Candidate:
     )
 
 
+_PLEASED = 0.03
+"""A step that reaches the targets and gains less than this share of the wish is the last."""
+
+
 class Found(NamedTuple):
     """The best profile, and how many were tried."""
 
@@ -325,6 +329,10 @@ class Found(NamedTuple):
 
 _MULTIPLIER = 20.0
 """Weight of a miss of 1 against the wish, whose values are below 1: misses come first."""
+
+_NEARNESS = 20.0
+"""Weight of the mean square deviation from a shape, over the squares of its scale: it comes first.
+"""
 
 
 def search(
@@ -363,14 +371,22 @@ def search(
         hoped = _merit(problem, best) - _foretold(problem, best, values)
         if moved < 1e-4 or hoped <= 1e-7 or radius < 1e-3:
             break
-        try:
-            other = evaluate(problem, values)
-        except LostStabilityError:
-            other = None
+        other = _tried(problem, values)
         tried += 1
         gained = -1.0 if other is None else _merit(problem, best) - _merit(problem, other)
+        if other is not None and gained <= 0.05 * hoped and tried < most:
+            # The targets bend: aim again, with what the linear model left out put into it.
+            bent = replace(
+                best,
+                off=other.off - best.slopes @ (values - best.values),
+                over_break=other.over_break - best.over_break_slopes @ (values - best.values),
+            )
+            again = _tried(problem, _step(problem, bent, radius))
+            tried += 1
+            if again is not None and _merit(problem, again) < _merit(problem, other):
+                other, gained = again, _merit(problem, best) - _merit(problem, again)
         if other is not None and gained > 0.05 * hoped:
-            settled = _miss(problem, other) < tolerance and gained < 1e-3
+            settled = _miss(problem, other) < tolerance and gained < _PLEASED * problem.wish(values)
             best = other
             if gained > 0.7 * hoped:
                 radius = min(2.0 * radius, 0.5)
@@ -381,6 +397,13 @@ def search(
             radius = 0.35 * moved
         progress(tried, _miss(problem, best))
     return Found(best, tried)
+
+
+def _tried(problem: Problem, values: FloatArray) -> Candidate | None:
+    try:
+        return evaluate(problem, values)
+    except LostStabilityError:
+        return None
 
 
 def _miss(problem: Problem, candidate: Candidate) -> float:
@@ -402,7 +425,7 @@ def _weighed(problem: Problem, values: FloatArray, off: FloatArray, over: FloatA
     hard = np.array([goal.hard for goal in problem.goals])
     missed = float(np.sum(np.abs(off[hard])) + np.sum(np.maximum(over, 0.0)))
     shape = float(np.sum(off[~hard] ** 2))
-    shape *= _MULTIPLIER / max(1, int(np.count_nonzero(~hard)))
+    shape *= _NEARNESS / max(1, int(np.count_nonzero(~hard)))
     return _MULTIPLIER * missed + shape + problem.wish(values)
 
 
@@ -420,7 +443,7 @@ def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
     count, misses, limited = len(at.values), len(rows), len(limits)
     soft = at.slopes[~hard]
     soft_fixed = at.off[~hard] - soft @ at.values
-    share = _MULTIPLIER / max(1, len(soft))
+    share = _NEARNESS / max(1, len(soft))
 
     def cost(v: FloatArray) -> float:
         y = v[:count]
