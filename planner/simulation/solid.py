@@ -621,7 +621,7 @@ class Mechanics:
             )
             for k in (below, above)
         ]
-        isochoric = (1.0 - share) * energy[0] + share * energy[1]
+        isochoric = energy[0] ** (1.0 - share) * energy[1] ** share  # as W' between nodes
         cells = self.body.cells
         pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)
         p = np.einsum("qr,qr->q", pressure, self.basis)

@@ -412,7 +412,7 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
             start[t] = start[a]
     small = total * _TASKS <= total[-1]
     if not small.any():
-        small[-1] = True
+        small[:] = True  # one task has them all
     tasks, work = [], []
     all_at_once = np.zeros(fronts, dtype=np.int64)
     above = np.full(fronts, -1)

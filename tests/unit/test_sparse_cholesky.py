@@ -119,6 +119,16 @@ def test_one_thread_and_two_write_the_same_bytes():
     assert one.solve(rhs).tobytes() == two.solve(rhs).tobytes()
 
 
+@pytest.mark.parametrize(
+    "shape", [(1, 1, 1), (2, 1, 1), (8, 1, 2), (5, 5, 1), (6, 5, 4), (9, 9, 9)]
+)
+def test_each_front_is_of_one_task(shape):
+    """Of small bodies, whose work no halving divides evenly, too: two tasks would race."""
+    analysis = analyse(*lattice(shape))
+    fronts = np.concatenate([np.arange(*task) for task in analysis.tasks])
+    assert np.sort(fronts).tolist() == list(range(len(analysis.below)))
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("value", [-1e3, np.nan])
 def test_a_failing_pivot_is_named(value, threads):
