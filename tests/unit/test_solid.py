@@ -5,12 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.materials.marlow import MarlowTable
+from planner.inverse_design.search import Solved
+from planner.materials.marlow import MarlowTable, marlow_table
+from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
+from planner.printers import palette_of
 from planner.simulation import solid
 from planner.simulation.cut_cells import cut_cells
 from planner.simulation.loads import Conditions, Force, Pressure, Support
-from planner.simulation.solid import Body, Mechanics, facet_points
+from planner.simulation.response import CellAverage, figure_interval, log_stress_sds
+from planner.simulation.solid import Body, LostStabilityError, Mechanics, facet_points
 from planner.simulation.sparse_cholesky import analyse
 
 # ------------------------------------------------------------------------------------------------
@@ -384,3 +388,214 @@ def test_rivlins_tube():
     np.testing.assert_allclose(sum(problem.reactions(state)) + push, 0.0, atol=1e-5)
     # The hoop force of a half: pressure times the bore's radius as it is now, by 1e-2 in area.
     assert -problem.reactions(state)[0][0] == pytest.approx(0.428228 * 15.0 * 5.0, rel=0.01)
+
+
+# ------------------------------------------------------------------------------------------------
+# Derivatives: the adjoint's against central differences
+
+
+@pytest.fixture(scope="module")
+def model():
+    return CoefficientModel(palette_of())
+
+
+@pytest.fixture(scope="module")
+def table(model):
+    return marlow_table(model, poisson=0.49)
+
+
+class Beam:
+    """A graded beam of the palette that bends far, by a force or by a motion of its end."""
+
+    def __init__(self, table, *, moved):
+        self.cells, self.table, self.moved = lattice((20.0, 2.0, 3.0), (8, 1, 2)), table, moved
+        self.x = places(self.cells)
+        nodes = table.coordinate
+        # The table is straight between its nodes: halfway, differences do not meet a kink.
+        below, _ = table.places(0.3 + 0.9 * self.x[:, 0] / 20.0)
+        self.coordinate = 0.5 * (nodes[below] + nodes[below + 1])
+        self.kept = Body(self.cells, table, self.coordinate).cell_shear_MPa
+        self.way = np.sin(self.x[:, 0]) + self.x[:, 2] / 3.0  # a direction of coordinates
+        self.end = on(self.cells, 0, 20.0)
+
+    def solve(self, coordinate=None, *, table=None, poisson=0.49):
+        """The problem, its state and factor.
+
+        Stiffness of supports stays as it is. Springs of 1e6 leave ten digits of a reaction, too
+        few for five of a difference: they are 1e4.
+        """
+        body = Body(
+            self.cells, table or self.table, self.coordinate if coordinate is None else coordinate,
+            poisson, self.kept,
+        )  # fmt: skip
+        held = [(on(self.cells, 0, 0.0), (0.0, 0.0, 0.0))]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(solid, "_PENALTY", 1e4)
+            if self.moved:
+                problem = mechanics(body, [*held, (self.end, (1.0, None, 6.0))])
+            else:
+                problem = mechanics(body, held, forces=[(self.end, (0.0, 0.0, 0.03))])
+        return problem, *list(problem.follow([1.0]))[-1]
+
+    def figure(self, *args, **kwargs):
+        problem, state, _ = self.solve(*args, **kwargs)
+        if self.moved:
+            return problem.reactions(state)[1][2]
+        return mean(problem, state, self.end)[2]
+
+    def weights(self, problem):
+        up = np.array([0.0, 0.0, 1.0])
+        if self.moved:
+            return problem.reaction_weights(1, up)
+        return problem.mean_weights(facet_points(self.cells, self.end), up)
+
+
+@pytest.fixture(scope="module", params=["force", "motion"])
+def beam(request, table):
+    return Beam(table, moved=request.param == "motion")
+
+
+@pytest.fixture(scope="module")
+def solved_beam(beam):
+    return beam.solve()
+
+
+FIVE_DIGITS = 1e-5
+
+
+def test_a_figures_derivative_over_coordinates(beam, solved_beam):
+    problem, state, factored = solved_beam
+    found = problem.sensitivity(state, factored, beam.weights(problem)).coordinate @ beam.way
+    step = 1e-4 * beam.way
+    ends = [beam.figure(beam.coordinate + sign * step) for sign in (1.0, -1.0)]
+    assert found == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=FIVE_DIGITS)
+
+
+def test_a_figures_derivative_over_stiffness(beam, solved_beam):
+    """Of ln W' and ln of the bulk modulus in all points at once; their sum is of ln modulus."""
+    problem, state, factored = solved_beam
+    found = problem.sensitivity(state, factored, beam.weights(problem))
+
+    def scaled(by):
+        slope = beam.table.log_slope_MPa.copy()
+        slope[..., 0] += by
+        return MarlowTable(
+            beam.table.coordinate, beam.table.step, slope, beam.table.energy_MPa,
+            beam.table.break_strain,
+        )  # fmt: skip
+
+    # The bulk modulus is tied to W' at rest by Poisson's ratio: both go up together.
+    ends = [beam.figure(table=scaled(by)) for by in (1e-4, -1e-4)]
+    both = float(np.sum(found.log_stress + found.log_bulk))
+    assert both == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=FIVE_DIGITS)
+    # A Poisson's ratio changes the bulk modulus alone.
+    two = (0.49003, 0.48997)
+    ratios = [2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)) for nu in two]
+    ends = [beam.figure(poisson=nu) for nu in two]
+    slope = (ends[0] - ends[1]) / np.log(ratios[0] / ratios[1])
+    # It is 1 % of the other, and the steps of its logarithm are 50 times those of the ratio.
+    assert float(found.log_bulk.sum()) == pytest.approx(slope, rel=1e-4)
+
+
+def test_the_derivative_of_the_norm_of_strain_over_break(beam, solved_beam):
+    average = CellAverage(beam.cells)
+    seen = Solved(*solved_beam, average, ()).over_break()
+    assert seen.largest > 0.05
+    ends = [
+        Solved(*beam.solve(beam.coordinate + by * beam.way), average, ()).over_break()
+        for by in (1e-4, -1e-4)
+    ]
+    slope = (ends[0].norm - ends[1].norm) / 2e-4
+    assert seen.slope @ beam.way == pytest.approx(slope, rel=FIVE_DIGITS)
+
+
+def test_an_interval_is_about_its_figure(beam, solved_beam, model):
+    """Softer material bends further and pulls less; both ends lie on their sides."""
+    problem, state, factored = solved_beam
+    figure = mean(problem, state, beam.end)[2] if not beam.moved else problem.reactions(state)[1][2]
+    sds = log_stress_sds(problem, state, model, 1.96)
+    low, high = figure_interval(
+        problem, state, factored, beam.weights(problem), figure, sds, 1.96
+    )  # fmt: skip
+    assert low < figure < high
+    found = problem.sensitivity(state, factored, beam.weights(problem))
+    share = float(np.sum(found.log_stress + found.log_bulk)) / figure
+    # The force of a motion is in proportion to all moduli, to the 1e-4 that supports yield by; a
+    # deflection falls as they rise, and less than in proportion where it is large.
+    if beam.moved:
+        assert share == pytest.approx(1.0, abs=1e-4)
+    else:
+        assert -1.0 < share < 0.0
+    # Larger deviations of all moduli make wider intervals.
+    wide = figure_interval(
+        problem, state, factored, beam.weights(problem), figure, tuple(2.0 * sd for sd in sds), 1.96
+    )  # fmt: skip
+    assert wide[0] < low
+    assert high < wide[1]
+
+
+# ------------------------------------------------------------------------------------------------
+# Energy and balance
+
+
+def test_the_energy_is_the_work_of_a_motion(table):
+    """Integrated by Gauss' rule of six points: the force goes smoothly with the way."""
+    cells = lattice((12.0, 3.0, 3.0), (4, 1, 1))
+    body = Body(cells, table, 0.2 + 0.05 * places(cells)[:, 0])
+    target = np.array([3.0, 0.0, 4.0])
+    problem = mechanics(
+        body, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0)), (on(cells, 0, 12.0), tuple(target))]
+    )
+    at, weight = np.polynomial.legendre.leggauss(6)
+    states = [state for state, _ in problem.follow([*(0.5 + 0.5 * at), 1.0])]
+    power = [problem.reactions(state)[1] @ target for state in states[:-1]]
+    work = 0.5 * weight @ power
+    # Springs of the supports keep 1e-6 of it, trapezia of the table 1e-6.
+    assert problem.energy_mJ(states[-1]) == pytest.approx(work, rel=5e-6)
+
+
+def test_forces_and_moments_are_in_balance(table):
+    """Of a cut body under a force, a follower pressure and its weight, as it lies when bent."""
+    cells = cut_cells(turned_box(), 2.5)
+    low, high = cells.surface.bounds_mm
+    middle = cells.surface.triangles.mean(axis=1)
+    left, right = middle[:, 0] < low[0] + 2.0, middle[:, 0] > high[0] - 2.0
+    under = (middle[:, 2] < low[2] + 2.0) & ~left & ~right
+    problem = mechanics(
+        Body(cells, table, np.full(len(cells.points), 0.3)), [(left, (0.0, 0.0, 0.0))],
+        [(right, (0.1, 0.2, 0.3))], [(under, 0.02)], (0.0, 0.0, -1.0),
+        densities=np.full(len(cells.points), 1.1),
+    )  # fmt: skip
+    state = settled(problem)
+    place = cells.node_mm + state.displacement_mm
+    held = problem._hold(problem.held[0], 1.0, state.displacement_mm, tangent=False)
+    push = problem._push(problem.pushed[0], 1.0, state.displacement_mm, tangent=False)
+    weight = problem.dead - problem.forces[0]
+    kilograms = 1.1e-6 * cells.volume_mm3
+    np.testing.assert_allclose(weight.sum(axis=0), [0, 0, -9.80665 * kilograms], atol=1e-12)
+    np.testing.assert_allclose(problem.forces[0].sum(axis=0), [0.1, 0.2, 0.3], rtol=1e-12)
+    every = (held, push, problem.dead)
+    assert np.linalg.norm(push.sum(axis=0)) > 0.1
+    size = max(np.abs(one).sum() for one in every)
+    # Newton's method stops at 1e-6 or below of the forces.
+    np.testing.assert_allclose(sum(one.sum(axis=0) for one in every), 0.0, atol=1e-6 * size)
+    moment = sum(np.cross(place, one).sum(axis=0) for one in every)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-6 * size * np.ptp(place))
+
+
+# ------------------------------------------------------------------------------------------------
+# Stability
+
+
+def test_a_column_buckles_at_eulers_load():
+    cells = lattice((30.0, 1.0, 1.0), (10, 1, 1))
+    euler = np.pi**2 * 1000.0 / 12.0 / (4.0 * 30.0**2)
+    problem = neo_hooke(
+        cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=1000.0, poisson=0.3,
+        forces=[(on(cells, 0, 30.0), (-1.5 * euler, 0.0, 0.0))],
+    )  # fmt: skip
+    with pytest.raises(LostStabilityError) as lost:
+        settled(problem)
+    # It is met to a 64th of the load; a quadratic cell of three thicknesses is 2 % stiff.
+    assert -1.0 / 32.0 < lost.value.share - 1.0 / 1.5 < 0.02
+    assert lost.value.place_mm is not None
