@@ -159,9 +159,11 @@ class Solved:
         body = mechanics.body
         breaks = body.table.break_at(body.coordinate)
         ratio = (stretch - 1.0) / breaks
-        nodal = self.average.of(ratio)
+        held = self.average.held
+        nodal = np.where(held, self.average.of(ratio), 0.0)
         largest = float(nodal.max())
-        volume = self.average.volume / self.average.volume.sum()
+        volume = np.where(held, self.average.volume, 0.0)
+        volume /= volume.sum()
         raised = np.maximum(nodal, 0.0) / largest
         norm = float(np.sum(volume * raised**_NORM) ** (1.0 / _NORM))
         # d norm / d mean, then back to the points, then over strain and over the coordinate

@@ -7,7 +7,7 @@ import numpy as np
 from planner.materials.marlow import law_at
 from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel
 
-__all__ = ["add_products", "advance", "assemble", "observe", "pull", "shape_functions"]
+__all__ = ["add_push", "advance", "assemble", "observe", "pull", "shape_functions"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -418,14 +418,36 @@ def pull(
 
 
 @free_kernel
-def add_products(cell: IntArray, left: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """Add the symmetric part of left[a] right[b, i, j] to row 3 a + i, column 3 b + j."""
-    for n in range(cell.size):
-        matrix = out[cell[n]]
+def add_push(
+    starts: IntArray, cell: IntArray, shape: FloatArray, gradient: FloatArray, turned: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the symmetric part of Σ shape[a] turned[i, j, J] gradient[b, J] at row a i, column b j.
+
+    starts : (groups + 1,)
+        Points of one cell lie together.
+    """
+    most = 0
+    for g in range(starts.size - 1):
+        most = max(most, starts[g + 1] - starts[g])
+    right, block = np.empty((most, 243)), np.empty((27, 243))
+    for g in range(starts.size - 1):
+        first, count = starts[g], starts[g + 1] - starts[g]
+        for n in range(count):
+            at = first + n
+            for i in range(3):
+                for j in range(3):
+                    x, y, z = turned[at, i, j, 0], turned[at, i, j, 1], turned[at, i, j, 2]
+                    for b in range(27):
+                        right[n, 27 * (3 * i + j) + b] = (
+                            x * gradient[at, b, 0] + y * gradient[at, b, 1] + z * gradient[at, b, 2]
+                        )
+        np.dot(shape[first : first + count].T, right[:count], block)
+        matrix = out[cell[first]]
         for a in range(27):
-            for b in range(27):
-                for i in range(3):
+            for i in range(3):
+                for b in range(27):
                     for j in range(3):
-                        value = 0.5 * left[n, a] * right[n, b, i, j]
-                        matrix[3 * a + i, 3 * b + j] += value
-                        matrix[3 * b + j, 3 * a + i] += value
+                        half = 0.5 * block[a, 27 * (3 * i + j) + b]
+                        matrix[3 * a + i, 3 * b + j] += half
+                        matrix[3 * b + j, 3 * a + i] += half

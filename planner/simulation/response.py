@@ -160,7 +160,7 @@ def respond(
         surface.append(np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]))
         nodal = average.of(strain_over_break(mechanics, state))
         over_break.append(average.at_vertices(nodal))
-        worst = int(np.argmax(nodal))
+        worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
         largest.append(float(nodal[worst]))
         places.append(cells.node_mm[average.node[worst]])
         energy.append(mechanics.energy_mJ(state))
@@ -215,6 +215,9 @@ class CellAverage:
         The corners.
     volume : (n,)
         Of each hat, mm³.
+    held : (n,)
+        Corners whose hat holds as much material as one at a corner of a block, an eighth: means
+        over less, outside of the part, are those of slivers. All, in a part that is thinner.
     """
 
     def __init__(self, cells: "CutCells") -> None:
@@ -227,6 +230,8 @@ class CellAverage:
         self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
         self.at = np.repeat(self.number, counts, axis=0)
         self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
+        held = self.volume > 0.124 * float(np.prod(cells.cell_mm))
+        self.held = held if held.any() else np.ones_like(held)
 
     def of(self, values: FloatArray) -> FloatArray:
         """Return the means at the corners of values at the quadrature points."""

@@ -11,7 +11,7 @@ import numpy as np
 from planner.materials.marlow import MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import (
-    add_products,
+    add_push,
     advance,
     assemble,
     observe,
@@ -66,18 +66,19 @@ class FacetPoints(NamedTuple):
 
     Attributes
     ----------
+    starts : (cells + 1,)
+        Points of one cell lie together: where each cell's begin.
     cell : (n,), shape : (n, 27), gradient : (n, 27, 3)
         The cell of each, and its shape functions there.
     area_mm2 : (n, 3)
         Outward area vector.
-    facet : (n,)
     """
 
+    starts: IntArray
     cell: IntArray
     shape: FloatArray
     gradient: FloatArray
     area_mm2: FloatArray
-    facet: IntArray
 
 
 def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
@@ -88,10 +89,13 @@ def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     size = np.linalg.norm(area, axis=1)
     which, corners, area, size = (v[size > 0.0] for v in (which, corners, area, size))
     places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
-    cell, local = cells.locate(places, np.repeat(-area / size[:, None], 3, axis=0))
-    shape, gradient = shape_functions(local, cells.cell_mm)
     thirds = np.repeat(area / 3.0, 3, axis=0)
-    return FacetPoints(cell, shape, gradient, thirds, np.repeat(which, 3))
+    cell, local = cells.locate(places, -thirds / np.repeat(size / 3.0, 3)[:, None])
+    order = np.argsort(cell, kind="stable")
+    cell = cell[order]
+    shape, gradient = shape_functions(local[order], cells.cell_mm)
+    starts = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell))
+    return FacetPoints(starts, cell, shape, gradient, thirds[order])
 
 
 def spread(cells: "CutCells", at: FacetPoints, forces: FloatArray) -> FloatArray:
@@ -118,6 +122,7 @@ class _Held(NamedTuple):
 
     points: FacetPoints
     stiffness: FloatArray  # (n,) of each point, N/mm
+    springs: list[FloatArray]  # (27, 27) of each cell, alike along each axis
     axes: FloatArray  # (3,) 1 where held
     target_mm: FloatArray  # (3,)
 
@@ -354,7 +359,9 @@ class Mechanics:
             stiffness = _PENALTY * modulus / wide * np.linalg.norm(at.area_mm2, axis=1)
             axes = np.array([0.0 if d is None else 1.0 for d in support.displacement_mm])
             target = np.array([d or 0.0 for d in support.displacement_mm])
-            self.held.append(_Held(at, stiffness, axes, target))
+            ends = zip(at.starts[:-1].tolist(), at.starts[1:].tolist(), strict=True)
+            springs = [(at.shape[a:b].T * stiffness[a:b]) @ at.shape[a:b] for a, b in ends]
+            self.held.append(_Held(at, stiffness, springs, axes, target))
 
     def _weight(self, densities: FloatArray, direction: FloatArray) -> FloatArray:
         """Return the nodal forces of gravity, (N, 3)."""
@@ -413,7 +420,7 @@ class Mechanics:
             outer = outer + self._push(pushed, share, u, tangent=True)
         for held in self.held:
             outer = outer + self._hold(held, share, u, tangent=True)
-        return outer - inner, max(size, float(np.linalg.norm(share * self.dead)))
+        return outer - inner, max(size, float(np.linalg.norm(outer)))
 
     def _push(self, pushed: _Pushed, share: float, u: FloatArray, *, tangent: bool) -> FloatArray:
         """Return the nodal forces of a pressure; add the symmetric part of its tangent."""
@@ -430,8 +437,7 @@ class Mechanics:
             turned = np.zeros((len(at.cell), 3, 3, 3))
             for i, j, k, sign in _LEVI_CIVITA:
                 turned[:, i, j] -= sign * crossed[:, k]
-            slope = p * np.einsum("nijJ,nbJ->nbij", turned, at.gradient)
-            add_products(at.cell, at.shape, slope, self._matrices)
+            add_push(at.starts, at.cell, at.shape, at.gradient, p * turned, self._matrices)
         return spread(cells, at, push)
 
     def push(self, pushed: _Pushed, share: float, u: FloatArray) -> FloatArray:
@@ -442,8 +448,9 @@ class Mechanics:
         """Return the nodal forces of a support; add its stiffness."""
         cells, at = self.body.cells, held.points
         if tangent:
-            springs = (held.stiffness[:, None] * at.shape)[:, :, None, None] * np.diag(held.axes)
-            add_products(at.cell, at.shape, springs, self._matrices)
+            for cell, springs in zip(at.cell[at.starts[:-1]].tolist(), held.springs, strict=True):
+                for axis in np.flatnonzero(held.axes).tolist():
+                    self._matrices[cell, axis::3, axis::3] += springs
         return spread(cells, at, self._reaction(held, share, u))
 
     def _reaction(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
