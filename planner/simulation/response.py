@@ -331,8 +331,12 @@ def figure_interval(
     """
     found = mechanics.sensitivity(state, factored, weights)
     each = found.log_stress + found.log_bulk
-    down, up = (float(each @ sd) / figure if figure else 0.0 for sd in sds)
-    ends = figure * np.exp(np.array([-down, up]) * normal)
+    ends = []
+    for sign, sd in zip((-1.0, 1.0), sds, strict=True):
+        change = sign * normal * float(each @ sd)
+        # A figure that is itself small, as across the load, changes by a sum, not by a factor.
+        factor = abs(change) < abs(figure)
+        ends.append(figure * np.exp(change / figure) if factor else figure + change)
     return float(min(ends)), float(max(ends))
 
 

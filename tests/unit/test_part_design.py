@@ -98,7 +98,8 @@ def test_two_load_cases_are_met_together() -> None:
     cases = [
         planner.LoadCase(("x=min uz=-8 mm",), ("x=max",), (LOAD,), name="end"),
         planner.LoadCase(
-            ("box:18,0,0,22,5,5 uz=-0.25 mm",), ("x=max",), ("box:18,-1,4,22,6,6: 0,0,-0.3 N",), name="middle",
+            ("box:18,0,0,22,5,5 uz=-0.25 mm",), ("x=max",), ("box:18,-1,4,22,6,6: 0,0,-0.3 N",),
+            name="middle",
         ),
     ]  # fmt: skip
     made = design(fix=(), cases=cases, blend="dither")
