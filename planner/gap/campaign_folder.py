@@ -693,6 +693,9 @@ def _specimen(
         )
     )  # fmt: skip
     notes += table.notes
+    if part is not None and measured_field is not None:
+        notes.append("strains along a whole part are not compared; left out")
+        measured_field = None
     if measured_field is not None and measured_field.note:
         notes.append(measured_field.note)
     for note in notes:

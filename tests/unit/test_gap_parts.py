@@ -145,3 +145,12 @@ def test_a_column_load_without_parts_is_a_lab_s_own(folder: Path) -> None:
     )
     campaign = read_campaign(folder)
     assert campaign.specimens[0].covariates == {"load": "5 kN cell"}
+
+
+def test_strains_along_a_part_are_left_out(folder: Path) -> None:
+    (folder / "fields.csv").write_text(
+        "specimen,time_s,x_mm,strain\nP1,1,1,0.1\nP1,1,2,0.1\nP1,2,1,0.2\nP1,2,2,0.2\n"
+    )
+    campaign = read_campaign(folder)
+    assert campaign.specimens[0].strain_field is None
+    assert any("whole part" in remark for remark in campaign.remarks)
