@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import zip_longest
 from typing import Any, TypeAlias
 
@@ -932,6 +932,19 @@ def _take_travel(tests: _Record, force_N: FloatArray, lost: FloatArray, slope: F
         largest_N = max(largest_N, force_N[t])
 
 
+@lru_cache(maxsize=128)
+def _usual(
+    response: PartResponse, palette: LawTables, displacements_mm: bytes
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return force, strains and shares of a response, and the palette's stresses there.
+
+    Kept, as most effects leave the travel as it is, and hundreds are tried.
+    """
+    force, strain, share = response.at(np.frombuffer(displacements_mm))
+    stress, _ = palette.stress_and_tangent_MPa(response.coordinate, strain)
+    return force, strain, share, stress
+
+
 _AT_REST = 1e-6
 """Of a response's last displacement: below it strains are none. Numerical: so that stresses at rest
 have a ratio."""
@@ -964,17 +977,17 @@ def _move_part(
     least, moved = _AT_REST * end, path["travel_mm"].copy()
     for _ in range(_ITERATIONS):
         at = np.maximum(moved, least)
-        usual_N, strain, share = response.at(at)
+        usual_N, strain, share, usual_MPa = _usual(response, palette, at.tobytes())
         ways["travel_mm"] = strain.T
         follow(alone, ways)
-        usual_MPa, _ = palette.stress_and_tangent_MPa(response.coordinate, strain)
         factor = force_factor(ways["force_N"].T / usual_MPa, share)
         path["force_N"] = factor * usual_N + usual_N / at * np.minimum(moved - least, 0.0)
         _take_travel(test, path["force_N"].copy(), lost, slope)
         gap = path["travel_mm"] - lost - moved
         if np.abs(gap).max() <= _TOLERANCE * end:
             break
-        stiffness = factor * (response.at(at + least)[0] - usual_N) / least
+        ahead_N, _, _ = response.at(at + least)
+        stiffness = factor * (ahead_N - usual_N) / least
         moved += gap / (1.0 + slope * np.maximum(stiffness, 0.0))
 
 
