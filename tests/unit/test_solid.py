@@ -1,14 +1,19 @@
 """The solid against what is known: exact fields, textbook figures, differences, itself."""
 
+import shutil
+import subprocess
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import planner
 from planner.inverse_design.search import Solved
 from planner.materials.marlow import MarlowTable, marlow_table
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
+from planner.palette import LawParameters
 from planner.printers import palette_of
 from planner.simulation import solid
 from planner.simulation.cut_cells import cut_cells
@@ -599,3 +604,127 @@ def test_a_column_buckles_at_eulers_load():
     # It is met to a 64th of the load; a quadratic cell of three thicknesses is 2 % stiff.
     assert -1.0 / 32.0 < lost.value.share - 1.0 / 1.5 < 0.02
     assert lost.value.place_mm is not None
+
+
+# ------------------------------------------------------------------------------------------------
+# The same bytes; bars; another solver
+
+
+def test_threads_and_repeats_write_the_same_bytes(table, monkeypatch):
+    cells = cut_cells(turned_box(), 2.5)
+    low, high = cells.surface.bounds_mm
+    middle = cells.surface.triangles.mean(axis=1)
+    found = []
+    for threads in (1, 2, 2):
+        monkeypatch.setattr(solid, "_THREADS", threads)
+        body = Body(cells, table, (places(cells)[:, 0] - low[0]) / (high[0] - low[0]))
+        problem = mechanics(
+            body, [(middle[:, 0] < low[0] + 2.0, (0.0, 0.0, 0.0))],
+            [(middle[:, 0] > high[0] - 2.0, (0.1, 0.2, 0.3))], [(middle[:, 2] < -2.0, 0.01)],
+        )  # fmt: skip
+        ((state, factored),) = problem.follow([1.0])
+        sensitivity = problem.sensitivity(state, factored, problem.dead)
+        found.append([
+            array.tobytes()
+            for array in (state.displacement_mm, state.strain, state.stress_MPa, state.pressure,
+                          sensitivity.coordinate, *problem.reactions(state))
+        ])  # fmt: skip
+    assert found[0] == found[1] == found[2]
+
+
+def quarter_pulled(table, cells, coordinate, strain):
+    """The force of a bar that is pulled by an even strain along x, over the 1-D bar's.
+
+    Its ends may narrow; of small strains, where the bar is rods in series.
+    """
+    body = Body(cells, table, coordinate)
+    length = np.ptp(cells.surface.bounds_mm, axis=0)
+    problem = mechanics(body, evenly(cells, (strain * length[0], None, None)))
+    force = problem.reactions(settled(problem))[3][0]
+    middle = places(cells)
+    inside = (middle[:, 1:] < cells.cell_mm[1:]).all(axis=1)  # one row of cells
+    young = 2.0 * 1.49 * body.shear_modulus_MPa[inside]
+    share = cells.weights_mm3[inside] / cells.weights_mm3[inside].sum()
+    return force / (strain / np.sum(share / young) * length[1] * length[2])
+
+
+def test_the_bar_is_softer_than_the_solid_by_what_interfaces_hold(model, table):
+    """Soft material between stiff neighbours cannot narrow there: the more, the flatter it is.
+
+    The references, +17 % and +72 % of 6 and 2 mm of Tango, are of one section; it is 6 x 3 here.
+    """
+    # One material has no interfaces; Poisson's ratio and the law's bend take up to the strain.
+    cells = lattice((12.0, 3.0, 1.5), (4, 2, 1))
+    even = quarter_pulled(table, cells, np.full(len(cells.points), 0.5), 1e-4)
+    assert even == pytest.approx(1.0, abs=2e-4)
+    more = []
+    for band in (10.0, 4.0):  # seven grades in series
+        cells = lattice((7.0 * band, 3.0, 1.5), (14, 2, 1))
+        which = np.minimum(places(cells)[:, 0] // band, 6).astype(int)
+        more.append(quarter_pulled(table, cells, model.coordinates[which], 1e-4) - 1.0)
+    assert 0.002 < more[0] < 0.02
+    assert 1.5 * more[0] < more[1] < 0.06
+    more = []
+    for band in (6.0, 2.0):  # Tango between Vero
+        cells = lattice((3.0 * band, 3.0, 1.5), (12, 3, 2))
+        is_soft = np.abs(places(cells)[:, 0] - 1.5 * band) < 0.5 * band
+        ends = model.coordinates[[-1, 0]]
+        more.append(quarter_pulled(table, cells, ends[is_soft.astype(int)], 1e-5) - 1.0)
+    assert 0.12 < more[0] < 0.22
+    assert 0.5 < more[1] < 0.9
+
+
+def test_a_cut_cylinder_that_is_graded_along_its_length():
+    """d = 6, L = 60, 950:1, Poisson's ratio 0.49: a tip compliance of 21.413."""
+    a = np.linspace(0.0, 2.0 * np.pi, 49)
+    arc = 3.0 * np.stack([np.cos(a), np.sin(a)], axis=1)
+    core = 0.4 * arc
+    quads = np.stack([core[:-1], arc[:-1], arc[1:], core[1:]], axis=1)
+    fan = [[core[k], core[k + 1], core[k + 2], (0.0, 0.0)] for k in range(0, 48, 2)]
+    upright = prism(np.concatenate([quads, fan]), 60.0)
+    cells = cut_cells(Mesh(upright.vertices[:, [2, 0, 1]], upright.faces), 3.0)
+    tip = on(cells, 0, 60.0)
+    problem = neo_hooke(
+        cells, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], E=950.0, to=1.0,
+        share=places(cells)[:, 0] / 60.0, forces=[(tip, (0.0, 0.0, 1e-4))],
+    )  # fmt: skip
+    # The polygon's second moment of area over the circle's, to second order in its angle.
+    moment = 1.0 - (2.0 * np.pi / 48.0) ** 2 / 3.0
+    found = mean(problem, settled(problem), tip)[2] / 1e-4
+    assert found * moment == pytest.approx(21.413, rel=4e-3)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+def test_calculix_pulls_a_graded_bar_alike(tmp_path):
+    """Neo-Hooke's laws, which both have exactly; ends clamped, so that layers are held."""
+    palette = palette_of()
+    young = CoefficientModel(palette).modulus_MPa([m.coordinate for m in palette.materials], 0.0)
+    materials = tuple(
+        replace(m, law=LawParameters("neo-hookean", {"mu_MPa": (float(e) / 3.0,)}))
+        for m, e in zip(palette.materials, young, strict=True)
+    )
+    palette = replace(palette, materials=materials)
+    bar = prism([[(0, 0), (28, 0), (28, 4), (0, 4)]], 4.0)
+    plan = planner.grade(bar, from_="Tango", to="FLX9785", axis="x", name="bar", palette=palette)
+    made = planner.export(
+        plan, to="calculix", cell_mm=2.0, palette=palette, fix=["x=min"], move=["x=max: 4,0,0 mm"]
+    )
+    made.write(tmp_path / "a.inp")
+    subprocess.run(
+        ["ccx", "-i", "a"], cwd=tmp_path, capture_output=True, timeout=240, check=True,
+        env={"OMP_NUM_THREADS": "1", "PATH": "/usr/bin:/bin:/usr/local/bin"},
+    )  # fmt: skip
+    text = (tmp_path / "a.dat").read_text()
+    last = text[text.rindex("HELD2") :].splitlines()
+    force = float(next(line for line in last[1:] if line.strip()).split()[0])
+    # The same layers: each cell of CalculiX' 20 nodes is one of 27 here.
+    cells = lattice((28.0, 4.0, 4.0), (14, 2, 2))
+    of_layer = np.repeat([m.coordinate for m in made.materials], [m.cells for m in made.materials])
+    coordinate = of_layer.reshape(14, 4)[(places(cells)[:, 0] / 2.0).astype(int), 0]
+    table = marlow_table(CoefficientModel(palette), poisson=solid.POISSON)
+    problem = mechanics(
+        Body(cells, table, coordinate),
+        [(on(cells, 0, 0.0), (0.0, 0.0, 0.0)), (on(cells, 0, 28.0), (4.0, 0.0, 0.0))],
+    )
+    # Cells of two kinds, two over the width, meet the singular edges of clamps differently.
+    assert problem.reactions(settled(problem))[1][0] == pytest.approx(force, rel=5e-3)
