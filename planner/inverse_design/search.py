@@ -9,7 +9,7 @@ import numpy as np
 from planner.inverse_design.goals import Functional, Limits
 from planner.materials.mixtures import CoefficientModel, coordinate_for
 from planner.numerics import FloatArray
-from planner.simulation.response import CellAverage
+from planner.simulation.response import CellAverage, largest_stretch
 from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
 
 if TYPE_CHECKING:
@@ -150,12 +150,7 @@ class Solved:
     def over_break(self) -> "OverBreak":
         """Return the largest strain over break, and how a smooth stand-in for it changes."""
         mechanics, state = self.mechanics, self.state
-        strain = mechanics.observe(state).strain
-        square = np.empty((len(strain), 3, 3))
-        for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
-            square[:, i, j] = square[:, j, i] = 2.0 * strain[:, k] + (1.0 if i == j else 0.0)
-        values, vectors = np.linalg.eigh(square)
-        stretch, along = np.sqrt(values[:, 2]), vectors[:, :, 2]
+        stretch, along = largest_stretch(mechanics.observe(state).strain)
         body = mechanics.body
         breaks = body.table.break_at(body.coordinate)
         ratio = (stretch - 1.0) / breaks
@@ -169,9 +164,8 @@ class Solved:
         # d norm / d mean, then back to the points, then over strain and over the coordinate
         weights = norm ** (1.0 - _NORM) * volume * raised ** (_NORM - 1.0)
         each = self.average.back(weights)
-        tensor = np.empty_like(strain)
-        for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
-            tensor[:, k] = each / (breaks * stretch) * along[:, i] * along[:, j]
+        square = along[:, [0, 1, 2, 0, 1, 0]] * along[:, [0, 1, 2, 1, 2, 2]]
+        tensor = (each / (breaks * stretch))[:, None] * square
         # nodal_forces multiplies by volumes, which `back` has put in already
         pulled = mechanics.nodal_forces(state, tensor / mechanics.body.cells.weights_mm3[:, None])
         through = mechanics.sensitivity(state, self.factored, pulled).coordinate

@@ -8,8 +8,9 @@ import numpy as np
 
 from planner.materials.marlow import uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import FloatArray
 from planner.simulation.element import shape_functions
+from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
     Body,
     Equilibrium,
@@ -197,13 +198,19 @@ _NOTHING = (np.empty((0, 6)), np.empty((0, 6)), np.empty((0, 4)))
 
 def strain_over_break(mechanics: Mechanics, state: Equilibrium) -> FloatArray:
     """Return the largest principal strain over the elongation at break at the points, (Q,)."""
-    e = mechanics.observe(state).strain
-    square = np.empty((len(e), 3, 3))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
-        square[:, i, j] = square[:, j, i] = 2.0 * e[:, k] + (1.0 if i == j else 0.0)
-    stretch = np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, 2], 0.0))
+    stretch, _ = largest_stretch(mechanics.observe(state).strain)
     body = mechanics.body
     return np.asarray((stretch - 1.0) / body.table.break_at(body.coordinate))
+
+
+def largest_stretch(strain: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the largest principal stretch of Green-Lagrange strains, (Q, 6), and its direction.
+
+    Its derivative over the strain is the direction's square over the stretch.
+    """
+    square = np.eye(3) + 2.0 * strain[:, np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])]
+    values, vectors = np.linalg.eigh(square)
+    return np.sqrt(np.maximum(values[:, 2], 0.0)), vectors[:, :, 2]
 
 
 class CellAverage:
@@ -345,35 +352,12 @@ def _unit(vector: FloatArray) -> FloatArray:
     return vector / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-_KNOWN = 65  # strains at which variances are taken; they vary slowly
-
-
 def log_stress_sds(
     mechanics: Mechanics, state: Equilibrium, model: CoefficientModel, normal: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the standard deviations of ln(stress) at the points, downwards and upwards, (Q,).
 
-    They are those of the bar's interval (`planner.simulation.simulate`): the grades' own, other
-    readings' reach included, and the bridge between grades, at the strain of a tensile test with
-    the same first invariant.
+    They are those of a bar's interval, at the strain of a tensile test of the same invariant.
     """
     strain = uniaxial_strain(mechanics.observe(state).x)
-    known = np.linspace(0.0, model.strain_limit, _KNOWN)
-    coordinate = mechanics.body.coordinate
-    variance = np.interp(strain, known, model.wiener_variance(known))
-    lower, upper, _ = model.bracket(coordinate)
-    found = []
-    for own in model.own_log_sds(known, normal):
-        softer, harder = (_of_points(strain, known, own, grade) for grade in (lower, upper))
-        found.append(model.log_sd(coordinate, variance, softer, harder))
-    return found[0], found[1]
-
-
-def _of_points(
-    strain: FloatArray, known: FloatArray, rows: FloatArray, grade: IntArray
-) -> FloatArray:
-    out = np.empty_like(strain)
-    for k in np.unique(grade).tolist():
-        at = grade == k
-        out[at] = np.interp(strain[at], known, rows[k])
-    return out
+    return log_sds(model, mechanics.body.coordinate, strain, normal)
