@@ -145,13 +145,14 @@ OBLIQUE = prism([[(0, 0), (5, 0), (3.9, 4.3), (0, 5.7)]], 6.0)
 """Two faces in the planes x = 0 and y = 0, two slanted: cells are cut, some to slivers."""
 
 
-def turned_box():
+_CROSS = np.cross(np.eye(3), np.array([1.0, 1.0, 0.3]) / np.sqrt(2.09))
+TURN = np.eye(3) + np.sin(0.6) * _CROSS + (1.0 - np.cos(0.6)) * _CROSS @ _CROSS
+
+
+def turned_box(*size):
     """A box that no plane of the lattice is parallel to."""
-    size, axis = np.array([9.0, 6.0, 5.0]), np.array([1.0, 1.0, 0.3]) / np.sqrt(2.09)
-    cross = np.cross(np.eye(3), axis)
-    turn = np.eye(3) + np.sin(0.6) * cross + (1.0 - np.cos(0.6)) * cross @ cross
     box = prism([[(0, 0), (1, 0), (1, 1), (0, 1)]], 1.0)
-    return Mesh(box.vertices * size @ turn.T, box.faces)
+    return Mesh(box.vertices * np.array(size) @ TURN.T, box.faces)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -161,7 +162,7 @@ def turned_box():
 @pytest.fixture(scope="module", params=["turned box", "cylinder", "two plates in a cell"])
 def cut(request):
     if request.param == "turned box":
-        return cut_cells(turned_box(), 2.5)
+        return cut_cells(turned_box(9.0, 6.0, 5.0), 2.5)
     if request.param == "cylinder":
         a = np.linspace(0.0, 2.0 * np.pi, 33)
         arc = np.stack([np.cos(a), np.sin(a)], axis=1)
@@ -308,6 +309,25 @@ def test_elastica():
     assert np.abs(off[2]).max() < 3e-4
     # Third order at least, until that is reached.
     assert np.abs(off[1]).max() < np.abs(off[0]).max() / 8.0
+
+
+def test_a_cantilever_that_lies_across_the_cells(monkeypatch):
+    """Timoshenko's compliance, whichever way it lies and whatever holds slivers."""
+    cells = cut_cells(turned_box(40.0, 4.0, 3.0), 2.0)
+    along = cells.surface.triangles @ TURN[:, 0]
+    fixed, tip = ((np.abs(along - end) < 1e-6).all(axis=1) for end in (0.0, 40.0))
+    beam = 40.0**3 / (3.0 * 4.0 * 27.0 / 12.0) + 1.2 * 40.0 * 2.6 / 12.0
+    found = []
+    for stabiliser in (1e-4, 1e-6):
+        monkeypatch.setattr(solid, "_STABILISER", stabiliser)
+        problem = neo_hooke(
+            cells, [(fixed, (0.0, 0.0, 0.0))], poisson=0.3,
+            forces=[(tip, tuple(1e-5 * TURN[:, 2]))],
+        )  # fmt: skip
+        found.append(mean(problem, settled(problem), tip) @ TURN[:, 2] / 1e-5)
+    # One and a half cells of thickness, and a clamp that lets nothing narrow: 1 % stiff.
+    np.testing.assert_allclose(found, beam, rtol=0.015)
+    assert found[0] == pytest.approx(found[1], rel=1e-3)
 
 
 @pytest.mark.parametrize(("count", "most"), [(10, 8e-3), (20, 1e-3)])
@@ -465,6 +485,19 @@ def solved_beam(beam):
     return beam.solve()
 
 
+def test_another_mixture_is_found_from_the_last_equilibrium_as_from_rest(beam, solved_beam):
+    """As a design goes on, which shares places and memory with the problem before."""
+    _, state, _ = solved_beam
+    other, rest, _ = beam.solve(beam.coordinate + 0.1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solid, "_PENALTY", 1e4)
+        shared = Mechanics(other.body, other.conditions, other.analysis, like=other)
+    near, _ = shared.settle(state, 1.0)
+    largest = np.abs(rest.displacement_mm).max()
+    # Newton's last change is below 1e-6, and the next would be about its square.
+    np.testing.assert_allclose(near.displacement_mm, rest.displacement_mm, atol=1e-8 * largest)
+
+
 FIVE_DIGITS = 1e-5
 
 
@@ -561,7 +594,7 @@ def test_the_energy_is_the_work_of_a_motion(table):
 
 def test_forces_and_moments_are_in_balance(table):
     """Of a cut body under a force, a follower pressure and its weight, as it lies when bent."""
-    cells = cut_cells(turned_box(), 2.5)
+    cells = cut_cells(turned_box(9.0, 6.0, 5.0), 2.5)
     low, high = cells.surface.bounds_mm
     middle = cells.surface.triangles.mean(axis=1)
     left, right = middle[:, 0] < low[0] + 2.0, middle[:, 0] > high[0] - 2.0
@@ -611,7 +644,7 @@ def test_a_column_buckles_at_eulers_load():
 
 
 def test_threads_and_repeats_write_the_same_bytes(table, monkeypatch):
-    cells = cut_cells(turned_box(), 2.5)
+    cells = cut_cells(turned_box(9.0, 6.0, 5.0), 2.5)
     low, high = cells.surface.bounds_mm
     middle = cells.surface.triangles.mean(axis=1)
     found = []
