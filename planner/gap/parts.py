@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from planner.errors import FileError
+from planner.errors import ArgumentError, FileError
 from planner.formats.tensile import ListedSpecimen
 from planner.palette import Palette
 from planner.plan import plan_file
@@ -82,4 +82,7 @@ class PartReader:
         from planner.simulation.part_sensitivity import part_response
 
         supports = re.split(r"\s*;\s*", fix)
-        return part_response(plan, self.palette, fix=supports, move=move, load=load)
+        try:
+            return part_response(plan, self.palette, fix=supports, move=move, load=load)
+        except ArgumentError as error:
+            raise FileError(f"part {part}: {error}") from error

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError
+from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
@@ -76,19 +76,16 @@ def loaded_part(
     Raises
     ------
     FileError
-        No such plan, or selectors and loads that mean nothing on this part.
+        No such plan.
+    ArgumentError
+        Selectors and loads that mean nothing on this part.
     """
-    try:
-        solid = open_solid(source, None, None, None, palette)
-        edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
-        cells = cut_cells(solid.surface, edge)
-        conditions = read_conditions(
-            cells.surface, fix=fix, move=[move] if move else [], load=[load] if load else []
-        )
-    except ArgumentError as error:
-        raise FileError(
-            f"part {Path(str(getattr(source, 'file', source))).name}: {error}"
-        ) from error
+    solid = open_solid(source, None, None, None, palette)
+    edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
+    cells = cut_cells(solid.surface, edge)
+    conditions = read_conditions(
+        cells.surface, fix=fix, move=[move] if move else [], load=[load] if load else []
+    )
     lattice = np.repeat(cells.index, np.diff(cells.offsets), axis=0) + 0.5 * (cells.points + 1.0)
     coordinate = solid.filling(cells.origin_mm + lattice * cells.cell_mm)
     return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
@@ -202,7 +199,7 @@ def part_response(
 
     Raises
     ------
-    FileError
+    FileError, ArgumentError
         As `loaded_part`; or no equilibrium is found.
     """
     part = loaded_part(source, palette, fix=fix, move=move, load=load, cell_mm=cell_mm)

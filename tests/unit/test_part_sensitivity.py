@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import planner
-from planner.errors import FileError
+from planner.errors import ArgumentError, FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
@@ -103,5 +104,37 @@ def test_larger_cells_tell_how_sure_a_force_is() -> None:
     )
     how = {"fix": ["x=min"], "move": "x=max: 2,0,0 mm", "cell_mm": 4.0}
     assert 0.01 < part_response(plan, PALETTE, **how).log_sd < 0.1
-    with pytest.raises(FileError, match="x=maximum"):
+    with pytest.raises(ArgumentError, match="x=maximum"):
         part_response(plan, PALETTE, **(how | {"move": "x=maximum: 2,0,0 mm"}))
+
+
+def test_a_campaign_s_plan_is_simulated_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planner.simulation.part_sensitivity._CELLS", 20)
+    plan = planner.grade(
+        ([24.0, 6.0, 4.0] * BOX, FACES), axis="x", from_="FLX9740", to="FLX9760", name="strip"
+    )
+    plan.write(tmp_path / "strip")
+    (tmp_path / "campaign.toml").write_text(
+        'schema = 1\nname = "strips"\nprinter = "connex3"\npalette = "connex3-tango-vero"\n'
+    )
+    rows = "".join(f'S{k},strip,"x=min","x=max: 2,0,0 mm"\n' for k in range(2))
+    (tmp_path / "specimens.csv").write_text("specimen,part,fix,move\n" + rows)
+    time = np.linspace(0.0, 1.8, 20)
+    curves = "".join(f"S{k},{t:g},{t:g},{(1.0 + 0.01 * k) * t:g}\n" for k in range(2) for t in time)
+    (tmp_path / "curves.csv").write_text("specimen,time_s,displacement_mm,force_N\n" + curves)
+    first, second = planner.read_campaign(tmp_path).specimens
+    assert first.part is second.part
+    assert first.part is not None
+    response = first.part.response
+    assert response.name == "strip"
+    assert response.displacement_mm[-1] == pytest.approx(2.0, rel=1e-3)
+    # Three grades in series of 8 mm each, clamped: their secants at about 8 % of strain.
+    assert 1.0 < response.force_N[-1] < 4.0
+    (tmp_path / "specimens.csv").write_text(
+        'specimen,part,fix,move\nS0,strip,x=min,"x=middle: 2,0,0 mm"\n'
+    )
+    with pytest.raises(FileError, match="specimen S0: part strip: `move` x=middle") as caught:
+        planner.read_campaign(tmp_path)
+    assert "\n" not in str(caught.value)
