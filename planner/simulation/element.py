@@ -80,17 +80,22 @@ def _gradients(local: Any, cell_mm: Any, out: Any) -> None:
 
 @inner_kernel
 def _law(strain: Any, table: Any, step: Any, below: Any, share: Any, ci: Any, stress: Any) -> Any:
-    """Write the inverse of C and the isochoric stress; return J, the coefficients and d ln W'/dm.
+    """Write the inverse of C and the isochoric stress; return J, J - 1, coefficients, d ln W'/dm.
 
     4 d²W / dC² = c1 I⊗I + c2 (I⊗C⁻¹ + C⁻¹⊗I) + c3 C⁻¹⊗C⁻¹ + c4 K, K D = C⁻¹ D C⁻¹; the last
     returned is the change of ln W' over a gap of the table's nodes.
     """
     a, b, c = 1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], 1.0 + 2.0 * strain[2]
     d, e, f = 2.0 * strain[3], 2.0 * strain[4], 2.0 * strain[5]
-    det = a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)
+    # J - 1 and 1 - C⁻¹ by what C has over 1: differences would leave rounding times the moduli.
+    s, t, u = 2.0 * strain[0], 2.0 * strain[1], 2.0 * strain[2]
+    more = s + t + u + s * t + t * u + s * u - d * d - e * e - f * f
+    more += s * (t * u - e * e) - d * (d * u - e * f) + f * (d * e - t * f)
+    det = 1.0 + more
     ci[0], ci[1], ci[2] = (b * c - e * e) / det, (a * c - f * f) / det, (a * b - d * d) / det
     ci[3], ci[4], ci[5] = (e * f - d * c) / det, (d * f - a * e) / det, (d * e - b * f) / det
     J = np.sqrt(det)
+    growth = more / (1.0 + J)
     trace = a + b + c
     thin = det ** (-1.0 / 3.0)
     # A rounding at rest may fall below 3; the law's slope over I1 has 1 / x in it.
@@ -98,22 +103,23 @@ def _law(strain: Any, table: Any, step: Any, below: Any, share: Any, ci: Any, st
     log, over_x, over_m = law_at(table, step, below, share, x)
     first = np.exp(log)
     second = first * over_x / (2.0 * x)
+    stress[0] = (more - (t + u + t * u - e * e)) / det
+    stress[1] = (more - (s + u + s * u - f * f)) / det
+    stress[2] = (more - (s + t + s * t - d * d)) / det
+    stress[3], stress[4], stress[5] = -ci[3], -ci[4], -ci[5]
     for k in range(6):
-        unit = 1.0 if k < 3 else 0.0
-        stress[k] = 2.0 * first * thin * (unit - trace / 3.0 * ci[k])
+        stress[k] = 2.0 * first * thin * (stress[k] - (s + t + u) / 3.0 * ci[k])
     c1 = 4.0 * second * thin * thin
     c2 = -trace / 3.0 * c1 - 4.0 / 3.0 * first * thin
     c3 = trace * trace / 9.0 * c1 + 4.0 / 9.0 * trace * first * thin
     c4 = 4.0 / 3.0 * trace * first * thin
-    return J, c1, c2, c3, c4, over_m
+    return J, growth, c1, c2, c3, c4, over_m
 
 
 @inner_kernel
 def _deform(u: Any, nodes: Any, gradient: Any, F: Any, strain: Any) -> None:
     """Write F = I + du/dX and the strain (Fᵀ F - I) / 2 of displacements at a point."""
-    for i in range(3):
-        for k in range(3):
-            F[i, k] = 1.0 if i == k else 0.0
+    F[:] = 0.0
     for a in range(27):
         n = nodes[a]
         for i in range(3):
@@ -122,7 +128,9 @@ def _deform(u: Any, nodes: Any, gradient: Any, F: Any, strain: Any) -> None:
     for k in range(6):
         i, j = _PAIRS[k, 0], _PAIRS[k, 1]
         dot = F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
-        strain[k] = 0.5 * (dot - (1.0 if i == j else 0.0))
+        strain[k] = 0.5 * (F[i, j] + F[j, i] + dot)
+    for i in range(3):
+        F[i, i] += 1.0
 
 
 @inner_kernel
@@ -181,7 +189,7 @@ def assemble(
             at = begin + q
             _gradients(points[at], cell_mm, gradient[q])
             _deform(u, nodes[c], gradient[q], Fs[q], actual)
-            Js[q], c1, c2, c3, c4, _ = _law(
+            Js[q], growth, c1, c2, c3, c4, _ = _law(
                 strain[at], table, step, below[at], share[at], cis[q], isos[q]
             )
             p = 0.0
@@ -191,7 +199,7 @@ def assemble(
             coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
             for k in range(6):
                 gaps[q, k] = actual[k] - strain[at, k]
-            swelling = Js[q] * (1.0 + _double(cis[q], gaps[q])) - 1.0
+            swelling = growth + Js[q] * _double(cis[q], gaps[q])
             for r in range(4):
                 right_side[r] += weights[at] * basis[at, r] * swelling
         for r in range(4):
@@ -302,7 +310,7 @@ def advance(
                 gaps[q, k] = actual[k] + linear - strain[at, k]
                 both[k] = actual[k] + linear
                 moved[q, k] = actual[k] + linear + square
-            Js[q], c1, c2, c3, c4, _ = _law(
+            Js[q], growth, c1, c2, c3, c4, _ = _law(
                 strain[at], table, step, below[at], share[at], cis[q], isos[q]
             )
             p = 0.0
@@ -310,7 +318,7 @@ def advance(
                 p += pressure[c, r] * basis[at, r]
             coefficients[q, 0], coefficients[q, 1] = c1, c2
             coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
-            swelling = Js[q] * (1.0 + _double(cis[q], gaps[q])) - 1.0
+            swelling = growth + Js[q] * _double(cis[q], gaps[q])
             for r in range(4):
                 right_side[r] += weights[at] * basis[at, r] * swelling
         for r in range(4):
@@ -335,7 +343,7 @@ def advance(
             if a < 0.04 or minor < 0.02 or det < 0.1 or det > 10.0:
                 for k in range(6):
                     strain[at, k] = moved[q, k]
-                J, c1, c2, c3, c4, _ = _law(
+                J, _, c1, c2, c3, c4, _ = _law(
                     moved[q], table, step, below[at], share[at], cis[q], isos[q]
                 )
                 for k in range(6):
@@ -379,7 +387,7 @@ def observe(
                 work[k] = 0.0
                 for m in range(3):
                     work[k] += 0.5 * (F[m, i] * G[m, j] + F[m, j] * G[m, i])
-            J, _, _, _, _, over_m[q] = _law(actual, table, step, below[q], share[q], ci, iso)
+            J, _, _, _, _, _, over_m[q] = _law(actual, table, step, below[q], share[q], ci, iso)
             trace = 3.0 + 2.0 * (actual[0] + actual[1] + actual[2])
             invariant[q] = np.sqrt(max(trace * J ** (-2.0 / 3.0) - 3.0, 0.0))
             isochoric[q] = weights[q] * _double(iso, work)

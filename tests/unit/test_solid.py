@@ -621,6 +621,22 @@ def test_forces_and_moments_are_in_balance(table):
     np.testing.assert_allclose(moment, 0.0, atol=1e-6 * size * np.ptp(place))
 
 
+def test_a_load_that_hardly_strains_is_in_proportion():
+    """Strains of 1e-12: what is lost to rounding at 1 would be more, by the bulk modulus."""
+    cells = lattice((20.0, 10.0, 10.0), (4, 2, 2))
+    tip = on(cells, 0, 20.0)
+    found = []
+    for load in (1e-3, 1e-6):
+        problem = neo_hooke(
+            cells,
+            [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))],
+            E=1000.0,
+            forces=[(tip, (0.0, 0.0, load))],
+        )
+        found.append(mean(problem, settled(problem), tip)[2] / load)
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
 # ------------------------------------------------------------------------------------------------
 # Stability
 
