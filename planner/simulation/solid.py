@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -257,6 +257,17 @@ class Body:
         basis = np.ones((len(cells.points), 4))
         basis[:, 1:] = np.einsum("qi,qij->qj", away, np.repeat(turned, counts, axis=0))
         return basis
+
+
+def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibrium:
+    """Return a state along the line through two others: Newton's method sets out from there."""
+    ahead = (share - state.share) / (state.share - before.share)
+    each = ("displacement_mm", "strain", "stress_MPa", "pressure")
+    moved = {
+        name: getattr(state, name) + ahead * (getattr(state, name) - getattr(before, name))
+        for name in each
+    }
+    return replace(state, **moved)
 
 
 _THREADS = 2
@@ -515,7 +526,7 @@ class Mechanics:
         LostStabilityError
             After the last stable state was yielded.
         """
-        state = self.at_rest()
+        state, before = self.at_rest(), None
         for share in shares:
             step = share - state.share
             while True:
@@ -523,12 +534,14 @@ class Mechanics:
                 if share - target < 1e-9:
                     target = share
                 try:
-                    state, factored = self.settle(state, target, progress)
-                except LostStabilityError:
-                    step *= 0.5
+                    start = state if before is None else _onward(before, state, target)
+                    found = self.settle(start, target, progress)
+                except LostStabilityError as lost:
+                    before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:
-                        raise
+                        raise LostStabilityError(state.share, lost.place_mm) from lost
                     continue
+                before, (state, factored) = state, found
                 if target == share:
                     break
             yield state, factored
