@@ -81,7 +81,7 @@ def simulate(
     hold_s: Annotated[float, Option(help="How long relaxation holds, in seconds.")] = 100.0,
     steps: Annotated[
         int | None,
-        Option(help="Load steps up, and down or held: 100 by default, 10 of a whole part."),
+        Option(help="Load steps up, and down or held: 100 by default, 5 of a whole part."),
     ] = None,
     slices: Annotated[int, Option(help="Slices of a plan or a profile.")] = 400,
     between_mm: Annotated[

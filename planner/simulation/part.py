@@ -510,7 +510,7 @@ def simulate_part(
     watch: str | Sequence[str] = (),
     material: str | None = None,
     cell_mm: float | None = None,
-    steps: int = 10,
+    steps: int = 5,
     level: float = 0.95,
     compare_cells: bool = True,
     unit: str | None = None,

@@ -793,7 +793,7 @@ def simulate(
         from planner.simulation.part import simulate_part
 
         return simulate_part(
-            source, **conditions, **of_part, steps=10 if steps is None else steps, level=level,
+            source, **conditions, **of_part, steps=5 if steps is None else steps, level=level,
             compare_cells=compare_cells, printer=printer, palette=palette, progress=progress,
         )  # fmt: skip
     for name, given in of_part.items():

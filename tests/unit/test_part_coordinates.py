@@ -57,7 +57,7 @@ def points() -> np.ndarray:
         {"field": "distance: box=6 -4 1 8 10 13"},  # of faces: the shells are looked at
         {"field": by_x},
     ],
-    ids=str,
+    ids=lambda options: "a function" if options == {"field": by_x} else str(options),
 )
 def test_a_place_is_of_the_shell_that_holds_it(
     options: dict[str, object], points: np.ndarray
