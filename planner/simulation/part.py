@@ -485,6 +485,9 @@ _CELLS = 2000
 """Of material in full cells, where no size is given: a minute's work. The comparison with larger
 cells says how much it leaves open."""
 
+_FEWEST_ALONG = 2
+"""Cells along the part's longest side: an end that is held, and one that is loaded."""
+
 _COARSER = 1.5
 """Times larger are the cells that tell how far figures depend on their size."""
 
@@ -534,6 +537,13 @@ def simulate_part(
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
+    longest_mm = float(np.ptp(solid.surface.bounds_mm, axis=0).max())
+    if longest_mm < _FEWEST_ALONG * edge:
+        sides = " x ".join(f"{side:.4g}" for side in np.ptp(solid.surface.bounds_mm, axis=0))
+        raise ArgumentError(
+            f"`cell_mm` {edge:g}: the part is {sides} mm; at least {_FEWEST_ALONG} cells along its "
+            f"longest side are needed: {longest_mm / _FEWEST_ALONG:.3g} or less"
+        )
 
     def conditions(surface: Mesh) -> Conditions:
         return read_conditions(
@@ -572,7 +582,7 @@ def simulate_part(
     )
     compared = None
     larger_mm = _COARSER * float(body.cells.cell_mm.max())
-    if compare_cells and larger_mm < float(np.ptp(solid.surface.bounds_mm, axis=0).max()):
+    if compare_cells and longest_mm >= _FEWEST_ALONG * larger_mm:
         with contextlib.suppress(LostStabilityError):  # the steps say so, where it matters
             here = _small_figures(Mechanics(body, on, analysis, densities=densities))
             other, its, order, weights = prepared(larger_mm)
