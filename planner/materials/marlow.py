@@ -35,7 +35,8 @@ __all__ = [
 # so that the test gives W' at every I1, and no other mode needs a fit (R. S. Marlow, A general
 # first-invariant hyperelastic constitutive model, Constitutive Models for Rubber III, 2003). Where
 # the stress of the test rises, shear is stable too, whatever signs a fitted law's terms have.
-# Fitted Ogden terms of mixed sign are not: TangoPlus' lose stability at 20 % equibiaxial tension.
+# Fitted Ogden terms of mixed sign need not be: TangoPlus' cease to resist shear across the pull at
+# 68 % tension, before its break at 100 %.
 #
 # The variable of the tables is x = sqrt(I1 - 3), which is sqrt(3) times the strain of a small test,
 # so that stress over x is smooth at rest; W' is kept by its logarithm. Between grades the
