@@ -29,15 +29,19 @@ def test_every_block_of_the_tutorial_runs(tmp_path: Path) -> None:
         assert done.returncode == 0, f"{code}\n{done.stdout}\n{done.stderr}"
 
 
-def test_the_design_loop_runs() -> None:
+def printed(sample: str, *arguments: str) -> list[str]:
     done = subprocess.run(
-        [sys.executable, str(ROOT / "samples" / "design_loop.py")],
-        capture_output=True,
-        encoding="utf-8",
-        check=True,
-    )
-    rows = [line.split() for line in done.stdout.splitlines()[1:]]
-    assert [row[0] for row in rows] == ["log", "linear", "smooth"]
-    stiffness = {row[0]: float(row[4]) for row in rows}
-    # A linear ramp of modulus leaves the soft end after a short way: far stiffer than log.
-    assert stiffness["linear"] > 2.0 * stiffness["log"]
+        [sys.executable, str(ROOT / "samples" / sample), *arguments],
+        capture_output=True, encoding="utf-8", check=True,
+    )  # fmt: skip
+    return done.stdout.splitlines()
+
+
+def test_the_design_loop_runs() -> None:
+    """On cells so large that it takes seconds; what is printed comes within 1 % all the same."""
+    rows = [re.findall(r"[\d.]+", line) for line in printed("design_loop.py", "6")]
+    assert [float(row[0]) for row in rows] == [8.0, 12.0, 16.0]
+    for wanted, reached, *_ in rows:
+        assert abs(float(reached) / float(wanted) - 1.0) < 0.01
+    stiff = [float(row[3]) for row in rows]
+    assert stiff[0] >= stiff[1] > stiff[2]
