@@ -16,4 +16,6 @@ for wanted_mm in (8, 12, 16):
     )  # fmt: skip
     (tip,) = made.reached
     soft, stiff = made.moduli_MPa[0], made.moduli_MPa[-1]
-    print(f"{wanted_mm} mm: {-tip.printed:.2f} mm, {soft:.3g} to {stiff:.3g} MPa, {made.tried} tried")
+    print(
+        f"{wanted_mm} mm: {-tip.printed:.2f} mm, {soft:.3g} to {stiff:.3g} MPa, {made.tried} tried"
+    )

@@ -24,11 +24,8 @@ ARGUMENTS = (
 )  # fmt: skip
 
 
-def main() -> None:
-    """Grade the finger, open its page, cut it along y, and keep what is seen."""
-    plan = planner.grade(
-        HERE.parents[1] / "samples" / "finger.stl", from_="Tango", to="Vero", axis="x"
-    )
+def shot_of(page: bytes, script: str, colours: int = 128) -> Image.Image:
+    """Open a page, run a script in it, and return what is seen."""
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium") or ""
     for argument in ARGUMENTS:
@@ -38,11 +35,11 @@ def main() -> None:
     size = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
     try:
         with tempfile.TemporaryDirectory() as folder:
-            page = Path(folder) / "plan.html"
-            page.write_bytes(planner.plan_page(plan))
+            file = Path(folder) / "page.html"
+            file.write_bytes(page)
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-            browser.get(page.as_uri())
-            browser.execute_script("document.querySelector('input[value=y]').click()")
+            browser.get(file.as_uri())
+            browser.execute_script(script)
             browser.execute_async_script(
                 "requestAnimationFrame(() => setTimeout(arguments[0], 500))"
             )
@@ -50,7 +47,16 @@ def main() -> None:
     finally:
         browser.quit()
     image = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
-    image.quantize(128, dither=Image.Dither.NONE).save(HERE / "plan-page.png", optimize=True)
+    return image.quantize(colours, dither=Image.Dither.NONE)
+
+
+def main() -> None:
+    """Grade the finger, open its page, cut it along y, and keep what is seen."""
+    plan = planner.grade(
+        HERE.parents[1] / "samples" / "finger.stl", from_="Tango", to="Vero", axis="x"
+    )
+    cut = "document.querySelector('input[value=y]').click()"
+    shot_of(planner.plan_page(plan), cut).save(HERE / "plan-page.png", optimize=True)
 
 
 if __name__ == "__main__":

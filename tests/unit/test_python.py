@@ -144,7 +144,8 @@ WRONG = [
     ("diagnose", {"without": "rat"}, "gap diagnose lab --without rat", "`without` rat: no such"),
 ]  # fmt: skip
 FIRST = {
-    "grade": ["finger.stl"], "design": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0], "list_materials": [],
+    "grade": ["finger.stl"], "design": ["finger.stl"], "simulate": ["FLX9760"], "invert": [0.0],
+    "list_materials": [],
     "design_campaign": ["rate"], "synthesise_campaign": ["lab"], "diagnose": ["lab"],
 }  # fmt: skip
 OPTIONS = {

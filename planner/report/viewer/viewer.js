@@ -8,6 +8,7 @@
    the viewer is in mm of the files. A frame is drawn only when something has changed. */
 
 const CREASE = Math.cos((35 * Math.PI) / 180); // flatter edges are shaded as one smooth face
+const SLIVER = 8; // steps of position: a triangle less high than this is turned by their rounding
 const MOST_EDGES = 300000; // lines of sharp edges; more would be a grey cloud
 const TURN = Math.PI / 24; // a key's step
 const FLIGHT_MS = 450;
@@ -57,6 +58,12 @@ function faceNormals(points, faces) {
   return normals;
 }
 
+function distance(points, a, b) {
+  const x = points[3 * a] - points[3 * b], y = points[3 * a + 1] - points[3 * b + 1];
+  const z = points[3 * a + 2] - points[3 * b + 2];
+  return Math.sqrt(x * x + y * y + z * z);
+}
+
 function cornersByVertex(faces, count) {
   const begin = new Uint32Array(count + 1);
   for (let i = 0; i < faces.length; i++) begin[faces[i] + 1]++;
@@ -90,7 +97,9 @@ function shade(shell) {
           y += area * normals[m + 1];
           z += area * normals[m + 2];
         } else if (v < ahead && faces[other % 3 === 0 ? other + 2 : other - 1] === ahead) {
-          sharp = true; // the face on the other side of the edge v-ahead
+          // The face on the other side of the edge v-ahead; a sliver along it has no direction.
+          const thin = SLIVER * distance(points, v, ahead);
+          sharp = sharp || (normals[n + 3] > thin && normals[m + 3] > thin);
         }
       }
       const length = Math.sqrt(x * x + y * y + z * z) || 1;
