@@ -37,7 +37,12 @@ def test_shares_say_what_the_solid_does(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "closed"), [("temperature", 0.9), ("machine-compliance", 0.95), ("rate", 0.6)]
+    ("effect", "closed"),
+    [
+        ("temperature", 0.9),
+        pytest.param("machine-compliance", 0.95, marks=pytest.mark.slow),
+        pytest.param("rate", 0.6, marks=pytest.mark.slow),
+    ],
 )
 def test_the_withheld_effect_is_named(effect: str, closed: float) -> None:
     """Rate's course bends more than any form does: a companion may stand beside it."""

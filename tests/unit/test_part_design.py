@@ -70,6 +70,7 @@ def test_a_smooth_profile_stays_near_the_even_gradient(bent: planner.PartDesign)
     assert np.abs(np.diff(moduli, 2)).max() < 0.25 * np.ptp(moduli)
 
 
+@pytest.mark.slow
 def test_soft_uses_less_of_what_is_stiff() -> None:
     """Dithered, so that rounding to grades does not move either profile."""
     soft, smooth = (
@@ -108,6 +109,7 @@ def test_two_load_cases_are_met_together() -> None:
         assert row.continuous == pytest.approx(row.wanted, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_shape_is_come_near_to(bent: planner.PartDesign, tmp_path: Path) -> None:
     """The shape of a part designed before is found again: marks move as they did there."""
     seen = simulated(bent, load=LOAD)
