@@ -130,7 +130,8 @@ def test_a_shape_is_come_near_to(bent: planner.PartDesign, tmp_path: Path) -> No
 # --- limits, and what cannot be had
 
 
-def test_limits_are_kept() -> None:
+@pytest.mark.slow
+def test_a_limit_of_strain_is_kept() -> None:
     free = design(load="x=min: 0,0,-0.3 N", target="x=min uz=-16 mm", limit="strain/break<10")
     assert free.strain_over_break is not None
     bound = 0.9 * free.strain_over_break
@@ -138,6 +139,9 @@ def test_limits_are_kept() -> None:
                   limit=f"strain/break<{bound:.4f}")  # fmt: skip
     assert kept.strain_over_break is not None
     assert kept.strain_over_break < 1.02 * bound
+
+
+def test_a_limit_of_slope_is_kept() -> None:
     even = design(load=LOAD, target="x=min uz=-8 mm", limit="slope<0.1 /mm")
     assert np.abs(np.diff(np.log(even.moduli_MPa))).max() <= 0.1 * 10.0 * (1.0 + 1e-6)
 
