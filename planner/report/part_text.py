@@ -33,6 +33,10 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
     along a move.
     """
     interval = f"{100.0 * result.level:g} % interval"
+    sizes_N = [float(np.linalg.norm(r.force_N[-1])) for r in result.steps.responses]
+    least_N = _NOTHING * max(
+        sizes_N, default=0.0
+    )  # loads that balance leave a support nothing but rounding
     for response in result.steps.responses:
         held = response.kind in ("fix", "move")
         stiffness = response.stiffness_N_mm
@@ -43,7 +47,9 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
             "moves mm (x y z)": ""
             if response.kind == "fix"
             else _vector(response.displacement_mm[-1]),
-            "force N (x y z)": "" if response.kind == "watch" else _vector(response.force_N[-1]),
+            "force N (x y z)": ""
+            if response.kind == "watch"
+            else _vector(response.force_N[-1], least_N),
             interval: f"{sure} {'N' if held else 'mm'}" if sure else "",
             "N/mm": "" if stiffness is None else format_number(stiffness),
         }
@@ -59,12 +65,13 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
 
 
 _NOTHING = 5e-6
-"""Of a vector's length, below which a component is written as 0: forces are solved for so far."""
+"""Of a vector's length, or of the largest force, below which a component is written as 0: forces
+are solved for so far."""
 
 
-def _vector(components: FloatArray) -> str:
-    size = float(np.linalg.norm(components))
-    rounded = np.where(np.abs(components) < _NOTHING * size, 0.0, components)
+def _vector(components: FloatArray, least: float = 0.0) -> str:
+    least = max(least, _NOTHING * float(np.linalg.norm(components)))
+    rounded = np.where(np.abs(components) < least, 0.0, components)
     return " ".join(format_number(float(c)) for c in rounded)
 
 

@@ -46,6 +46,16 @@ def bent() -> planner.PartSimulation:
     return simulate(fix="x=min", load="x=max: 0,0,-0.05 N", watch="x>9 and x<11", steps=3)
 
 
+def test_a_support_on_which_loads_balance_bears_nothing() -> None:
+    """Rounding is no force: two loads against each other leave the support 0 in every direction."""
+    from planner.report.part_text import response_rows
+
+    loads = ["x=max and y>2: 0,0,-0.01 N", "x=max and y<2: 0,0,0.01 N"]
+    result = simulate(fix="x=min", load=loads, steps=1)
+    (fixed,) = [row for row in response_rows(result) if row[""] == "fix"]
+    assert fixed["force N (x y z)"] == "0 0 0"
+
+
 # --- figures
 
 
