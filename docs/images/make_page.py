@@ -24,7 +24,7 @@ ARGUMENTS = (
 )  # fmt: skip
 
 
-def shot_of(page: bytes, script: str, colours: int = 128) -> Image.Image:
+def shot_of(page: bytes, script: str) -> Image.Image:
     """Open a page, run a script in it, and return what is seen."""
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium") or ""
@@ -46,8 +46,7 @@ def shot_of(page: bytes, script: str, colours: int = 128) -> Image.Image:
             shot = browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
     finally:
         browser.quit()
-    image = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
-    return image.quantize(colours, dither=Image.Dither.NONE)
+    return Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
 
 
 def main() -> None:
@@ -56,7 +55,8 @@ def main() -> None:
         HERE.parents[1] / "samples" / "finger.stl", from_="Tango", to="Vero", axis="x"
     )
     cut = "document.querySelector('input[value=y]').click()"
-    shot_of(planner.plan_page(plan), cut).save(HERE / "plan-page.png", optimize=True)
+    picture = shot_of(planner.plan_page(plan), cut).quantize(128, dither=Image.Dither.NONE)
+    picture.save(HERE / "plan-page.png", optimize=True)
 
 
 if __name__ == "__main__":

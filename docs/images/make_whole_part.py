@@ -8,6 +8,7 @@ Needs Chromium with its driver, and the packages of the extra `test`.
 from pathlib import Path
 
 from make_page import shot_of
+from PIL import Image
 
 import planner
 
@@ -23,7 +24,10 @@ def main() -> None:
     )  # fmt: skip
     bent = planner.simulate(made.plan, **HELD)
     show_outline = "document.getElementById('ghost').click()"
-    picture = shot_of(planner.part_page(bent), show_outline, colours=256)
+    # By coverage the colour scale keeps its light end, which few pixels have.
+    picture = shot_of(planner.part_page(bent), show_outline).quantize(
+        256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )
     picture.save(HERE / "whole-part.png", optimize=True)
 
 

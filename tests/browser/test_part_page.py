@@ -68,3 +68,19 @@ def test_the_value_under_the_pointer_the_outline_and_a_section(
     browser.find_element("id", "ghost").click()
     browser.find_element("css selector", "input[value=y]").click()
     assert browser.execute_script(told).startswith("inside, at (")
+
+
+@pytest.mark.parametrize(("height", "lines"), [(0, 0), (1000, 1)])
+def test_a_flat_face_folded_on_itself_has_no_edge_there(
+    page: Path, browser: Any, open_page: Callable[..., None], height: int, lines: int
+) -> None:
+    """Thinning a surface for display may turn a triangle over in its own plane."""
+    open_page(page)
+    # Two triangles on one side of the edge that they share; raised, one stands on the other.
+    points = [0, 0, 0, 1000, 0, 0, 0, 1000, 0, 1000, 1000 - height, height]
+    found = browser.execute_script(
+        "return shade({points: Uint16Array.from(arguments[0]), "
+        "faces: Uint16Array.from([0, 1, 2, 1, 0, 3])}).edges.length / 2",
+        points,
+    )
+    assert found == lines

@@ -9,6 +9,7 @@
 
 const CREASE = Math.cos((35 * Math.PI) / 180); // flatter edges are shaded as one smooth face
 const SLIVER = 8; // steps of position: a triangle less high than this is turned by their rounding
+const FOLD = -Math.cos(2 * Math.atan(1 / SLIVER)); // a flat face that thinning has folded on itself
 const MOST_EDGES = 300000; // lines of sharp edges; more would be a grey cloud
 const TURN = Math.PI / 24; // a key's step
 const FLIGHT_MS = 450;
@@ -96,7 +97,7 @@ function shade(shell) {
           x += area * normals[m];
           y += area * normals[m + 1];
           z += area * normals[m + 2];
-        } else if (v < ahead && faces[other % 3 === 0 ? other + 2 : other - 1] === ahead) {
+        } else if (flat > FOLD && v < ahead && faces[other % 3 === 0 ? other + 2 : other - 1] === ahead) {
           // The face on the other side of the edge v-ahead; a sliver along it has no direction.
           const thin = SLIVER * distance(points, v, ahead);
           sharp = sharp || (normals[n + 3] > thin && normals[m + 3] > thin);
