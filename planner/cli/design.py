@@ -5,7 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, Force, PaletteName, Quiet
+from planner.cli.output import (
+    AsJson,
+    FixedFaces,
+    Force,
+    Loads,
+    MeshUnit,
+    Moves,
+    PaletteName,
+    Pressures,
+    Quiet,
+)
 
 if TYPE_CHECKING:
     from planner.inverse_design.design import PartDesign
@@ -25,18 +35,10 @@ def design(
             "N' or 'shape: points.csv'. Repeatable."
         ),
     ] = None,
-    fix: Annotated[
-        list[str] | None, Option(help="Faces that do not move, as x=max. Repeatable.")
-    ] = None,
-    load: Annotated[
-        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-    ] = None,
-    pressure: Annotated[
-        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
-    ] = None,
-    move: Annotated[
-        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-    ] = None,
+    fix: FixedFaces = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    move: Moves = None,
     cases: Annotated[
         Path | None,
         Option(help="TOML file of several load cases: tables 'case' with fix, load, target, name."),
@@ -65,7 +67,7 @@ def design(
         Option("--cell", "--cell-mm", help="Edge of the cells; about 2000 by default."),
     ] = None,
     tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
-    unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
+    unit: MeshUnit = None,
     printer: Annotated[str | None, Option(help="Installed printer; connex3 by default.")] = None,
     palette: PaletteName = None,
     output: Annotated[

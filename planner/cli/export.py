@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, Force, PaletteName, Quiet
+from planner.cli.output import (
+    AsJson,
+    FixedFaces,
+    Force,
+    Gravity,
+    Loads,
+    MeshMaterial,
+    MeshUnit,
+    Moves,
+    PaletteName,
+    Pressures,
+    Quiet,
+)
 
 if TYPE_CHECKING:
     from planner.simulation.export import Export
@@ -23,26 +35,13 @@ def export(
             "--cell", "--cell-mm", help="Edge of a cell in mm; by default what makes about 15000."
         ),
     ] = None,
-    fix: Annotated[
-        list[str] | None,
-        Option(help="Faces that do not move, as x=max. Repeatable, as all of these."),
-    ] = None,
-    load: Annotated[
-        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-    ] = None,
-    pressure: Annotated[
-        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
-    ] = None,
-    move: Annotated[
-        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-    ] = None,
-    gravity: Annotated[
-        str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
-    ] = None,
-    material: Annotated[
-        str | None, Option(help="What a mesh is made of, which is no plan.")
-    ] = None,
-    unit: Annotated[str | None, Option(help="Unit of a mesh: mm, cm, m, um, inch, ft.")] = None,
+    fix: FixedFaces = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    move: Moves = None,
+    gravity: Gravity = None,
+    material: MeshMaterial = None,
+    unit: MeshUnit = None,
     printer: Annotated[
         str | None, Option(help="Installed printer; by default the plan's, else connex3.")
     ] = None,

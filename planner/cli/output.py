@@ -25,10 +25,17 @@ __all__ = [
     "ColumnNames",
     "Compared",
     "ComparedWith",
+    "FixedFaces",
     "Force",
     "GaugeMm",
+    "Gravity",
+    "Loads",
     "MaterialName",
+    "MeshMaterial",
+    "MeshUnit",
+    "Moves",
     "PaletteName",
+    "Pressures",
     "PrinterName",
     "Quiet",
     "SpecimensFile",
@@ -311,6 +318,30 @@ def check_targets(*, force: bool, figure: Path | None = None, **targets: Path | 
 
 
 Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
+FixedFaces = Annotated[
+    list[str] | None,
+    Option(
+        "--fix",
+        help="Faces of the whole part that do not move, as x=max; see "
+        "docs/how-to/simulate-a-part.md for what may stand there. Repeatable, as all of these.",
+    ),
+]
+Loads = Annotated[
+    list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+]
+Pressures = Annotated[
+    list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")
+]
+Moves = Annotated[
+    list[str] | None, Option("--move", help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
+]
+Gravity = Annotated[
+    str | None, Option("--gravity", help="Where the part's weight pulls: -z, or dx,dy,dz.")
+]
+MeshMaterial = Annotated[
+    str | None, Option("--material", help="What a mesh is made of, which is no plan.")
+]
+MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
 TensileFiles = Annotated[
     list[Path],
     Argument(

@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, PaletteName, Quiet, check_targets
+from planner.cli.output import (
+    AsJson,
+    FixedFaces,
+    Gravity,
+    Loads,
+    MeshMaterial,
+    MeshUnit,
+    Moves,
+    PaletteName,
+    Pressures,
+    Quiet,
+    check_targets,
+)
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,31 +36,15 @@ def simulate(
             "thickness_mm]), a material, or with --fix and --load a mesh."
         ),
     ],
-    fix: Annotated[
-        list[str] | None,
-        Option(
-            help="Faces of the whole part that do not move, as x=max; see "
-            "docs/how-to/simulate-a-part.md for what may stand there. Repeatable, as all of these."
-        ),
-    ] = None,
-    load: Annotated[
-        list[str] | None, Option(help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
-    ] = None,
-    pressure: Annotated[
-        list[str] | None, Option(help="Pressure on faces, as 'cavity: 20 kPa'.")
-    ] = None,
-    move: Annotated[
-        list[str] | None, Option(help="Faces that are moved, as 'z>102: 5,free,0 mm'.")
-    ] = None,
-    gravity: Annotated[
-        str | None, Option(help="Where the part's weight pulls: -z, or dx,dy,dz.")
-    ] = None,
+    fix: FixedFaces = None,
+    load: Loads = None,
+    pressure: Pressures = None,
+    move: Moves = None,
+    gravity: Gravity = None,
     watch: Annotated[
         list[str] | None, Option(help="Faces whose displacement is told too, as x=min.")
     ] = None,
-    material: Annotated[
-        str | None, Option(help="What a mesh is made of, which is no plan.")
-    ] = None,
+    material: MeshMaterial = None,
     cell_mm: Annotated[
         float | None,
         Option(
@@ -64,7 +60,7 @@ def simulate(
             help="Solve with larger cells too, which tells how far figures depend on them.",
         ),
     ] = True,
-    unit: Annotated[str | None, Option(help="Unit of a mesh: mm, cm, m, um, inch, ft.")] = None,
+    unit: MeshUnit = None,
     to_strain: Annotated[
         float | None, Option(help="Largest displacement over the bar's length; 0.3 by default.")
     ] = None,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Held", "InpMaterial", "InpModel", "encode_inp"]
+__all__ = ["HeldNodes", "InpMaterial", "InpModel", "encode_inp"]
 
 
 Solver = Literal["abaqus", "calculix"]
@@ -51,7 +51,7 @@ class InpMaterial:
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HeldNodes:
     """Nodes whose displacement is given; None where it is free."""
 
     name: str
@@ -84,7 +84,7 @@ class InpModel:
     nodes: NDArray[np.int64]
     materials: Sequence[InpMaterial]
     node_sets: Mapping[str, IntArray]
-    held: Sequence[Held] = ()
+    held: Sequence[HeldNodes] = ()
     forces_N: Mapping[str, tuple[IntArray, FloatArray]] = field(default_factory=dict)
     pressures_MPa: Mapping[str, tuple[IntArray, float]] = field(default_factory=dict)
     gravity: tuple[float, float, float] | None = None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.cutting.grid import default_pitch_mm
 from planner.errors import ArgumentError, did_you_mean, positive
 from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
@@ -25,7 +26,7 @@ from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.loads import read_conditions
-from planner.simulation.part import default_cell_mm, open_solid
+from planner.simulation.part import COARSER, default_cell_mm, filling_along
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Solved
@@ -34,7 +35,6 @@ __all__ = ["DesignFinding", "PartDesign", "Reached", "design"]
 
 _MOST_KNOTS = 40
 _PREFER = ("smooth", "soft")
-_COARSER = 1.5  # cells of the search's first part, which only has to come near
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,8 @@ class Reached:
     ----------
     target, case
         As it was written, and the load case's name.
-    quantity, unit
-        What the figures are: of a stiffness, the displacement or force that it means.
-    wanted
-        The figure.
+    wanted, unit
+        The figure: of a stiffness, the displacement or force that it means.
     continuous, printed
         With the profile as it is wanted, and with the materials of the plan.
     interval
@@ -293,15 +291,15 @@ def design(
     if field is None:
         along: Field = axis_field(axis, placed)
     else:
-        along = build_field(field, Setting(placed, point(translation), 0.5))
+        along = build_field(field, Setting(placed, point(translation), default_pitch_mm(placed)))
     length = along.description().get("span_mm")
     span_mm = length if isinstance(length, float) else 1.0
     edge = default_cell_mm(mesh) if cell_mm is None else positive(cell_mm, "`cell_mm`")
 
     progress("loading the solver")
-    from planner.inverse_design.search import Case, Knots, Problem, search
+    from planner.inverse_design.search import Case, Knots, ProfileProblem, search
     from planner.materials.marlow import marlow_table
-    from planner.simulation.cut_cells import cut_cells
+    from planner.simulation.cut_cells import FEWEST_ALONG, cut_cells
     from planner.simulation.solid import POISSON, Body, LostStabilityError
     from planner.simulation.sparse_cholesky import analyse
 
@@ -315,11 +313,10 @@ def design(
     unknowns = Knots(knots, (low, high), model, at_strain)
     table = marlow_table(model, poisson=POISSON)
 
-    def problem_on(size_mm: float) -> tuple[Problem, FloatArray]:
+    def problem_on(size_mm: float) -> tuple[ProfileProblem, FloatArray]:
         progress(f"cutting the part into cells of {size_mm:.3g} mm")
         cells = cut_cells(mesh, size_mm)
-        index = np.repeat(cells.index, np.diff(cells.offsets), axis=0)
-        points = cells.origin_mm + (index + 0.5 * (cells.points + 1.0)) * cells.cell_mm
+        points = cells.points_mm
         u = along.values(points + translation)
         analysis = analyse(cells.nodes, cells.node_mm)
         middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
@@ -341,12 +338,16 @@ def design(
             goals = functionals(targets, conditions, extent)
             called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
             made.append(Case(called, cells, conditions, analysis, goals, body))
-        return Problem(unknowns, made, u, limits, ramp, prefer, span_mm / (knots - 1)), points
+        return ProfileProblem(
+            unknowns, made, u, limits, ramp, prefer, span_mm / (knots - 1)
+        ), points
 
     def told(stage: str) -> Callable[[int, float], None]:
         return lambda tried, off: progress(f"{stage}: profile {tried}, off by {100 * off:.2g} %")
 
-    problem, _ = problem_on(_COARSER * edge)
+    longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
+    larger_mm = max(edge, min(COARSER * edge, longest_mm / FEWEST_ALONG))
+    problem, _ = problem_on(larger_mm)  # to come near
     found = None
     for stiffer in (0.0, 0.5, 1.0):
         try:
@@ -372,6 +373,10 @@ def design(
     progress("planning the print")
     hard = np.array([goal.hard for goal in problem.goals])
 
+    def solved_with(plan: Plan) -> "list[Solved]":
+        filling = filling_along(along, plan, chosen)(points)
+        return [case.solve(filling) for case in problem.cases]
+
     def printed(values: FloatArray) -> "tuple[Plan, list[Solved]]":
         profile = Profile(
             "designed", tuple(unknowns.positions.tolist()),
@@ -381,8 +386,7 @@ def design(
             part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
             printer=machine, palette=chosen, unit=unit, name=name,
         )  # fmt: skip
-        filling = open_solid(plan, None, None, None, chosen).filling(points)
-        return plan, [case.solve(filling) for case in problem.cases]
+        return plan, solved_with(plan)
 
     def offs(solved: "list[Solved]") -> FloatArray:
         figures = np.concatenate([s.values() for s in solved])
@@ -410,8 +414,9 @@ def design(
         trail.append((shift, float(_signed(now, best.slopes[hard]))))
         if float(np.abs(now).max()) < least:
             least, kept = float(np.abs(now).max()), (values, plan)
-    values, plan = kept
-    plan, solved = printed(values)
+    values, chosen_plan = kept
+    if chosen_plan is not plan:  # an earlier try was the nearest
+        plan, solved = chosen_plan, solved_with(chosen_plan)
 
     rows, over = [], None
     figures = iter(best.figures.tolist())

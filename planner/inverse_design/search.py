@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["Candidate", "Case", "Found", "Knots", "Problem", "search"]
+__all__ = ["Case", "Found", "Knots", "ProfileProblem", "TriedProfile", "search"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class OverBreak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class ProfileProblem:
     """Knots to find.
 
     Attributes
@@ -239,7 +239,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class TriedProfile:
     """A profile that was tried.
 
     Attributes
@@ -263,7 +263,7 @@ class Candidate:
     largest: float
 
 
-def evaluate(problem: Problem, values: FloatArray) -> Candidate:
+def evaluate(problem: ProfileProblem, values: FloatArray) -> TriedProfile:
     """Return what a profile comes to.
 
     Raises
@@ -301,7 +301,7 @@ def evaluate(problem: Problem, values: FloatArray) -> Candidate:
             off.append((figure - goal.wanted) / scale)
             rows.append(row / scale)
     count = problem.knots.count
-    return Candidate(
+    return TriedProfile(
         values,
         np.array(figures),
         np.array(off),
@@ -319,7 +319,7 @@ _PLEASED = 0.03
 class Found(NamedTuple):
     """The best profile, and how many were tried."""
 
-    best: Candidate
+    best: TriedProfile
     tried: int
 
 
@@ -332,7 +332,7 @@ _NEARNESS = 20.0
 
 
 def search(
-    problem: Problem,
+    problem: ProfileProblem,
     start: FloatArray,
     *,
     tolerance: float,
@@ -395,29 +395,31 @@ def search(
     return Found(best, tried)
 
 
-def _tried(problem: Problem, values: FloatArray) -> Candidate | None:
+def _tried(problem: ProfileProblem, values: FloatArray) -> TriedProfile | None:
     try:
         return evaluate(problem, values)
     except LostStabilityError:
         return None
 
 
-def _miss(problem: Problem, candidate: Candidate) -> float:
+def _miss(problem: ProfileProblem, candidate: TriedProfile) -> float:
     hard = [abs(o) for o, goal in zip(candidate.off, problem.goals, strict=True) if goal.hard]
     return float(max([0.0, *hard, *candidate.over_break.tolist()]))
 
 
-def _merit(problem: Problem, candidate: Candidate) -> float:
+def _merit(problem: ProfileProblem, candidate: TriedProfile) -> float:
     return _weighed(problem, candidate.values, candidate.off, candidate.over_break)
 
 
-def _foretold(problem: Problem, at: Candidate, values: FloatArray) -> float:
+def _foretold(problem: ProfileProblem, at: TriedProfile, values: FloatArray) -> float:
     change = values - at.values
     off, over = at.off + at.slopes @ change, at.over_break + at.over_break_slopes @ change
     return _weighed(problem, values, off, over)
 
 
-def _weighed(problem: Problem, values: FloatArray, off: FloatArray, over: FloatArray) -> float:
+def _weighed(
+    problem: ProfileProblem, values: FloatArray, off: FloatArray, over: FloatArray
+) -> float:
     hard = np.array([goal.hard for goal in problem.goals])
     missed = float(np.sum(np.abs(off[hard])) + np.sum(np.maximum(over, 0.0)))
     shape = float(np.sum(off[~hard] ** 2))
@@ -425,7 +427,7 @@ def _weighed(problem: Problem, values: FloatArray, off: FloatArray, over: FloatA
     return _MULTIPLIER * missed + shape + problem.wish(values)
 
 
-def _step(problem: Problem, at: Candidate, radius: float) -> FloatArray:
+def _step(problem: ProfileProblem, at: TriedProfile, radius: float) -> FloatArray:
     """Return the values that make the linear models' merit least within the radius and bounds.
 
     The misses' absolute values become slack variables, so that the problem is smooth.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.numerics import BoolArray, FloatArray, free_kernel, inner_kernel, kernel
-from planner.simulation.material_columns import Material, column_place
+from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["quadrature"]
 
@@ -48,7 +48,7 @@ _MET = 1e-12
 
 
 def quadrature(
-    material: Material, index: NDArray[np.int32], full: BoolArray, threads: int
+    material: SampledMaterial, index: NDArray[np.int32], full: BoolArray, threads: int
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """Return the quadrature of all cells.
 

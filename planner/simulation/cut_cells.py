@@ -11,10 +11,10 @@ from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, connected, number_groups, unite
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.cell_quadrature import quadrature
-from planner.simulation.material_columns import Material, column_place, sample
+from planner.simulation.material_columns import SampledMaterial, column_place, sample
 from planner.voxels.columns import MOST_VOXELS
 
-__all__ = ["COLUMNS_ACROSS", "CutCells", "cut_cells"]
+__all__ = ["COLUMNS_ACROSS", "FEWEST_ALONG", "CutCells", "cut_cells"]
 
 
 COLUMNS_ACROSS = 24
@@ -23,8 +23,8 @@ COLUMNS_ACROSS = 24
 _MOST_COLUMNS = 1 << 26
 # Lattice columns over the bounding box: 12 bytes each, 0.8 GB.
 
-_FEWEST_ALONG = 2
-# Cells along the part's longest side. With one cell there is nothing to bend.
+FEWEST_ALONG = 2
+"""Cells along the longest side of a part: with one there is nothing to bend."""
 
 _NEARLY_NOTHING = 0.01
 # of a cell's volume. A body of less, which hangs on nothing, is what columns make of the edge of
@@ -98,7 +98,7 @@ class CutCells:
     surface: Mesh
     triangle: NDArray[np.int32]
     dropped_mm3: float
-    material: Material = field(repr=False)
+    material: SampledMaterial = field(repr=False)
     vertex_cell: NDArray[np.int32] = field(init=False)
     vertex_local: FloatArray = field(init=False)
 
@@ -106,6 +106,12 @@ class CutCells:
         cell, local = self.locate(self.surface.vertices, _inward(self.surface))
         object.__setattr__(self, "vertex_cell", cell)
         object.__setattr__(self, "vertex_local", local)
+
+    @property
+    def points_mm(self) -> FloatArray:
+        """Places of the quadrature points, (Q, 3)."""
+        index = np.repeat(self.index, np.diff(self.offsets), axis=0)
+        return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
 
     @property
     def volume_mm3(self) -> float:
@@ -186,10 +192,10 @@ def cut_cells(
     positive(cell_mm, "`cell_mm`")
     low, high = mesh.bounds_mm
     extent = high - low
-    if not np.max(extent) > (_FEWEST_ALONG - 1) * cell_mm:
+    if np.max(extent) < FEWEST_ALONG * cell_mm:
         raise ArgumentError(
-            f"`cell_mm` {cell_mm:g}: the part is {_by(extent)} mm; at least {_FEWEST_ALONG} cells "
-            f"along its longest side are needed: {np.max(extent) / _FEWEST_ALONG:.3g} or less"
+            f"`cell_mm` {cell_mm:g}: the part is {_by(extent)} mm; at least {FEWEST_ALONG} cells "
+            f"along its longest side are needed: {np.max(extent) / FEWEST_ALONG:.3g} or less"
         )
     if not np.min(extent) > 0:
         raise MeshError(f"the part is {_by(extent)} mm, which holds no material; give a solid")
@@ -242,7 +248,7 @@ def _too_many(cell_mm: float, cells: float, most: int) -> ArgumentError:
 class _Pieces:
     """Connected pieces of material in the cells, in the order of `CutCells`."""
 
-    material: Material  # with its segments told to pieces
+    material: SampledMaterial  # with its segments told to pieces
     index: NDArray[np.int32]
     nodes: NDArray[np.int32]
     node_place: NDArray[np.int32]  # in halves of a cell
@@ -251,7 +257,7 @@ class _Pieces:
     dropped: float  # volume left out, in cells
 
 
-def _pieces(material: Material, size: FloatArray) -> _Pieces:
+def _pieces(material: SampledMaterial, size: FloatArray) -> _Pieces:
     parent = material.piece.copy()
     _join_within(material.lines, parent)
     piece = number_groups(parent)

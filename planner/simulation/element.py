@@ -117,14 +117,39 @@ def _law(strain: Any, table: Any, step: Any, below: Any, share: Any, ci: Any, st
 
 
 @inner_kernel
-def _deform(u: Any, nodes: Any, gradient: Any, F: Any, strain: Any) -> None:
-    """Write F = I + du/dX and the strain (Fᵀ F - I) / 2 of displacements at a point."""
-    F[:] = 0.0
+def _slopes(field: Any, nodes: Any, gradient: Any, out: Any) -> None:
+    """Write the gradient of a field (N, 3) at a point, (3, 3)."""
+    out[:] = 0.0
     for a in range(27):
         n = nodes[a]
         for i in range(3):
             for k in range(3):
-                F[i, k] += u[n, i] * gradient[a, k]
+                out[i, k] += field[n, i] * gradient[a, k]
+
+
+@inner_kernel
+def _strained(F: Any, slopes: Any, k: Any) -> Any:
+    """Return component k of the strain's first change along a field."""
+    i, j = _PAIRS[k, 0], _PAIRS[k, 1]
+    change = 0.0
+    for m in range(3):
+        change += 0.5 * (F[m, i] * slopes[m, j] + F[m, j] * slopes[m, i])
+    return change
+
+
+@inner_kernel
+def _pressure(coefficients: Any, basis: Any) -> Any:
+    """Return the value at a point of what a cell's basis has coefficients of."""
+    p = 0.0
+    for r in range(4):
+        p += coefficients[r] * basis[r]
+    return p
+
+
+@inner_kernel
+def _deform(u: Any, nodes: Any, gradient: Any, F: Any, strain: Any) -> None:
+    """Write F = I + du/dX and the strain (Fᵀ F - I) / 2 of displacements at a point."""
+    _slopes(u, nodes, gradient, F)
     for k in range(6):
         i, j = _PAIRS[k, 0], _PAIRS[k, 1]
         dot = F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
@@ -192,9 +217,7 @@ def assemble(
             Js[q], growth, c1, c2, c3, c4, _ = _law(
                 strain[at], table, step, below[at], share[at], cis[q], isos[q]
             )
-            p = 0.0
-            for r in range(4):
-                p += pressure[c, r] * basis[at, r]
+            p = _pressure(pressure[c], basis[at])
             coefficients[q, 0], coefficients[q, 1] = c1, c2
             coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
             for k in range(6):
@@ -211,9 +234,7 @@ def assemble(
         for q in range(count):
             at = begin + q
             w, F, ci, co, J = weights[at], Fs[q], cis[q], coefficients[q], Js[q]
-            p = 0.0
-            for r in range(4):
-                p += new[r] * basis[at, r]
+            p = _pressure(new, basis[at])
             _tangent_times(ci, co, gaps[q], full)
             for k in range(6):
                 full[k] += isos[q, k] + p * J * ci[k]
@@ -287,7 +308,7 @@ def advance(
     gradient, F, G = np.empty((27, 3)), np.empty((3, 3)), np.empty((3, 3))
     cis, isos, gaps = np.empty((most, 6)), np.empty((most, 6)), np.empty((most, 6))
     coefficients, Js, actual, full = np.empty((most, 4)), np.empty(most), np.empty(6), np.empty(6)
-    moved, both = np.empty((most, 6)), np.empty(6)
+    moved = np.empty((most, 6))
     for c in range(first, last):
         begin, count = offsets[c], offsets[c + 1] - offsets[c]
         right_side = np.zeros(4)
@@ -295,27 +316,19 @@ def advance(
             at = begin + q
             _gradients(points[at], cell_mm, gradient)
             _deform(u, nodes[c], gradient, F, actual)
-            G[:] = 0.0
-            for a in range(27):
-                n = nodes[c, a]
-                for i in range(3):
-                    for k in range(3):
-                        G[i, k] += change[n, i] * gradient[a, k]
+            _slopes(change, nodes[c], gradient, G)
             for k in range(6):
                 i, j = _PAIRS[k, 0], _PAIRS[k, 1]
-                linear, square = 0.0, 0.0
+                square = 0.0
                 for m in range(3):
-                    linear += 0.5 * (F[m, i] * G[m, j] + F[m, j] * G[m, i])
                     square += 0.5 * G[m, i] * G[m, j]
+                linear = _strained(F, G, k)
                 gaps[q, k] = actual[k] + linear - strain[at, k]
-                both[k] = actual[k] + linear
                 moved[q, k] = actual[k] + linear + square
             Js[q], growth, c1, c2, c3, c4, _ = _law(
                 strain[at], table, step, below[at], share[at], cis[q], isos[q]
             )
-            p = 0.0
-            for r in range(4):
-                p += pressure[c, r] * basis[at, r]
+            p = _pressure(pressure[c], basis[at])
             coefficients[q, 0], coefficients[q, 1] = c1, c2
             coefficients[q, 2], coefficients[q, 3] = c3 + p * Js[q], c4 - 2.0 * p * Js[q]
             swelling = growth + Js[q] * _double(cis[q], gaps[q])
@@ -327,9 +340,7 @@ def advance(
                 pressure[c, r] += compliance[c, r, s] * right_side[s]
         for q in range(count):
             at = begin + q
-            p = 0.0
-            for r in range(4):
-                p += pressure[c, r] * basis[at, r]
+            p = _pressure(pressure[c], basis[at])
             _tangent_times(cis[q], coefficients[q], gaps[q], full)
             for k in range(6):
                 stress[at, k] = isos[q, k] + p * Js[q] * cis[q, k] + full[k]
@@ -376,17 +387,9 @@ def observe(
         for q in range(offsets[c], offsets[c + 1]):
             _gradients(points[q], cell_mm, gradient)
             _deform(u, nodes[c], gradient, F, actual)
-            G[:] = 0.0
-            for a in range(27):
-                n = nodes[c, a]
-                for i in range(3):
-                    for k in range(3):
-                        G[i, k] += adjoint[n, i] * gradient[a, k]
+            _slopes(adjoint, nodes[c], gradient, G)
             for k in range(6):
-                i, j = _PAIRS[k, 0], _PAIRS[k, 1]
-                work[k] = 0.0
-                for m in range(3):
-                    work[k] += 0.5 * (F[m, i] * G[m, j] + F[m, j] * G[m, i])
+                work[k] = _strained(F, G, k)
             J, _, _, _, _, _, over_m[q] = _law(actual, table, step, below[q], share[q], ci, iso)
             trace = 3.0 + 2.0 * (actual[0] + actual[1] + actual[2])
             invariant[q] = np.sqrt(max(trace * J ** (-2.0 / 3.0) - 3.0, 0.0))
@@ -399,10 +402,7 @@ def observe(
             for s in range(4):
                 y[r] += compliance[c, r, s] * turned[s]
         for q in range(offsets[c], offsets[c + 1]):
-            p, back = 0.0, 0.0
-            for r in range(4):
-                p += pressure[c, r] * basis[q, r]
-                back += y[r] * basis[q, r]
+            p, back = _pressure(pressure[c], basis[q]), _pressure(y, basis[q])
             volumetric[q] = weights[q] * p * back / bulk[q]
 
 

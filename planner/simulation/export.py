@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
 from planner.formats.files import check_absent, encode_document, write_whole
-from planner.formats.inp import Held, InpMaterial, InpModel, encode_inp
+from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
 from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
 from planner.materials.mixtures import CoefficientModel
@@ -409,7 +409,7 @@ def _inp(
     if conditions.gravity is not None and any(m.density_g_cm3 is None for m in materials):
         raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
     facet = _facets(mesh, surface)
-    held: list[Held] = []
+    held: list[HeldNodes] = []
     given = np.full(mesh.node_mm.shape, np.nan)
     for number, support in enumerate(conditions.supports, start=1):
         nodes = np.unique(_nodes(mesh, _faces(support.facets, facet, support.selector)))
@@ -419,7 +419,7 @@ def _inp(
             nodes = nodes[~(np.abs(given[nodes] - wanted) > 0.0).any(axis=1)]
         given[nodes] = np.where(np.isnan(wanted), given[nodes], wanted)
         remarks.append(f"HELD{number}: {support.selector}")
-        held.append(Held(f"HELD{number}", nodes, support.displacement_mm))
+        held.append(HeldNodes(f"HELD{number}", nodes, support.displacement_mm))
     forces = {}
     for number, force in enumerate(conditions.forces, start=1):
         faces = _faces(force.facets, facet, force.selector)

@@ -11,7 +11,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, inner_kernel, kernel
 from planner.voxels.columns import MOST_VOXELS, Columns, Grid, iterate_columns, join
 
-__all__ = ["Material", "column_place", "sample"]
+__all__ = ["SampledMaterial", "column_place", "sample"]
 
 
 # Material is sampled by exact columns along z, on a square lattice turned about z by an angle
@@ -24,7 +24,7 @@ __all__ = ["Material", "column_place", "sample"]
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class SampledMaterial:
     """Columns of material, cut into segments by the cells' faces.
 
     Attributes
@@ -66,7 +66,7 @@ class Material:
 
 def sample(
     mesh: Mesh, low: FloatArray, extent: FloatArray, cells: tuple[int, ...], across: int
-) -> Material:
+) -> SampledMaterial:
     """Sample a closed surface.
 
     Parameters
@@ -112,7 +112,7 @@ def sample(
     first = np.append(0, np.cumsum(reach, dtype=np.int64))
     piece = np.arange(first[-1], dtype=np.int32)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
-    return Material(columns, cells, voxels, frame, foot, per_foot, first[:-1], piece)
+    return SampledMaterial(columns, cells, voxels, frame, foot, per_foot, first[:-1], piece)
 
 
 @inner_kernel

@@ -27,7 +27,7 @@ from planner.palette import Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import plan_palette, plan_shells, region_coordinates, united
-from planner.simulation.cut_cells import CutCells, cut_cells
+from planner.simulation.cut_cells import FEWEST_ALONG, CutCells, cut_cells
 from planner.simulation.loads import Conditions, read_conditions
 from planner.simulation.simulate import called, table_csv
 
@@ -40,12 +40,14 @@ if TYPE_CHECKING:
     from planner.simulation.sparse_cholesky import Analysis
 
 __all__ = [
+    "COARSER",
     "Discretisation",
     "LoadCurve",
     "PartFinding",
     "PartSimulation",
     "Solid",
     "default_cell_mm",
+    "filling_along",
     "open_solid",
     "simulate_part",
 ]
@@ -95,7 +97,6 @@ def _own(plan: Plan, placed: Mesh) -> Mesh:
 def _filling(
     plan: Plan, shells: Mapping[str, Float32Array | FloatArray], placed: Mesh, palette: Palette
 ) -> Filling:
-    moved = np.array(plan.part.translation_mm)
     field = _field(plan, placed)
     if field is None and is_dithered(plan):
         raise ArgumentError(
@@ -105,6 +106,12 @@ def _filling(
         )
     if field is None:
         return _by_shells(plan, shells, palette)
+    return filling_along(field, plan, palette)
+
+
+def filling_along(field: Field, plan: Plan, palette: Palette) -> Filling:
+    """Return what a plan prints along its field, which is over the part as placed for printing."""
+    moved = np.array(plan.part.translation_mm)
     if is_dithered(plan):
         along, coordinate = dithered_profile(plan, palette)
         return lambda points: np.interp(field.values(points + moved), along, coordinate)
@@ -485,10 +492,7 @@ _CELLS = 2000
 """Of material in full cells, where no size is given: a minute's work. The comparison with larger
 cells says how much it leaves open."""
 
-_FEWEST_ALONG = 2
-"""Cells along the part's longest side: an end that is held, and one that is loaded."""
-
-_COARSER = 1.5
+COARSER = 1.5
 """Times larger are the cells that tell how far figures depend on their size."""
 
 _SMALL = 1e-3
@@ -537,13 +541,6 @@ def simulate_part(
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
-    longest_mm = float(np.ptp(solid.surface.bounds_mm, axis=0).max())
-    if longest_mm < _FEWEST_ALONG * edge:
-        sides = " x ".join(f"{side:.4g}" for side in np.ptp(solid.surface.bounds_mm, axis=0))
-        raise ArgumentError(
-            f"`cell_mm` {edge:g}: the part is {sides} mm; at least {_FEWEST_ALONG} cells along its "
-            f"longest side are needed: {longest_mm / _FEWEST_ALONG:.3g} or less"
-        )
 
     def conditions(surface: Mesh) -> Conditions:
         return read_conditions(
@@ -564,9 +561,7 @@ def simulate_part(
     def prepared(edge_mm: float) -> tuple[Body, Conditions, "Analysis", FloatArray]:
         progress(f"cutting the part into cells of {edge_mm:.3g} mm")
         cells = cut_cells(solid.surface, edge_mm)
-        index = np.repeat(cells.index, np.diff(cells.offsets), axis=0)
-        places = cells.origin_mm + (index + 0.5 * (cells.points + 1.0)) * cells.cell_mm
-        body = Body(cells, table, solid.filling(places))
+        body = Body(cells, table, solid.filling(cells.points_mm))
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm)
         _check_memory(analysis, cells)
@@ -581,8 +576,9 @@ def simulate_part(
         body, on, analysis, model, steps=steps, level=level, densities=densities, progress=told
     )
     compared = None
-    larger_mm = _COARSER * float(body.cells.cell_mm.max())
-    if compare_cells and longest_mm >= _FEWEST_ALONG * larger_mm:
+    larger_mm = COARSER * float(body.cells.cell_mm.max())
+    longest_mm = float(np.ptp(solid.surface.bounds_mm, axis=0).max())
+    if compare_cells and longest_mm >= FEWEST_ALONG * larger_mm:
         with contextlib.suppress(LostStabilityError):  # the steps say so, where it matters
             here = _small_figures(Mechanics(body, on, analysis, densities=densities))
             other, its, order, weights = prepared(larger_mm)
@@ -623,13 +619,11 @@ def _check_memory(analysis: "Analysis", cells: CutCells) -> None:
 
 def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     """Return what each response is of at a small load: a displacement, or a support's force."""
-    from planner.simulation.solid import facet_points
-
-    on, cells = mechanics.conditions, mechanics.body.cells
+    on = mechanics.conditions
     state, _ = mechanics.settle(mechanics.at_rest(), _SMALL)
 
     def moved(facets: BoolArray) -> FloatArray:
-        return mechanics.mean(facet_points(cells, facets), state.displacement_mm)
+        return mechanics.mean(mechanics.points_of(facets), state.displacement_mm)
 
     pulls = zip(on.supports, mechanics.reactions(state), strict=True)
     return [

@@ -15,14 +15,13 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import Conditions, read_conditions
-from planner.simulation.part import open_solid
+from planner.simulation.part import COARSER, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.solid import (
     POISSON,
     Body,
     LostStabilityError,
     Mechanics,
-    facet_points,
 )
 from planner.simulation.sparse_cholesky import analyse
 
@@ -81,13 +80,18 @@ def loaded_part(
         Selectors and loads that mean nothing on this part.
     """
     solid = open_solid(source, None, None, None, palette)
+    return _cut(solid, fix, move, load, cell_mm)
+
+
+def _cut(
+    solid: Solid, fix: Sequence[str], move: str, load: str, cell_mm: float | None
+) -> LoadedPart:
     edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
     cells = cut_cells(solid.surface, edge)
     conditions = read_conditions(
         cells.surface, fix=fix, move=[move] if move else [], load=[load] if load else []
     )
-    lattice = np.repeat(cells.index, np.diff(cells.offsets), axis=0) + 0.5 * (cells.points + 1.0)
-    coordinate = solid.filling(cells.origin_mm + lattice * cells.cell_mm)
+    coordinate = solid.filling(cells.points_mm)
     return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
 
 
@@ -139,7 +143,7 @@ def followed(
         points = mechanics.held[moving[0]].points
     else:
         whole = np.array(conditions.forces[0].force_N)
-        points = facet_points(cells, conditions.forces[0].facets)
+        points = mechanics.points_of(conditions.forces[0].facets)
     size = float(np.linalg.norm(whole))
     along = whole / size
     if moving:
@@ -178,9 +182,6 @@ _BINS = 36
 _MIXTURES = 12
 """Groups of mixtures, where a part has more of them. Numerical: as a palette has grades."""
 
-_COARSER = 1.5
-"""Times larger the cells are that tell how far the force depends on them."""
-
 _HELD = 0.01
 """Of ln force, whatever the cells. Chosen: what clamps that do not give are off by."""
 
@@ -202,13 +203,14 @@ def part_response(
     FileError, ArgumentError
         As `loaded_part`; or no equilibrium is found.
     """
-    part = loaded_part(source, palette, fix=fix, move=move, load=load, cell_mm=cell_mm)
+    solid = open_solid(source, None, None, None, palette)
+    part = _cut(solid, fix, move, load, cell_mm)
     table = marlow_table(CoefficientModel(palette), poisson=POISSON)
     moved = followed(part, table, _STEPS)
     log_sd = _HELD
     if compare_cells and len(moved.force_N) > 1:
-        edge = _COARSER * float(part.cells.cell_mm.max())
-        coarser = loaded_part(source, palette, fix=fix, move=move, load=load, cell_mm=edge)
+        edge = COARSER * float(part.cells.cell_mm.max())
+        coarser = _cut(solid, fix, move, load, edge)
         other = followed(coarser, table, _STEPS[:3], sensitive=False)
         if len(other.force_N):
             fine = np.interp(other.displacement_mm[-1], moved.displacement_mm, moved.force_N)

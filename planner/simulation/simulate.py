@@ -714,7 +714,7 @@ def simulate(
     hold_s
         How long relaxation holds.
     steps
-        Load steps of each leg, 100 by default; of a whole part 10.
+        Load steps of each leg, 100 by default; of a whole part 5.
     slices
         Slices over a plan's axis or a profile; a coupon is one.
     between_mm

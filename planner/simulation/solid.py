@@ -488,7 +488,7 @@ class Mechanics:
         cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
-        done = 0.0
+        done, factored = 0.0, None
         for iteration in range(1, _MOST_ITERATIONS + 1):
             here = Equilibrium(share, u, strain, stress, pressure, iteration)
             residual, size = self._assembled(here, share)
@@ -496,7 +496,7 @@ class Mechanics:
             if progress is not None:
                 progress(share, iteration, error)
             try:
-                factored = factor(self.analysis, self._matrices)
+                factored = factor(self.analysis, self._matrices, into=factored)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
@@ -565,12 +565,10 @@ class Mechanics:
         It is carried by the material nearest to it.
         """
         cells = self.body.cells
-        middle = cells.origin_mm + (cells.index + 0.5) * cells.cell_mm
-        counts = np.diff(cells.offsets)
-        at = np.repeat(middle, counts, axis=0) + 0.5 * cells.cell_mm * cells.points
-        nearest = int(np.argmin(np.sum((at - place_mm) ** 2, axis=1)))
+        nearest = int(np.argmin(np.sum((cells.points_mm - place_mm) ** 2, axis=1)))
         cell = int(np.searchsorted(cells.offsets, nearest, side="right")) - 1
-        local = 2.0 * (place_mm - middle[cell]) / cells.cell_mm
+        middle = cells.origin_mm + (cells.index[cell] + 0.5) * cells.cell_mm
+        local = 2.0 * (place_mm - middle) / cells.cell_mm
         shape = shape_functions(local[None], cells.cell_mm)[0][0]
         weights = np.zeros((len(cells.node_mm), 3))
         weights[cells.nodes[cell]] = shape[:, None] * direction
