@@ -17,7 +17,7 @@ from manifold3d import CrossSection, Manifold
 
 from planner.cutting.pieces import shell_faces, split
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 
@@ -103,7 +103,7 @@ def run(name, solid):
     soup = mesh.triangles.astype(np.float32)
     print(f"  audit of the part      {median_s(lambda: audit(soup), 3):9.4f} s")
     sound = sum(audit(soup).sound for soup in soups)
-    fit = interfaces_cancel(soups, mesh).ok
+    fit = interfaces_cancel(join_shells(soups), mesh).ok
     print(f"  sound shells {sound} of {len(soups)}, interfaces coincide: {fit}")
 
 

@@ -26,7 +26,7 @@ from planner.cutting.pieces import shell_faces, split
 from planner.errors import PlannerError
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import read_mesh
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import make_part, place
 
@@ -154,7 +154,7 @@ def faults(pieces, mesh):
         imported = Manifold(SolidMesh(vertices, faces.astype(np.uint32)))
         found["unsound"] += not audit(soup).sound or imported.status() != Error.NoError
         found["open in trimesh"] += whole and not watertight(soup)
-    found["parts that do not fit"] += not interfaces_cancel(soups, mesh).ok
+    found["parts that do not fit"] += not interfaces_cancel(join_shells(soups), mesh).ok
     return len(soups), found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from planner.errors import MeshError, OutputError
 from planner.numerics import Float32Array, FloatArray, IntArray
 
-__all__ = ["decode_stl", "encode_stl", "require_finite"]
+__all__ = ["decode_stl", "encode_stl", "require_finite", "stl_holds"]
 
 
 _HEADER_BYTES = 80
@@ -116,6 +116,22 @@ def encode_stl(vertices: Float32Array, faces: IntArray, header: str) -> bytes:
     return b"".join((head, len(faces).to_bytes(4, "little"), records.data))
 
 
+def stl_holds(data: bytes, vertices: Float32Array, faces: IntArray) -> bool:
+    """Tell whether the triangles of a binary STL are these, bit for bit, in this order."""
+    count = int.from_bytes(data[_HEADER_BYTES : _HEADER_BYTES + 4], "little")
+    if count != len(faces) or len(data) != _binary_size(count):
+        return False
+    records = np.frombuffer(data, _RECORD, count, _HEADER_BYTES + 4)
+    points = np.ascontiguousarray(vertices, np.float32).view(np.uint32)
+    return all(
+        np.array_equal(
+            np.ascontiguousarray(records["corners"][start : start + _BLOCK]).view(np.uint32),
+            points[faces[start : start + _BLOCK]],
+        )
+        for start in range(0, count, _BLOCK)
+    )
+
+
 def require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
     """Refuse triangles with a coordinate that is not a finite number.
 
@@ -124,9 +140,9 @@ def require_finite(triangles: Float32Array | FloatArray, name: str) -> None:
     MeshError
         Names the first such triangle, counted from 1, and how many there are.
     """
-    finite = np.isfinite(triangles).all(axis=(1, 2))
-    if finite.all():
+    if np.isfinite(triangles).all():
         return
+    finite = np.isfinite(triangles).all(axis=(1, 2))
     first = int(np.argmin(finite))
     values = triangles[first][~np.isfinite(triangles[first])]
     raise MeshError(

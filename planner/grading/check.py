@@ -3,22 +3,22 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, PlannerError
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
-from planner.mesh.audit import Measured, audit, audit_welded, interfaces_cancel
-from planner.mesh.mesh import Mesh, weld
+from planner.mesh.audit import JoinedShells, Measured, audit, interfaces_cancel, join_shells
 from planner.numerics import Float32Array, FloatArray
 from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
-from planner.voxels.columns import grid_for, iterate_columns
+from planner.voxels.columns import columns_of, grid_for, snap
 
 __all__ = ["Certificate", "Difference", "check", "diff", "shell_checks"]
 
@@ -35,13 +35,13 @@ _OVERLAP_LIMIT = 1e-9
 _COLUMNS_ACROSS = 512  # of the longest side: 2e5 columns over a cube, a fraction of a second
 
 
-def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) -> dict[str, Check]:
+def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
     """Verify a part's shells as they stand in their files.
 
     Parameters
     ----------
     shells
-        Triangles (k, 3, 3) of each, at least one.
+        As the readers of the files find them, at least one.
     part
         The part they were cut from; its volume is above 0.
 
@@ -49,7 +49,8 @@ def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) ->
     -------
     dict
         ``shells_unsound``: shells that are not closed, each edge used exactly once each way,
-        without degenerate or duplicate triangles, the right way out, and taken by manifold3d.
+        without degenerate or duplicate triangles, the right way out: what manifold3d, too, takes
+        as a manifold.
         ``volume_error``: sum of the shells' volumes against the part's, relative.
         ``interfaces_unmatched``: 0 when all opposite triangles of neighbours cancel exactly and
         the part's own surface, by area and volume, is what remains.
@@ -57,15 +58,11 @@ def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) ->
         have winding numbers that add up to the part's, so it can differ from 0 only where a
         shell is turned inside out in places; it is measured on columns of voxels.
     """
-    meshes = [_welded(shell) for shell in shells]
-    audits = [audit_welded(mesh) for mesh in meshes]
-    unsound = sum(
-        not (found.sound and _accepted(mesh)) for found, mesh in zip(audits, meshes, strict=True)
-    )
-    fit = interfaces_cancel(meshes, part)
-    total = sum(found.volume_mm3 for found in audits)
+    unsound = sum(not shells.sound(number) for number in range(len(shells.faces)))
+    fit = interfaces_cancel(shells, part)
+    total = sum(float(found.volume_mm3[0]) for found in shells.measures)
     error = abs(total / part.volume_mm3 - 1.0)
-    shared = _shared_mm3(meshes) / part.volume_mm3
+    shared = _shared_mm3(shells, fit.left) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
         "volume_error": Check(error, _VOLUME_ERROR_LIMIT, error <= _VOLUME_ERROR_LIMIT),
@@ -74,37 +71,17 @@ def shell_checks(shells: Sequence[Float32Array | FloatArray], part: Measured) ->
     }
 
 
-def _shared_mm3(meshes: Sequence[Mesh]) -> float:
-    """Measure on columns what lies in more than one shell."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    together = Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+def _shared_mm3(shells: JoinedShells, outside: NDArray[np.int32]) -> float:
+    """Measure on columns what lies in more than one shell: `outside` bounds them all together."""
+    points = shells.vertices.astype(np.float64)
+    bounds_mm = np.stack([points.min(axis=0), points.max(axis=0)])
+    grid = grid_for(bounds_mm, float(np.ptp(bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
+    snapped = snap(points, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    whole, *each = (
+        sum(columns.voxels for columns in columns_of(snapped, faces, grid))
+        for faces in (outside, *shells.faces)
     )
-    extent_mm = together.bounds_mm[1] - together.bounds_mm[0]
-    grid = grid_for(together.bounds_mm, float(extent_mm.max()) / _COLUMNS_ACROSS)
-    voxels = [
-        sum(columns.voxels for columns in iterate_columns(mesh, grid))
-        for mesh in (together, *meshes)
-    ]
-    return abs(sum(voxels[1:]) - voxels[0]) * grid.voxel_mm3
-
-
-def _welded(soup: Float32Array | FloatArray) -> Mesh:
-    vertices, faces = weld(soup.astype(np.float32))
-    return Mesh(vertices.astype(np.float64), faces)
-
-
-def _accepted(mesh: Mesh) -> bool:
-    """Tell whether manifold3d takes a shell as a manifold."""
-    import manifold3d
-
-    solid = manifold3d.Manifold(
-        manifold3d.Mesh(
-            vert_properties=mesh.vertices.astype(np.float32), tri_verts=mesh.faces.astype(np.uint32)
-        )
-    )
-    return bool(solid.status() == manifold3d.Error.NoError)
+    return abs(sum(each) - whole) * grid.voxel_mm3
 
 
 # ------------------------------------------------------------------------------------------------
@@ -336,7 +313,7 @@ def check(
     progress("verifying the shells")
     checks = {"files_altered": Check(altered, 0, altered == 0)}
     if shells and plan.part.volume_mm3 > 0.0:
-        checks |= shell_checks(list(shells.values()), plan.part)
+        checks |= shell_checks(join_shells(shells.values()), plan.part)
         disagreements += _shell_problems(plan, shells)
     else:
         problems.append("there is no shell that can be verified")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner import __version__
 from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
@@ -17,7 +18,7 @@ from planner.errors import ArgumentError, as_count, as_number, did_you_mean, pos
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
-from planner.formats.stl import decode_stl
+from planner.formats.stl import decode_stl, stl_holds
 from planner.grading.blends import (
     MIXTURES_UNCALIBRATED,
     Laminate,
@@ -51,10 +52,11 @@ from planner.grading.regions import Printed, catalogue_material, point, regions_
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
 from planner.grading.stiffness_error import alternatives, stiffness_check, tolerance_for
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
-from planner.mesh.mesh import Mesh
+from planner.mesh.audit import join_shells
+from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import Part, make_part, part_from_arrays, place
 from planner.notes import Caution
-from planner.numerics import FloatArray, IntArray, Point
+from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette
 from planner.plan import (
     Check,
@@ -536,7 +538,7 @@ def grade(
     regions = design.regions(pieces, shells, scale)
 
     progress("verifying the shells")
-    checks = shell_checks([decode_stl(shell.stl, shell.file) for shell in shells], mesh)
+    checks = shell_checks(join_shells(map(_read_back, shells)), mesh)
     progress("looking for what will not print")
     printing, findings = design.held(
         mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
@@ -582,6 +584,13 @@ def grade(
         shells=shells,
         notes=job_notes(machine, scale, findings=(*off, *findings), warnings=known),
     )
+
+
+def _read_back(shell: Shell) -> tuple[Float32Array, NDArray[np.int32]]:
+    """Return vertices and faces as the reader of a shell's file finds them."""
+    if stl_holds(shell.stl, shell.vertices, shell.faces):
+        return shell.vertices, shell.faces.astype(np.int32)
+    return weld(decode_stl(shell.stl, shell.file).astype(np.float32))
 
 
 def _remarks(scale: StiffnessScale, regions: Sequence[Region]) -> tuple[str, ...]:

@@ -1,28 +1,41 @@
 """A mesh judged as a file's reader finds it: a soup of triangles, joined where equal."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import MeshError
 from planner.mesh.mesh import (
+    Measures,
     Mesh,
     cancel_opposite,
+    compact,
     connected,
     measure,
     order_edges,
     order_rows,
     repeats_index,
+    sort_span,
     sorted_corners,
     weld,
     weld_points,
 )
-from planner.numerics import Float32Array, FloatArray
+from planner.numerics import Float32Array, FloatArray, kernel
 
-__all__ = ["Fragments", "Measured", "audit", "audit_welded", "interfaces_cancel", "small_bodies"]
+__all__ = [
+    "Fragments",
+    "JoinedShells",
+    "Measured",
+    "audit",
+    "audit_welded",
+    "interfaces_cancel",
+    "join_shells",
+    "small_bodies",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -155,20 +168,127 @@ def audit_welded(mesh: Mesh) -> Audit:
     )
 
 
+# ------------------------------------------------------------------------------------------------
+# All shells of a part as the readers of their files find them.
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedShells:
+    """Shells with equal positions joined, within each shell and between them.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float32
+        Positions in mm, no two equal.
+    faces : tuple of (m, 3) int32
+        Of each shell, as indices into `vertices`.
+    """
+
+    vertices: Float32Array
+    faces: tuple[NDArray[np.int32], ...]
+
+    @cached_property
+    def measures(self) -> tuple[Measures, ...]:
+        """Volume, area and bounds of each shell."""
+        points = self.vertices.astype(np.float64)
+        return tuple(measure(points, faces) for faces in self.faces)
+
+    @cached_property
+    def everything(self) -> NDArray[np.int32]:
+        """The faces of all shells, one after the other, (sum of m, 3)."""
+        return np.concatenate([np.empty((0, 3), np.int32), *self.faces])
+
+    def sound(self, number: int) -> bool:
+        """Tell whether a shell is closed, the right way out, and has no face twice.
+
+        Every directed edge occurs once, and so does its reverse; no face has two equal corners.
+        Two faces on the same three vertices then are a body of their own, back to back.
+        """
+        faces = self.faces[number]
+        buckets = np.zeros(len(self.vertices), np.int32)
+        edges = np.empty(faces.size, np.uint32)
+        if not len(faces) or not _edges_paired(faces, buckets, edges):
+            return False
+        return bool(self.measures[number].volume_mm3[0] > 0.0 and cancel_opposite(faces).all())
+
+
+def join_shells(
+    shells: Iterable[Float32Array | FloatArray | tuple[Float32Array, NDArray[np.int32]]],
+) -> JoinedShells:
+    """Join equal positions of shells.
+
+    Parameters
+    ----------
+    shells
+        Of each its triangles, (k, 3, 3), or its vertices (n, 3) and faces (m, 3), in mm.
+    """
+    indexed = [
+        shell if isinstance(shell, tuple) else weld(shell.astype(np.float32)) for shell in shells
+    ]
+    points = np.concatenate([np.empty((0, 3), np.float32), *(vertices for vertices, _ in indexed)])
+    vertices, index = weld_points(points)
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in indexed)])
+    return JoinedShells(
+        vertices,
+        tuple(index[start:][faces] for start, (_, faces) in zip(starts, indexed, strict=False)),
+    )
+
+
+@kernel
+def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
+    """Tell whether every directed edge occurs once, and so does its reverse.
+
+    Edges are dealt to `buckets`, zeros, one for each vertex, by their lower vertex: the few of a
+    bucket are sorted on the spot. An edge is twice its higher vertex, plus 1 if it runs down.
+    """
+    for f in range(faces.shape[0]):
+        for j in range(3):
+            tail, head = faces[f, j], faces[f, j - 2]
+            buckets[tail if tail < head else head] += 1
+    total = 0
+    for v in range(buckets.size):
+        total += buckets[v]
+        buckets[v] = total - buckets[v]
+    for f in range(faces.shape[0]):
+        for j in range(3):
+            tail, head = faces[f, j], faces[f, j - 2]
+            if tail == head:
+                return False
+            lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
+            edges[buckets[lower]] = edge
+            buckets[lower] += 1
+    first = 0
+    for v in range(buckets.size):
+        last = buckets[v]
+        sort_span(edges, first, last)
+        if (last - first) % 2 == 1:
+            return False
+        for i in range(first, last, 2):
+            if edges[i] % 2 == 1 or edges[i + 1] != edges[i] + 1:
+                return False
+            if i > first and edges[i] < edges[i - 1]:
+                return False
+        first = last
+    return True
+
+
 @dataclass(frozen=True)
 class Interfaces:
     """How a part's shells fit: what is left when opposite triangles cancel.
 
     Attributes
     ----------
+    left : (m, 3) int32
+        The faces that remain, of all shells.
     closed : bool
-        The remaining triangles have no boundary.
+        They have no boundary.
     volume_error_mm3, area_error_mm2 : float
         Remaining surface minus part.
     volume_limit_mm3, area_limit_mm2 : float
         What rounding the cuts' points to float32 can cause.
     """
 
+    left: NDArray[np.int32]
     closed: bool
     volume_error_mm3: float
     area_error_mm2: float
@@ -203,13 +323,13 @@ class Measured(Protocol):
         ...
 
 
-def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> Interfaces:
+def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
     """Test that shells fill a part and touch triangle for triangle.
 
     Parameters
     ----------
-    shells : sequence of (k, 3, 3) float32 or Mesh
-        All shells as they stand in their files, in mm, welded or not.
+    shells : JoinedShells
+        All shells of the part.
     part : Measured
         The part they were cut from, in the same place: a `Mesh`, or a record of its volume and
         area, with which any position may have been moved by rounding.
@@ -219,38 +339,32 @@ def interfaces_cancel(shells: Sequence[Float32Array | Mesh], part: Measured) -> 
     Interfaces
         `ok` where exactly opposite triangles cancel and the part's surface remains.
     """
-    own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
-    points, corners = [own.astype(np.float32)], [np.empty(0, dtype=np.int64)]
-    for shell in shells:
-        before = sum(map(len, points))
-        if isinstance(shell, Mesh):
-            points.append(shell.vertices.astype(np.float32))
-            corners.append(before + shell.faces.ravel().astype(np.int64))
-        else:
-            points.append(shell.reshape(-1, 3))
-            corners.append(before + np.arange(3 * len(shell)))
-    vertices, index = weld_points(np.concatenate(points))
-    faces = index[np.concatenate(corners)].reshape(-1, 3)
+    faces = shells.everything
     faces = faces[~repeats_index(faces)]
     rest = faces[cancel_opposite(faces)]
-    left = measure(vertices, rest)
+    used, corners = compact(rest, len(shells.vertices))
+    vertices = shells.vertices[used].astype(np.float64)
+    own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
     # Positions of the part come first; rounding has moved only what is not among them.
-    moved = rest[(rest > index[: len(own)].max(initial=-1)).any(axis=1)]
+    _, index = weld_points(np.concatenate([own.astype(np.float32), shells.vertices[used]]))
+    new = index[len(own) :] > index[: len(own)].max(initial=-1)
+    moved = corners[new[corners].any(axis=1)]
+    left, strayed = measure(vertices, corners), measure(vertices, moved)
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
-    extent_mm = float(np.ptp(vertices, axis=0).max())
+    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(rest) else 0.0
     digits = 1e-12 * part.area_mm2
     return Interfaces(
-        closed=bool(len(rest) and _balanced(rest)),
+        left=rest,
+        closed=bool(len(rest) and _balanced(corners)),
         volume_error_mm3=float(left.volume_mm3[0]) - part.volume_mm3,
         area_error_mm2=float(left.area_mm2[0]) - part.area_mm2,
-        volume_limit_mm3=float(measure(vertices, moved).area_mm2[0]) * spacing_mm
-        + digits * extent_mm,
+        volume_limit_mm3=float(strayed.area_mm2[0]) * spacing_mm + digits * extent_mm,
         area_limit_mm2=_perimeter(vertices, moved) * spacing_mm + digits,
     )
 
 
-def _perimeter(vertices: Float32Array, faces: NDArray[np.int32]) -> float:
-    corners = vertices[faces].astype(np.float64)
+def _perimeter(vertices: FloatArray, faces: NDArray[np.int32]) -> float:
+    corners = vertices[faces]
     return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, sort_span
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Columns",
     "Grid",
     "check_reach",
+    "columns_of",
     "cover_rows",
     "dense",
     "grid_for",
@@ -222,23 +223,6 @@ def _spans(
     return n
 
 
-@inner_kernel
-def _sort(keys: Any, first: Any, last: Any) -> Any:
-    # Shell sort: insertion sort for the usual handful, no quadratic worst case for a stack.
-    gap = 1
-    while gap < (last - first) // 3:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for i in range(first + gap, last):
-            key = keys[i]
-            j = i
-            while j >= first + gap and keys[j - gap] > key:
-                keys[j] = keys[j - gap]
-                j -= gap
-            keys[j] = key
-        gap //= 3
-
-
 def slab_runs(
     snapped: NDArray[np.int64],
     faces: NDArray[np.int32],
@@ -351,7 +335,7 @@ def _runs(
             if keys[first] > keys[first + 1]:
                 keys[first], keys[first + 1] = keys[first + 1], keys[first]
         elif last - first > 2:
-            _sort(keys, first, last)
+            sort_span(keys, first, last)
         winding, low, below, inverted = 0, 0, 0, False
         for i in range(first, last):
             voxel = keys[i] >> 1
@@ -566,17 +550,25 @@ def iterate_columns(
     MeshError
         A vertex is not finite, or lies more than 16384 voxels away from another.
     """
-    nx, ny, nz = grid.shape
-    rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
-    if rows < 1:
+    if slab_rows is not None and slab_rows < 1:
         raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
     check_reach(mesh, grid)
     snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
-    offsets, members, spans = _bin_triangles(snapped, mesh.faces, nx, ny, rows)
+    yield from columns_of(snapped, mesh.faces, grid, slab_rows=slab_rows, shortest=shortest)
+
+
+def columns_of(
+    snapped: NDArray[np.int64], faces: NDArray[np.int32], grid: Grid, *,
+    slab_rows: int | None = None, shortest: int = 0,
+) -> Iterator[Columns]:  # fmt: skip
+    """Make columns of some faces between vertices in lattice units; see `iterate_columns`."""
+    nx, ny, nz = grid.shape
+    rows = max(1, _SLAB_COLUMNS // nx) if slab_rows is None else slab_rows
+    offsets, members, spans = _bin_triangles(snapped, faces, nx, ny, rows)
     for slab, first in enumerate(range(0, ny, rows)):
         ids = members[offsets[slab] : offsets[slab + 1]]
         last = min(first + rows, ny)
-        runs = slab_runs(snapped, mesh.faces, ids, int(spans[slab]), first, last, nx, nz, shortest)
+        runs = slab_runs(snapped, faces, ids, int(spans[slab]), first, last, nx, nz, shortest)
         yield Columns(grid, first, *runs[:3], _faults(runs[3], grid, first))
 
 

@@ -11,7 +11,7 @@ from manifold3d import Mesh as SolidMesh
 
 from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -67,7 +67,7 @@ def test_shells_of_real_parts_are_sound(shared_data, name, unit_mm, axis):
         # A reader that also drops what is thinner than 1e-8 mm still finds a closed shell.
         read = trimesh.Trimesh(**trimesh.triangles.to_kwargs(soup), process=True, validate=True)
         assert read.is_watertight
-    assert interfaces_cancel(soups, mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh).ok
     assert piece_volumes_mm3(pieces).sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)
 
 
@@ -82,5 +82,5 @@ def test_bodies_that_touch_stay_closed_outlines(shared_data):
         found = audit(soup)
         assert found.open_edges == 0
         assert found.degenerate_faces == found.duplicate_faces == 0
-    assert interfaces_cancel(soups, mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh).ok
     assert piece_volumes_mm3(pieces).sum() == pytest.approx(mesh.volume_mm3, rel=1e-6)

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
-from manifold3d import Manifold
+from manifold3d import Error, Manifold
+from manifold3d import Mesh as MeshGL
 
 from planner.errors import MeshError
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.formats.stl import encode_stl, stl_holds
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh
 
 
@@ -117,4 +119,57 @@ def halves(shift=0.0, turn=False):
 def test_interfaces(shells, ok):
     box = soup(Manifold.cube([1, 1, 2]))
     part = Mesh(box.reshape(-1, 3), np.arange(36).reshape(-1, 3))
-    assert interfaces_cancel(shells, part).ok is ok
+    assert interfaces_cancel(join_shells(shells), part).ok is ok
+
+
+def damaged(soup, rng):
+    """A soup with faces left out, turned over, doubled, on other vertices, or as it was."""
+    soup = soup.copy()
+    some = rng.integers(len(soup), size=int(rng.integers(1, 4)))
+    match rng.integers(6):
+        case 0:
+            soup = np.delete(soup, some, axis=0)
+        case 1:
+            soup[some] = soup[some, ::-1]
+        case 2:
+            soup = np.concatenate([soup, soup[some]])
+        case 3:
+            soup = np.concatenate([soup, soup[some, ::-1]])
+        case 4:
+            soup[some, 0] = soup[rng.integers(len(soup)), 0]
+    return soup
+
+
+def test_what_is_sound_is_so_by_counting_and_by_manifold3d():
+    """Shells are judged by edges paired in buckets: hold that against two others' judgement."""
+    rng = np.random.default_rng(16)
+    verdicts = []
+    for _ in range(300):
+        ball = Manifold.sphere(1.0 + rng.random(), int(rng.integers(4, 24)))
+        if rng.random() < 0.3:  # vertices with many faces, and a second body
+            ball += Manifold.cylinder(3.0, 0.5, 0.5, 64).translate([4.0 * rng.random(), 0, 0])
+        found = damaged(soup(ball), rng)
+        shells = join_shells([found])
+        counted = audit(found)
+        assert shells.sound(0) is counted.sound
+        if counted.sound:
+            made = Manifold(
+                MeshGL(vert_properties=shells.vertices, tri_verts=shells.faces[0].astype(np.uint32))
+            )
+            assert made.status() == Error.NoError
+            assert made.volume() > 0.0
+        verdicts.append(counted.sound)
+    assert 30 < sum(verdicts) < 270  # of both kinds there are enough
+
+
+def test_bytes_of_an_stl_are_held_against_its_mesh():
+    shells = join_shells([CUBE])
+    data = encode_stl(shells.vertices, shells.faces[0], "a box")
+    assert stl_holds(data, shells.vertices, shells.faces[0])
+    assert not stl_holds(data, shells.vertices, shells.faces[0][:, [1, 2, 0]])
+    assert not stl_holds(data[:-50], shells.vertices, shells.faces[0])
+    for place in (84 + 12, 84 + 7 * 50 + 30, len(data) - 3):  # a bit of a coordinate
+        assert not stl_holds(
+            data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :],
+            shells.vertices, shells.faces[0],
+        )  # fmt: skip

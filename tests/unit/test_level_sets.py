@@ -10,7 +10,7 @@ from manifold3d import Mesh as SolidMesh
 from planner.cutting.intersect import volume_sign
 from planner.cutting.pieces import piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -46,7 +46,7 @@ def check(pieces, mesh):
         vertices, faces = weld(soup)
         assert Manifold(SolidMesh(vertices, faces.astype(np.uint32))).status() == Error.NoError
         assert trimesh.Trimesh(vertices, faces, process=True, validate=True).is_watertight
-    assert interfaces_cancel(soups, mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh).ok
     return len(soups)
 
 

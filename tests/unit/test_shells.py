@@ -6,7 +6,7 @@ from manifold3d import Mesh as SolidMesh
 from planner.cutting.pieces import piece_bounds_mm, piece_volumes_mm3, shell_faces, split
 from planner.errors import ArgumentError, MeshError
 from planner.fields.basic import axis_field
-from planner.mesh.audit import audit, interfaces_cancel
+from planner.mesh.audit import audit, interfaces_cancel, join_shells
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import place
 
@@ -24,7 +24,7 @@ def check(pieces, mesh):
         assert audit(soup).sound
         vertices, faces = weld(soup)
         assert Manifold(SolidMesh(vertices, faces.astype(np.uint32))).status() == Error.NoError
-    assert interfaces_cancel(soups, mesh).ok
+    assert interfaces_cancel(join_shells(soups), mesh).ok
     assert len(np.unique(pieces.vertices, axis=0)) == len(pieces.vertices)
     return len(soups)
 
