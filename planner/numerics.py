@@ -1,6 +1,8 @@
 """Array types that cross module borders, and loops over arrays compiled once."""
 
+import gc
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -12,6 +14,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "Point",
+    "at_first_compilation",
     "free_kernel",
     "inner_kernel",
     "kernel",
@@ -61,10 +64,47 @@ def inner_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **more: Any) -> F:
-    import numba  # half a second and 50 MB, which files without kernels do not pay
-
     options: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, **more}
     try:
-        return cast(F, numba.njit(cache=True, **options)(function))
+        return cast(F, _compiler().njit(cache=True, **options)(function))
     except RuntimeError:
-        return cast(F, numba.njit(**options)(function))
+        return cast(F, _compiler().njit(**options)(function))
+
+
+# ------------------------------------------------------------------------------------------------
+# The first run after installation, in which everything is compiled.
+
+
+_at_first: list[Callable[[], object]] = []
+
+
+def at_first_compilation(act: Callable[[], object]) -> None:
+    """Call `act` once, when the first loop of this process is not found compiled."""
+    _at_first.append(act)
+
+
+@cache
+def _compiler() -> Any:
+    import numba  # half a second and 50 MB, which files without kernels do not pay
+    from numba.core import event
+
+    class Watch(event.Listener):
+        """Python's search for cycles of garbage takes an eighth of the time of compiling."""
+
+        depth, searching = 0, False
+
+        def on_start(self, event: object) -> None:
+            while _at_first:
+                _at_first.pop()()
+            if self.depth == 0:
+                self.searching = gc.isenabled()
+                gc.disable()
+            self.depth += 1
+
+        def on_end(self, event: object) -> None:
+            self.depth -= 1
+            if self.depth == 0 and self.searching:
+                gc.enable()
+
+    event.register("numba:compile", Watch())  # type: ignore[no-untyped-call]
+    return numba

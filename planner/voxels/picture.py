@@ -1,14 +1,14 @@
 """Pictures of coloured solids as PNG: from outside, and cut open."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.formats.png import ImageKind, encode_layer
 from planner.mesh.mesh import Mesh
-from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
-from planner.voxels.columns import Grid, iterate_columns
+from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.voxels.columns import Columns, Grid, iterate_columns
 
 __all__ = ["Pictures", "pictures_of"]
 
@@ -130,9 +130,8 @@ def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> tuple[_Seen, _
     shells, depths = np.full((2, nx * ny), -1, np.int32), np.full((2, nx * ny), nz, np.int32)
     for number, mesh in enumerate(meshes):
         for slab in iterate_columns(mesh, grid):
-            first = slab.first_row * nx
-            for begin, shell, depth in zip(begins, shells, depths, strict=True):
-                _meet(slab.offsets, slab.start, slab.stop, first, number, begin, shell, depth)
+            for begin, *seen in zip(begins, shells, depths, strict=True):
+                _meet(slab, slab.first_row * nx, number, begin, seen)
     form, cut = (ny, nx), depths[1] == begins[1]
     return (
         _Seen(shells[0].reshape(form), depths[0].reshape(form), np.zeros(form, np.bool_)),
@@ -140,71 +139,58 @@ def _look(meshes: Sequence[Mesh], grid: Grid, plane: IntArray) -> tuple[_Seen, _
     )
 
 
-@kernel
-def _meet(
-    offsets: Any, start: Any, stop: Any, first: Any, number: Any, begin: Any, shell: Any, depth: Any
-) -> None:
-    for column in range(len(offsets) - 1):
-        ray = first + column
-        for run in range(offsets[column], offsets[column + 1]):
-            if stop[run] > begin[ray]:
-                met = max(start[run], begin[ray])
-                if met < depth[ray]:
-                    depth[ray], shell[ray] = met, number
-                break
+def _meet(slab: Columns, ray: int, number: int, begin: IntArray, seen: Sequence[IntArray]) -> None:
+    """Note where rays from `ray` on meet a solid, if that is nearer than what they have met."""
+    rays = ray + np.repeat(np.arange(len(slab.offsets) - 1), np.diff(slab.offsets))
+    ahead = np.flatnonzero(slab.stop > begin[rays])
+    ahead = ahead[np.diff(rays[ahead], prepend=-1) != 0]  # of each ray the first run
+    rays = rays[ahead]
+    met = np.maximum(slab.start[ahead], begin[rays])
+    shell, depth = seen
+    nearer = met < depth[rays]
+    shell[rays[nearer]], depth[rays[nearer]] = number, met[nearer]
 
 
 def _colours(seen: _Seen, colours: Sequence[str], step: float) -> IntArray:
     """Return RGBA of each pixel, packed, the lowest row first, with light on slopes of the rays."""
     table = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in colours], np.float64)
-    rows, columns = seen.shell.shape
-    pixels = np.zeros((rows // _FINER, columns // _FINER), np.int64)
-    _lit(seen.shell, seen.depth, seen.cut, table, step, np.array((*_LIGHT, *_SHADE)), pixels)
-    return pixels
+    shell, depth = (np.pad(values, 1, constant_values=-1) for values in (seen.shell, seen.depth))
+    at = np.flatnonzero(shell.ravel() >= 0)
+    right, up = (_slope(shell, depth, at, away) * step for away in (1, shell.shape[1]))
+    row, column = np.divmod(at, shell.shape[1])
+    row, column = row - 1, column - 1
+    towards = right * _LIGHT[0] + up * _LIGHT[1] + _LIGHT[2]
+    lit = np.floor(towards / np.sqrt(1.0 + right * right + up * up) * _LEVELS) / _LEVELS
+    shade = _SHADE[0] + _SHADE[1] * np.clip(lit, 0.0, 1.0)
+    shade[seen.cut[row, column]] = 1.0
+    # A pixel is the mean of its rays, summed one after the other: the same bits on every machine.
+    form = tuple(length // _FINER for length in seen.shell.shape)
+    pixel = row // _FINER * form[1] + column // _FINER
+    number = shell.ravel()[at]
+    rays = np.bincount(pixel, minlength=form[0] * form[1])
+    packed = (255.0 * rays / (_FINER * _FINER) + 0.5).astype(np.int64)
+    for channel, shift in enumerate((24, 16, 8)):
+        light = np.bincount(pixel, shade * table[number, channel], len(rays))
+        mean = np.minimum(light / np.maximum(rays, 1), 255.0)
+        packed |= np.where(rays > 0, (mean + 0.5).astype(np.int64), 0) << shift
+    return packed.reshape(form)
 
 
-@kernel
-def _lit(shell: Any, depth: Any, cut: Any, table: Any, step: Any, light: Any, pixels: Any) -> None:
-    # Light on each ray by its neighbours' depths; a pixel is the mean of its rays.
-    for row in range(pixels.shape[0]):
-        for column in range(pixels.shape[1]):
-            red, green, blue, rays = 0.0, 0.0, 0.0, 0
-            for i in range(row * _FINER, (row + 1) * _FINER):
-                for j in range(column * _FINER, (column + 1) * _FINER):
-                    if shell[i, j] < 0:
-                        continue
-                    shade = 1.0
-                    if not cut[i, j]:
-                        right = _slope(shell, depth, i, j, 0, 1) * step
-                        up = _slope(shell, depth, i, j, 1, 0) * step
-                        towards = right * light[0] + up * light[1] + light[2]
-                        lit = towards / np.sqrt(1.0 + right * right + up * up)
-                        lit = np.floor(lit * _LEVELS) / _LEVELS
-                        shade = light[3] + light[4] * min(max(lit, 0.0), 1.0)
-                    red += shade * table[shell[i, j], 0]
-                    green += shade * table[shell[i, j], 1]
-                    blue += shade * table[shell[i, j], 2]
-                    rays += 1
-            if rays:
-                packed = int(min(red / rays, 255.0) + 0.5) << 24
-                packed |= int(min(green / rays, 255.0) + 0.5) << 16
-                packed |= int(min(blue / rays, 255.0) + 0.5) << 8
-                pixels[row, column] = packed | int(255.0 * rays / (_FINER * _FINER) + 0.5)
+def _slope(shell: IntArray, depth: IntArray, at: IntArray, away: int) -> FloatArray:
+    """Return steps a ray at some rays, towards the rays that stand `away` of them on.
 
-
-@inner_kernel
-def _slope(shell: Any, depth: Any, i: Any, j: Any, up: Any, right: Any) -> Any:
-    # Steps a ray, by the gentler of two neighbours, which is on the same face; their mean where
-    # they differ by a step at most, as on a plane.
-    ahead, behind = 1e9, 1e9
-    if i + up < shell.shape[0] and j + right < shell.shape[1] and shell[i + up, j + right] >= 0:
-        ahead = float(depth[i + up, j + right] - depth[i, j])
-    if i >= up and j >= right and shell[i - up, j - right] >= 0:
-        behind = float(depth[i, j] - depth[i - up, j - right])
-    if abs(ahead - behind) <= 1.5 and ahead < 1e9:
-        return 0.5 * (ahead + behind)
-    gentler = ahead if abs(ahead) <= abs(behind) else behind
-    return gentler if gentler < 1e9 else 0.0
+    It is the slope to the gentler of two neighbours, which is on the same face; their mean where
+    they differ by a step at most, as on a plane.
+    """
+    none = 1e9
+    shell, depth = shell.ravel(), depth.ravel()
+    here = depth[at]
+    ahead = np.where(shell[at + away] >= 0, (depth[at + away] - here).astype(np.float64), none)
+    behind = np.where(shell[at - away] >= 0, (here - depth[at - away]).astype(np.float64), none)
+    gentler = np.where(np.abs(ahead) <= np.abs(behind), ahead, behind)
+    gentler[gentler == none] = 0.0
+    even = (np.abs(ahead - behind) <= 1.5) & (ahead < none)
+    return np.where(even, 0.5 * (ahead + behind), gentler)
 
 
 def _halved(pixels: IntArray) -> IntArray:

@@ -1,0 +1,112 @@
+"""The first run after installation: what other processes compile for it."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from planner.cli import first_run
+
+RECORD = """
+import json, sys
+import numba
+from numba.core import event
+
+names = []
+
+class Record(event.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        names.append(f"{function.__module__}.{function.__name__}")
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Record())
+"""
+GRADE = """
+import planner
+planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
+"""
+REHEARSE = """
+from planner.cli.first_run import rehearse
+rehearse(sys.argv[1:])
+"""
+
+
+def compiled(code, *arguments, cache):
+    """Run code in a process and return the functions that it had to compile."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{RECORD}{code}\nprint(json.dumps(names))", *arguments],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.slow
+def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
+    rehearsed = compiled(REHEARSE, "pictures", "walls", "shells", cache=tmp_path / "kept")
+    part = str(samples / "finger.stl")
+    own = compiled(GRADE, part, str(tmp_path / "out"), cache=tmp_path / "kept")
+    of_planner = {name for name in own if name.startswith("planner.")}
+    assert of_planner
+    assert all(name.startswith("planner.cutting.") for name in of_planner), of_planner
+    assert len(set(rehearsed)) > 2 * len(of_planner)
+
+
+@pytest.mark.parametrize(
+    ("processors", "shares"),
+    [
+        (1, []),
+        (2, [["pictures", "walls", "shells"]]),
+        (8, [["pictures", "shells"], ["walls"]]),
+    ],
+)
+def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, processors, shares):
+    started = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(processors)), raising=False)
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+    first_run._start()
+    assert [command[:2] for command in started] == [[sys.executable, "-c"]] * len(shares)
+    for command, stages in zip(started, shares, strict=True):
+        assert str(stages) in command[2]
+        compile(command[2], "code", "exec")
+
+
+def test_a_run_goes_on_where_no_process_can_be_started(monkeypatch):
+    def refused(*_, **__):
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
+    monkeypatch.setattr(subprocess, "Popen", refused)
+    first_run._start()
+
+
+def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was():
+    code = """
+import gc, json
+from planner.numerics import at_first_compilation, kernel
+
+calls, searching = [], []
+at_first_compilation(lambda: calls.append(gc.isenabled()))
+
+@kernel
+def twice(x):
+    return x + x
+
+@kernel
+def thrice(x):
+    return twice(x) + x
+
+results = [thrice(2), thrice(2.5), gc.isenabled()]
+gc.disable()
+results += [thrice(2 + 1j).real, gc.isenabled(), calls]
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nprint(json.dumps(results))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert json.loads(done.stdout) == [6, 7.5, True, 6.0, False, [True]]
