@@ -10,7 +10,8 @@
     ├── ArgumentError        an option or argument outside what it may be
     └── OutputError          the result cannot be written
 
-Every message says what is wrong, where, what was got against what is allowed, and what to do.
+Every message says what is wrong, where, what was got against what is allowed, and what to do, on
+one line that a terminal shows in six rows at most, whatever of a file it quotes.
 Arguments of public functions stand in it by their names, between backticks; the command line
 shows them as its options (`planner.cli.run`).
 A command maps any of them to exit code 2; whatever else escapes is a bug (exit code 70).
@@ -19,6 +20,7 @@ A command maps any of them to exit code 2; whatever else escapes is a bug (exit 
 import difflib
 import math
 import operator
+import re
 from collections.abc import Iterable
 from typing import SupportsFloat, SupportsIndex
 
@@ -38,8 +40,43 @@ __all__ = [
 ]
 
 
+_LONGEST = 480
+"""Characters of a message: six rows of 80, which a terminal shows at a glance."""
+
+_WORD = 80
+"""Characters of a word in a message that is too long; what is longer keeps its two ends."""
+
+_LONG_WORD = re.compile(rf"\S{{{_WORD + 1},}}")
+
+
 class PlannerError(Exception):
-    """Base of all errors that planner raises on purpose."""
+    """Base of all errors that planner raises on purpose; its message is cut to a glimpse."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(_glimpse(message))
+
+
+def _glimpse(message: str) -> str:
+    """Return a message as one printable line of `_LONGEST` characters at most.
+
+    Messages quote files, whose cells and lines may be of any length: long words are cut first,
+    then the middle is left out, since place and cause come first and what to do comes last.
+    """
+    if not message.isprintable():
+        message = "".join(
+            c if c.isprintable() else " " if c.isspace() else repr(c)[1:-1] for c in message
+        )
+    if len(message) > _LONGEST:
+        message = _LONG_WORD.sub(lambda word: _ends(word[0], _WORD), message)
+    return _ends(message, _LONGEST)
+
+
+def _ends(text: str, most: int) -> str:
+    """Return a text, if too long its first two thirds and its last third."""
+    if len(text) <= most:
+        return text
+    last = (most - 3) // 3
+    return f"{text[: most - 3 - last]}...{text[-last:]}"
 
 
 class FileError(PlannerError):

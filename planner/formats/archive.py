@@ -1,17 +1,20 @@
-"""Zip archives in one canonical form: same members, same bytes."""
+"""Zip archives: written in one canonical form, and unpacked no further than they promise."""
 
 import io
 import struct
 import zipfile
+import zlib
+from collections.abc import Iterator
 
-from planner.errors import OutputError
+from planner.errors import FileError, OutputError
 
-__all__ = ["canonical_archive"]
+__all__ = ["LARGEST", "canonical_archive", "unpacked"]
 
 _DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
 _VERSION = 20  # deflate and folders, nothing newer
 _UNIX_FILE = 0o100644 << 16
-_LARGEST = 0xFFFFFFFE
+LARGEST = 0xFFFFFFFE
+"""Bytes that a zip archive, or a member of it, holds without zip64."""
 
 
 def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
@@ -45,7 +48,7 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
     for name in names:
         member = members[name]
         offset = len(body)
-        if max(offset + member.compress_size, member.file_size) > _LARGEST:
+        if max(offset + member.compress_size, member.file_size) > LARGEST:
             raise OutputError(
                 f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
                 "reduce the number of triangles"
@@ -70,3 +73,89 @@ def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:
     name_size, extra_size = struct.unpack_from("<2H", data, member.header_offset + 26)
     start = member.header_offset + 30 + name_size + extra_size
     return memoryview(data)[start : start + member.compress_size]
+
+
+_PIECE = 1 << 20
+_RATIO = 100
+"""Text packs by 4 to 11 (meshes, the most regular ones included); zeros by 1,030."""
+
+_HARMLESS = 100_000_000
+
+
+def unpacked(data: bytes, name: str, most_bytes: int) -> Iterator[tuple[str, Iterator[bytes]]]:
+    """Yield the members of an archive: the name of each, and its content piece by piece.
+
+    A member is worth no more memory than a piece, and its content is checked to be of the length
+    that the archive's directory promises: what is longer is not unpacked.
+
+    Parameters
+    ----------
+    data, name
+        The whole file, and what errors call it.
+    most_bytes
+        That all members may promise together; above 100 MB, a hundredth of it must be in `data`.
+
+    Raises
+    ------
+    FileError
+        No zip archive, a packing other than deflate, or more than is promised or allowed.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+        raise FileError(
+            f"{name}: not a zip archive that can be read ({error}); copy or export the file again"
+        ) from error
+    promised = sum(member.file_size for member in members)
+    most_bytes = min(most_bytes, max(_HARMLESS, _RATIO * len(data)))
+    if promised > most_bytes:
+        raise FileError(
+            f"{name}: {len(data):,} bytes that unpack to {promised:,}; at most {most_bytes:,} are "
+            "read: it is damaged, or made to exhaust memory; export the part again"
+        )
+    for member in members:
+        yield member.filename, _pieces(data, member, name)
+
+
+def _pieces(data: bytes, member: zipfile.ZipInfo, name: str) -> Iterator[bytes]:
+    try:
+        packed = _deflated(data, member)
+    except struct.error:
+        packed = memoryview(b"")
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FileError(
+            f"{name}: {member.filename} is packed by method {member.compress_type}; only deflate "
+            "is read: zip it again"
+        )
+    got = 0
+    for piece in _slices(packed) if member.compress_type == 0 else _inflated(packed, member, name):
+        got += len(piece)
+        if got > member.file_size:
+            break
+        yield piece
+    if got != member.file_size:
+        more = "more" if got > member.file_size else f"{got:,}"
+        raise FileError(
+            f"{name}: {member.filename} promises {member.file_size:,} bytes and holds {more}; "
+            "copy or export the file again"
+        )
+
+
+def _slices(packed: memoryview) -> Iterator[bytes]:
+    for start in range(0, len(packed), _PIECE):
+        yield bytes(packed[start : start + _PIECE])
+
+
+def _inflated(packed: memoryview, member: zipfile.ZipInfo, name: str) -> Iterator[bytes]:
+    unpacker = zlib.decompressobj(-zlib.MAX_WBITS)
+    try:
+        for block in _slices(packed):
+            while block:
+                yield unpacker.decompress(block, _PIECE)
+                block = unpacker.unconsumed_tail
+        yield unpacker.flush(_PIECE)
+    except zlib.error as error:
+        raise FileError(
+            f"{name}: {member.filename} cannot be unpacked ({error}); copy or export the file again"
+        ) from error

@@ -362,6 +362,11 @@ def _csv(data: bytes, path: Path, array: str | None) -> tuple[FloatArray, FloatA
             found[number - 2] = [float(row[column]) for column in columns]
         except (ValueError, IndexError):
             raise FileError(f"{path}: line {number} is {row}; it needs four numbers") from None
+        if any(cell.strip() for cell in row[len(head) :]):
+            raise FileError(
+                f"{path}: line {number} has {len(row)} cells for {len(head)} columns; write one "
+                "number a column, with a dot as its decimal sign"
+            )
     return found[:, :3].copy(), found[:, 3].copy()
 
 

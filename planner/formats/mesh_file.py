@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
 from planner.formats.stl import decode_stl, require_finite
 from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits
 from planner.numerics import Float32Array, FloatArray
 
 __all__ = ["EXTENSIONS", "MILLIMETRES", "canonical_unit", "read_mesh", "unit_scale_mm"]
@@ -62,7 +64,9 @@ class MeshFile:
     notes: tuple[str, ...] = ()
 
 
-def read_mesh(path: str | Path, unit: str | None = None) -> MeshFile:
+def read_mesh(
+    path: str | Path, unit: str | None = None, limits: UnfoldingLimits = USUAL_LIMITS
+) -> MeshFile:
     """Read STL, 3MF, PLY, OBJ, OFF or GLB.
 
     All the file's objects are read, each where the file places it.
@@ -74,6 +78,8 @@ def read_mesh(path: str | Path, unit: str | None = None) -> MeshFile:
     unit
         mm, cm, m, inch, ft or um: the unit of the file's figures. By default what the file
         says (3MF), m for GLB as glTF prescribes, and mm for the formats that have none.
+    limits
+        What a 3MF or GLB may unfold to, whose objects may be placed many times.
 
     Raises
     ------
@@ -82,7 +88,8 @@ def read_mesh(path: str | Path, unit: str | None = None) -> MeshFile:
     FileError
         No such file, a folder, or not readable.
     MeshError
-        Not a mesh that planner reads: wrong ending, damaged, empty, coordinates not finite.
+        Not a mesh that planner reads: wrong ending, damaged, empty, coordinates not finite, more
+        than `limits`.
     """
     path = Path(path)
     if unit is not None:
@@ -95,9 +102,9 @@ def read_mesh(path: str | Path, unit: str | None = None) -> MeshFile:
     if kind == "stl":
         triangles = decode_stl(data, str(path))
     elif kind == "3mf":
-        triangles, own, notes = _threemf(data, str(path))
+        triangles, own, notes = _threemf(data, str(path), limits)
     elif kind in _BY_TRIMESH:
-        triangles, own, notes = _trimesh(data, kind, str(path))
+        triangles, own, notes = _trimesh(data, kind, str(path), limits)
     else:
         raise MeshError(
             f"{path}: files ending in {path.suffix or 'nothing'} are not read; convert it to one "
@@ -168,30 +175,78 @@ def _files_beside(path: Path) -> list[str]:
 _Read = tuple[FloatArray, str | None, tuple[str, ...]]
 
 
-def _threemf(data: bytes, name: str) -> _Read:
+def _threemf(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
     from planner.formats.threemf import decode_threemf
 
-    model = decode_threemf(data, name)
-    corners = [item.vertices.astype(np.float64)[item.faces] for item in model.objects]
-    triangles = np.concatenate([np.empty((0, 3, 3)), *corners])
+    model = decode_threemf(data, name, limits=limits)
+    triangles = np.empty((sum(len(item.faces) for item in model.objects), 3, 3))
+    end = 0
+    for item in model.objects:
+        begin, end = end, end + len(item.faces)
+        triangles[begin:end] = item.vertices[item.faces]
     notes = model.remarks
-    if len(corners) > 1:
-        notes = (*notes, f"holds {len(corners)} placed objects, graded together as one part")
+    if len(model.objects) > 1:
+        notes = (*notes, f"holds {len(model.objects)} placed objects, graded together as one part")
     return triangles, model.unit, notes
 
 
-def _trimesh(data: bytes, kind: str, name: str) -> _Read:
+def _trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
     import trimesh
 
+    _require_whole(data, kind, name)
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
-        mesh = scene.to_mesh()
-        triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
+        # A cast of what is no number is invalid, and would else give any number; what overflows
+        # is not finite, and refused as such.
+        with np.errstate(invalid="raise", over="ignore", divide="ignore"):
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
+            placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+            faces = [getattr(shape, "faces", np.empty((0, 3))) for shape in placed]
+            count = sum(map(len, faces))
+            if count > limits.triangles or len(placed) > limits.objects:
+                raise ValueError(
+                    f"it unfolds to {len(placed):,} objects of {count:,} triangles; at most "
+                    f"{limits.objects:,} and {limits.triangles:,} are read"
+                )
+            if any((corners < 0).any() for corners in faces):
+                raise ValueError("a face has a vertex below the first")
+            mesh = scene.to_mesh()
+            triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
     except Exception as error:  # whatever a parser of foreign bytes may raise
+        said = f"{type(error).__name__}: {error}"
+        reason = (
+            "a figure is no number, or too large" if isinstance(error, ArithmeticError) else said
+        )
         raise MeshError(
-            f"{name}: not a {kind.upper()} file that can be read "
-            f"({type(error).__name__}: {error}); export the part again, as STL or 3MF if you can"
+            f"{name}: not a {kind.upper()} file that can be read ({reason}); export the part "
+            "again, as STL or 3MF if you can"
         ) from error
     if kind != "glb":
         return triangles, None, ()
     return triangles, "m", ("read in m, the unit of glTF; use --unit if the file keeps another",)
+
+
+_ELEMENT = re.compile(rb"^element\s+\S+\s+(\d{1,18})\s*$", re.MULTILINE)
+
+
+def _require_whole(data: bytes, kind: str, name: str) -> None:
+    """Refuse text with fewer rows than its head promises, of which trimesh reads what there is."""
+    if kind == "ply" and b"format ascii" in (head := data.partition(b"end_header")[0]):
+        promised = sum(int(count) for count in _ELEMENT.findall(head))
+        rows = _rows(data[len(head) :])[1:]
+    elif kind == "off":
+        rows = _rows(re.sub(rb"#.*", b"", data).partition(b"OFF")[2])
+        counts, rows = rows[0].split()[:2] if rows else [], rows[1:]
+        if not all(count.isdigit() and len(count) < 19 for count in counts):
+            return  # trimesh says what is wrong
+        promised = sum(map(int, counts))
+    else:
+        return
+    if len(rows) < promised:
+        raise MeshError(
+            f"{name}: promises {promised} rows of vertices and faces, and holds {len(rows)}: it is "
+            "cut short; copy or export the file again"
+        )
+
+
+def _rows(text: bytes) -> list[bytes]:
+    return [line for line in text.splitlines() if line.strip()]

@@ -4,9 +4,8 @@ import ctypes
 import hashlib
 import re
 import uuid
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import FileError, MeshError, OutputError
-from planner.formats.archive import canonical_archive
+from planner.formats.archive import LARGEST, canonical_archive, unpacked
 from planner.formats.slicers import (
     BAMBU_PART,
     CURA_NAMESPACE,
@@ -23,6 +22,7 @@ from planner.formats.slicers import (
     bambu_settings,
     prusa_settings,
 )
+from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits, check_structure
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
@@ -125,17 +125,22 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
         The file is missing or no zip archive.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            return {n: hashlib.sha256(archive.read(n)).hexdigest() for n in archive.namelist()}
-    except (OSError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: not a zip archive that can be read ({error})") from error
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    hashes = {}
+    for member, pieces in unpacked(data, str(path), LARGEST):
+        digest = hashlib.sha256()
+        for piece in pieces:
+            digest.update(piece)
+        hashes[member] = digest.hexdigest()
+    return hashes
 
 
 # ------------------------------------------------------------------------------------------------
 # 3MF read by lib3mf: every mesh where the build puts it.
 
 
-_MOST_OBJECTS, _MOST_TRIANGLES = 10_000, 100_000_000
 _UNITS = {
     lib3mf.ModelUnit.MicroMeter: "um",
     lib3mf.ModelUnit.MilliMeter: "mm",
@@ -146,7 +151,7 @@ _UNITS = {
 }
 
 
-def read_threemf(path: str | Path) -> ThreemfModel:
+def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
     """Read a 3MF file; see `decode_threemf`.
 
     Raises
@@ -158,10 +163,12 @@ def read_threemf(path: str | Path) -> ThreemfModel:
         data = Path(path).read_bytes()
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
-    return decode_threemf(data, str(path))
+    return decode_threemf(data, str(path), limits=limits)
 
 
-def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfModel:
+def decode_threemf(
+    data: bytes, name: str, *, strict: bool = False, limits: UnfoldingLimits = USUAL_LIMITS
+) -> ThreemfModel:
     """Read the bytes of a 3MF file: every model object where the build items put it.
 
     Transforms of items and nested components are applied; a mirrored object's triangles are
@@ -174,12 +181,16 @@ def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfMo
         The whole file, and what errors call it.
     strict
         Take the file only if it follows the specification to the letter.
+    limits
+        What the file may hold and its build unfold to, counted before anything is unfolded.
 
     Raises
     ------
     MeshError
-        No 3MF, or it holds what is no mesh: a beam lattice, an implicit volume.
+        No 3MF, or more than `limits`; or it holds what is no mesh: a beam lattice, an implicit
+        volume.
     """
+    check_structure(data, name, limits)
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     reader = model.QueryReader("3mf")
@@ -189,21 +200,13 @@ def decode_threemf(data: bytes, name: str, *, strict: bool = False) -> ThreemfMo
         _read_from(reader, data)
         warnings = [reader.GetWarning(i)[-1] for i in range(reader.GetWarningCount())]
         remarks += [f"3MF reader: {text}" for text in dict.fromkeys(warnings)]
+        stored: dict[int, list[ThreemfObject]] = {}
         objects: list[ThreemfObject] = []
-        count = 0
-        items = model.GetBuildItems()
-        while items.MoveNext():
-            item = items.GetCurrent()
-            matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
-            for mesh, placed in _meshes(wrapper, item.GetObjectResource(), matrix, name, remarks):
-                count += mesh.GetTriangleCount()
-                if count > _MOST_TRIANGLES or len(objects) == _MOST_OBJECTS:
-                    raise MeshError(
-                        f"{name}: the build has more than {_MOST_OBJECTS} objects or "
-                        f"{_MOST_TRIANGLES} triangles, components counted as often as they are "
-                        "placed; print fewer copies at once"
-                    )
-                objects += _objects(wrapper, model, mesh, placed)
+        for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):
+            number = mesh.GetUniqueResourceID()
+            if number not in stored:
+                stored[number] = _objects(wrapper, model, mesh)
+            objects += [_placed(each, matrix, name) for each in stored[number]]
         heading = _metadata(model.GetMetaDataGroup())
         return ThreemfModel(_UNITS[model.GetUnit()], tuple(objects), heading, tuple(remarks))
     except lib3mf.ELib3MFException as error:
@@ -226,27 +229,36 @@ def _read_from(reader: Any, data: bytes) -> None:
     reader.ReadFromCallback(lib3mf.ReadCallback(read), len(data), lib3mf.SeekCallback(seek), None)
 
 
-def _meshes(
-    wrapper: Any, resource: Any, matrix: FloatArray, name: str, remarks: list[str]
-) -> Iterator[tuple[Any, FloatArray]]:
-    """Yield the meshes under an object, each with the matrix from its points to the tray."""
-    called = f"object {resource.GetName() or resource.GetResourceID()!r}"
-    if resource.GetType() != lib3mf.ObjectType.Model and not resource.IsComponentsObject():
-        remark = f"{called} is no model but support or a surface: left out"
-        remarks += [] if remark in remarks else [remark]
-    elif resource.IsComponentsObject():
-        for number in range(resource.GetComponentCount()):
-            component = resource.GetComponent(number)
-            own = _matrix(component.GetTransform()) if component.HasTransform() else np.eye(4)
-            inner = component.GetObjectResource()
-            yield from _meshes(wrapper, inner, own @ matrix, name, remarks)
-    elif not resource.IsMeshObject() or resource.BeamLattice().GetBeamCount() > 0:
-        raise MeshError(
-            f"{name}: {called} is an implicit volume or a beam lattice; planner reads meshes: "
-            "export the part as triangles"
-        )
-    else:
-        yield resource, matrix
+def _meshes(items: Any, name: str, remarks: list[str]) -> Iterator[tuple[Any, FloatArray]]:
+    """Yield the meshes of a build in its order, each with the matrix from its points to the tray.
+
+    Without recursion, since components may be nested deeper than Python recurs.
+    """
+    waiting = []
+    while items.MoveNext():
+        item = items.GetCurrent()
+        matrix = _matrix(item.GetObjectTransform()) if item.HasObjectTransform() else np.eye(4)
+        waiting.append((item.GetObjectResource(), matrix))
+    waiting.reverse()
+    while waiting:
+        resource, matrix = waiting.pop()
+        called = f"object {resource.GetName() or resource.GetResourceID()!r}"
+        if resource.GetType() != lib3mf.ObjectType.Model and not resource.IsComponentsObject():
+            remark = f"{called} is no model but support or a surface: left out"
+            remarks += [] if remark in remarks else [remark]
+        elif resource.IsComponentsObject():
+            for number in reversed(range(resource.GetComponentCount())):
+                component = resource.GetComponent(number)
+                own = _matrix(component.GetTransform()) if component.HasTransform() else np.eye(4)
+                with np.errstate(over="ignore", invalid="ignore"):  # told where it is applied
+                    waiting.append((component.GetObjectResource(), own @ matrix))
+        elif not resource.IsMeshObject() or resource.BeamLattice().GetBeamCount() > 0:
+            raise MeshError(
+                f"{name}: {called} is an implicit volume or a beam lattice; planner reads meshes: "
+                "export the part as triangles"
+            )
+        else:
+            yield resource, matrix
 
 
 def _matrix(transform: Any) -> FloatArray:
@@ -256,18 +268,29 @@ def _matrix(transform: Any) -> FloatArray:
     return matrix
 
 
-def _objects(wrapper: Any, model: Any, mesh: Any, matrix: FloatArray) -> list[ThreemfObject]:
-    stored = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32, 3)
-    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32, 3)
-    faces = faces.astype(np.int32)
-    vertices: Float32Array | FloatArray = stored
-    if not np.array_equal(matrix, np.eye(4)):
-        x, y, z = stored.astype(np.float64).T
+def _placed(item: ThreemfObject, matrix: FloatArray, name: str) -> ThreemfObject:
+    if np.array_equal(matrix, np.eye(4)):
+        return item
+    x, y, z = item.vertices.astype(np.float64).T
+    with np.errstate(over="ignore", invalid="ignore"):
         vertices = np.stack(
             [x * row[0] + y * row[1] + z * row[2] + row[3] for row in matrix.T[:3]], axis=1
         )
-        if np.linalg.det(matrix) < 0.0:
-            faces = np.ascontiguousarray(faces[:, ::-1])
+        mirrored = np.linalg.det(matrix) < 0.0
+    if not (np.isfinite(matrix).all() and np.isfinite(vertices).all()):
+        raise MeshError(
+            f"{name}: object {item.name!r} is placed by a transform that is not finite or too "
+            f"large: {matrix[:, :3].ravel().tolist()}; export the part again"
+        )
+    faces = np.ascontiguousarray(item.faces[:, ::-1]) if mirrored else item.faces
+    return replace(item, vertices=vertices, faces=faces)
+
+
+def _objects(wrapper: Any, model: Any, mesh: Any) -> list[ThreemfObject]:
+    """Return what a mesh holds, an object for each of its materials, where the mesh itself lies."""
+    vertices = _array(wrapper, mesh, "vertices", lib3mf.Position, np.float32, 3)
+    faces = _array(wrapper, mesh, "triangleindices", lib3mf.Triangle, np.uint32, 3)
+    faces = faces.astype(np.int32)
     metadata = _metadata(mesh.GetMetaDataGroup())
     objects = []
     for used, (material, colour, constituents) in _materials(wrapper, model, mesh):

@@ -1,6 +1,8 @@
 """Mesh files: every format gives the same part, units are honest, errors say what to do."""
 
 import hashlib
+import json
+import warnings
 
 import lib3mf
 import numpy as np
@@ -11,6 +13,7 @@ from planner.errors import ArgumentError, FileError, MeshError
 from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
 from planner.formats.stl import encode_stl
 from planner.formats.threemf import ThreemfObject, write_threemf
+from planner.formats.threemf_structure import UnfoldingLimits
 
 
 @pytest.fixture
@@ -180,3 +183,85 @@ def test_not_finite(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")
     with pytest.raises(MeshError, match="triangle 1 of 1 has a coordinate nan"):
         read_mesh(tmp_path / "a.obj")
+
+
+PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 4
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+3 0 2 1
+3 0 1 3
+3 1 2 3
+3 2 0 3
+"""
+OFF = "OFF # a tetrahedron\n4 4 0\n" + PLY.partition("end_header\n")[2]
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "1e400", "-1", "4", "99999999999999999999", "x"])
+@pytest.mark.parametrize(("kind", "text"), [("ply", PLY), ("off", OFF)])
+def test_a_corner_that_is_no_vertex_is_an_error_without_a_warning(word, kind, text, tmp_path):
+    path = tmp_path / f"a.{kind}"
+    path.write_text(text)
+    assert len(read_mesh(path).triangles) == 4
+    path.write_text(text.replace("3 1 2 3", f"3 1 2 {word}"))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")  # as errors they would end in the same MeshError
+        with pytest.raises(MeshError, match="export the part again"):
+            read_mesh(path)
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "promised"),
+    [
+        ("ply", PLY.removesuffix("3 2 0 3\n"), 8),
+        ("ply", PLY.replace("element face 4", "element face 99999999999"), 100_000_000_003),
+        ("ply", PLY.replace("element vertex 4", "element vertex 99999999999"), 100_000_000_003),
+        ("off", OFF.removesuffix("3 2 0 3\n"), 8),
+        ("off", OFF.replace("4 4 0", "4 99999999999 0"), 100_000_000_003),
+    ],
+)
+def test_fewer_rows_than_promised_are_refused(kind, text, promised, tmp_path):
+    path = tmp_path / f"a.{kind}"
+    path.write_text(text)
+    with pytest.raises(MeshError, match=rf"promises {promised} rows of .* holds \d:"):
+        read_mesh(path)
+
+
+def test_a_glb_that_places_a_shape_too_often_is_refused(box, tmp_path):
+    scene = trimesh.Scene()
+    for k in range(50):
+        moved = trimesh.transformations.translation_matrix((10.0 * k, 0.0, 0.0))
+        scene.add_geometry(box, geom_name="box", transform=moved)
+    scene.export(tmp_path / "a.glb")
+    assert len(read_mesh(tmp_path / "a.glb").triangles) == 600
+    for limits in (UnfoldingLimits(triangles=599), UnfoldingLimits(objects=49)):
+        with pytest.raises(MeshError, match="unfolds to 50 objects of 600 triangles"):
+            read_mesh(tmp_path / "a.glb", limits=limits)
+
+
+def test_a_glb_whose_transform_is_not_finite_is_an_error_without_a_warning(box, tmp_path):
+    data = trimesh.Scene(box).export(file_type="glb")
+    size = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + size])
+    tree["nodes"] = [{"mesh": 0, "matrix": 16 * [float("nan")]}]
+    tree["scenes"] = [{"nodes": [0]}]
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    whole = [b"glTF", 2, len(data) - size + len(text), len(text)]
+    head = b"".join(n if isinstance(n, bytes) else n.to_bytes(4, "little") for n in whole)
+    (tmp_path / "a.glb").write_bytes(head + b"JSON" + text + data[20 + size :])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pytest.raises(MeshError, match="no number, or too large"):
+            read_mesh(tmp_path / "a.glb")
+    assert told == []
