@@ -29,16 +29,12 @@ from planner.cutting.intersect import (
 from planner.cutting.planes import LATTICE_MM, flip_thin, squared_height
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
-from planner.mesh.audit import audit_welded
+from planner.mesh.audit import JoinedShells, audit_welded
 from planner.mesh.mesh import (
     Mesh,
     cancel_opposite,
     compact,
-    measure,
-    order_edges,
-    order_rows,
     repeats_index,
-    sorted_corners,
     weld_points,
 )
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
@@ -640,18 +636,8 @@ def _moved(attempt: int) -> float:
 
 def _shells_close(divided: DividedField, count: int) -> bool:
     """Tell whether each piece has each edge once each way, no face twice, and a volume."""
-    for number in range(count):
-        faces = _shell(divided, number)
-        if not len(faces):
-            continue
-        order, starts, faces_at = order_edges(faces)
-        if not (faces_at == 2).all():
-            return False
-        tail = faces.ravel()
-        if (tail[order[starts]] == tail[order[starts + 1]]).any():
-            return False
-        if len(order_rows(*sorted_corners(faces))[1]) < len(faces):
-            return False
-        if not measure(divided.vertices, faces).volume_mm3[0] > 0.0:
-            return False
-    return bool((divided.piece >= 0).all() and (divided.piece < count).all())
+    if not ((divided.piece >= 0).all() and (divided.piece < count).all()):
+        return False
+    pieces = (_shell(divided, number) for number in range(count))
+    shells = JoinedShells(divided.vertices, tuple(faces for faces in pieces if len(faces)))
+    return all(shells.sound(number) for number in range(len(shells.faces)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,13 @@ class Pieces:
     cap_faces: NDArray[np.int32]
     cap_level: NDArray[np.int32]
     count: int
+
+    @cached_property
+    def measures(self) -> Measures:
+        """Volume, area and bounds of every piece."""
+        faces = np.concatenate([self.faces, self.cap_faces, self.cap_faces[:, ::-1]])
+        piece = np.concatenate([self.piece, self.cap_level, self.cap_level + np.int32(1)])
+        return measure(self.vertices, faces, piece, self.count)
 
 
 def split(
@@ -151,16 +159,10 @@ def shell_faces(pieces: Pieces, members: Collection[int]) -> NDArray[np.int32]:
 
 def piece_volumes_mm3(pieces: Pieces) -> FloatArray:
     """Volume of every piece in mm³, (count,); their sum is the part's volume."""
-    return _measured(pieces).volume_mm3
+    return pieces.measures.volume_mm3
 
 
 def piece_bounds_mm(pieces: Pieces) -> FloatArray:
     """Smallest and largest coordinates of every piece in mm, (count, 2, 3); NaN where empty."""
-    found = _measured(pieces).bounds_mm
+    found = pieces.measures.bounds_mm
     return np.where(np.isfinite(found), found, np.nan)
-
-
-def _measured(pieces: Pieces) -> Measures:
-    faces = np.concatenate([pieces.faces, pieces.cap_faces, pieces.cap_faces[:, ::-1]])
-    piece = np.concatenate([pieces.piece, pieces.cap_level, pieces.cap_level + np.int32(1)])
-    return measure(pieces.vertices, faces, piece, pieces.count)

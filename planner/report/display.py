@@ -3,13 +3,13 @@
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.mesh.mesh import cancel_opposite, compact, repeats_index
-from planner.numerics import Float32Array, FloatArray, IntArray
+from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 
 __all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
 
@@ -119,7 +119,7 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     interface stays on itself, and layers thinner than a cell stay apart. A surface has two
     triangles a vertex, so that triangles fall as occupied cells do. Of a cell's vertices the
     sharpest stays, so that edges, corners and the rims of interfaces stay where they are, and flat
-    faces flat.
+    faces flat. Sharp is the area about a vertex, of each shell, that its mean plane does not have.
     """
     shared = _shared(len(points), faces)
     share = most / sum(map(len, faces))
@@ -130,11 +130,44 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
         occupied = len(np.unique(_cells(points, shared, sizes[middle])))
         low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
     cells = _cells(points, shared, sizes[low])
-    order = np.lexsort((np.arange(len(points)), -_sharpness(points, faces), cells))
-    first = np.concatenate([[True], np.diff(cells[order]) != 0])
+    sharp = np.zeros((len(points), 4))
+    for f in faces:
+        _add_areas(points, np.require(f, np.int32, ["C", "W"]), sharp)
+    sharpness = sharp[:, 0] - np.sqrt((sharp[:, 1:] ** 2).sum(axis=1))
+    order = np.argsort(cells, kind="stable")
+    starts = np.flatnonzero(np.append(True, np.diff(cells[order]) != 0))
+    cell = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(order)))
+    highest = np.flatnonzero(
+        sharpness[order] == np.maximum.reduceat(sharpness[order], starts)[cell]
+    )
+    first = highest[np.append(True, np.diff(cell[highest]) != 0)]
     taken = np.empty(len(points), np.int32)
-    taken[order] = order[first][np.cumsum(first) - 1]
+    taken[order] = order[first][cell]
     return taken
+
+
+@kernel
+def _add_areas(points: Any, faces: Any, sums: Any) -> None:
+    """Add twice the area of each face, and its normal times that, to the sums of its corners."""
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = (
+            points[b, 0] - points[a, 0],
+            points[b, 1] - points[a, 1],
+            points[b, 2] - points[a, 2],
+        )
+        vx, vy, vz = (
+            points[c, 0] - points[a, 0],
+            points[c, 1] - points[a, 1],
+            points[c, 2] - points[a, 2],
+        )
+        nx, ny, nz = float(uy * vz - uz * vy), float(uz * vx - ux * vz), float(ux * vy - uy * vx)
+        area = np.sqrt(nx * nx + ny * ny + nz * nz)
+        for corner in (a, b, c):
+            sums[corner, 0] += area
+            sums[corner, 1] += nx
+            sums[corner, 2] += ny
+            sums[corner, 3] += nz
 
 
 def _shared(count: int, faces: Sequence[IntArray]) -> IntArray:
@@ -154,20 +187,6 @@ _BITS, _SETS = 62, 1 << 15
 def _cells(points: IntArray, shared: IntArray, size: int) -> IntArray:
     x, y, z = (points // size).T
     return np.asarray(shared << 48 | x << 32 | y << 16 | z)
-
-
-def _sharpness(points: IntArray, faces: Sequence[IntArray]) -> FloatArray:
-    """Return the area about each vertex, of each shell, that its mean plane does not have."""
-    sharp = np.zeros(len(points))
-    for f in faces:
-        a, b, c = points[f].transpose(1, 2, 0)
-        x, y, z = np.cross(b - a, c - a, axis=0).astype(np.float64)
-        corners, area = f.ravel(), np.sqrt(x * x + y * y + z * z)
-        around = [
-            np.bincount(corners, np.repeat(weight, 3), len(points)) for weight in (area, x, y, z)
-        ]
-        sharp += around[0] - np.sqrt(around[1] ** 2 + around[2] ** 2 + around[3] ** 2)
-    return sharp
 
 
 # ------------------------------------------------------------------------------------------------
