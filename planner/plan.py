@@ -1,6 +1,7 @@
 """Plan and Region: the result of grading a part, and reading one back."""
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -236,8 +237,8 @@ class Shell:
     ----------
     vertices, faces
         (n, 3) float32 mm and (m, 3); closed, normals outwards.
-    stl
-        The same as the bytes of a binary STL.
+    header, sha256
+        Of its binary STL: the text that it begins with, and the hash of the whole.
     properties
         What the 3MF records of the material: coordinate, modulus, base resins.
     constituents
@@ -250,11 +251,19 @@ class Shell:
     file: str
     vertices: Float32Array
     faces: IntArray
-    stl: bytes
+    header: str
+    sha256: str
     properties: Mapping[str, str]
     constituents: tuple[Constituent, ...] = ()
 
     __repr__ = brief
+
+    @property
+    def stl(self) -> bytes:
+        """The bytes of its binary STL, made anew each time: they are larger than the mesh."""
+        from planner.formats.stl import encode_stl
+
+        return encode_stl(self.vertices, self.faces, self.header)
 
 
 @dataclass(frozen=True, slots=True)
@@ -412,7 +421,14 @@ class Plan:
         with new_folder(target, force=force) as scratch:
             (scratch / "stl").mkdir()
             for shell in self.shells:
-                (scratch / shell.file).write_bytes(shell.stl)
+                data = shell.stl
+                if hashlib.sha256(data).hexdigest() != shell.sha256:
+                    raise OutputError(
+                        f"{shell.file}: the shell has changed since it was verified; grade the "
+                        "part again"
+                    )
+                (scratch / shell.file).write_bytes(data)
+                del data
             objects = [
                 ThreemfObject(
                     name=Path(shell.file).stem,

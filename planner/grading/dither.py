@@ -18,7 +18,7 @@ from planner.errors import ArgumentError
 from planner.fields.basic import Field
 from planner.grading.blends import BlendSegment, blend_interval_MPa
 from planner.grading.profile import Band, Profile, StiffnessScale
-from planner.grading.regions import Printed, files_of, region_of
+from planner.grading.regions import Printed, region_of
 from planner.materials.homogenisation import (
     dither_table,
     dithered_fraction,
@@ -456,7 +456,7 @@ def dither_regions(
     follows the target within the stretch.
     """
     volumes, bounds = _volumes_mm3(pieces, dealt, counted), piece_bounds_mm(pieces)
-    files = files_of(shells)
+    files = {shell.material: shell for shell in shells}
     shares = _shares(volumes, dealt, counted)
     regions: list[Region] = []
     for number, stretch in enumerate(dealt.along):

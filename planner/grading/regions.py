@@ -20,7 +20,6 @@ from planner.printers import Printer
 __all__ = [
     "Printed",
     "catalogue_material",
-    "files_of",
     "mixture",
     "point",
     "region_of",
@@ -126,6 +125,7 @@ def shells_of(
         used, faces = compact(faces, len(pieces.vertices))
         vertices = pieces.vertices[used]
         file = f"stl/{name}__{len(shells) + 1:02d}_{what.name}.stl"
+        header = f"{name} {what.operator_name} unit=mm"
         shells.append(
             Shell(
                 material=what.name,
@@ -134,7 +134,8 @@ def shells_of(
                 file=file,
                 vertices=vertices,
                 faces=faces,
-                stl=encode_stl(vertices, faces, f"{name} {what.operator_name} unit=mm"),
+                header=header,
+                sha256=hashlib.sha256(encode_stl(vertices, faces, header)).hexdigest(),
                 properties={
                     "coordinate": f"{what.coordinate:.9g}",
                     "modulus_MPa": f"{what.modulus_MPa:.9g}",
@@ -154,7 +155,7 @@ def regions_of(
     """Report each band that holds any of the part."""
     volumes = piece_volumes_mm3(pieces)
     bounds = piece_bounds_mm(pieces)
-    files = files_of(shells)
+    files = {shell.material: shell for shell in shells}
     regions: list[Region] = []
     for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
         if volumes[number] > 0.0:
@@ -163,18 +164,13 @@ def regions_of(
     return tuple(regions)
 
 
-def files_of(shells: Sequence[Shell]) -> dict[str, tuple[Shell, str]]:
-    """Return each material's shell and the hash of its file, by the material's name."""
-    return {shell.material: (shell, hashlib.sha256(shell.stl).hexdigest()) for shell in shells}
-
-
 def region_of(
     index: int, band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
-    files: Mapping[str, tuple[Shell, str]],
+    files: Mapping[str, Shell],
 ) -> Region:  # fmt: skip
     """Report a band that is printed in one material or mixture."""
     low, high = band.target_MPa
-    shell, sha256 = files[what.name]
+    shell = files[what.name]
     return Region(
         index=index,
         material=what.material,
@@ -188,7 +184,7 @@ def region_of(
         mass_g=volume_mm3 * what.density_g_cm3 / 1000.0,
         bounds_mm=(point(bounds_mm[0]), point(bounds_mm[1])),
         file=shell.file,
-        sha256=sha256,
+        sha256=shell.sha256,
         triangles=len(shell.faces),
         blend=_mixed(what),
     )
