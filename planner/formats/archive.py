@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from planner.errors import FileError, OutputError
 
-__all__ = ["LARGEST", "canonical_archive", "unpacked"]
+__all__ = ["LARGEST", "canonical_archive", "most_unpacked", "unpacked"]
 
 _DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
 _VERSION = 20  # deflate and folders, nothing newer
@@ -80,6 +80,12 @@ _RATIO = 100
 """Text packs by 4 to 11 (meshes, the most regular ones included); zeros by 1,030."""
 
 _HARMLESS = 100_000_000
+"""Bytes that any machine has; a constant field of 230 x 230 x 230 doubles is as large."""
+
+
+def most_unpacked(packed_bytes: int) -> int:
+    """Return how many bytes a file of so many may unpack to; what holds more exhausts memory."""
+    return max(_HARMLESS, _RATIO * packed_bytes)
 
 
 def unpacked(data: bytes, name: str, most_bytes: int) -> Iterator[tuple[str, Iterator[bytes]]]:
@@ -93,7 +99,7 @@ def unpacked(data: bytes, name: str, most_bytes: int) -> Iterator[tuple[str, Ite
     data, name
         The whole file, and what errors call it.
     most_bytes
-        That all members may promise together; above 100 MB, a hundredth of it must be in `data`.
+        That all members may promise together, and not above `most_unpacked`.
 
     Raises
     ------
@@ -108,7 +114,7 @@ def unpacked(data: bytes, name: str, most_bytes: int) -> Iterator[tuple[str, Ite
             f"{name}: not a zip archive that can be read ({error}); copy or export the file again"
         ) from error
     promised = sum(member.file_size for member in members)
-    most_bytes = min(most_bytes, max(_HARMLESS, _RATIO * len(data)))
+    most_bytes = min(most_bytes, most_unpacked(len(data)))
     if promised > most_bytes:
         raise FileError(
             f"{name}: {len(data):,} bytes that unpack to {promised:,}; at most {most_bytes:,} are "

@@ -1,12 +1,14 @@
 """Values in space: CSV, NPY, VTK's image (VTI) and unstructured (VTU) data, read."""
 
 import base64
-import binascii
 import csv
 import hashlib
 import io
+import itertools
+import math
 import re
 import zlib
+from array import array as array_of
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -15,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
+from planner.formats.archive import most_unpacked
 from planner.numerics import FloatArray, Point
 
 __all__ = ["read_grid_table", "read_point_table"]
@@ -30,7 +33,8 @@ _TYPES = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
-_MOST_BYTES = 1 << 32
+_FARTHEST_INDEX = 1 << 31
+"""VTK counts an image's values along each axis by integers of 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class _Document:
     header: str
     zipped: bool
     name: str
+    size: int
 
     def fail(self, what: str) -> NoReturn:
         raise FileError(f"{self.name}: {what}; write it again from ParaView or meshio")
@@ -67,13 +72,13 @@ def _read_vti(data: bytes, name: str, array: str | None) -> tuple[Point, Point, 
         sizes = [extent[2 * d + 1] - extent[2 * d] for d in range(3)]
     except (ValueError, IndexError):
         document.fail("has an extent, origin or spacing that is no list of numbers")
-    if len(origin) != 3 or len(spacing) != 3 or min(sizes) < 0:
+    if len(origin) != 3 or len(spacing) != 3 or len(extent) != 6 or min(sizes) < 0:
         document.fail("has an extent, origin or spacing of another length")
-    found = _named(document, piece, array)
-    values, in_cells = found
+    if not np.isfinite([*origin, *spacing]).all() or max(map(abs, extent)) >= _FARTHEST_INDEX:
+        document.fail("has an extent, origin or spacing that is not finite")
+    item, in_cells = _named(document, piece, array)
     shape = [n if in_cells else n + 1 for n in sizes]
-    if values.size != int(np.prod(shape)):
-        document.fail(f"has {values.size} values for a grid of {shape}")
+    values = _decode(document, item, math.prod(shape), f"a grid of {shape}")
     offset = 0.5 if in_cells else 0.0
     first = [o + (extent[2 * d] + offset) * spacing[d] for d, o in enumerate(origin)]
     # x runs fastest.
@@ -90,17 +95,19 @@ def _read_vtu(data: bytes, name: str, array: str | None) -> tuple[FloatArray, Fl
         Not such a file, or without such an array at its points.
     """
     document = _open(data, name, "UnstructuredGrid")
-    points, values = [], []
+    points, values, total = [], [], 0
     for piece in document.root.iter("Piece"):
         place = piece.find("Points/DataArray")
         if place is None:
             document.fail("has a Piece without Points")
-        at = _decode(document, place)
-        found, in_cells = _named(document, piece, array, at_points=True)
-        if in_cells or at.size != 3 * found.size:
-            document.fail(f"has {found.size} values for {at.size // 3} points")
-        points.append(at.reshape(-1, 3))
-        values.append(found)
+        count = _whole(piece.get("NumberOfPoints", ""))
+        if count is None:
+            document.fail("has a Piece without NumberOfPoints")
+        total += count  # pieces may share one array
+        _check_size(document, 4 * 8 * total)
+        item, _ = _named(document, piece, array, at_points=True)
+        points.append(_decode(document, place, 3 * count, f"{count} points").reshape(-1, 3))
+        values.append(_decode(document, item, count, f"{count} points"))
     if not points:
         document.fail("has no Piece")
     return np.concatenate(points), np.concatenate(values)
@@ -116,6 +123,8 @@ def _open(data: bytes, name: str, kind: str) -> _Document:
         raw = b'encoding="raw"' in data[start:head_end]
         appended = data[mark + 1 : end if end > mark else len(data)]
         text = data[:start] + b"</VTKFile>"
+    if b"\0" in text:
+        raise FileError(f"{name}: is no XML in UTF-8; write it again from ParaView or meshio")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise FileError(f"{name}: declares XML entities, which no VTK file needs; it is not read")
     try:
@@ -130,12 +139,12 @@ def _open(data: bytes, name: str, kind: str) -> _Document:
     packer = root.get("compressor")
     if packer not in (None, "vtkZLibDataCompressor"):
         raise FileError(f"{name}: is packed by {packer}; only zlib is read, so write it again")
-    return _Document(root, appended, raw, order, header, packer is not None, name)
+    return _Document(root, appended, raw, order, header, packer is not None, name, len(data))
 
 
 def _named(
     document: _Document, piece: ElementTree.Element, array: str | None, *, at_points: bool = False
-) -> tuple[FloatArray, bool]:
+) -> tuple[ElementTree.Element, bool]:
     """Find the values by name, or the only ones; and whether they belong to cells."""
     known: dict[str, tuple[ElementTree.Element, bool]] = {}
     for group, in_cells in (("PointData", False), ("CellData", True)):
@@ -150,64 +159,96 @@ def _named(
         has = ", ".join(known) or "none of one number each"
         what = "several arrays" if array is None and known else f"no array {array}"
         raise FileError(f"{document.name}: has {what}; array= may be: {has}")
-    item, in_cells = known[array]
-    return _decode(document, item), in_cells
+    return known[array]
 
 
-def _decode(document: _Document, item: ElementTree.Element) -> FloatArray:
+def _decode(document: _Document, item: ElementTree.Element, count: int, needed: str) -> FloatArray:
+    """Return the `count` values of an array, which is refused before it is unpacked if it differs.
+
+    What it is `needed` for stands in the message.
+    """
     kind = _TYPES.get(item.get("type", ""))
     if kind is None:
         document.fail(f"has values of type {item.get('type')}")
+    dtype = np.dtype(document.order + kind)
     encoding = item.get("format", "ascii")
     try:
         if encoding == "ascii":
-            return np.array((item.text or "").split(), dtype=np.float64)
-        if encoding == "appended":
-            block = document.appended[int(item.get("offset", "0")) :]
-            data = _unpacked(document, block, document.raw)
+            text = item.text or ""
+            words = (float(word[0]) for word in re.finditer(r"\S+", text))
+            # One more than needed shows that there are too many.
+            found = np.fromiter(itertools.islice(words, min(count, len(text)) + 1), np.float64)
         else:
-            data = _unpacked(document, re.sub(rb"\s", b"", (item.text or "").encode()), False)
-        return np.frombuffer(data, dtype=document.order + kind).astype(np.float64)
-    except (ValueError, IndexError, zlib.error, binascii.Error) as error:
+            block, raw = re.sub(rb"\s", b"", (item.text or "").encode()), False
+            if encoding == "appended":
+                offset = _whole(item.get("offset", "0"))
+                if offset is None:
+                    document.fail(f"has an array at offset {item.get('offset')}")
+                block, raw = document.appended[offset:], document.raw
+            data = _unpacked(document, block, raw, count * dtype.itemsize)
+            with np.errstate(invalid="ignore"):  # signalling NaN, refused later like any other
+                found = np.frombuffer(data, dtype=dtype).astype(np.float64)
+    except (ValueError, IndexError, zlib.error) as error:  # binascii's error is a ValueError
         document.fail(f"has an array that cannot be decoded ({error})")
+    if found.size != count:
+        document.fail(f"has {found.size} values or more for {needed}")
+    return found
 
 
-def _unpacked(document: _Document, block: bytes, raw: bool) -> bytes:
-    """Take the data behind its header of lengths; base64 encodes header and data apart."""
+def _unpacked(document: _Document, block: bytes, raw: bool, needed: int) -> bytes:
+    """Take the data behind its header of lengths, unless they promise more or less than needed.
+
+    Base64 encodes the header with the data, but apart from it where that is packed.
+    """
     word = np.dtype(document.header)
 
-    def words(count: int) -> list[int]:
-        size = count * word.itemsize
-        head = block[:size] if raw else base64.b64decode(block[: 4 * ((size + 2) // 3)])[:size]
-        return [int(n) for n in np.frombuffer(head, dtype=word)]
+    def stretch(at: int, size: int) -> tuple[bytes, int]:
+        """Return `size` bytes that lie, or whose base64 lies, at a place; and the place behind."""
+        end = at + (size if raw else 4 * ((size + 2) // 3))
+        return (block[at:end] if raw else base64.b64decode(block[at:end])[:size]), end
+
+    def lengths(data: bytes) -> list[int]:
+        return [int(n) for n in np.frombuffer(data, dtype=word)]
 
     if not document.zipped:
-        size = words(1)[0]
-        _check_size(document, size)
-        if raw:
-            return block[word.itemsize : word.itemsize + size]
-        total = word.itemsize + size
-        return base64.b64decode(block[: 4 * ((total + 2) // 3)])[word.itemsize : total]
-    count = words(1)[0]
-    _check_size(document, count * word.itemsize)
-    lengths = words(3 + count)[3:]
-    size = (3 + count) * word.itemsize
-    _check_size(document, sum(lengths))
-    if raw:
-        data = block[size : size + sum(lengths)]
-    else:
-        start = 4 * ((size + 2) // 3)
-        data = base64.b64decode(block[start : start + 4 * ((sum(lengths) + 2) // 3)])
+        data, _ = stretch(0, word.itemsize + needed)
+        _check_promise(document, lengths(data[: word.itemsize])[0], needed)
+        return data[word.itemsize :]
+    count = lengths(stretch(0, word.itemsize)[0])[0]
+    if count * word.itemsize > len(block):
+        raise ValueError(f"{count} packed blocks in {len(block)} bytes")
+    head, behind = stretch(0, (3 + count) * word.itemsize)
+    _, usual, last, *packed = lengths(head)
+    sizes = [usual] * count
+    if count and last:
+        sizes[-1] = last
+    _check_promise(document, sum(sizes), needed)
+    _check_size(document, needed)
+    data, _ = stretch(behind, sum(packed))
     parts, at = [], 0
-    for length in lengths:
-        parts.append(zlib.decompress(data[at : at + length]))
+    for length, size in zip(packed, sizes, strict=True):
+        unpacker = zlib.decompressobj()
+        # One more than promised shows that there is too much; and 0 would mean no limit.
+        parts.append(unpacker.decompress(data[at : at + length], size + 1))
+        if len(parts[-1]) != size:
+            raise ValueError(f"a block of {size} bytes unpacks to another length")
         at += length
     return b"".join(parts)
 
 
+def _check_promise(document: _Document, promised: int, needed: int) -> None:
+    if promised != needed:
+        document.fail(f"has an array of {promised} bytes where {needed} are needed")
+
+
 def _check_size(document: _Document, size: int) -> None:
-    if not 0 <= size <= _MOST_BYTES:
-        document.fail(f"has an array of {size} bytes")
+    """Refuse what takes far more memory than the file itself."""
+    if size > most_unpacked(document.size):
+        document.fail(f"is {document.size} bytes that unpack to {size} or more")
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 19 else None
 
 
 _COLUMNS = ("x_mm", "y_mm", "z_mm")
@@ -327,46 +368,80 @@ def _check(values: FloatArray, path: Path) -> None:
         )
 
 
+_NPY_START = re.compile(rb"\x93NUMPY(?:\x01.(..)|[\x02\x03].(....))", re.DOTALL)
+_NPY_TYPE = re.compile(rb"""["']descr["']\s*:\s*(?:["']([^"']*)["']|.)""", re.DOTALL)
+_NPY_ORDER = re.compile(rb"""["']fortran_order["']\s*:\s*(True|False)""")
+_NPY_SHAPE = re.compile(rb"""["']shape["']\s*:\s*\(([\d\s,]{0,100})\)""")
+_NPY_NUMBER = re.compile(r"[<>|=]?[biuf]\d\d?")
+
+
 def _npy(data: bytes, path: Path) -> FloatArray:
+    """Read a .npy by its head, of which nothing is evaluated and nothing unpickled."""
+    start = _NPY_START.match(data)
+    if start is None:
+        raise FileError(f"{path}: is no .npy of numbers; write it by numpy.save")
+    begin = start.end() + int.from_bytes(start[1] or start[2], "little")
+    head = data[start.end() : begin]
+    kind, order, shape = (found.search(head) for found in (_NPY_TYPE, _NPY_ORDER, _NPY_SHAPE))
+    if kind is None or order is None or shape is None:
+        raise FileError(f"{path}: its head is not that of a .npy; write it by numpy.save")
+    named = "records" if kind[1] is None else kind[1].decode("ascii", "replace")
     try:
-        values = np.load(io.BytesIO(data), allow_pickle=False)
-        found = np.ascontiguousarray(values, dtype=np.float64)
-    except (ValueError, TypeError, OSError, EOFError) as error:
-        raise FileError(f"{path}: is no .npy of numbers ({error})") from error
-    if found.ndim != 3:
-        raise FileError(f"{path}: has shape {found.shape}; it needs three axes: x, y, z")
-    return found
+        dtype = np.dtype(named) if _NPY_NUMBER.fullmatch(named) else None
+    except TypeError:
+        dtype = None
+    if dtype is None:
+        raise FileError(
+            f"{path}: holds values of type {named}; it needs real numbers: write "
+            "array.astype(float) by numpy.save"
+        )
+    sizes = [int(size) for size in shape[1].replace(b",", b" ").split()]
+    if len(sizes) != 3:
+        raise FileError(f"{path}: has shape {tuple(sizes)}; it needs three axes: x, y, z")
+    count = math.prod(sizes)
+    if count * dtype.itemsize > len(data) - begin:
+        raise FileError(
+            f"{path}: promises {' x '.join(map(str, sizes))} values of {dtype.itemsize} bytes, and "
+            f"holds {max(len(data) - begin, 0)} bytes: it is cut short; write it again"
+        )
+    values = np.frombuffer(data, dtype, count, begin) if count else np.empty(0)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
+        table = values.astype(np.float64).reshape(sizes, order="F" if order[1] == b"True" else "C")
+    return np.ascontiguousarray(table)
 
 
 def _csv(data: bytes, path: Path, array: str | None) -> tuple[FloatArray, FloatArray]:
     try:
-        rows = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
+        rows = (row for row in reader if any(cell.strip() for cell in row))
+        head = [cell.strip() for cell in next(rows, [])]
+        others = [name for name in head if name not in _COLUMNS]
+        wanted = array if array is not None else (others[0] if len(others) == 1 else None)
+        if not set(_COLUMNS) <= set(head) or wanted not in others:
+            which = f"; array= may be {', '.join(others)}" if len(others) > 1 else ""
+            raise FileError(
+                f"{path}: columns are {', '.join(head) or 'none'}; it needs x_mm, y_mm, z_mm and a "
+                f"value{which}"
+            )
+        columns = [head.index(name) for name in (*_COLUMNS, wanted)]
+        numbers = array_of("d")  # a row of texts takes ten times the memory
+        for row in rows:
+            try:
+                numbers.extend(float(row[column]) for column in columns)
+            except (ValueError, IndexError):
+                raise FileError(
+                    f"{path}: line {reader.line_num} is {row}; it needs four numbers"
+                ) from None
+            if any(cell.strip() for cell in row[len(head) :]):
+                raise FileError(
+                    f"{path}: line {reader.line_num} has {len(row)} cells for {len(head)} columns; "
+                    "write one number a column, with a dot as its decimal sign"
+                )
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{path}: is no CSV in UTF-8 ({error})") from error
-    rows = [row for row in rows if any(cell.strip() for cell in row)]
-    head = [cell.strip() for cell in rows[0]] if rows else []
-    others = [name for name in head if name not in _COLUMNS]
-    wanted = array if array is not None else (others[0] if len(others) == 1 else None)
-    if not set(_COLUMNS) <= set(head) or wanted not in others:
-        which = f"; array= may be {', '.join(others)}" if len(others) > 1 else ""
-        raise FileError(
-            f"{path}: columns are {', '.join(head) or 'none'}; it needs x_mm, y_mm, z_mm and a "
-            f"value{which}"
-        )
-    if len(rows) < 2:
+    if not numbers:
         raise FileError(f"{path}: holds no values")
-    columns = [head.index(name) for name in (*_COLUMNS, wanted)]
-    found = np.empty((len(rows) - 1, 4))
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            found[number - 2] = [float(row[column]) for column in columns]
-        except (ValueError, IndexError):
-            raise FileError(f"{path}: line {number} is {row}; it needs four numbers") from None
-        if any(cell.strip() for cell in row[len(head) :]):
-            raise FileError(
-                f"{path}: line {number} has {len(row)} cells for {len(head)} columns; write one "
-                "number a column, with a dot as its decimal sign"
-            )
+    found = np.frombuffer(numbers).reshape(-1, 4)
     return found[:, :3].copy(), found[:, 3].copy()
 
 
@@ -375,13 +450,14 @@ def _regular(points: FloatArray, values: FloatArray, path: Path) -> tuple[Point,
         raise FileError(f"{path}: a place is not finite")
     axes = [np.unique(points[:, axis]) for axis in range(3)]
     shape = tuple(map(len, axes))
-    steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
-    even = all(
-        np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
-        for a, step in zip(axes, steps, strict=True)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # steps that are not finite are refused
+        steps = [(a[-1] - a[0]) / (len(a) - 1) if len(a) > 1 else 1.0 for a in axes]
+        even = all(
+            np.allclose(np.diff(a), step, rtol=1e-6, atol=0.0)
+            for a, step in zip(axes, steps, strict=True)
+        )
     index = tuple(np.searchsorted(a, points[:, axis]) for axis, a in enumerate(axes))
-    if not even or int(np.prod(shape)) != len(values):
+    if not even or math.prod(shape) != len(values):
         raise FileError(
             f"{path}: its {len(values)} places are no regular grid ({' x '.join(map(str, shape))} "
             "different x, y, z, evenly spaced); use points: for values that lie anywhere"

@@ -1,7 +1,10 @@
 """Values in space from files: each kind gives the same numbers, and says what is wrong."""
 
 import base64
+import pickle
+import re
 import struct
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -76,7 +79,8 @@ def vtu(form):
     item, block = array(VALUES.ravel(), form)
     place, more = array(PLACES, form, "Points", 'NumberOfComponents="3"', "Float32")
     body = (
-        f"<UnstructuredGrid><Piece><PointData>{item}</PointData><Points>{place}</Points></Piece>"
+        f'<UnstructuredGrid><Piece NumberOfPoints="{len(PLACES)}">'
+        f"<PointData>{item}</PointData><Points>{place}</Points></Piece>"
         "</UnstructuredGrid>"
     )
     return vtk("UnstructuredGrid", body, [block, more], form)
@@ -176,3 +180,163 @@ def test_what_a_npy_does_not_say(tmp_path):
         read_grid_table(tmp_path / "a.npy", first_mm=FIRST, spacing_mm=STEP)
     with pytest.raises(FileError, match="cannot be read"):
         read_point_table(tmp_path / "none.csv")
+
+
+# ------------------------------------------------------------------------------------------------
+# Files made to exhaust memory, time or the reader's own recursion.
+
+
+def npy(head, data=b""):
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + data
+
+
+def head(descr="'<f8'", shape="(3, 4, 2)"):
+    return f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+
+
+class Explodes:
+    def __reduce__(self):
+        return (pytest.fail, ("unpickled",))
+
+
+def refused(folder, name, data, reason, most_bytes=3_000_000):
+    """Read what is to be refused, and hold that it takes no memory and tells no warning."""
+    (folder / name).write_bytes(data)
+    read = read_point_table if name.endswith("vtu") else read_grid_table
+    given = {"first_mm": FIRST, "spacing_mm": STEP} if name.endswith("npy") else {}
+    tracemalloc.start()
+    try:
+        with pytest.raises(FileError, match=reason):
+            read(folder / name, **given)
+        assert tracemalloc.get_traced_memory()[1] < most_bytes + 4 * len(data)
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (npy(head(shape="(100000, 100000, 100000)"), bytes(192)), "promises 100000 x .* cut short"),
+        (npy(head(shape=f"({10**18}, {10**18}, {10**18})"), bytes(192)), "cut short"),
+        (npy(head(), bytes(191)), "holds 191 bytes: it is cut short"),
+        (npy(head(shape="(-3, 4, 2)"), bytes(192)), "head is not"),
+        (npy(head(shape="(" * 60_000), bytes(192)), "head is not"),
+        (npy(b"{'descr': " + b"[" * 60_000), "head is not"),
+        (npy(head(descr="'|O'"), pickle.dumps(Explodes())), r"type \|O; it needs real numbers"),
+        (pickle.dumps(Explodes()), "no .npy of numbers"),
+        (npy(head(descr="'<c16'"), bytes(384)), "type <c16; it needs real numbers"),
+        (npy(head(descr="[('a', '<f4'), ('b', '<f4')]"), bytes(192)), "type records"),
+        (npy(head(descr="'<M8[s]'"), bytes(192)), r"type <M8\[s\]"),
+        (npy(head(descr="'<U2'"), bytes(192)), "type <U2"),
+        (npy(head(descr="'<f3'"), bytes(192)), "type <f3"),
+        (npy(head(), np.full(24, np.inf).tobytes()), "not a finite"),
+        (npy(head(shape="(0, 4, 2)")), "holds no values"),
+        (b"\x93NUMPY\x02\x00\xff\xff\xff\xff" + head(), "promises 3 x 4 x 2 values"),
+    ],
+)
+def test_npy_is_judged_by_its_head(tmp_path, data, reason):
+    refused(tmp_path, "a.npy", data, reason)
+
+
+@pytest.mark.parametrize("order", "CF")
+@pytest.mark.parametrize("kind", ["<f8", ">f4", "<i2", "|u1", ">i8", "|b1", "<f2"])
+def test_npy_of_any_real_type_and_order_is_read(tmp_path, kind, order):
+    values = np.array(VALUES, dtype=kind, order=order)
+    np.save(tmp_path / "a.npy", values)
+    table = read_grid_table(tmp_path / "a.npy", first_mm=FIRST, spacing_mm=STEP)
+    np.testing.assert_array_equal(table.values, values.astype(float))
+
+
+EXTENT = b"0 2 0 3 0 1"
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (b'Spacing="0.5', b'Spacing="nan', "not finite"),
+        (b'Spacing="0.5', b'Spacing="inf', "not finite"),
+        (b'Origin="1.0', b'Origin="1e999', "not finite"),
+        (b'Spacing="0.5', b'Spacing="1e308', None),
+        (EXTENT, b"0 2 0 3 0 inf", "no list of numbers"),
+        (EXTENT, b"0 999999999 0 999999999 0 999999999", "values|bytes"),
+        (EXTENT, b"%d 2 0 3 0 1" % -(10**400), "not finite"),
+        (EXTENT, b"%d %d 0 3 0 1" % (10**400, 10**400 + 2), "not finite"),
+        (EXTENT, b"0 2 0 3 0 0", "values|bytes"),
+        (EXTENT, b"0 2 0 3 0 1 5", "another length"),
+    ],
+)
+def test_images_that_lie_nowhere_are_refused(tmp_path, form, old, new, reason):
+    data = vti(form).replace(old, new)
+    if reason is None:  # far away, but somewhere
+        (tmp_path / "a.vti").write_bytes(data)
+        assert read_grid_table(tmp_path / "a.vti").spacing_mm[0] == 1e308
+    else:
+        refused(tmp_path, "a.vti", data, reason)
+
+
+def packed_vti(*blocks, count=None, usual=192, last=0):
+    """An image whose packed array has a header of one's own."""
+    lengths = [len(block) for block in blocks]
+    start = struct.pack(f"<{3 + len(blocks)}I", len(blocks) if count is None else count, usual,
+                        last, *lengths)  # fmt: skip
+    text = base64.b64encode(start) + base64.b64encode(b"".join(blocks))
+    return re.sub(rb'"binary">[^<]*', b'"binary">' + text, vti("zlib"))
+
+
+BOMB = zlib.compress(bytes(50_000_000))
+RIGHT = zlib.compress(np.ascontiguousarray(VALUES.transpose(2, 1, 0)).tobytes())
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (packed_vti(BOMB), "unpacks to another length"),
+        (packed_vti(BOMB, usual=50_000_000), "50000000 bytes where 192 are needed"),
+        (packed_vti(*100 * [BOMB], usual=2, last=4), "202 bytes where 192"),
+        (packed_vti(RIGHT, RIGHT), "384 bytes where 192 are needed"),
+        (packed_vti(RIGHT, count=0xFFFFFFFF), "4294967295 packed blocks in"),
+        (packed_vti(RIGHT, count=0), "0 bytes where 192 are needed"),
+        (packed_vti(b"", usual=192), "another length|incomplete"),
+        (packed_vti(b"\xff" * 20), "cannot be decoded"),
+    ],
+)
+def test_packed_blocks_are_unpacked_no_further_than_the_grid(tmp_path, data, reason):
+    refused(tmp_path, "a.vti", data, reason)
+
+
+def test_a_packed_image_of_zeros_larger_than_its_file_by_far_is_refused(tmp_path):
+    """600 MB of zeros pack into 0.6 MB: the grid is as large, and is refused for that."""
+    n = 599
+    data = packed_vti(zlib.compress(bytes(1000)), usual=8 * (n + 1) ** 3 // 2, count=2)
+    data = data.replace(EXTENT, b"0 %d 0 %d 0 %d" % (n, n, n))
+    refused(tmp_path, "a.vti", data, "unpack to|blocks in|decoded")
+
+
+def test_blocks_of_several_sizes_are_read(tmp_path):
+    whole = np.ascontiguousarray(VALUES.transpose(2, 1, 0)).tobytes()
+    for size, last in ((80, 32), (96, 0), (96, 96), (192, 0)):
+        blocks = [zlib.compress(whole[at : at + size]) for at in range(0, 192, size)]
+        (tmp_path / "a.vti").write_bytes(packed_vti(*blocks, usual=size, last=last))
+        np.testing.assert_array_equal(read_grid_table(tmp_path / "a.vti").values, VALUES)
+
+
+def test_pieces_that_share_one_array_are_counted_together(tmp_path):
+    once = vtu("zlib")
+    piece = re.search(rb"<Piece.*</Piece>", once, re.DOTALL)[0]
+    many = once.replace(piece, 300_000 * b'<Piece NumberOfPoints="999999"/>' + piece)
+    refused(tmp_path, "a.vtu", many, "without Points", 1e9)
+    data = once.replace(b'NumberOfPoints="24"', b'NumberOfPoints="999999999"')
+    refused(tmp_path, "a.vtu", data, "unpack to")
+    refused(tmp_path, "a.vtu", once.replace(b'="24"', b'="-24"'), "without NumberOfPoints")
+    refused(tmp_path, "a.vtu", once.replace(b'="24"', b'="23"'), "where 276 are needed")
+
+
+def test_xml_of_another_encoding_hides_no_entities(tmp_path):
+    text = '<?xml version="1.0" encoding="utf-16"?><!DOCTYPE x [<!ENTITY a "b">]><VTKFile/>'
+    refused(tmp_path, "a.vti", text.encode("utf-16"), "UTF-8")
+
+
+def test_a_csv_of_extreme_places_is_refused_without_a_warning(tmp_path):
+    points = np.array([[-1.5e308, 0, 0], [1.5e308, 0, 0], [0.0, 0, 0]])
+    refused(tmp_path, "a.csv", csv_of(points, np.arange(3.0)).encode(), "regular|positive")
