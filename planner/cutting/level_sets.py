@@ -454,7 +454,7 @@ def _positions(
     meetings: Meetings, part_mm: FloatArray, level_mm: Float32Array, part: Surface,
     level: Surface, lattice: Lattice,
 ) -> Float32Array:  # fmt: skip
-    """Place the meetings on their edges, rounded once."""
+    """Place the meetings on their edges, rounded once, and walls along the axes where they are."""
     found = np.empty((len(meetings.edge), 3), dtype=np.float32)
     for own, vertices, surface in ((True, part_mm, part), (False, level_mm, level)):
         chosen = meetings.of_part == own
@@ -462,6 +462,12 @@ def _positions(
         low = vertices[ends[:, 0]].astype(np.float64)
         high = vertices[ends[:, 1]].astype(np.float64)
         found[chosen] = lattice.rounded(low + meetings.along[chosen, None] * (high - low))
+        if own:
+            wall = low == high
+        else:
+            a, b, c = part_mm[part.faces[meetings.face[chosen]]].transpose(1, 0, 2)
+            low, wall = a, (a == b) & (b == c)
+        found[chosen] = np.where(wall, low, found[chosen])
     return found
 
 

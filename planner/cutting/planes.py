@@ -248,6 +248,9 @@ def _meet(
     for j in range(3):
         if j == axis:
             value = offset * normal[j]
+        elif vertices[low, j] == vertices[high, j]:
+            pool[i, j] = vertices[low, j]  # a wall along the axes stays where it is
+            continue
         else:
             value = vertices[low, j] + t * (vertices[high, j] - vertices[low, j])
         pool[i, j] = np.rint(value / LATTICE_MM) * LATTICE_MM + 0.0

@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,13 @@ from planner.errors import ArgumentError, FileError, MeshError, PlannerError
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
-from planner.mesh.audit import JoinedShells, Measured, audit, interfaces_cancel, join_shells
+from planner.mesh.audit import JoinedShells, Measured, interfaces_cancel, join_shells
+from planner.mesh.mesh import Measures, Mesh
 from planner.numerics import Float32Array, FloatArray
 from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
 from planner.voxels.columns import columns_of, grid_for, snap
 
-__all__ = ["Certificate", "Difference", "check", "diff", "shell_checks"]
+__all__ = ["Certificate", "Difference", "check", "diff", "plan_checks", "shell_checks"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -62,7 +63,7 @@ def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
     fit = interfaces_cancel(shells, part)
     total = sum(float(found.volume_mm3[0]) for found in shells.measures)
     error = abs(total / part.volume_mm3 - 1.0)
-    shared = _shared_mm3(shells, fit.left) / part.volume_mm3
+    shared = _shared_mm3(shells, shells.left) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
         "volume_error": Check(error, _VOLUME_ERROR_LIMIT, error <= _VOLUME_ERROR_LIMIT),
@@ -94,13 +95,57 @@ _VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
 _PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
 
 
-def _region_problems(plan: Plan) -> Iterator[str]:
-    """Hold a plan's regions against one another and against the part."""
+def plan_checks(
+    plan: Plan, files: Sequence[str], shells: JoinedShells, placed: Mesh | None = None
+) -> tuple[dict[str, Check], tuple[str, ...]]:
+    """Verify a plan's shells, and hold them against what plan.json says of them.
+
+    Both ``planner grade`` and ``planner check`` call it, so that they cannot disagree.
+
+    Parameters
+    ----------
+    plan
+        As plan.json gives it back, with nine digits; what its own checks say does not count.
+    files, shells
+        The files that can be read, by name, and the shells as their readers find them.
+    placed
+        The part as it was cut, where it is at hand: interfaces are then held against its very
+        positions as well.
+
+    Returns
+    -------
+    checks
+        Those of `shell_checks`, if there are shells, and ``plan_disagreements``.
+    problems
+        What the last one counts, in words.
+    """
+    measures = dict(zip(files, shells.measures, strict=True))
+    whole_mm3 = sum(float(found.volume_mm3[0]) for found in measures.values())
+    problems = list(_region_problems(plan, whole_mm3))
+    checks = {}
+    if files and plan.part.volume_mm3 > 0.0:
+        checks = shell_checks(shells, plan.part)
+        if placed is not None and not interfaces_cancel(shells, placed).ok:
+            checks["interfaces_unmatched"] = Check(1, 0, False)
+        triangles = {file: len(faces) for file, faces in zip(files, shells.faces, strict=True)}
+        problems += _shell_problems(plan, measures, triangles)
+    checks["plan_disagreements"] = Check(len(problems), 0, not problems)
+    return checks, tuple(problems)
+
+
+def _region_problems(plan: Plan, whole_mm3: float) -> Iterator[str]:
+    """Hold a plan's regions against one another and against the part.
+
+    Where they have what the shells have, `whole_mm3`, the check of volumes tells what is off.
+    """
     if not plan.regions:
         yield "plan.json: it has no regions"
         return
     total = sum(region.volume_mm3 for region in plan.regions)
-    if not math.isclose(total, plan.part.volume_mm3, rel_tol=_VOLUME_ERROR):
+    if not any(
+        math.isclose(total, volume_mm3, rel_tol=_VOLUME_ERROR)
+        for volume_mm3 in (plan.part.volume_mm3, whole_mm3)
+    ):
         yield (
             f"plan.json: its regions have {total:.9g} mm3 in all, the part "
             f"{plan.part.volume_mm3:.9g} mm3"
@@ -115,24 +160,26 @@ def _region_problems(plan: Plan) -> Iterator[str]:
         yield "plan.json: its regions do not fill the part's bounds"
 
 
-def _shell_problems(plan: Plan, shells: _Shells) -> Iterator[str]:
+def _shell_problems(
+    plan: Plan, measures: Mapping[str, Measures], triangles: Mapping[str, int]
+) -> Iterator[str]:
     """Hold each shell against the regions that the plan puts into it."""
-    for number, file in enumerate(sorted(shells), start=1):
+    for number, file in enumerate(sorted(measures), start=1):
         regions = _of(plan, file)
         materials = sorted({region.printed for region in regions})
         if not all(file.endswith(f"_{material}.stl") for material in materials):
             yield f"{file}: the plan puts {', '.join(materials)} into it, its name says otherwise"
         if f"__{number:02d}_" not in file:
             yield f"{file}: its number is not its place from soft to hard, {number:02d}"
-        found = audit(shells[file])
-        volume = sum(region.volume_mm3 for region in regions)
-        if not math.isclose(found.volume_mm3, volume, rel_tol=_VOLUME_ERROR):
-            yield f"{file}: it has {found.volume_mm3:.9g} mm3, the plan says {volume:.9g} mm3"
-        if any(region.triangles != found.triangles for region in regions):
-            yield f"{file}: it has {found.triangles} triangles, the plan says otherwise"
-        if not _near(found.bounds_mm, _union([region.bounds_mm for region in regions])):
+        found = measures[file]
+        volume_mm3, said_mm3 = float(found.volume_mm3[0]), sum(r.volume_mm3 for r in regions)
+        if not math.isclose(volume_mm3, said_mm3, rel_tol=_VOLUME_ERROR):
+            yield f"{file}: it has {volume_mm3:.9g} mm3, the plan says {said_mm3:.9g} mm3"
+        if any(region.triangles != triangles[file] for region in regions):
+            yield f"{file}: it has {triangles[file]} triangles, the plan says otherwise"
+        if not _near(found.bounds_mm[0], _union([region.bounds_mm for region in regions])):
             yield f"{file}: it does not lie where the plan says"
-    softest_first = [_of(plan, file)[0].coordinate for file in sorted(shells)]
+    softest_first = [_of(plan, file)[0].coordinate for file in sorted(measures)]
     if softest_first != sorted(softest_first):
         yield "stl/: the files' numbers do not run from soft to hard"
 
@@ -296,7 +343,6 @@ def check(
     root = file.parent
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
-    disagreements = list(_region_problems(plan))
     progress("reading the shells")
     altered, shells = 0, dict[str, Float32Array | FloatArray]()
     for name, expected in {region.file: region.sha256 for region in plan.regions}.items():
@@ -312,14 +358,12 @@ def check(
             problems.append(str(error))
     progress("verifying the shells")
     checks = {"files_altered": Check(altered, 0, altered == 0)}
-    if shells and plan.part.volume_mm3 > 0.0:
-        checks |= shell_checks(join_shells(shells.values()), plan.part)
-        disagreements += _shell_problems(plan, shells)
-    else:
+    verified, disagreements = plan_checks(plan, list(shells), join_shells(shells.values()))
+    checks |= verified
+    if "shells_unsound" not in verified:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
     mismatches = list(_threemf_problems(root / f"{plan.name}.3mf", plan, shells))
-    checks["plan_disagreements"] = Check(len(disagreements), 0, not disagreements)
     checks["threemf_mismatches"] = Check(len(mismatches), 0, not mismatches)
     return Certificate(
         part=plan.part.file,

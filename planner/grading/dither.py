@@ -458,6 +458,7 @@ def dither_regions(
     volumes, bounds = _volumes_mm3(pieces, dealt, counted), piece_bounds_mm(pieces)
     files = {shell.material: shell for shell in shells}
     shares = _shares(volumes, dealt, counted)
+    boxes = _boxes_mm(pieces, volumes, bounds, dealt, counted)
     regions: list[Region] = []
     for number, stretch in enumerate(dealt.along):
         for grade in sorted({stretch.lower, stretch.upper}):
@@ -466,15 +467,54 @@ def dither_regions(
             if volume_mm3 <= 0.0:
                 continue
             band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
-            low = np.maximum(counted.bounds_mm[number, piece, 0], bounds[piece, 0])
-            high = np.minimum(counted.bounds_mm[number, piece, 1], bounds[piece, 1])
-            box = np.stack([low, high]) if (low < high).all() else bounds[piece]
+            box = boxes[number, piece]
             index = len(regions) + 1
             region = region_of(index, band, printed[piece], volume_mm3, box, files)
             if stretch.lower < stretch.upper:
                 region = _blended(region, number, dealt, shares[number], scale)
             regions.append(region)
     return tuple(regions)
+
+
+def _boxes_mm(
+    pieces: Pieces, volumes_mm3: FloatArray, bounds_mm: FloatArray, dealt: DitherField,
+    counted: CellCounts,
+) -> FloatArray:  # fmt: skip
+    """Return where each stretch has each piece, (stretches, pieces, 2, 3).
+
+    Cells alone do not say how far a piece reaches: at a wall it is also drawn about centres that
+    lie outside the part, which are not counted. So the points where a piece reaches furthest are
+    given to the stretch that the field has there, or to the nearest one that has the piece:
+    together, a piece's boxes are its bounds.
+    """
+    low = np.maximum(counted.bounds_mm[:, :, 0], bounds_mm[None, :, 0])
+    high = np.minimum(counted.bounds_mm[:, :, 1], bounds_mm[None, :, 1])
+    boxes = np.stack([low, high], axis=2)
+    there = volumes_mm3 > 0.0
+    boxes[~(low < high).all(axis=2) & there] = np.nan
+    boxes = np.where(np.isnan(boxes), bounds_mm, boxes)
+    for piece in np.flatnonzero(there.any(axis=0)).tolist():
+        stretches = np.flatnonzero(there[:, piece])
+        own = boxes[stretches, piece]
+        reached = np.stack([own[:, 0].min(axis=0), own[:, 1].max(axis=0)])
+        if not np.array_equal(reached, bounds_mm[piece]):
+            furthest = _furthest_mm(pieces, piece)
+            nearest = np.abs(stretches[:, None] - dealt.wanted(furthest)[0]).argmin(axis=0)
+            np.minimum.at(own[:, 0], nearest, furthest)
+            np.maximum.at(own[:, 1], nearest, furthest)
+            boxes[stretches, piece] = own
+    return boxes
+
+
+def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
+    """Return the points, (6, 3), where a piece reaches furthest along each axis, either way."""
+    caps = (pieces.cap_level == piece) | (pieces.cap_level == piece - 1)
+    used = np.zeros(len(pieces.vertices), dtype=np.bool_)
+    used[pieces.faces[pieces.piece == piece]] = True
+    used[pieces.cap_faces[caps]] = True
+    own = pieces.vertices[used]
+    furthest = np.concatenate([own.argmin(axis=0), own.argmax(axis=0)])
+    return np.asarray(own[furthest], dtype=np.float64)
 
 
 def fraction_checks(

@@ -27,7 +27,7 @@ from planner.grading.blends import (
     mixed_bands,
     with_laminates,
 )
-from planner.grading.check import shell_checks
+from planner.grading.check import plan_checks
 from planner.grading.dither import (
     CellCounts,
     DitherField,
@@ -69,6 +69,7 @@ from planner.plan import (
     Shell,
     Stiffness,
     Unreachable,
+    decode_plan,
 )
 from planner.printers import Printer, load_printer, palette_of
 
@@ -537,8 +538,6 @@ def grade(
     shells = shells_of(pieces, design.printed, scale, machine, source.name)
     regions = design.regions(pieces, shells, scale)
 
-    progress("verifying the shells")
-    checks = shell_checks(join_shells(map(_read_back, shells)), mesh)
     progress("looking for what will not print")
     printing, findings = design.held(
         mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
@@ -555,7 +554,7 @@ def grade(
     described = dict(along.description())
     if not isinstance(along, PlanarField):
         described["pitch_mm"] = pitch_mm
-    return Plan(
+    plan = Plan(
         schema=1,
         version=__version__,
         printer=machine.name,
@@ -577,13 +576,42 @@ def grade(
             alternatives=others,
         ),
         regions=regions,
-        checks={**checks, "worst_stiffness_error": stiffness, **printing},
+        checks={"worst_stiffness_error": stiffness, **printing},
         findings=(*off, *findings),
         warnings=(*map(Caution, (*source.warnings, *followed, *unsure)), *known),
         unreachable=_unreachable(target, scale),
         shells=shells,
-        notes=job_notes(machine, scale, findings=(*off, *findings), warnings=known),
     )
+    progress("verifying the shells")
+    plan = _verified(plan, mesh)
+    return replace(plan, notes=job_notes(machine, scale, findings=plan.findings, warnings=known))
+
+
+def _verified(plan: Plan, placed: Mesh) -> Plan:
+    """Add the checks that ``planner check`` makes of a plan's files, and what does not hold."""
+    as_read = decode_plan(plan.json(), "plan.json")
+    shells = join_shells(map(_read_back, plan.shells))
+    checks, problems = plan_checks(as_read, [shell.file for shell in plan.shells], shells, placed)
+    if not problems:
+        del checks["plan_disagreements"]  # a plan that is what its files are does not say so
+    findings = [Finding(kind="disagreement", message=problem) for problem in problems]
+    if not checks["volume_error"].ok:
+        findings.append(_volume_finding(checks["volume_error"], placed))
+    return replace(plan, checks={**checks, **plan.checks}, findings=(*plan.findings, *findings))
+
+
+def _volume_finding(check: Check, placed: Mesh) -> Finding:
+    """Say why shells have not the part's volume: rounding moves walls by steps of float32."""
+    farthest_mm = float(placed.bounds_mm.max())
+    step_mm = float(np.spacing(np.float32(farthest_mm)))
+    wall_mm = 2.0 * placed.volume_mm3 / placed.area_mm2  # were it a plate
+    message = (
+        f"the shells have {check.value:.2g} of the part's volume too much or too little, over "
+        f"{check.limit:g}: mesh files hold places in steps of {1e6 * step_mm:.2g} nm at "
+        f"{farthest_mm:.0f} mm, which is much for walls of {wall_mm:.2g} mm; lay flat walls along "
+        "the axes, or make them thicker"
+    )
+    return Finding(kind="volume", message=message, size_mm=wall_mm)
 
 
 def _read_back(shell: Shell) -> tuple[Float32Array, NDArray[np.int32]]:

@@ -198,6 +198,14 @@ class JoinedShells:
         """The faces of all shells, one after the other, (sum of m, 3)."""
         return np.concatenate([np.empty((0, 3), np.int32), *self.faces])
 
+    @cached_property
+    def left(self) -> NDArray[np.int32]:
+        """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
+        faces = self.everything
+        faces = faces[~repeats_index(faces)]
+        left: NDArray[np.int32] = faces[cancel_opposite(faces)]
+        return left
+
     def sound(self, number: int) -> bool:
         """Tell whether a shell is closed, the right way out, and has no face twice.
 
@@ -278,17 +286,14 @@ class Interfaces:
 
     Attributes
     ----------
-    left : (m, 3) int32
-        The faces that remain, of all shells.
     closed : bool
-        They have no boundary.
+        The faces that remain have no boundary.
     volume_error_mm3, area_error_mm2 : float
         Remaining surface minus part.
     volume_limit_mm3, area_limit_mm2 : float
         What rounding the cuts' points to float32 can cause.
     """
 
-    left: NDArray[np.int32]
     closed: bool
     volume_error_mm3: float
     area_error_mm2: float
@@ -339,9 +344,7 @@ def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
     Interfaces
         `ok` where exactly opposite triangles cancel and the part's surface remains.
     """
-    faces = shells.everything
-    faces = faces[~repeats_index(faces)]
-    rest = faces[cancel_opposite(faces)]
+    rest = shells.left
     used, corners = compact(rest, len(shells.vertices))
     vertices = shells.vertices[used].astype(np.float64)
     own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
@@ -354,7 +357,6 @@ def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
     extent_mm = float(np.ptp(vertices, axis=0).max()) if len(rest) else 0.0
     digits = 1e-12 * part.area_mm2
     return Interfaces(
-        left=rest,
         closed=bool(len(rest) and _balanced(corners)),
         volume_error_mm3=float(left.volume_mm3[0]) - part.volume_mm3,
         area_error_mm2=float(left.area_mm2[0]) - part.area_mm2,
