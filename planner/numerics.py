@@ -1,6 +1,8 @@
 """Array types that cross module borders, and loops over arrays compiled once."""
 
 import gc
+import importlib
+import sys
 from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeAlias, TypeVar, cast
@@ -87,6 +89,13 @@ def at_first_compilation(act: Callable[[], object]) -> None:
 def _compiler() -> Any:
     import numba  # half a second and 50 MB, which files without kernels do not pay
     from numba.core import event
+
+    # To know whether it can convolve, numba would load scipy.linalg: a fifth of a second.
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = None  # type: ignore[assignment] # its import then fails at once
+        importlib.import_module("numba.np.arraymath")
+        del sys.modules[blas]
 
     class Watch(event.Listener):
         """Python's search for cycles of garbage takes an eighth of the time of compiling."""
