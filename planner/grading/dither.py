@@ -1,5 +1,6 @@
 """Dither: cells of two materials along a gradient, and what they come to."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -356,14 +357,16 @@ def _inside(mesh: Mesh, first: FloatArray, cell_mm: float, shape: tuple[int, ...
     fine_mm = cell_mm / parts
     grid = Grid((x, y, z), (fine_mm, fine_mm, fine_mm), (nx, ny, nz))
     count = np.zeros(shape)
-    for columns in iterate_columns(mesh, grid):
-        index = np.argwhere(dense(columns))
-        index[:, 1] += columns.first_row
-        key, several = np.unique(
-            np.ravel_multi_index(tuple((index // parts).T), shape), return_counts=True
-        )
-        count.reshape(-1)[key] += several * (_PARTS // parts) ** 3
-    return count
+    slab_rows = parts * max(1, _SLAB_COLUMNS // (nx * parts))
+    for columns in iterate_columns(mesh, grid, slab_rows=slab_rows):
+        fine, row = dense(columns).view(np.uint8), columns.first_row // parts
+        for i, j, k in itertools.product(range(parts), repeat=3):
+            own = fine[i::parts, j::parts, k::parts]
+            count[:, row : row + own.shape[1]] += own
+    return count * float((_PARTS // parts) ** 3)
+
+
+_SLAB_COLUMNS = 1 << 14  # a few MB of voxels
 
 
 # ------------------------------------------------------------------------------------------------

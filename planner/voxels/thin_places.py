@@ -199,21 +199,23 @@ def _thin_runs(
     # runs of places in rows first to last, as `_gather` takes them; rows of the sets begin at low
     reached = opened.copy()
     if not grow(reached, region, raster.reach):
-        return np.empty((0, 9), np.int64)
+        return np.empty((0, 9), np.int32)
     core = _without(region, reached)
     place = core.copy()
     grow(place, _without(region, opened), raster.reach)
     runs = runs_of(place, first - low, last - low)
     if not len(runs):
-        return np.empty((0, 9), np.int64)
+        return np.empty((0, 9), np.int32)
     beside = _without(region, place)
     grow(beside, region, 2)
     touching = members(runs, place & beside)[:, 0] >= 0
     counting = members(runs, core)
     depth, voxel = _deepest(runs, region, core, raster.radius)
     runs[:, 0] += low
-    table = [runs, touching, depth, voxel, counting[:, [0, 2]]]
-    return np.column_stack(table).astype(np.int64)
+    table = np.empty((len(runs), 9), np.int32)  # a skin has a million of them
+    table[:, :4], table[:, 4], table[:, 5], table[:, 6] = runs, touching, depth, voxel
+    table[:, 7:] = counting[:, [0, 2]]
+    return table
 
 
 def _without(region: Bits, taken: Bits) -> Bits:
@@ -243,7 +245,8 @@ def _gather(runs: IntArray, shortest: int) -> list[_Place]:
     number = components(np.ascontiguousarray(runs[:, :4]))
     order = np.argsort(number, kind="stable")
     places = []
-    for group in np.split(runs[order], np.flatnonzero(np.diff(number[order])) + 1):
+    for own in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
+        group = runs[own]
         core = group[group[:, 5] >= 0]
         if not len(core):
             continue
