@@ -10,11 +10,11 @@ import numpy as np
 from planner.cutting.pieces import Pieces, piece_volumes_mm3, shell_faces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
-from planner.mesh.mesh import Mesh, compact
+from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, Point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
-from planner.voxels.columns import MOST_VOXELS, grid_for, iterate_columns
+from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
 from planner.voxels.thin_places import (
     SOUND,
     ThinPlace,
@@ -513,14 +513,13 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     extent_mm = np.ptp(part.mesh.bounds_mm, axis=0)
     voxel = native_mm * max(1.0, float((extent_mm / native_mm).max()) / (MOST_VOXELS - 1))
     grid = grid_for(part.mesh.bounds_mm, voxel.tolist())
-    counted = np.zeros(part.pieces.count)
-    vertices = part.pieces.vertices
-    for number in range(part.pieces.count):
-        faces = shell_faces(part.pieces, [number])
-        if len(faces):
-            used, faces = compact(faces, len(vertices))
-            shell = Mesh(vertices[used].astype(np.float64), faces)
-            counted[number] = sum(c.voxels for c in iterate_columns(shell, grid))
+    check_reach(part.mesh, grid)
+    pieces, counted = part.pieces, np.zeros(part.pieces.count)
+    vertices = pieces.vertices.astype(np.float64)
+    snapped = snap(vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    for number in range(pieces.count):
+        faces = shell_faces(pieces, [number])
+        counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))
     off_mm3 = np.abs(counted * grid.voxel_mm3 - piece_volumes_mm3(part.pieces))
     error = float(off_mm3.max()) / part.mesh.volume_mm3
     limit = part.mesh.area_mm2 * float(np.linalg.norm(voxel)) / part.mesh.volume_mm3

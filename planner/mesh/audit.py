@@ -214,10 +214,10 @@ class JoinedShells:
         """
         faces = self.faces[number]
         buckets = np.zeros(len(self.vertices), np.int32)
-        edges = np.empty(faces.size, np.uint32)
+        edges = np.empty(faces.size, np.int64)
         if not len(faces) or not _edges_paired(faces, buckets, edges):
             return False
-        return bool(self.measures[number].volume_mm3[0] > 0.0 and cancel_opposite(faces).all())
+        return bool(self.measures[number].volume_mm3[0] > 0.0)
 
 
 def join_shells(
@@ -244,10 +244,11 @@ def join_shells(
 
 @kernel
 def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
-    """Tell whether every directed edge occurs once, and so does its reverse.
+    """Tell whether every directed edge occurs once, and so does its reverse, on two other faces.
 
     Edges are dealt to `buckets`, zeros, one for each vertex, by their lower vertex: the few of a
-    bucket are sorted on the spot. An edge is twice its higher vertex, plus 1 if it runs down.
+    bucket are sorted on the spot. An edge is its higher vertex, then a bit that is set where it
+    runs down, then the face's third vertex.
     """
     for f in range(faces.shape[0]):
         for j in range(3):
@@ -259,11 +260,11 @@ def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
         buckets[v] = total - buckets[v]
     for f in range(faces.shape[0]):
         for j in range(3):
-            tail, head = faces[f, j], faces[f, j - 2]
+            tail, head, third = np.int64(faces[f, j]), np.int64(faces[f, j - 2]), faces[f, j - 1]
             if tail == head:
                 return False
             lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
-            edges[buckets[lower]] = edge
+            edges[buckets[lower]] = edge << 32 | third
             buckets[lower] += 1
     first = 0
     for v in range(buckets.size):
@@ -272,9 +273,10 @@ def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
         if (last - first) % 2 == 1:
             return False
         for i in range(first, last, 2):
-            if edges[i] % 2 == 1 or edges[i + 1] != edges[i] + 1:
+            up, down = edges[i] >> 32, edges[i + 1] >> 32
+            if up % 2 == 1 or down != up + 1 or edges[i] + (1 << 32) == edges[i + 1]:
                 return False
-            if i > first and edges[i] < edges[i - 1]:
+            if i > first and edges[i - 1] >> 32 >= up:
                 return False
         first = last
     return True
