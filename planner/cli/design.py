@@ -9,6 +9,7 @@ from planner.cli.output import (
     AsJson,
     FixedFaces,
     Force,
+    ForceOversize,
     Loads,
     MeshUnit,
     Moves,
@@ -75,6 +76,7 @@ def design(
     ] = None,
     no_page: Annotated[bool, Option("--no-page", help="Leave plan.html out.")] = False,
     force: Force = False,
+    force_oversize: ForceOversize = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
@@ -100,7 +102,7 @@ def design(
             cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
             axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
             cell_mm=cell_mm, tolerance=tolerance, unit=unit, printer=printer, palette=palette,
-            progress=stage,
+            force_oversize=force_oversize, progress=stage,
         )  # fmt: skip
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made.plan))

@@ -27,6 +27,7 @@ __all__ = [
     "ComparedWith",
     "FixedFaces",
     "Force",
+    "ForceOversize",
     "GaugeMm",
     "Gravity",
     "Loads",
@@ -318,6 +319,9 @@ def check_targets(*, force: bool, figure: Path | None = None, **targets: Path | 
 
 
 Force = Annotated[bool, Option("--force", help="Replace files that are there.")]
+ForceOversize = Annotated[
+    bool, Option("--force-oversize", help="Plan a part that the printer's tray does not hold.")
+]
 FixedFaces = Annotated[
     list[str] | None,
     Option(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from planner.cli.output import AsJson, PaletteName, Quiet, check_targets
+from planner.cli.output import AsJson, ForceOversize, PaletteName, Quiet, check_targets
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -124,6 +124,7 @@ def grade(
         Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
     ] = None,
     force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
+    force_oversize: ForceOversize = False,
     strict: Annotated[
         bool, Option("--strict", help="Write nothing when something was found.")
     ] = False,
@@ -180,6 +181,7 @@ def grade(
             unit=unit,
             printer=printer,
             palette=palette,
+            force_oversize=force_oversize,
             progress=stage,
         )
         refused = strict and not plan.ok

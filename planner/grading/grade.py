@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from planner import __version__
 from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
 from planner.cutting.pieces import Pieces, split
-from planner.errors import ArgumentError, as_count, as_number, did_you_mean, positive
+from planner.errors import ArgumentError, MeshError, as_count, as_number, did_you_mean, positive
 from planner.fields.basic import Field, PlanarField, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
@@ -54,7 +54,7 @@ from planner.grading.stiffness_error import alternatives, stiffness_check, toler
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
-from planner.mesh.part import Part, make_part, part_from_arrays, place
+from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place
 from planner.notes import Caution
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette
@@ -73,7 +73,7 @@ from planner.plan import (
 )
 from planner.printers import Printer, load_printer, palette_of
 
-__all__ = ["grade", "open_part"]
+__all__ = ["grade", "open_part", "refuse_oversize"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -127,6 +127,22 @@ def open_part(
     made = part_from_arrays(vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm)
     digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     return PartSource(made, called, called, digest, used, made.warnings)
+
+
+def refuse_oversize(source: PartSource, machine: Printer) -> None:
+    """Stop at a part that the printer's tray does not hold, before the work.
+
+    Raises
+    ------
+    MeshError
+        With its size, the tray's, the unit that it looks like, and what to do.
+    """
+    words = oversize(source.part.mesh, machine.tray_mm, source.unit)
+    if words is not None:
+        raise MeshError(
+            f"{source.file}: {words}; scale or divide the part, or take it as it is with "
+            "`force_oversize`"
+        )
 
 
 def _arrays(part: object) -> tuple[FloatArray, IntArray]:
@@ -413,6 +429,7 @@ def grade(
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     name: str | None = None,
+    force_oversize: bool = False,
     progress: _Progress = lambda stage: None,
 ) -> Plan:
     """Plan the print of a part whose stiffness follows a gradient.
@@ -471,6 +488,9 @@ def grade(
         Unit of the part's figures; mm unless the file says otherwise.
     name
         Name of the part; its file's stem by default.
+    force_oversize
+        Plan a part that the printer's tray does not hold, whichever way it is turned by right
+        angles: a finding then, an error otherwise.
     progress
         Called with the name of each stage as it begins.
 
@@ -512,6 +532,8 @@ def grade(
 
     progress("reading the part")
     source = open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
+    if not force_oversize:
+        refuse_oversize(source, machine)
     mesh, translation = place(source.part.mesh)
     pitch_mm = default_pitch_mm(mesh) if wish.pitch_mm is None else wish.pitch_mm
     if wish.field is None:

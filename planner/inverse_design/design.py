@@ -14,7 +14,7 @@ from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.files import encode_document
 from planner.glance import counted, html_of, one_line, outcome
-from planner.grading.grade import grade, open_part
+from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import Profile, stiffness_scale
 from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
@@ -196,6 +196,7 @@ def design(
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     name: str | None = None,
+    force_oversize: bool = False,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> PartDesign:
     """Find the gradient with which a part deforms as wanted, and plan its print.
@@ -239,7 +240,7 @@ def design(
         Relative miss of a target that is accepted.
     level
         How probably an interval holds what a print does.
-    printer, palette, unit, name
+    printer, palette, unit, name, force_oversize
         As `planner.grade`.
     progress
         Called with a few words when a stage begins.
@@ -286,6 +287,8 @@ def design(
 
     progress("reading the part")
     source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    if not force_oversize:
+        refuse_oversize(source, machine)
     mesh = source.part.mesh
     placed, translation = place(mesh)
     if field is None:
@@ -384,7 +387,7 @@ def design(
         )  # fmt: skip
         plan = grade(
             part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
-            printer=machine, palette=chosen, unit=unit, name=name,
+            printer=machine, palette=chosen, unit=unit, name=name, force_oversize=force_oversize,
         )  # fmt: skip
         return plan, solved_with(plan)
 

@@ -19,7 +19,7 @@ from planner.mesh.mesh import (
 from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Part", "make_part", "part_from_arrays", "place"]
+__all__ = ["Part", "make_part", "oversize", "part_from_arrays", "place"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:
 _FARTHEST_MM = 1e6
 _SMALL_MM = 1.0
 _LIKELY_MM = (5.0, 300.0)
-_LIKELY_UNITS = ("inch", "cm", "m", "um")
+_LIKELY_UNITS = ("mm", "inch", "cm", "m", "um")
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,12 +285,27 @@ def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> It
         yield f"the part is {size} mm, the tray {tray} mm{hint}"
 
 
-def _unit_hint(extent: FloatArray) -> str:
-    """Name the unit in which the part would have the size of most parts."""
+def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str | None:
+    """Say that a part, whose figures are in a unit, fits no way round into a tray; None if it does.
+
+    Ways round are those by right angles: how a part lies best on the diagonal, no program knows
+    that does not know what else is to be printed.
+    """
+    extent = np.ptp(mesh.bounds_mm, axis=0)
+    if (np.sort(extent) <= np.sort(np.array(tray_mm))).all():
+        return None
+    size = " x ".join(f"{length:.4g}" for length in extent)
+    tray = " x ".join(f"{length:g}" for length in tray_mm)
+    hint = _unit_hint(extent, unit).replace("--unit", "`unit`")
+    return f"the part is {size} mm, too large for the tray of {tray} mm{hint}"
+
+
+def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
+    """Name the unit, not the stated one, in which the part would have the size of most parts."""
     low, high = _LIKELY_MM
     for unit in _LIKELY_UNITS:
-        scale = unit_scale_mm(unit)
-        if low <= scale * extent.max() <= high:
+        scale = unit_scale_mm(unit) / unit_scale_mm(stated)
+        if unit != stated and low <= scale * extent.max() <= high:
             size = " x ".join(f"{scale * length:.4g}" for length in extent)
             return f"; it looks like {unit}: with --unit {unit} it is {size} mm"
     return "; check its unit (--unit)"
