@@ -44,10 +44,9 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
         members = {member.filename: member for member in archive.infolist()}
     names = [name for name in first if name in members]
     names += sorted(name for name in members if name not in first)
-    body, directory = bytearray(), bytearray()
+    parts, offset, directory = list[bytes | memoryview](), 0, bytearray()
     for name in names:
         member = members[name]
-        offset = len(body)
         if max(offset + member.compress_size, member.file_size) > LARGEST:
             raise OutputError(
                 f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
@@ -59,14 +58,14 @@ def canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
             *(_VERSION, flags, member.compress_type, 0, _DATE),
             *(member.CRC, member.compress_size, member.file_size, len(path), 0),
         )
-        body += struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path
-        body += _deflated(data, member)
+        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, _deflated(data, member)]
         made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
         directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
         directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
+        offset += len(parts[-2]) + len(parts[-1])
     count = len(names)
-    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), len(body), 0)
-    return bytes(body + directory + end)
+    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
+    return b"".join((*parts, directory, end))
 
 
 def _deflated(data: bytes, member: zipfile.ZipInfo) -> memoryview:

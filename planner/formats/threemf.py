@@ -461,11 +461,21 @@ def encode_threemf(
     """
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
+    # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
+    return canonical_archive(
+        _model_written(objects, assembly_name, metadata or {}, thumbnail, one_mesh), _FIRST
+    )
+
+
+def _model_written(
+    objects: Sequence[ThreemfObject], assembly_name: str, metadata: Mapping[str, str],
+    thumbnail: bytes | None, one_mesh: bool,
+) -> bytes:  # fmt: skip
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     heading = {"Title": assembly_name, "Application": "planner"}
-    _add_metadata(model.GetMetaDataGroup(), {**heading, **(metadata or {})}, assembly_name)
+    _add_metadata(model.GetMetaDataGroup(), {**heading, **metadata}, assembly_name)
     palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
         shells = [_Shell(item, palette.property_of(item), _digest(item)) for item in objects]
@@ -484,7 +494,7 @@ def encode_threemf(
             picture = model.CreatePackageThumbnailAttachment()
             picture.SetPath(_THUMBNAIL)
             picture.ReadFromBuffer(thumbnail)
-        return canonical_archive(_written(model), _FIRST)
+        return _written(model)
     except lib3mf.ELib3MFException as error:
         raise OutputError(f"3MF of {assembly_name}: {error}") from error
 

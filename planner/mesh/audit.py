@@ -194,15 +194,12 @@ class JoinedShells:
         return tuple(measure(points, faces) for faces in self.faces)
 
     @cached_property
-    def everything(self) -> NDArray[np.int32]:
-        """The faces of all shells, one after the other, (sum of m, 3)."""
-        return np.concatenate([np.empty((0, 3), np.int32), *self.faces])
-
-    @cached_property
     def left(self) -> NDArray[np.int32]:
         """The faces, (m, 3), that remain of all shells when opposite triangles cancel."""
-        faces = self.everything
-        faces = faces[~repeats_index(faces)]
+        faces = np.concatenate([np.empty((0, 3), np.int32), *self.faces])
+        repeating = repeats_index(faces)
+        if repeating.any():
+            faces = faces[~repeating]
         left: NDArray[np.int32] = faces[cancel_opposite(faces)]
         return left
 

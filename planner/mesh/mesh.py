@@ -325,16 +325,27 @@ def cancel_opposite(faces: NDArray[np.int32]) -> BoolArray:
     keep = np.ones(len(faces), dtype=np.bool_)
     order, starts = order_rows(*sorted_corners(faces))
     count = np.diff(starts, append=len(order))
-    if not (count > 1).any():
-        return keep
-    a, b, c = faces[order].T
-    way = np.where((a < b) ^ (b < c) ^ (c < a), -1, 1)
-    net = np.repeat(np.add.reduceat(way, starts), count)
-    frequent = way * net > 0
-    rank = np.cumsum(frequent)
-    rank -= np.repeat(rank[starts] - frequent[starts], count)
-    keep[order] = frequent & (rank <= np.abs(net))
+    pairs = starts[count == 2]  # as good as all of them, where shells meet
+    one, other = order[pairs], order[pairs + 1]
+    opposite = _turned(faces[one]) != _turned(faces[other])
+    keep[one[opposite]] = keep[other[opposite]] = False
+    if (count > 2).any():
+        order = order[np.repeat(count > 2, count)]
+        count = count[count > 2]
+        starts = np.cumsum(count) - count
+        way = np.where(_turned(faces[order]), -1, 1)
+        net = np.repeat(np.add.reduceat(way, starts), count)
+        frequent = way * net > 0
+        rank = np.cumsum(frequent)
+        rank -= np.repeat(rank[starts] - frequent[starts], count)
+        keep[order] = frequent & (rank <= np.abs(net))
     return keep
+
+
+def _turned(faces: NDArray[np.int32]) -> BoolArray:
+    """Tell which faces run from their lowest vertex to the highest before the middle one."""
+    a, b, c = faces.T
+    return np.asarray((a < b) ^ (b < c) ^ (c < a))
 
 
 def sorted_corners(
