@@ -5,6 +5,7 @@ import importlib
 import sys
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -81,8 +82,18 @@ _at_first: list[Callable[[], object]] = []
 
 
 def at_first_compilation(act: Callable[[], object]) -> None:
-    """Call `act` once, when the first loop of this process is not found compiled."""
+    """Call `act` once a loop has to be compiled where none was ever kept: after an installation.
+
+    Not after an upgrade: numba lists a loop before it has written it, so that another process could
+    take what an earlier version has left.
+    """
     _at_first.append(act)
+
+
+def _first_kept(dispatcher: Any) -> bool:
+    """Tell whether a loop will be kept where none is yet."""
+    folder = dispatcher.stats.cache_path  # None where none can be kept
+    return folder is not None and not any(Path(folder).glob("*.nbc"))
 
 
 @cache
@@ -102,15 +113,18 @@ def _compiler() -> Any:
 
         depth, searching = 0, False
 
-        def on_start(self, event: object) -> None:
+        def on_start(self, event: Any) -> None:
+            first = _first_kept(event.data["dispatcher"])
             while _at_first:
-                _at_first.pop()()
+                act = _at_first.pop()
+                if first:
+                    act()
             if self.depth == 0:
                 self.searching = gc.isenabled()
                 gc.disable()
             self.depth += 1
 
-        def on_end(self, event: object) -> None:
+        def on_end(self, event: Any) -> None:
             self.depth -= 1
             if self.depth == 0 and self.searching:
                 gc.enable()

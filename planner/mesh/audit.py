@@ -263,9 +263,9 @@ def _edges_paired(faces: Any, buckets: Any, edges: Any) -> Any:
             lower, edge = (tail, 2 * head) if tail < head else (head, 2 * tail + 1)
             edges[buckets[lower]] = edge << 32 | third
             buckets[lower] += 1
-    first = 0
+    first = np.int64(0)
     for v in range(buckets.size):
-        last = buckets[v]
+        last = np.int64(buckets[v])
         sort_span(edges, first, last)
         if (last - first) % 2 == 1:
             return False

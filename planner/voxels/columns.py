@@ -257,7 +257,7 @@ def slab_runs(
     columns, heights = np.empty((spans, 4), np.int32), np.empty((spans, 2), np.float64)
     n = _spans(snapped, faces, members, row0, row1, nx, row_leads, cursor, columns, heights)
     crossings = int(np.sum(columns[:n, 1], dtype=np.int64))
-    keys = np.empty(crossings, np.int32)
+    keys = np.empty(crossings, np.int64)
     start, stop = np.empty((2, crossings // 2), np.int32)
     offsets, faults = np.zeros(len(cursor), np.int64), np.array([0, 0, -1, -1])
     ends = (offsets, start, stop, faults)

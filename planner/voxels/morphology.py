@@ -198,6 +198,7 @@ def grow(grown: Bits, within: Bits, steps: int) -> int:
     """
     inner = np.s_[:, ROOM:-ROOM, 1:-1]
     place = np.argwhere(within[inner] & ~grown[inner]) + np.array([0, ROOM, 1])
+    place = np.ascontiguousarray(place)  # or the loop is compiled for two layouts
     return int(_grow(grown, within, steps, place, np.empty(len(place), np.uint64)))
 
 

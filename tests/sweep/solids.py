@@ -242,7 +242,7 @@ def bumps(rng: Rng) -> Triangles:
 
 
 def kilometre(rng: Rng) -> Triangles:
-    return boxes_united(rng) * 1e5
+    return boxes_united(rng) * 2e4
 
 
 def micrometre(rng: Rng) -> Triangles:

@@ -99,7 +99,8 @@ def examine(number: int, folder: Path) -> Outcome:
     elif gradient.curved:
         options += ["--pitch", repr(pitch_mm)]
     target = folder / "out"
-    command = ["grade", str(part), "--from", "Tango", "--to", "Vero", *options, "--no-page"]
+    command = ["grade", str(part), "--from", "Tango", "--to", "Vero", *options]
+    command += ["--force-oversize", "--no-page"]
     begin, said = time.process_time(), io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
         code = run([*command, "-o", str(target)])
