@@ -127,7 +127,7 @@ def _coarse(points: IntArray, faces: Sequence[IntArray], most: int) -> NDArray[n
     low, high = 0, len(sizes) - 1
     while low < high:
         middle = (low + high) // 2
-        occupied = len(np.unique(_cells(points, shared, sizes[middle])))
+        occupied = _distinct(_cells(points, shared, sizes[middle]))
         low, high = (low, middle) if occupied <= share * len(points) else (middle + 1, high)
     cells = _cells(points, shared, sizes[low])
     sharp = np.zeros((len(points), 4))
@@ -168,6 +168,12 @@ def _add_areas(points: Any, faces: Any, sums: Any) -> None:
             sums[corner, 1] += nx
             sums[corner, 2] += ny
             sums[corner, 3] += nz
+
+
+def _distinct(cells: IntArray) -> int:
+    """Estimate how many cells there are, within a per cent or so: count a sixteenth of them."""
+    spread = cells * np.int64(0x1E3779B97F4A7C15)  # wraps around
+    return 16 * len(np.unique(cells[spread & (15 << 59) == 0]))
 
 
 def _shared(count: int, faces: Sequence[IntArray]) -> IntArray:
