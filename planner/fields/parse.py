@@ -41,7 +41,7 @@ from planner.fields.solved import (
 )
 from planner.formats.field_file import read_grid_table, read_point_table
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
-from planner.mesh.distance import TriangleTree, triangle_tree
+from planner.mesh.distance import TriangleTree, triangle_tree, united
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import make_part
 from planner.numerics import FloatArray, Point
@@ -434,7 +434,7 @@ class Setting:
     @cached_property
     def surface(self) -> TriangleTree:
         """The part's surface, for distances."""
-        return triangle_tree(self.mesh)
+        return triangle_tree(united(self.mesh))
 
 
 def _ramp(given: FieldArguments, setting: Setting, quantity: Quantity) -> Ramp:

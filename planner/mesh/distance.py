@@ -1,15 +1,53 @@
 """Distances from a surface: the nearest triangle, and the largest ball inside."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import Mesh, order_edges
+from planner.mesh.mesh import Mesh, Topology, compact, measure, order_edges
 from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
-__all__ = ["TriangleTree", "inscribed_ball", "nearest", "triangle_tree"]
+__all__ = ["TriangleTree", "inscribed_ball", "nearest", "triangle_tree", "united"]
+
+
+# ------------------------------------------------------------------------------------------------
+# The surface of what several bodies make together.
+
+
+def united(mesh: Mesh) -> Mesh:
+    """Return the surface of all bodies of a closed mesh together: faces that touch are none of it.
+
+    Bodies are added and cavities taken out from the largest to the smallest, so that what lies in
+    a cavity stays. A mesh of one body is returned as it is.
+    """
+    import manifold3d
+
+    body = Topology(mesh.faces).body
+    count = int(body.max(initial=-1)) + 1
+    if count < 2:
+        return mesh
+    volumes_mm3 = measure(mesh.vertices, mesh.faces, body, count).volume_mm3
+    order = np.argsort(body, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(body, minlength=count))[:-1])
+    whole = manifold3d.Manifold()
+    largest_first = np.argsort(-np.abs(volumes_mm3), kind="stable").tolist()
+    for hollow, group in itertools.groupby(largest_first, lambda n: bool(volumes_mm3[n] < 0.0)):
+        solids = [whole]
+        for number in group:
+            faces = mesh.faces[members[number]]
+            used, faces = compact(faces[:, ::-1] if hollow else faces, len(mesh.vertices))
+            given = manifold3d.Mesh64(mesh.vertices[used], faces.astype(np.uint64))
+            solids.append(manifold3d.Manifold(given))
+        act = manifold3d.OpType.Subtract if hollow else manifold3d.OpType.Add
+        whole = manifold3d.Manifold.batch_boolean(solids, act)
+    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
+        return mesh
+    found = whole.to_mesh64()
+    vertices = np.asarray(found.vert_properties, dtype=np.float64)[:, :3]
+    return Mesh(vertices.copy(), np.asarray(found.tri_verts).astype(np.int32))
 
 
 # ------------------------------------------------------------------------------------------------

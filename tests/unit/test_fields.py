@@ -20,7 +20,7 @@ from planner.fields.basic import (
 from planner.fields.parse import Setting, build_field
 from planner.fields.solved import geodesic_field, harmonic_field, points_field
 from planner.mesh.distance import nearest, triangle_tree
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, weld
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-8, 8, (400, 3))
@@ -247,3 +247,28 @@ def test_a_function_of_the_parts_own_coordinates():
 def test_ramps_that_are_none(start, stop):
     with pytest.raises(ArgumentError, match="must be finite and differ"):
         Ramp(start, stop)
+
+
+def test_depth_where_bodies_touch_and_in_cavities():
+    """Faces where two bodies touch are no surface of the part: it is printed as one block."""
+
+    def corners_of(size, at):
+        found = Manifold.cube(size).translate(at).to_mesh()
+        return np.asarray(found.vert_properties)[:, :3][np.asarray(found.tri_verts)]
+
+    touching = [corners_of([8, 8, 8], [0, 0, 0]), corners_of([6, 6, 6], [8, 1, 1])]
+    depth = built("distance: surface, from=0, to=8", Mesh(*weld(np.concatenate(touching))))
+    inside = np.array(
+        [[4.0, 4, 4], [7.9, 4, 4], [8.1, 4, 4], [11, 4, 4], [15, 4, 4], [8.5, 0.5, 4]]
+    )
+    expected = np.array([4.0, np.hypot(3, 0.1), 3, 3, -1, -0.5])
+    np.testing.assert_allclose(depth.values(inside) * 8, expected, atol=1e-12)
+
+    nested = [
+        corners_of([8, 8, 8], [0, 0, 0]),
+        corners_of([6, 6, 6], [1, 1, 1])[:, ::-1],
+        corners_of([2, 2, 2], [3, 3, 3]),
+    ]
+    depth = built("distance: surface, from=0, to=1", Mesh(*weld(np.concatenate(nested))))
+    at = np.array([[0.5, 4, 4], [2, 4, 4], [4, 4, 4]])  # wall, cavity, what lies in it
+    np.testing.assert_allclose(depth.values(at), [0.5, -1, 1], atol=1e-12)
