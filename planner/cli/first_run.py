@@ -32,9 +32,9 @@ def _start() -> None:
     # os.cpu_count() counts processors that this process may not use; not every system tells.
     allowed = getattr(os, "sched_getaffinity", None)
     processors = len(allowed(0)) if allowed else os.cpu_count() or 1
-    # The last stage first: the run itself comes from the other end.
-    shares = {1: [], 2: [["pictures", "walls", "shells"]]}.get(
-        processors, [["pictures", "shells"], ["walls"]]
+    # The last stages first, as the run itself comes from the other end.
+    shares = {1: [], 2: [["pictures", "shells", "sets", "walls"]]}.get(
+        processors, [["pictures", "shells"], ["sets", "walls"]]
     )
     for stages in shares:
         code = f"from planner.cli.first_run import rehearse; rehearse({stages!r})"
@@ -71,6 +71,14 @@ def _pictures() -> None:
     pictures_of([(_box(), "#808080")], width=32, height=32)
 
 
+def _sets() -> None:
+    from planner.voxels.morphology import active_words, ball, empty_set, grow, morph
+
+    nothing = empty_set(1, 1, 1)
+    grow(nothing, nothing.copy(), 1)
+    morph(nothing, ball(1), False, nothing, active_words(nothing, 1))
+
+
 def _walls() -> None:
     from planner.voxels.thin_places import thin_solid_places, thin_space_places
 
@@ -90,6 +98,7 @@ def _shells() -> None:
 
 _STAGES: Mapping[str, Callable[[], None]] = {
     "pictures": _pictures,
-    "walls": _walls,
     "shells": _shells,
+    "sets": _sets,
+    "walls": _walls,
 }
