@@ -32,9 +32,10 @@ def _start() -> None:
     # os.cpu_count() counts processors that this process may not use; not every system tells.
     allowed = getattr(os, "sched_getaffinity", None)
     processors = len(allowed(0)) if allowed else os.cpu_count() or 1
-    # The last stages first, as the run itself comes from the other end.
-    shares = {1: [], 2: [["pictures", "shells", "sets", "walls"]]}.get(
-        processors, [["pictures", "shells"], ["sets", "walls"]]
+    # The run itself takes columns, walls with their sets, shells and pictures, in this order; what
+    # it would meet last comes first here, after the columns that all of them need.
+    shares = {1: [], 2: [["columns", "sets", "pictures", "shells", "walls"]]}.get(
+        processors, [["columns", "pictures", "shells"], ["sets", "walls"]]
     )
     for stages in shares:
         code = f"from planner.cli.first_run import rehearse; rehearse({stages!r})"
@@ -63,6 +64,13 @@ def _box() -> "Mesh":
     sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     faces = [half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))]
     return Mesh(corners.astype(np.float64), np.array(faces, np.int32))
+
+
+def _columns() -> None:
+    from planner.voxels.columns import Grid, iterate_columns
+
+    for _ in iterate_columns(_box(), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 0.1), (6, 6, 20))):
+        pass
 
 
 def _pictures() -> None:
@@ -97,6 +105,7 @@ def _shells() -> None:
 
 
 _STAGES: Mapping[str, Callable[[], None]] = {
+    "columns": _columns,
     "pictures": _pictures,
     "shells": _shells,
     "sets": _sets,

@@ -30,6 +30,7 @@ GRADE = """
 import planner
 planner.grade(sys.argv[1], from_="Tango", to="Vero").write(sys.argv[2])
 """
+STAGES = ("columns", "sets", "pictures", "shells", "walls")
 REHEARSE = """
 from planner.cli.first_run import rehearse
 rehearse(sys.argv[1:])
@@ -48,7 +49,7 @@ def compiled(code, *arguments, cache):
 
 @pytest.mark.slow
 def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
-    rehearsed = compiled(REHEARSE, "pictures", "shells", "sets", "walls", cache=tmp_path / "kept")
+    rehearsed = compiled(REHEARSE, *STAGES, cache=tmp_path / "kept")
     part = str(samples / "finger.stl")
     own = compiled(GRADE, part, str(tmp_path / "out"), cache=tmp_path / "kept")
     of_planner = {name for name in own if name.startswith("planner.")}
@@ -65,8 +66,8 @@ def test_what_is_rehearsed_is_not_compiled_again(samples, tmp_path):
     ("processors", "shares"),
     [
         (1, []),
-        (2, [["pictures", "shells", "sets", "walls"]]),
-        (8, [["pictures", "shells"], ["sets", "walls"]]),
+        (2, [list(STAGES)]),
+        (8, [["columns", "pictures", "shells"], ["sets", "walls"]]),
     ],
 )
 def test_free_processors_rehearse_and_nothing_is_heard_of_them(monkeypatch, processors, shares):
@@ -128,4 +129,4 @@ def test_compiling_starts_them_once_and_leaves_garbage_collection_as_it_was(tmp_
 
 
 def test_every_stage_can_be_rehearsed():
-    first_run.rehearse(["pictures", "shells", "sets", "walls"])
+    first_run.rehearse(list(STAGES))
