@@ -10,7 +10,6 @@ import itertools
 import json
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from planner.errors import PaletteError, UnknownNameError, did_you_mean
+from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
 from planner.formats.files import SIGNIFICANT_DIGITS, check_absent, write_whole
+from planner.formats.toml import decode_toml
 from planner.glance import brief, counted, html_of, one_line, plotted
 
 if TYPE_CHECKING:
@@ -353,9 +353,9 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         See `load_palette`.
     """
     try:
-        document = tomllib.loads(data.decode("utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise PaletteError(f"palette {name}: not a TOML file: {error}") from error
+        document = decode_toml(data, f"palette {name}")
+    except FileError as error:
+        raise PaletteError(str(error)) from error
     try:
         file = msgspec.convert(document, _PaletteFile)
     except msgspec.ValidationError as error:

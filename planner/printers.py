@@ -5,7 +5,6 @@ imports none by name. `PrinterProfile` is the ready-made implementation, read fr
 ``printer.toml``; `planner.testing.check_printer` tells a plugin's author what is missing.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -15,7 +14,14 @@ from typing import Protocol, runtime_checkable
 
 import msgspec
 
-from planner.errors import ArgumentError, PaletteError, UnknownNameError, did_you_mean
+from planner.errors import (
+    ArgumentError,
+    FileError,
+    PaletteError,
+    UnknownNameError,
+    did_you_mean,
+)
+from planner.formats.toml import decode_toml
 from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette
 
@@ -165,9 +171,9 @@ def load_profile(folder: Traversable) -> PrinterProfile:
         ``printer.toml`` breaks its schema; the message names the key.
     """
     try:
-        document = tomllib.loads((folder / "printer.toml").read_text(encoding="utf-8"))
+        document = decode_toml((folder / "printer.toml").read_bytes(), "printer.toml")
         file = msgspec.convert(document, _ProfileFile)
-    except (OSError, tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
+    except (OSError, FileError, msgspec.ValidationError) as error:
         raise PaletteError(f"printer {folder}: printer.toml: {error}") from error
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: printer.toml needs schema = 1 and a palette")

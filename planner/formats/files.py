@@ -316,7 +316,7 @@ def decode_document(data: bytes, type_: type[_T], name: str) -> _T:
     """
     try:
         return msgspec.json.decode(data, type=type_)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{name}: not the JSON document that it should be: {error}") from error
 
 

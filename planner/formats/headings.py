@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from planner.errors import FileError
-from planner.formats.tables import is_unit, quantities_of, unit_factor
+from planner.formats.tables import LONGEST_HEADING, is_unit, quantities_of, unit_factor
 
 __all__ = [
     "HeadedColumn",
@@ -239,6 +239,8 @@ def parse_heading(text: str) -> Heading | None:
     "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N" and a bare "Load"
     are understood.
     """
+    if len(text) > LONGEST_HEADING:
+        return None
     found = _parse(unicodedata.normalize("NFKC", text))
     return None if found is None else Heading(text, *found)
 
@@ -300,7 +302,8 @@ def column_of(heading: Heading, *, where: str) -> HeadedColumn:
 
 def _key(cell: str) -> tuple[str, str]:
     """Return the name in a cell such as "Dimension : Width (mm)", and its unit or ""."""
-    match = _KEY.fullmatch(unicodedata.normalize("NFKC", cell))
+    short = len(cell) <= LONGEST_HEADING
+    match = _KEY.fullmatch(unicodedata.normalize("NFKC", cell)) if short else None
     if match is None:
         return "", ""
     name = _folded(match[1])

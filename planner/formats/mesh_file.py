@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -198,6 +199,8 @@ def _trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Rea
         # A cast of what is no number is invalid, and would else give any number; what overflows
         # is not finite, and refused as such.
         with np.errstate(invalid="raise", over="ignore", divide="ignore"):
+            if kind == "glb":
+                _check_tree(data, limits)
             scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False)
             placed = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
             faces = [getattr(shape, "faces", np.empty((0, 3))) for shape in placed]
@@ -223,6 +226,34 @@ def _trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Rea
     if kind != "glb":
         return triangles, None, ()
     return triangles, "m", ("read in m, the unit of glTF; use --unit if the file keeps another",)
+
+
+def _check_tree(data: bytes, limits: UnfoldingLimits) -> None:
+    """Refuse a GLB whose nodes are deep: each is placed by the matrices from the root, 10 µs each.
+
+    Ten levels of as many objects as are read are a second.
+    """
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    nodes = tree.get("nodes", [])
+    parents = {child: k for k, node in enumerate(nodes) for child in node.get("children", ())}
+    depths: dict[int, int] = {}
+    total = 0
+    for start in range(len(nodes)):
+        way = []
+        node: int | None = start
+        while node is not None and node not in depths:
+            depths[node] = 0  # on the way; a node that meets it again turns back
+            way.append(node)
+            node = parents.get(node)
+        depth = 0 if node is None else depths[node]
+        if node is not None and depth == 0:
+            raise ValueError("its nodes turn back on themselves")
+        for node in reversed(way):
+            depth += 1
+            depths[node] = depth
+            total += depth
+        if total > 10 * limits.objects:
+            raise ValueError(f"its nodes are nested too deep: over {10 * limits.objects} matrices")
 
 
 _ELEMENT = re.compile(rb"^element\s+\S+\s+(\d{1,18})\s*$", re.MULTILINE)

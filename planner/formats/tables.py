@@ -17,6 +17,8 @@ from planner.errors import FileError
 from planner.numerics import FloatArray
 
 __all__ = [
+    "LARGEST_FIGURE",
+    "LONGEST_HEADING",
     "QUANTITY_UNITS",
     "TextRow",
     "finite_number",
@@ -39,6 +41,12 @@ __all__ = [
 
 TextRow = tuple[int, list[str]]
 """Line number in the file, and its cells without blanks around them."""
+
+LARGEST_FIGURE = 1e30
+"""What no test can measure, in mm, N, s or MPa; beyond it squares and products would overflow."""
+
+LONGEST_HEADING = 200
+"""Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
 Record = dict[str | Any, str | Any]
 """A row's cells by heading, None where the row ends before."""
@@ -176,6 +184,8 @@ def finite_number(text: str | None, where: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise FileError(f"{where} is {text!r}; it must be a finite number")
+    if abs(value) > LARGEST_FIGURE:
+        raise FileError(f"{where} is {text!r}; it must be {LARGEST_FIGURE:g} at most")
     return value
 
 
@@ -401,7 +411,7 @@ def read_columns(
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
     numbers = {
-        name: factor * finite_numbers(columns_of_text[i], lines, separator, where, headings[i])
+        name: finite_numbers(columns_of_text[i], lines, separator, where, headings[i], factor)
         for name, (i, factor) in places.items()
         if name not in gaps
     }
@@ -410,7 +420,7 @@ def read_columns(
         kept = [row for row, cell in enumerate(columns_of_text[i]) if cell]
         cells, at = [columns_of_text[i][row] for row in kept], [lines[row] for row in kept]
         numbers[name] = np.full(len(lines), np.nan)
-        numbers[name][kept] = factor * finite_numbers(cells, at, separator, where, headings[i])
+        numbers[name][kept] = finite_numbers(cells, at, separator, where, headings[i], factor)
     return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
 
 
@@ -419,7 +429,7 @@ def _column(
 ) -> tuple[str, float] | None:
     if heading in columns:
         return heading, 1.0
-    bracketed = _BRACKETED.fullmatch(heading)
+    bracketed = _BRACKETED.fullmatch(heading) if len(heading) <= LONGEST_HEADING else None
     for name, quantity in columns.items():
         base = name.rpartition("_")[0]
         if quantity is None or not base:
@@ -437,20 +447,28 @@ def _column(
 
 
 def finite_numbers(
-    cells: Sequence[str], lines: Sequence[int], separator: str, where: str, heading: str
+    cells: Sequence[str],
+    lines: Sequence[int],
+    separator: str,
+    where: str,
+    heading: str,
+    factor: float = 1.0,
 ) -> FloatArray:
-    """Return a column's numbers.
+    """Return a column's numbers, times a factor.
 
     Raises
     ------
     FileError
-        A cell has none, or one that is not finite; the message names file, line and column.
+        A cell has none, or one that is not finite or beyond `LARGEST_FIGURE`; the message names
+        file, line and column.
     """
     values = [number(cell, separator) for cell in cells]
     for line, cell, value in zip(lines, cells, values, strict=True):
-        if value is None or not math.isfinite(value):
+        if value is None or not abs(value) <= LARGEST_FIGURE:
+            finite = value is not None and math.isfinite(value)
             raise FileError(
-                f"{where}, line {line}, column {heading!r}: {cell!r} is no finite number; "
+                f"{where}, line {line}, column {heading!r}: {cell!r} is "
+                f"{f'beyond {LARGEST_FIGURE:g}' if finite else 'no finite number'}; "
                 "repair or remove the line"
             )
-    return np.array(values, dtype=np.float64)
+    return factor * np.array(values, dtype=np.float64)

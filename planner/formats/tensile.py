@@ -21,6 +21,8 @@ from planner.formats.headings import (
     size_of,
 )
 from planner.formats.tables import (
+    LARGEST_FIGURE,
+    LONGEST_HEADING,
     TextRow,
     finite_numbers,
     is_unit,
@@ -67,7 +69,8 @@ def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[st
     speeds: set[float] = set()
     for line, row in rows:
         cells = row
-        single = _ONE_CELL.fullmatch(row[0]) if row and not any(row[1:]) else None
+        alone = row and not any(row[1:]) and len(row[0]) <= LONGEST_HEADING
+        single = _ONE_CELL.fullmatch(row[0]) if alone else None
         if single is not None:  # "Width: 6.00 mm"
             cells = list(single.groups())
         if len(cells) < 2 or not cells[0] or not cells[1]:
@@ -253,8 +256,9 @@ def read_tensile(
         notes.append(f"{where}: what stands from line {ended} on is no part of the record")
     lines = [line for line, _ in rows]
     values = {
-        m.name: m.factor
-        * finite_numbers([c[i] for _, c in rows], lines, layout.separator, where, m.heading.text)
+        m.name: finite_numbers(
+            [c[i] for _, c in rows], lines, layout.separator, where, m.heading.text, m.factor
+        )
         for i, m in meanings.items()
     }
     without_unit = {m.name for m in meanings.values() if m.heading.unit is None}
@@ -832,7 +836,8 @@ def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) ->
         return cell.casefold() if column.choices else cell
     value = number(cell, separator)
     hint = ""
-    if value is None or not math.isfinite(value) or (column.between is None and value <= 0):
+    measured = value is not None and abs(value) <= LARGEST_FIGURE
+    if value is None or not measured or (column.between is None and value <= 0):
         must = "a number" if column.between else "a number above 0"
     else:
         low, high = column.between or (0.0, math.inf)

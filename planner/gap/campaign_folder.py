@@ -6,7 +6,6 @@ import io
 import json
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
@@ -19,7 +18,7 @@ import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import SIGNIFICANT_DIGITS, new_folder
-from planner.formats.tables import number, read_columns
+from planner.formats.tables import LONGEST_HEADING, number, read_columns
 from planner.formats.tensile import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
@@ -29,6 +28,7 @@ from planner.formats.tensile import (
     read_tensile,
 )
 from planner.formats.tensile import ListedSpecimen as Row
+from planner.formats.toml import decode_toml
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
@@ -115,6 +115,8 @@ def _column(cells: Sequence[str]) -> list[str | float | None]:
 
 
 def _quantity(heading: str) -> str | None:
+    if len(heading) > LONGEST_HEADING:
+        return None
     bracketed = _UNIT.fullmatch(heading)
     name = bracketed[1] if bracketed else heading
     words = re.sub(r"[\s_]+", " ", name).strip().casefold()
@@ -465,9 +467,7 @@ def read_campaign_file(folder: Path) -> CampaignFile:
             "campaign.toml with schema, name, printer and palette"
         ) from error
     try:
-        return msgspec.convert(tomllib.loads(data.decode("utf-8")), CampaignFile)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FileError(f"{_CAMPAIGN}: not a TOML file: {error}") from error
+        return msgspec.convert(decode_toml(data, _CAMPAIGN), CampaignFile)
     except msgspec.ValidationError as error:
         known = ", ".join(CampaignFile.__struct_fields__)
         raise FileError(f"{_CAMPAIGN}: {error}; its keys are {known}") from error

@@ -488,7 +488,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
             f"{file}: cannot be read ({error.strerror or error}); give a diagnosis.json as "
             "planner gap diagnose -o writes it, or its folder"
         ) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{file}: not a JSON document: {error}") from error
     if not isinstance(document, dict):
         raise FileError(f"{file}: holds a JSON {type(document).__name__}; it must be an object")

@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, did_you_mean
 from planner.formats.tables import finite_number, read_records, unit_factor
+from planner.formats.toml import decode_toml
 from planner.numerics import FloatArray, Point
 
 if TYPE_CHECKING:
@@ -80,14 +81,11 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
     FileError
         It cannot be read, or is not such a file.
     """
-    import tomllib
-
     try:
-        found = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        data = Path(path).read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise FileError(f"{path}: is no TOML file ({error})") from error
+    found = decode_toml(data, str(path))
     tables = found.get("case")
     if not isinstance(tables, list) or not tables or set(found) != {"case"}:
         raise FileError(f"{path}: it needs tables [[case]], and nothing else")

@@ -86,6 +86,7 @@ def _pairs(
     close and open.
     """
     along = vertices[edge[1]] - vertices[edge[0]]
+    along = np.ldexp(along, -int(np.frexp(np.abs(along).max())[1]))  # or its square may be 0
     along = along / np.linalg.norm(along)
     first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
     second = np.cross(along, first)

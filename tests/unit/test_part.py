@@ -6,6 +6,7 @@ import re
 import manifold3d
 import numpy as np
 import pytest
+import trimesh
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Topology, weld
@@ -305,6 +306,14 @@ def test_impossible_coordinates(value):
 def test_empty():
     with pytest.raises(MeshError, match="no triangles"):
         make_part(np.empty((0, 3, 3)), name="p")
+
+
+def test_edges_whose_squared_length_is_zero():
+    """Two boxes of 1e-200 mm side by side, four faces at their common edge."""
+    box = np.array(trimesh.creation.box((2, 4, 6)).triangles)
+    beside = box + np.array([2.0, 4.0, 0.0])
+    with pytest.raises(MeshError, match="encloses no volume"):
+        make_part(1e-200 * np.concatenate([box, beside]), name="p")
 
 
 def test_surface_that_crosses_itself():

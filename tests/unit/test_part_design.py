@@ -219,7 +219,7 @@ def test_bad_input_is_told_in_a_line(options: dict[str, Any], words: str) -> Non
         ("[[case]]\nfix = 'x=max'\n", "target is missing"),
         ("[[case]]\ntarget = 'x=min uz=1 mm'\nlaod = 'x'\n", "did you mean load"),
         ("[[case]]\ntarget = 3\n", "must be text"),
-        ("[[case\n", "is no TOML file"),
+        ("[[case\n", "not a TOML file"),
     ],
 )
 def test_case_files(tmp_path: Path, text: str, words: str) -> None:
