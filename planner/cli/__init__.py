@@ -1,15 +1,17 @@
 """The command line: the commands, and `main`, which turns errors into exit codes.
 
 Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, nothing written;
-130 interrupted; 70 an internal error.
+130 interrupted (Ctrl-C), 143 told to end (SIGTERM), nothing left behind; 70 an internal error.
 """
 
 import contextlib
 import io
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -26,12 +28,14 @@ __all__ = ["app", "main", "run"]
 
 
 INTERRUPTED = 130
+TERMINATED = 143
 INTERNAL_ERROR = 70
 BAD_INPUT = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with the code of contracts: 0, 1, 2, 70 or 130."""
+    """Run the command line and exit with the code of contracts: 0, 1, 2, 70, 130 or 143."""
+    signal.signal(signal.SIGTERM, _terminate)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal cannot show is shown escaped, not a reason to stop.
@@ -52,6 +56,8 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
     except PlannerError as error:
         complain(_with_options(str(error), commands or app))
         return BAD_INPUT
+    except KeyboardInterrupt:  # while what was done is said
+        code = INTERRUPTED
     except BrokenPipeError:
         # The reader went away (as with `| head`): no one is left to tell, and nothing is wrong.
         _discard_stdout()
@@ -70,7 +76,19 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         code = INTERRUPTED
     if code == INTERRUPTED:
         complain("interrupted; nothing was left behind")
+        return TERMINATED if _told_to_end else INTERRUPTED
     return code
+
+
+_told_to_end: set[int] = set()
+"""Signals that came; typer keeps of an interrupt no more than its code."""
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """Clean up as after Ctrl-C when the system or another program ends this one."""
+    signal.signal(number, signal.SIG_DFL)  # a second one does not wait for that
+    _told_to_end.add(number)
+    raise KeyboardInterrupt
 
 
 def _dispatch(arguments: list[str], commands: typer.Typer) -> int:

@@ -1,9 +1,12 @@
 """Files and folders that are whole or absent, and JSON in one canonical form."""
 
 import contextlib
+import errno
 import itertools
 import json
 import math
+import os
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,9 +25,90 @@ __all__ = [
     "check_target",
     "decode_document",
     "encode_document",
+    "is_scratch",
     "new_folder",
     "write_whole",
 ]
+
+
+# ------------------------------------------------------------------------------------------------
+# Scratch files and folders beside their targets, and those that killed runs have left.
+#
+# Whoever writes locks its scratch; the system takes the lock back when the process ends, however it
+# ends. So a scratch that can be locked is nobody's, and the next run to the same target removes it.
+
+
+def is_scratch(name: str) -> bool:
+    """Tell whether a file or folder is called as what a run writes into before it is whole."""
+    return _SCRATCH.fullmatch(name) is not None
+
+
+_SCRATCH = re.compile(r"\..+\.partial-\d+(-\d+)?")
+
+
+@contextmanager
+def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
+    """Make a hidden file or folder beside `target`, which renaming reaches without copying.
+
+    What is left of it in the end is removed, and so is what killed runs have left there.
+    """
+    _remove_dead(target)
+    for number in itertools.count():
+        scratch = target.with_name(
+            f".{target.name}.partial-{os.getpid()}" + (f"-{number}" if number else "")
+        )
+        try:
+            scratch.mkdir() if folder else scratch.open("xb").close()
+        except FileExistsError:
+            continue
+        with _locked(scratch) as ours:
+            if not ours:  # another run took it for dead before it was locked
+                continue
+            try:
+                yield scratch
+            finally:
+                _remove(scratch)
+        return
+
+
+def _remove_dead(target: Path) -> None:
+    """Remove what runs to this target that were killed have left beside it."""
+    with contextlib.suppress(OSError):  # none of it is in the way
+        for path in target.parent.iterdir():
+            if path.name.startswith(f".{target.name}.partial-") and is_scratch(path.name):
+                with _locked(path) as dead:
+                    if dead:
+                        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[bool]:
+    """Lock a file or folder; False where someone else has, or it is not the one of this name."""
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows: what is left stays, and names are one's own
+        yield path.name.startswith(".") and f"-{os.getpid()}" in path.name
+        return
+    handle = -1
+    try:
+        try:
+            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            ours = os.path.samestat(os.fstat(handle), path.lstat())
+        except OSError:
+            ours = False
+        yield ours
+    finally:
+        if handle >= 0:
+            os.close(handle)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -55,17 +139,14 @@ def write_whole(path: str | Path, data: bytes) -> None:
         The system refused.
     """
     path = Path(path)
-    scratch = path.with_name(f".{path.name}.partial")
     try:
-        scratch.write_bytes(data)
-        scratch.replace(path)
+        with _scratch_beside(path, folder=False) as scratch:
+            scratch.write_bytes(data)
+            scratch.replace(path)
     except OSError as error:
         raise OutputError(
             f"{path}: cannot be written ({error.strerror or error}); choose another place"
         ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            scratch.unlink()
 
 
 # ------------------------------------------------------------------------------------------------
@@ -138,7 +219,7 @@ def check_target(
     try:
         target = Path(folder).resolve()
         if target.is_dir():
-            content = {entry.name for entry in target.iterdir()}
+            content = {e.name for e in target.iterdir() if not is_scratch(e.name)}
             if not content:
                 return target
             if kind is None:
@@ -164,6 +245,11 @@ def check_target(
         elif not target.parent.is_dir():
             raise OutputError(
                 f"{folder}: there is no folder {target.parent} to put it into; create that first"
+            )
+        if not os.access(target.parent, os.W_OK | os.X_OK):  # where the scratch folder comes to be
+            raise OutputError(
+                f"{folder}: the folder {target.parent} cannot be written into; choose another "
+                f"place with `{option}`"
             )
     except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
         raise OutputError(f"{folder}: {_reason(error)}") from error
@@ -205,40 +291,89 @@ def new_folder(
         target is written and a rest of the earlier folder is left; the message says where.
     """
     target = check_target(folder, force=force, kind=kind, option=option)
-    scratch = None
     try:
-        scratch = _make_sibling(target, "partial")
-        yield scratch
-        # What has come there meanwhile.
-        check_target(folder, force=force, kind=kind, option=option)
-        earlier = _exchange(scratch, target)
+        with _scratch_beside(target, folder=True) as scratch:
+            yield scratch
+            # What has come there meanwhile.
+            check_target(folder, force=force, kind=kind, option=option)
+            _take_name(scratch, target, folder, force=force, option=option)
+            _remove_earlier(scratch, folder)
     except OSError as error:
         raise OutputError(
             f"{folder}: {_reason(error)}; nothing was written; choose another place with `{option}`"
         ) from error
-    finally:
-        if scratch is not None:
-            shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _take_name(
+    scratch: Path, target: Path, folder: str | Path, *, force: bool, option: str
+) -> None:
+    """Give `scratch` the name `target`; an earlier folder of that name then has that of `scratch`.
+
+    Both change names in one step, so that a run that is killed leaves the one or the other.
+    """
     try:
-        if earlier is not None:
-            shutil.rmtree(earlier)
+        scratch.rename(target)  # where there is nothing, or an empty folder
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        if not force:
+            raise OutputError(
+                f"{folder}: another run has written it meanwhile; nothing was written; replace it "
+                f"with `force`, or name another folder with `{option}`"
+            ) from error
+        if not _exchange(scratch, target):
+            _exchange_in_steps(scratch, target)
+
+
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of Linux
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two folders change names in one step; False where the system cannot."""
+    import ctypes
+
+    rename: Any = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    if rename(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EPERM):
+        return False
+    raise OSError(number, os.strerror(number), str(other))
+
+
+def _exchange_in_steps(scratch: Path, target: Path) -> None:
+    """Do what `_exchange` does by way of a third name, which no run removes."""
+    for number in itertools.count():
+        aside = target.with_name(f".{target.name}.replaced{number or ''}")
+        try:
+            aside.mkdir()
+        except FileExistsError:
+            continue
+        break
+    kept = aside / target.name
+    try:
+        target.rename(kept)
+        scratch.rename(target)
+    except BaseException:
+        if kept.exists() and not target.exists():
+            kept.rename(target)
+        aside.rmdir()
+        raise
+    kept.rename(scratch)
+    aside.rmdir()
+
+
+def _remove_earlier(scratch: Path, folder: str | Path) -> None:
+    try:
+        if scratch.exists():
+            shutil.rmtree(scratch)
     except OSError as error:
         raise OutputError(
             f"{folder}: is written, but the earlier one could not be deleted whole "
-            f"({_reason(error)}); delete {earlier}"
+            f"({_reason(error)}); delete {scratch}"
         ) from error
-
-
-def _make_sibling(target: Path, suffix: str) -> Path:
-    """Make a folder beside `target`, which renaming reaches without copying."""
-    for number in itertools.count():
-        sibling = target.with_name(f".{target.name}.{suffix}{number or ''}")
-        try:
-            sibling.mkdir()
-        except FileExistsError:
-            continue
-        return sibling
-    raise AssertionError("count() does not end")
 
 
 def _strangers(folder: Path, kind: FolderKind) -> list[str]:
@@ -250,31 +385,13 @@ def _strangers(folder: Path, kind: FolderKind) -> list[str]:
     return sorted(
         path.relative_to(folder).as_posix() + "/" * (path.is_dir() and not path.is_symlink())
         for path in folder.rglob("*")
-        if path not in own
+        if path not in own and not is_scratch(path.name)
     )
 
 
 def _listed(names: list[str]) -> str:
     more = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _exchange(scratch: Path, target: Path) -> Path | None:
-    """Rename `scratch` to `target`; return where what was there has gone."""
-    if not target.exists():
-        scratch.rename(target)
-        return None
-    earlier = _make_sibling(target, "replaced")
-    kept = earlier / target.name
-    try:
-        target.rename(kept)
-        scratch.rename(target)
-    except BaseException:
-        if kept.exists() and not target.exists():
-            kept.rename(target)
-        earlier.rmdir()
-        raise
-    return earlier
 
 
 def _reason(error: Exception) -> str:

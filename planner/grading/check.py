@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, PlannerError
+from planner.formats.files import is_scratch
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome
@@ -387,7 +388,11 @@ def _inside(root: Path, name: str) -> Path:
 
 def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     expected = {region.file for region in plan.regions} | {"plan.json", f"{plan.name}.3mf"}
-    found = {p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()}
+    found = {
+        p.relative_to(root).as_posix()
+        for p in root.rglob("*")
+        if p.is_file() and not is_scratch(p.name)  # of a run that was killed, or is under way
+    }
     for name in sorted(expected - found):
         yield f"{name}: the plan names it, but it is missing"
     for name in sorted(found - expected - _EXTRA):

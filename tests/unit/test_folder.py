@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import OutputError
+from planner.formats import files
 from planner.formats.files import check_target, new_folder
 
 
@@ -147,12 +148,12 @@ def test_a_rest_of_the_earlier_plan_is_told(tmp_path, monkeypatch):
     original = shutil.rmtree
 
     def refuse(path, **options):
-        if "replaced" in str(path):
+        if not options:
             raise OSError(errno.EBUSY, "Device or resource busy")
         original(path, **options)
 
     monkeypatch.setattr(shutil, "rmtree", refuse)
-    with pytest.raises(OutputError, match=r"is written, but .*busy.*; delete .*\.out\.replaced"):
+    with pytest.raises(OutputError, match=r"is written, but .*busy.*; delete .*\.out\.partial"):
         write(target, force=True)
     assert content(target)["plan.json"] == "new"
 
@@ -215,9 +216,28 @@ def test_nothing_is_left_behind(tmp_path, earlier, stop, raised):
     assert sorted(str(p) for p in tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("fails", [1, 2])
+def test_a_replacement_is_one_step(tmp_path, monkeypatch):
+    """No moment without the earlier folder or the new one: killed then, a run would lose both."""
+    target = tmp_path / "out"
+    write(target, "old")
+    monkeypatch.setattr(files, "_exchange_in_steps", lambda *paths: pytest.fail("in steps"))
+    write(target, force=True)
+    assert content(target)["plan.json"] == "new"
+
+
+def test_a_system_that_cannot_replace_in_one_step(tmp_path, monkeypatch):
+    target = tmp_path / "out"
+    write(target, "old")
+    monkeypatch.setattr(files, "_exchange", lambda *paths: False)
+    write(target, force=True)
+    assert content(target)["plan.json"] == "new"
+    assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("fails", [2, 3])
 def test_failing_rename_restores_the_earlier_folder(tmp_path, monkeypatch, fails):
-    """Of the two renames of a replacement, the first or the second fails."""
+    """The first rename meets the earlier folder; of the two after it one fails."""
+    monkeypatch.setattr(files, "_exchange", lambda *paths: False)
     target = tmp_path / "out"
     write(target, "old")
     original, calls = Path.rename, []
@@ -254,8 +274,68 @@ def test_unwritable_parent_for_anyone(tmp_path, monkeypatch):
         pytest.fail("the body must not run")
 
 
-def test_stale_scratch_is_not_touched(tmp_path):
-    """A killed run may have left its scratch folder; another run may be using it."""
+def test_what_others_call_alike_is_not_touched(tmp_path):
     (tmp_path / ".out.partial").mkdir()
+    (tmp_path / ".out.partial-mine").mkdir()
     write(tmp_path / "out")
-    assert names(tmp_path) == [".out.partial", "out"]
+    assert names(tmp_path) == [".out.partial", ".out.partial-mine", "out"]
+
+
+def test_what_a_killed_run_left_is_removed_and_a_living_ones_stays(tmp_path):
+    for name in (".out.partial-4194300", ".out.partial-4194301-2", ".other.partial-4194302"):
+        (tmp_path / name / "stl").mkdir(parents=True)
+    (tmp_path / ".out.partial-4194303").write_text("half")
+    with new_folder(tmp_path / "out") as scratch:  # of the run that lives
+        (scratch / "plan.json").write_text("first")
+        write(tmp_path / "out", "second")
+        assert names(tmp_path) == [".other.partial-4194302", scratch.name, "out"]
+        shutil.rmtree(tmp_path / "out")
+    assert content(tmp_path / "out") == {"plan.json": "first"}
+    assert names(tmp_path) == [".other.partial-4194302", "out"]
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_of_two_runs_one_wins_whole(tmp_path, force):
+    """The second one ends between the first one's last look at the target and its rename."""
+    target = tmp_path / "out"
+    original = files._take_name
+
+    def overtaken(*given, **options):
+        files._take_name = original
+        write(target, "second")
+        original(*given, **options)
+
+    files._take_name = overtaken
+    try:
+        if force:
+            write(target, "first", force=True)
+        else:
+            with pytest.raises(OutputError, match="another run has written it meanwhile"):
+                write(target, "first")
+    finally:
+        files._take_name = original
+    won = "first" if force else "second"
+    assert content(target) == {"plan.json": won, "stl/a.stl": won}
+    assert names(tmp_path) == ["out"]
+
+
+def test_two_writers_of_one_file_do_not_mix(tmp_path, monkeypatch):
+    """Each has a scratch of its own; the last one to end has the file."""
+    target, original = tmp_path / "page.html", Path.write_bytes
+
+    def slowly(self, data):
+        if data == b"first":
+            files.write_whole(target, b"second")
+        return original(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", slowly)
+    files.write_whole(target, b"first")
+    assert target.read_bytes() == b"first"
+    assert names(tmp_path) == ["page.html"]
+
+
+def test_what_a_killed_run_left_within_a_plan_is_no_stranger(tmp_path):
+    write(tmp_path / "out", "old")
+    (tmp_path / "out" / ".plan.html.partial-4194300").write_text("half")
+    write(tmp_path / "out", force=True)
+    assert content(tmp_path / "out") == {"plan.json": "new", "stl/a.stl": "new"}
