@@ -91,7 +91,9 @@ def check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
         ("nests components {} deep", whole.depth, limits.depth),
     ):
         if got > most:
-            raise _refusal(name, f"{what.format(_counted(got))}, more than the {most:,} read")
+            raise _refusal(
+                name, f"{what.format(_counted(got))}, more than the {most:,} that planner reads"
+            )
 
 
 def _refusal(name: str, what: str) -> MeshError:
