@@ -94,6 +94,7 @@ _Shells = Mapping[str, Float32Array | FloatArray]
 
 _VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
 _PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
+_PLACE_ERROR = 2.0**-22  # of a coordinate: float32 on parts larger than any tray
 
 
 def plan_checks(
@@ -242,7 +243,9 @@ def _union(boxes: list[Box]) -> FloatArray:
 
 
 def _near(box: object, other: object) -> bool:
-    return bool(np.allclose(np.array(box), np.array(other), rtol=0.0, atol=_PLACE_ERROR_MM))
+    return bool(
+        np.allclose(np.array(box), np.array(other), rtol=_PLACE_ERROR, atol=_PLACE_ERROR_MM)
+    )
 
 
 # ------------------------------------------------------------------------------------------------

@@ -273,6 +273,13 @@ def touching_face(rng: Rng) -> Triangles:
     return np.concatenate([triangles_of(box(8, 8, 8)), triangles_of(box(6, 6, 6, at=(8, 1, 1)))])
 
 
+def surface_of(family: str, triangles: Triangles) -> Triangles:
+    """Return what counts as the surface of a solid: not the faces at which its bodies touch."""
+    if family != touching_face.__name__:
+        return triangles
+    return triangles_of(together([box(8, 8, 8), box(6, 6, 6, at=(8, 1, 1))]))
+
+
 def overlapping_bodies(rng: Rng) -> Triangles:
     return np.concatenate(
         [triangles_of(box(8, 8, 8)), triangles_of(ball(5, 20, at=tuple(rng.uniform(2, 8, 3))))]
