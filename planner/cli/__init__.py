@@ -22,7 +22,6 @@ from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
 from planner.cli import simulate as _simulate
-from planner.cli.first_run import share_compiling
 
 __all__ = ["app", "main", "run"]
 
@@ -40,7 +39,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal cannot show is shown escaped, not a reason to stop.
             stream.reconfigure(errors="backslashreplace")
-    share_compiling()
     sys.exit(run(arguments))
 
 

@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ __all__ = ["rehearse", "share_compiling"]
 _started: list[subprocess.Popen[bytes]] = []
 
 
+@cache
 def share_compiling() -> None:
     """Start processes that rehearse stages of a plan, once something has to be compiled."""
     from planner.numerics import at_first_compilation

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from planner.cli.first_run import share_compiling
 from planner.cli.output import AsJson, ForceOversize, PaletteName, Quiet, check_targets
 from planner.errors import ArgumentError
 
@@ -162,6 +163,7 @@ def grade(
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
         check_target(folder, force=force)
+    share_compiling()
     with progress(not quiet and not as_json) as stage:
         plan = planner.grade(
             part,
