@@ -83,6 +83,8 @@ def active_words(region: Bits, radius: int) -> BoolArray:
     counts as full here, to save work on rows that are a mere halo: let real ends be empty rows.
     """
     interior = region == ~np.uint64(0)
+    if not interior.any():  # a thin wall
+        return np.asarray(region != 0)
     some = np.uint64((1 << radius) - 1)
     first, last = some, some << np.uint64(64 - radius)
     interior[:, :, 1:] &= region[:, :, :-1] & last == last
@@ -197,8 +199,11 @@ def grow(grown: Bits, within: Bits, steps: int) -> int:
     beginning with the 6: an octagonal ball whose radius is true to 13 %.
     """
     inner = np.s_[:, ROOM:-ROOM, 1:-1]
-    place = np.argwhere(within[inner] & ~grown[inner]) + np.array([0, ROOM, 1])
-    place = np.ascontiguousarray(place)  # or the loop is compiled for two layouts
+    left = (within[inner] & ~grown[inner]) != 0
+    at = np.unravel_index(
+        np.flatnonzero(left), left.shape
+    )  # few of many, 3 times as fast as by axes
+    place = np.stack(at, axis=1) + np.array([0, ROOM, 1])
     return int(_grow(grown, within, steps, place, np.empty(len(place), np.uint64)))
 
 
