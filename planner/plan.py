@@ -441,14 +441,17 @@ class Plan:
                 )
                 for shell in self.shells
             ]
-            solids = [
-                (
-                    Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32)),
-                    shell.colour,
-                )
-                for shell in self.shells
-            ]
-            pictures = pictures_of(solids, width=_PICTURE[0], height=_PICTURE[1])
+            pictures = pictures_of(
+                [
+                    (
+                        Mesh(shell.vertices.astype(np.float64), shell.faces.astype(np.int32)),
+                        shell.colour,
+                    )
+                    for shell in self.shells
+                ],
+                width=_PICTURE[0],
+                height=_PICTURE[1],
+            )
             (scratch / "part.png").write_bytes(pictures.outside)
             (scratch / "section.png").write_bytes(pictures.section)
             write_threemf(
