@@ -230,7 +230,8 @@ def tables(folder: Path) -> None:
     write(
         "points.vtu",
         '<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="0.1" '
-        'byte_order="LittleEndian"><UnstructuredGrid><Piece><PointData><DataArray type="Float64" '
+        f'byte_order="LittleEndian"><UnstructuredGrid><Piece NumberOfPoints="{len(points)}" '
+        'NumberOfCells="0"><PointData><DataArray type="Float64" '
         f'Name="strain" format="ascii">{numbers}</DataArray></PointData><Points><DataArray '
         f'type="Float32" Name="Points" NumberOfComponents="3" format="binary">{coded}</DataArray>'
         "</Points></Piece></UnstructuredGrid></VTKFile>",
