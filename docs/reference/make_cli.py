@@ -17,8 +17,9 @@ Made by `docs/reference/make_cli.py`; do not edit.
 
 Exit codes of every command: 0 done; 1 done, but with a finding (a target out of reach, a check
 that failed, a difference, a gap); 2 wrong usage or bad input, with the reason in one line on
-stderr and nothing written; 130 interrupted, 143 ended by SIGTERM; 70 an internal error. `--json` prints one JSON
-document on stdout and nothing else there. Colours follow the terminal and `NO_COLOR`.
+stderr and nothing written; 130 interrupted, 143 ended by SIGTERM; 70 an internal error. `--json`
+prints one JSON document on stdout and nothing else there. Colours follow the terminal and
+`NO_COLOR`.
 """
 
 
