@@ -71,7 +71,7 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
     address = f"tcp://127.0.0.1:{free_port()}"
     stay = ("--no-dashboard", "--nthreads", "1", "--no-nanny", "--death-timeout", "30")
     worker = ("-m", "distributed.cli.dask_worker", address, *stay)
-    target, partial = tmp_path / "there", tmp_path / ".there.partial"
+    target = tmp_path / "there"
     port = address.rpartition(":")[2]
     scheduler = ("-m", "distributed.cli.dask_scheduler", "--port", port, "--no-dashboard")
     client = ("-c", SLICE.format(pitch=PITCH_MM), str(plan), str(target), address)
@@ -85,7 +85,9 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
             wait_for(name, lambda log=log: "Registered to" in log.read_text(), log)
         with process(tmp_path, "client", *client) as slicing:
             log = tmp_path / "client.log"
-            wait_for("a layer", lambda: len(list(partial.glob("*.png"))) >= 20, log)
+            wait_for(
+                "a layer", lambda: len(list(tmp_path.glob(".there.partial-*/*.png"))) >= 20, log
+            )
             first.send_signal(signal.SIGKILL)
             first.wait()
             done = len(list(partial.glob("*.png")))
