@@ -72,6 +72,10 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
     stay = ("--no-dashboard", "--nthreads", "1", "--no-nanny", "--death-timeout", "30")
     worker = ("-m", "distributed.cli.dask_worker", address, *stay)
     target = tmp_path / "there"
+
+    def layers() -> list[Path]:
+        return list(tmp_path.glob(".there.partial-*/*.png"))
+
     port = address.rpartition(":")[2]
     scheduler = ("-m", "distributed.cli.dask_scheduler", "--port", port, "--no-dashboard")
     client = ("-c", SLICE.format(pitch=PITCH_MM), str(plan), str(target), address)
@@ -85,12 +89,10 @@ def test_a_worker_killed_on_the_way_changes_no_byte(plan: Path, tmp_path: Path) 
             wait_for(name, lambda log=log: "Registered to" in log.read_text(), log)
         with process(tmp_path, "client", *client) as slicing:
             log = tmp_path / "client.log"
-            wait_for(
-                "a layer", lambda: len(list(tmp_path.glob(".there.partial-*/*.png"))) >= 20, log
-            )
+            wait_for("a layer", lambda: len(layers()) >= 20, log)
             first.send_signal(signal.SIGKILL)
             first.wait()
-            done = len(list(partial.glob("*.png")))
+            done = len(layers())
             assert slicing.wait(timeout=15) == 0, log.read_text()
         assert second.poll() is None
     planner.write_slices(plan, tmp_path / "here", pitch_mm=PITCH_MM)
