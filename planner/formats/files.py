@@ -293,7 +293,10 @@ def new_folder(
     target = check_target(folder, force=force, kind=kind, option=option)
     try:
         with _scratch_beside(target, folder=True) as scratch:
+            made = scratch.stat()
             yield scratch
+            if not os.path.samestat(made, scratch.stat()):  # what was made anew lacks what was lost
+                raise FileNotFoundError(errno.ENOENT, "what was being written has been removed")
             # What has come there meanwhile.
             check_target(folder, force=force, kind=kind, option=option)
             _take_name(scratch, target, folder, force=force, option=option)

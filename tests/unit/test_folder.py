@@ -339,3 +339,19 @@ def test_what_a_killed_run_left_within_a_plan_is_no_stranger(tmp_path):
     (tmp_path / "out" / ".plan.html.partial-4194300").write_text("half")
     write(tmp_path / "out", force=True)
     assert content(tmp_path / "out") == {"plan.json": "new", "stl/a.stl": "new"}
+
+
+def test_a_folder_removed_while_it_is_written_is_not_taken_for_whole(tmp_path):
+    (tmp_path / "plan").mkdir()
+    (tmp_path / "plan/plan.json").write_text("earlier")
+
+    def write():
+        with new_folder(tmp_path / "plan", force=True) as scratch:
+            (scratch / "plan.json").write_text("new")
+            shutil.rmtree(scratch)
+            (scratch / "stl").mkdir(parents=True)  # as whoever writes into a folder of it does
+
+    with pytest.raises(OutputError, match=r"has been removed; nothing was written"):
+        write()
+    assert (tmp_path / "plan/plan.json").read_text() == "earlier"
+    assert [path.name for path in tmp_path.iterdir()] == ["plan"]
