@@ -69,13 +69,11 @@ def _box() -> "Mesh":
 
 
 def _columns() -> None:
-    import numpy as np
-
     from planner.voxels.columns import Grid, columns_of, snap
 
     # Of vertices on the grid: measuring a mesh is what the run itself compiles by now.
     box, grid = _box(), Grid((0.0, 0.0, 0.0), (1.0, 1.0, 0.1), (6, 6, 20))
-    snapped = snap(box.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = snap(box.vertices, grid)
     for _ in columns_of(snapped, box.faces, grid):
         pass
 

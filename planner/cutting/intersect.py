@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.cutting.planes import LATTICE_MM
-from planner.mesh.mesh import connected, key_slot, order_edges
+from planner.mesh.mesh import connected, face_normal, key_slot, order_edges
 from planner.numerics import Float32Array, FloatArray, inner_kernel, kernel
 
 __all__ = [
@@ -121,22 +121,6 @@ def _turn_of_edges(points: Any, p: Any, q: Any, level: Any, u: Any, v: Any) -> A
         level[u, 0] - points[p, 0], level[u, 1] - points[p, 1], level[u, 2] - points[p, 2],
     )  # fmt: skip
     return sign if sign != 0 else _first_sign(nx, ny, nz)
-
-
-@inner_kernel
-def _face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return the normal of a triangle of integer positions, twice its area long."""
-    ux, uy, uz = (
-        points[b, 0] - points[a, 0],
-        points[b, 1] - points[a, 1],
-        points[b, 2] - points[a, 2],
-    )
-    vx, vy, vz = (
-        points[c, 0] - points[a, 0],
-        points[c, 1] - points[a, 1],
-        points[c, 2] - points[a, 2],
-    )
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 # ------------------------------------------------------------------------------------------------
@@ -287,7 +271,7 @@ def _meet(
             if fresh:
                 fresh = False
                 a0, a1, a2 = a_faces[t, 0], a_faces[t, 1], a_faces[t, 2]
-                normal = _face_normal(a, a0, a1, a2)
+                normal = face_normal(a, a0, a1, a2)
                 for d in range(3):
                     low[d] = min(a[a0, d], min(a[a1, d], a[a2, d]))
                     high[d] = max(a[a0, d], max(a[a1, d], a[a2, d]))
@@ -308,7 +292,7 @@ def _meet(
                     other_side += others[j]
                 if abs(other_side) == 3:
                     continue
-                b_normal = _face_normal(b, b0, b1, b2)
+                b_normal = face_normal(b, b0, b1, b2)
                 side = 0
                 for j in range(3):
                     sides[j] = _side(b, b0, a, a_faces[t, j], b_normal, -1)
@@ -535,7 +519,7 @@ def _cast(
                     if stamp[t] == s:
                         continue
                     stamp[t] = s
-                    normal = _face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
+                    normal = face_normal(a, a_faces[t, 0], a_faces[t, 1], a_faces[t, 2])
                     s0 = _side(a, a_faces[t, 0], b, v, normal, 1)
                     s1 = _side(a, a_faces[t, 0], b, end, normal, 1)
                     if s0 == s1:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, MeshError, PlannerError
 from planner.formats.files import is_scratch
@@ -64,7 +63,7 @@ def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
     fit = interfaces_cancel(shells, part)
     total = sum(float(found.volume_mm3[0]) for found in shells.measures)
     error = abs(total / part.volume_mm3 - 1.0)
-    shared = _shared_mm3(shells, shells.left) / part.volume_mm3
+    shared = _shared_mm3(shells) / part.volume_mm3
     return {
         "shells_unsound": Check(unsound, 0, unsound == 0),
         "volume_error": Check(error, _VOLUME_ERROR_LIMIT, error <= _VOLUME_ERROR_LIMIT),
@@ -73,15 +72,15 @@ def shell_checks(shells: JoinedShells, part: Measured) -> dict[str, Check]:
     }
 
 
-def _shared_mm3(shells: JoinedShells, outside: NDArray[np.int32]) -> float:
-    """Measure on columns what lies in more than one shell: `outside` bounds them all together."""
+def _shared_mm3(shells: JoinedShells) -> float:
+    """Measure on columns what lies in more than one shell: what is left bounds all together."""
     points = shells.vertices.astype(np.float64)
     bounds_mm = np.stack([points.min(axis=0), points.max(axis=0)])
     grid = grid_for(bounds_mm, float(np.ptp(bounds_mm, axis=0).max()) / _COLUMNS_ACROSS)
-    snapped = snap(points, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = snap(points, grid)
     whole, *each = (
         sum(columns.voxels for columns in columns_of(snapped, faces, grid))
-        for faces in (outside, *shells.faces)
+        for faces in (shells.left, *shells.faces)
     )
     return abs(sum(each) - whole) * grid.voxel_mm3
 

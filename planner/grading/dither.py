@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from planner.cutting.grid import TETRAHEDRA
 from planner.cutting.level_sets import FIRST_SHIFT
-from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3
+from planner.cutting.pieces import Pieces, piece_bounds_mm, piece_volumes_mm3, shell_faces
 from planner.errors import ArgumentError
 from planner.fields.basic import Field
 from planner.grading.blends import BlendSegment, blend_interval_MPa
@@ -28,7 +28,7 @@ from planner.materials.homogenisation import (
     reuss_MPa,
     voigt_MPa,
 )
-from planner.mesh.mesh import Mesh
+from planner.mesh.mesh import Mesh, compact
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 from planner.plan import Check, Finding, Region, Shell
 from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_columns
@@ -511,10 +511,7 @@ def _boxes_mm(
 
 def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
     """Return the points, (6, 3), where a piece reaches furthest along each axis, either way."""
-    caps = (pieces.cap_level == piece) | (pieces.cap_level == piece - 1)
-    used = np.zeros(len(pieces.vertices), dtype=np.bool_)
-    used[pieces.faces[pieces.piece == piece]] = True
-    used[pieces.cap_faces[caps]] = True
+    used, _ = compact(shell_faces(pieces, [piece]), len(pieces.vertices))
     own = pieces.vertices[used]
     furthest = np.concatenate([own.argmin(axis=0), own.argmax(axis=0)])
     return np.asarray(own[furthest], dtype=np.float64)

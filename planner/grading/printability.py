@@ -11,6 +11,7 @@ from planner.cutting.pieces import Pieces, piece_volumes_mm3, shell_faces
 from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
 from planner.mesh.mesh import Mesh
+from planner.mesh.part import fits_turned
 from planner.numerics import FloatArray, Point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
@@ -367,7 +368,7 @@ def print_checks(part: CutPart, machine: Printer) -> tuple[dict[str, Check], tup
 def _too_large(extent_mm: FloatArray, machine: Printer) -> Finding:
     size = " x ".join(f"{length:.1f}" for length in extent_mm)
     tray = " x ".join(f"{length:g}" for length in machine.tray_mm)
-    turned = (np.sort(extent_mm) <= np.sort(np.array(machine.tray_mm))).all()
+    turned = fits_turned(extent_mm, machine.tray_mm)
     cure = "turn it to fit" if turned else "scale or divide the part, or check its unit"
     return Finding(
         kind="tray",
@@ -516,7 +517,7 @@ def _voxel_check(part: CutPart, machine: Printer) -> Check:
     check_reach(part.mesh, grid)
     pieces, counted = part.pieces, np.zeros(part.pieces.count)
     vertices = pieces.vertices.astype(np.float64)
-    snapped = snap(vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = snap(vertices, grid)
     for number in range(pieces.count):
         faces = shell_faces(pieces, [number])
         counted[number] = sum(columns.voxels for columns in columns_of(snapped, faces, grid))

@@ -203,6 +203,22 @@ class JoinedShells:
         left: NDArray[np.int32] = faces[cancel_opposite(faces)]
         return left
 
+    @cached_property
+    def outside(self) -> Mesh:
+        """The surface that `left` is, with its own vertices alone."""
+        used, faces = compact(self.left, len(self.vertices))
+        return Mesh(self.vertices[used].astype(np.float64), faces)
+
+    @cached_property
+    def outside_closed(self) -> bool:
+        """Whether there is any, and each directed edge occurs as often as its reverse."""
+        faces = self.outside.faces
+        if not len(faces):
+            return False
+        order, starts, _ = order_edges(faces)
+        way = np.where(faces < faces[:, [1, 2, 0]], 1, -1).ravel()
+        return not np.add.reduceat(way[order], starts).any()
+
     def sound(self, number: int) -> bool:
         """Tell whether a shell is closed, the right way out, and has no face twice.
 
@@ -343,22 +359,22 @@ def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
     Interfaces
         `ok` where exactly opposite triangles cancel and the part's surface remains.
     """
-    rest = shells.left
-    used, corners = compact(rest, len(shells.vertices))
-    vertices = shells.vertices[used].astype(np.float64)
-    own = part.vertices if isinstance(part, Mesh) else np.empty((0, 3))
-    # Positions of the part come first; rounding has moved only what is not among them.
-    _, index = weld_points(np.concatenate([own.astype(np.float32), shells.vertices[used]]))
-    new = index[len(own) :] > index[: len(own)].max(initial=-1)
-    moved = corners[new[corners].any(axis=1)]
-    left, strayed = measure(vertices, corners), measure(vertices, moved)
+    outside = shells.outside
+    vertices, moved = outside.vertices, outside.faces
+    if isinstance(part, Mesh):
+        # Positions of the part come first; rounding has moved only what is not among them.
+        own = len(part.vertices)
+        _, index = weld_points(np.concatenate([part.vertices, vertices]).astype(np.float32))
+        new = index[own:] > index[:own].max(initial=-1)
+        moved = moved[new[moved].any(axis=1)]
+    strayed = measure(vertices, moved)
     spacing_mm = float(np.spacing(np.float32(np.abs(vertices).max(initial=0.0))))
-    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(rest) else 0.0
+    extent_mm = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     digits = 1e-12 * part.area_mm2
     return Interfaces(
-        closed=bool(len(rest) and _balanced(corners)),
-        volume_error_mm3=float(left.volume_mm3[0]) - part.volume_mm3,
-        area_error_mm2=float(left.area_mm2[0]) - part.area_mm2,
+        closed=shells.outside_closed,
+        volume_error_mm3=outside.volume_mm3 - part.volume_mm3,
+        area_error_mm2=outside.area_mm2 - part.area_mm2,
         volume_limit_mm3=float(strayed.area_mm2[0]) * spacing_mm + digits * extent_mm,
         area_limit_mm2=_perimeter(vertices, moved) * spacing_mm + digits,
     )
@@ -367,13 +383,6 @@ def interfaces_cancel(shells: JoinedShells, part: Measured) -> Interfaces:
 def _perimeter(vertices: FloatArray, faces: NDArray[np.int32]) -> float:
     corners = vertices[faces]
     return float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).sum())
-
-
-def _balanced(faces: NDArray[np.int32]) -> bool:
-    """Tell whether every directed edge occurs as often as its reverse."""
-    order, starts, _ = order_edges(faces)
-    way = np.where(faces < faces[:, [1, 2, 0]], 1, -1).ravel()
-    return not np.add.reduceat(way[order], starts).any()
 
 
 # ------------------------------------------------------------------------------------------------

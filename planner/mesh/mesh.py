@@ -18,6 +18,7 @@ __all__ = [
     "compact",
     "connected",
     "consistent_winding",
+    "face_normal",
     "key_slot",
     "measure",
     "number_groups",
@@ -290,6 +291,22 @@ def sort_span(keys: Any, first: Any, last: Any) -> Any:
                 j -= gap
             keys[j] = key
         gap //= 3
+
+
+@inner_kernel
+def face_normal(points: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return the normal of a triangle between points, twice its area long."""
+    ux, uy, uz = (
+        points[b, 0] - points[a, 0],
+        points[b, 1] - points[a, 1],
+        points[b, 2] - points[a, 2],
+    )
+    vx, vy, vz = (
+        points[c, 0] - points[a, 0],
+        points[c, 1] - points[a, 1],
+        points[c, 2] - points[a, 2],
+    )
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 def compact(faces: NDArray[np.int32], vertices: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:

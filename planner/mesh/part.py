@@ -19,7 +19,7 @@ from planner.mesh.mesh import (
 from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Part", "make_part", "oversize", "part_from_arrays", "place"]
+__all__ = ["Part", "fits_turned", "make_part", "oversize", "part_from_arrays", "place"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -280,19 +280,26 @@ def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> It
         yield f"the part is {size} mm, under 1 mm in every direction{_unit_hint(extent)}"
     elif tray_mm is not None and (extent > np.array(tray_mm)).any():
         tray = " x ".join(f"{length:g}" for length in tray_mm)
-        turned = np.sort(extent) <= np.sort(np.array(tray_mm))
-        hint = "; turn it to fit" if turned.all() else _unit_hint(extent)
+        hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
         yield f"the part is {size} mm, the tray {tray} mm{hint}"
+
+
+def fits_turned(extent_mm: FloatArray, tray_mm: tuple[float, float, float]) -> bool:
+    """Tell whether a part of some extent, turned by right angles as it best may be, fits a tray.
+
+    How a part lies best on the diagonal, no program knows that does not know what else is to be
+    printed.
+    """
+    return bool((np.sort(extent_mm) <= np.sort(np.array(tray_mm))).all())
 
 
 def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str | None:
     """Say that a part, whose figures are in a unit, fits no way round into a tray; None if it does.
 
-    Ways round are those by right angles: how a part lies best on the diagonal, no program knows
-    that does not know what else is to be printed.
+    See `fits_turned`.
     """
     extent = np.ptp(mesh.bounds_mm, axis=0)
-    if (np.sort(extent) <= np.sort(np.array(tray_mm))).all():
+    if fits_turned(extent, tray_mm):
         return None
     size = " x ".join(f"{length:.4g}" for length in extent)
     tray = " x ".join(f"{length:g}" for length in tray_mm)

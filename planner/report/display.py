@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.mesh.mesh import cancel_opposite, compact, repeats_index
+from planner.mesh.mesh import cancel_opposite, compact, face_normal, repeats_index
 from planner.numerics import Float32Array, FloatArray, IntArray, kernel
 
 __all__ = ["MOST_TRIANGLES", "Shown", "colours_told_apart", "shown", "thinned"]
@@ -151,17 +151,8 @@ def _add_areas(points: Any, faces: Any, sums: Any) -> None:
     """Add twice the area of each face, and its normal times that, to the sums of its corners."""
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = (
-            points[b, 0] - points[a, 0],
-            points[b, 1] - points[a, 1],
-            points[b, 2] - points[a, 2],
-        )
-        vx, vy, vz = (
-            points[c, 0] - points[a, 0],
-            points[c, 1] - points[a, 1],
-            points[c, 2] - points[a, 2],
-        )
-        nx, ny, nz = float(uy * vz - uz * vy), float(uz * vx - ux * vz), float(ux * vy - uy * vx)
+        x, y, z = face_normal(points, a, b, c)
+        nx, ny, nz = float(x), float(y), float(z)
         area = np.sqrt(nx * nx + ny * ny + nz * nz)
         for corner in (a, b, c):
             sums[corner, 0] += area

@@ -122,7 +122,7 @@ def iterate_slabs(mesh: Mesh, grid: Grid, slab_layers: int) -> Iterator[SlabTria
     if slab_layers < 1:
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be at least 1")
     check_reach(mesh, grid)
-    snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = snap(mesh.vertices, grid)
     snapped = np.ascontiguousarray(snapped[:, [1, 2, 0]])
     low, high = cover_rows(snapped, mesh.faces, ny, nz)
     rising = np.flatnonzero(low < high).astype(np.int32)

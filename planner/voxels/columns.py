@@ -51,9 +51,9 @@ _DOUBT = 2.0**-28
 # depths are below 2^15 voxels, and a handful of operations err by 2^-53 of that each.
 
 
-def snap(vertices: FloatArray, origin: FloatArray, pitch: FloatArray) -> NDArray[np.int64]:
+def snap(vertices: FloatArray, grid: "Grid") -> NDArray[np.int64]:
     """Return vertices (n, 3) in lattice units; voxel (i, j, k) is centred at LATTICE ijk."""
-    voxel = (vertices - origin) / pitch
+    voxel: FloatArray = (vertices - np.asarray(grid.origin_mm)) / np.asarray(grid.pitch_mm)
     return np.floor(voxel * _LATTICE + 0.5).astype(np.int64) - _LATTICE // 2
 
 
@@ -553,7 +553,7 @@ def iterate_columns(
     if slab_rows is not None and slab_rows < 1:
         raise ArgumentError(f"slab_rows is {slab_rows}; it must be at least 1")
     check_reach(mesh, grid)
-    snapped = snap(mesh.vertices, np.asarray(grid.origin_mm), np.asarray(grid.pitch_mm))
+    snapped = snap(mesh.vertices, grid)
     yield from columns_of(snapped, mesh.faces, grid, slab_rows=slab_rows, shortest=shortest)
 
 
