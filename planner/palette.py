@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, PaletteError, UnknownNameError, did_you_mean
-from planner.formats.files import SIGNIFICANT_DIGITS, check_absent, write_whole
+from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.outputs import check_absent, write_whole
 from planner.formats.toml import decode_toml
 from planner.glance import brief, counted, html_of, one_line, plotted
 
@@ -335,12 +336,9 @@ def load_palette(path: str | Path) -> Palette:
     """
     path = Path(path)
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PaletteError(
-            f"palette {path}: cannot be read ({error.strerror or error}); "
-            "give the path of a palette file (TOML)"
-        ) from error
+        data = read_file(path, advice="give the path of a palette file (TOML)")
+    except FileError as error:
+        raise PaletteError(f"palette {error}") from error
     return parse_palette(data, name=str(path))
 
 

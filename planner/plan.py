@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
-from planner.formats.files import decode_document, encode_document
+from planner.formats.files import decode_document, encode_document, read_file
 from planner.formats.threemf import Constituent
 from planner.glance import brief, counted, html_of, one_line, outcome, plotted
 from planner.numerics import Float32Array, IntArray, Point
@@ -274,6 +274,8 @@ class Plan:
     ----------
     file
         The plan.json that it was read from, where its shells are; None of a plan just made.
+    files
+        The SHA-256 of each other file of that folder, as it was written; empty of a plan just made.
     """
 
     schema: Literal[1]
@@ -291,6 +293,7 @@ class Plan:
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
     file: Path | None = field(default=None, repr=False, compare=False)
+    files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
 
     _repr_html_ = html_of
 
@@ -343,10 +346,11 @@ class Plan:
         }
         beside = {name: gradient[name] for name in ("blend", "like", "snap") if name in gradient}
         document["gradient"] |= beside
-        return document
+        files = document.pop("files")
+        return document | {"files": files} if files else document
 
     def json(self) -> bytes:
-        """Return the bytes of plan.json."""
+        """Return the bytes of plan.json; those of a plan just made list no files yet."""
         return encode_document(self.document())
 
     def howto(self) -> str:
@@ -404,7 +408,7 @@ class Plan:
         """
         import numpy as np
 
-        from planner.formats.files import new_folder
+        from planner.formats.outputs import new_folder
         from planner.formats.slicers import needs_one_mesh
         from planner.formats.threemf import ThreemfObject, write_threemf
         from planner.mesh.mesh import Mesh
@@ -539,10 +543,7 @@ def read_plan(path: str | Path) -> Plan:
     'TangoPlus'
     """
     file = plan_file(path)
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise FileError(f"{file}: cannot be read ({error.strerror or error})") from error
+    data = read_file(file)
     # A program may change its working directory between reading a plan and using it.
     return dataclasses.replace(decode_plan(data, str(file)), file=file.absolute())
 

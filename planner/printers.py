@@ -5,6 +5,7 @@ imports none by name. `PrinterProfile` is the ready-made implementation, read fr
 ``printer.toml``; `planner.testing.check_printer` tells a plugin's author what is missing.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -177,6 +178,14 @@ def load_profile(folder: Traversable) -> PrinterProfile:
         raise PaletteError(f"printer {folder}: printer.toml: {error}") from error
     if file.schema != 1 or not file.palettes:
         raise PaletteError(f"printer {file.name}: printer.toml needs schema = 1 and a palette")
+    for key in ("tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "minimum_feature_mm"):
+        lengths = getattr(file, key)
+        for length in lengths if isinstance(lengths, tuple) else (lengths,):
+            if not 0.0 < length < math.inf:
+                raise PaletteError(
+                    f"printer {file.name}: printer.toml: {key} has {length:g}; it must be a "
+                    "length above 0 mm"
+                )
     stated = msgspec.structs.asdict(file)
     del stated["schema"], stated["source"]
     return PrinterProfile(**stated, folder=folder)

@@ -81,7 +81,7 @@ class GoldenPlan:
         """
         __tracebackhide__ = True
         from planner.errors import FileError
-        from planner.formats.files import write_whole
+        from planner.formats.outputs import write_whole
         from planner.grading.check import diff
         from planner.plan import Plan, decode_plan, read_plan
 

@@ -64,6 +64,14 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         _discard_stdout()
         complain(f"{error.filename or 'standard output'}: {error.strerror or error}")
         return BAD_INPUT
+    except MemoryError as error:
+        from planner.formats.files import free_memory_bytes
+
+        free = free_memory_bytes()
+        left = "" if free is None else f", {free / 1e9:.3g} GB are free now"
+        said = f" ({str(error).rstrip('.')})" if str(error) else ""
+        complain(f"not enough memory{said}{left}; take a smaller input, or coarser steps")
+        return BAD_INPUT
     except Exception as error:
         if not _interrupted(error):
             import traceback

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
@@ -16,6 +16,7 @@ from planner.cli.output import (
     PaletteName,
     Pressures,
     Quiet,
+    check_targets,
 )
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 
 def design(
+    context: Context,
     part: Annotated[Path, Argument(help="Mesh file, as for planner grade.")],
     from_: Annotated[
         str,
@@ -90,11 +92,10 @@ def design(
     """
     import planner
     from planner.cli.output import print_document, progress
-    from planner.formats.files import check_target
     from planner.inverse_design.goals import read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
-    check_target(folder, force=force)
+    check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     with progress(not quiet and not as_json) as stage:
         made = planner.design(
             part, from_=from_, to=to, target=target or (), fix=fix or (), load=load or (),

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
@@ -17,6 +17,7 @@ from planner.cli.output import (
     PaletteName,
     Pressures,
     Quiet,
+    check_targets,
 )
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def export(
+    context: Context,
     source: Annotated[str, Argument(help="A plan.json or its folder, or with --material a mesh.")],
     to: Annotated[str, Option(help="abaqus, calculix (INP files) or vtu (ParaView).")],
     output: Annotated[
@@ -61,10 +63,8 @@ def export(
     """
     import planner
     from planner.cli.output import print_document, progress, say
-    from planner.formats.files import check_absent
 
-    if output is not None:
-        check_absent(output, force=force)  # told before the work
+    check_targets(context, force=force, output=output)
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
         model = planner.export(

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
-from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet
+from planner.cli.output import AsJson, PaletteName, PrinterName, Quiet, check_targets
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +36,7 @@ def _gap(context: typer.Context) -> None:
 
 @app.command()
 def diagnose(
+    context: Context,
     campaign: Annotated[
         Path, Argument(help="Folder with campaign.toml, specimens.csv and the curves.")
     ],
@@ -79,12 +80,9 @@ def diagnose(
     """
     import planner
     from planner.cli.output import print_document, progress, say, say_verdict, terminal_width
-    from planner.formats.files import check_target
-    from planner.report.gap_page import DIAGNOSIS
     from planner.report.gap_text import verdict_text
 
-    if output is not None:
-        check_target(output, force=force, kind=DIAGNOSIS)
+    check_targets(context, force=force, folders={"output": (output, "diagnosis.json")})
     with progress(not (quiet or as_json)) as stage:
         found = planner.diagnose(
             campaign,
@@ -115,6 +113,7 @@ def diagnose(
 
 @app.command()
 def correct(
+    context: Context,
     diagnosis: Annotated[Path, Argument(help="A diagnosis.json, or the folder that holds it.")],
     palette: PaletteName = None,
     temperature_C: Annotated[
@@ -150,9 +149,8 @@ def correct(
     """
     import planner
     from planner.cli.output import print_document
-    from planner.formats.files import check_absent
 
-    check_absent(output, force=force)
+    check_targets(context, force=force, output=output)
     made = planner.correct(
         diagnosis,
         palette=palette,
@@ -211,6 +209,7 @@ def _correct_report(made: "Correction", output: Path) -> None:
 
 @app.command()
 def design(
+    context: Context,
     effects: Annotated[str, Option(help="Ids with commas between: rate,moisture,temperature.")],
     budget: Annotated[int, Option(help="Specimens at most, of both batches.")],
     output: Annotated[
@@ -236,11 +235,15 @@ def design(
     """
     import planner
     from planner.cli.output import print_document, progress
-    from planner.formats.files import write_whole
+    from planner.formats.outputs import write_whole
     from planner.gap.campaign_folder import specimens_csv
 
     listed = output.suffix.casefold() == ".csv"
-    _check_target(output, [id.strip() for id in effects.split(",")], listed=listed)
+    if listed:
+        _check_listed(output, [id.strip() for id in effects.split(",")])
+        check_targets(context, force=False, output=output)
+    else:
+        check_targets(context, force=False, folders={"output": (output, None)})
     with progress(not (quiet or as_json)) as stage:
         made = planner.design_campaign(
             effects,
@@ -263,19 +266,12 @@ def design(
     return 0 if made.ok else 1
 
 
-def _check_target(output: Path, asked: "Sequence[str]", *, listed: bool) -> None:
-    """Make sure that the result can be written, before it is worked out."""
-    from planner.errors import ArgumentError, OutputError
-    from planner.formats.files import check_target
+def _check_listed(output: Path, asked: "Sequence[str]") -> None:
+    """Make sure that a list of specimens can hold the result, before it is worked out."""
+    from planner.errors import ArgumentError
     from planner.gap.design import may_take_bars
 
-    if not listed:
-        check_target(output, kind=None)
-    elif output.exists():
-        raise OutputError(f"{output}: exists already; name another file with --output")
-    elif not output.parent.is_dir():
-        raise OutputError(f"{output}: there is no folder {output.parent}; create that first")
-    elif may_take_bars(asked):
+    if may_take_bars(asked):
         raise ArgumentError(
             f"{output}: these effects may take graded bars, whose designs are files of their own; "
             "name a folder with --output"
@@ -328,6 +324,7 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
 
 @app.command()
 def simulate(
+    context: Context,
     design: Annotated[
         Path, Option(help="Which specimens: a specimens.csv, or the folder of a campaign.")
     ],
@@ -360,10 +357,9 @@ def simulate(
     """
     import planner
     from planner.cli.output import print_document, say, warn
-    from planner.formats.files import check_target
     from planner.gap.virtual import stated_effect
 
-    check_target(output, kind=None)
+    check_targets(context, force=False, folders={"output": (output, None)})
     made = planner.synthesise_campaign(
         design,
         effect=effect or (),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Option
+from typer import Context, Option
 
 from planner.cli.output import (
     AsJson,
@@ -29,7 +29,6 @@ from planner.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from planner.formats.files import FolderKind
     from planner.grading.invert import Mixture
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
@@ -92,6 +91,7 @@ def printers(as_json: AsJson = False) -> int:
 
 
 def materials(
+    context: Context,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     at_strain: AtStrain = 0.1,
@@ -115,9 +115,9 @@ def materials(
         say,
         tell_notes,
     )
-    from planner.formats.files import write_whole
+    from planner.formats.outputs import write_whole
 
-    check_targets(force=force, figure=figure)
+    check_targets(context, force=force, figure=figure)
     scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
@@ -291,6 +291,7 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
 
 
 def characterise(
+    context: Context,
     files: TensileFiles,
     output: Annotated[
         Path | None, Option("--output", "-o", help="CSV file to write, one row a material.")
@@ -327,9 +328,12 @@ def characterise(
     """
     import planner
     from planner.cli.output import finding, print_document, say, tell_notes
-    from planner.formats.files import encode_document, write_whole
+    from planner.formats.files import encode_document
+    from planner.formats.outputs import write_whole
+    from planner.materials.study import listed_files
 
-    check_targets(force=force, output=output, figure=figure)
+    reads = listed_files(files, specimens)
+    check_targets(context, force=force, reads=reads, output=output, figure=figure)
     found = planner.characterise(
         files,
         specimens=specimens,
@@ -423,6 +427,7 @@ def _tables(found: "Sequence[MaterialCharacteristics]") -> None:
 
 
 def fit(
+    context: Context,
     files: TensileFiles,
     output: Annotated[Path, Option("--output", "-o", help="Palette file (TOML) to write.")] = Path(
         "palette.toml"
@@ -482,14 +487,14 @@ def fit(
     """
     import planner
     from planner.cli.output import finding, print_document, progress, say, tell_notes
-    from planner.errors import ArgumentError
-    from planner.formats.files import check_target, encode_document, new_folder, write_whole
+    from planner.formats.files import encode_document
+    from planner.formats.outputs import new_folder, write_whole
+    from planner.materials.study import listed_files
 
-    check_targets(force=force, output=output, figure=figure)
-    if tables is not None:
-        if tables in (output, figure):
-            raise ArgumentError(f"--tables {tables}: that is a file to write; name a folder")
-        check_target(tables, force=force, kind=_tables_kind(), option="tables")
+    check_targets(
+        context, force=force, reads=listed_files(files, specimens), output=output, figure=figure,
+        folders={"tables": (tables, _TABLES)},
+    )  # fmt: skip
     with progress(not (quiet or as_json)) as stage:
         result = planner.fit(
             files,
@@ -517,9 +522,10 @@ def fit(
     if figure is not None:
         write_whole(figure, planner.fit_figure(result))
     if tables is not None:
-        with new_folder(tables, force=force, kind=_tables_kind(), option="tables") as folder:
+        with new_folder(tables, force=force, record=_TABLES, option="tables") as folder:
             for table, data in planner.fit_tables(result).items():
                 (folder / table).write_bytes(data)
+            (folder / _TABLES).write_bytes(encode_document({"schema": 1, "palette": output.name}))
     if as_json:
         print_document(encode_document({**result.document(), "file": str(output)}))
     elif not quiet:
@@ -538,12 +544,8 @@ def fit(
     return 0 if result.ok else 1
 
 
-def _tables_kind() -> "FolderKind":
-    """Return what is written into a folder of tables."""
-    from planner.formats.files import FolderKind
-
-    names = ("characteristics", "laws", "coefficients", "quadratics", "goodness")
-    return FolderKind("laws.csv", tuple(f"{name}.csv" for name in names))
+_TABLES = "tables.json"
+"""The record of a folder of tables."""
 
 
 def _figures(given: Sequence[str] | None, option: str) -> dict[str, float]:

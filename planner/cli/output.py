@@ -3,14 +3,16 @@
 import contextlib
 import itertools
 import json
+import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.errors import ArgumentError
 from planner.report.plan_text import format_interval, format_number, format_range
@@ -294,24 +296,103 @@ AtStrain = Annotated[
 ]
 
 
-def check_targets(*, force: bool, figure: Path | None = None, **targets: Path | None) -> None:
-    """Refuse files to write that are there already, share a name, or are a figure but no SVG.
+def check_targets(
+    context: Context,
+    *,
+    force: bool,
+    folders: Mapping[str, tuple[Path | None, str | None]] = MappingProxyType({}),
+    reads: Iterable[Path] = (),
+    **targets: Path | None,
+) -> None:
+    """Refuse targets that cannot be written; keep the others for this command until it ends.
+
+    Refused is what is there already, is no file, is a figure but no SVG, is named twice, or is read
+    by the command: any file that an argument or another option names, or holds as a folder.
 
     Parameters
     ----------
-    figure, targets
-        By the option that names each; None where it is not given.
+    context
+        The command's own.
+    folders
+        By the option that names each: a folder to write, and its record; see `check_target`.
+    reads
+        Files that the command reads though none of its arguments names them.
+    targets
+        Files to write, by the option that names each; None where it is not given.
     """
-    from planner.formats.files import check_absent
+    from planner.formats.outputs import check_absent, check_target, claimed, is_stream
 
+    figure = targets.get("figure")
     if figure is not None and figure.suffix.casefold() != ".svg":
         raise ArgumentError(f"--figure {figure}: its ending must be .svg")
-    given = {f"--{option}": path for option, path in {**targets, "figure": figure}.items() if path}
-    for (option, path), (other, beside) in itertools.combinations(given.items(), 2):
-        if path == beside:
-            raise ArgumentError(f"{option} and {other} name one file; give each its own")
-    for path in given.values():
+    files = {option: path for option, path in targets.items() if path is not None}
+    wholes = {option: (path, record) for option, (path, record) in folders.items() if path}
+    _refuse_sharing(files | {option: path for option, (path, _) in wholes.items()})
+    there = any(path.exists() for path in (*files.values(), *(path for path, _ in wholes.values())))
+    read = [*reads, *_files_read(context, {*targets, *folders})] if there else []
+    for option, path in files.items():
+        _refuse_reading(option, path, [f for f in read if _same(path, f)], "that file")
         check_absent(path, force=force)
+    for option, (path, record) in wholes.items():
+        kept = check_target(path, force=force, record=record, option=option)
+        inside = [f for f in read if _real(f).is_relative_to(_real(path))]
+        _refuse_reading(option, path, inside, "a file in that folder")
+        if kept and not context.params.get("quiet"):
+            more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
+            warn(f"{path} keeps {', '.join(kept[:5])}{more}, which planner did not write")
+    for path in (*files.values(), *(path for path, _ in wholes.values())):
+        if not is_stream(path):
+            context.with_resource(claimed(path, force=force))
+        elif context.params.get("as_json"):
+            raise ArgumentError(f"{path}: --json prints there, too; name a file")
+        else:  # what is said goes elsewhere
+            context.with_resource(contextlib.redirect_stdout(sys.stderr))
+
+
+def _refuse_sharing(given: Mapping[str, Path]) -> None:
+    for (option, path), (other, beside) in itertools.combinations(given.items(), 2):
+        one, two = _real(path), _real(beside)
+        if _same(path, beside) or one.is_relative_to(two) or two.is_relative_to(one):
+            raise ArgumentError(
+                f"--{option} {path} and --{other} {beside} name one place; give each its own"
+            )
+
+
+def _refuse_reading(option: str, path: Path, read: Sequence[Path], what: str) -> None:
+    if read:
+        raise ArgumentError(
+            f"--{option} {path}: the command reads {what} ({read[0]}); name another place"
+        )
+
+
+def _files_read(context: Context, targets: Container[str]) -> Iterator[Path]:
+    """Yield the files that a command's arguments name, alone, in a text or as their folder."""
+    from planner.formats.outputs import files_within
+
+    for name, value in context.params.items():
+        for given in () if name in targets else value if isinstance(value, list) else [value]:
+            # Of a text such as 'shape: tip.csv' each word may be a file.
+            words = re.split(r"[:,=;]\s*|\s+", given) if isinstance(given, str) else []
+            for word in [given, *words] if isinstance(given, (str, Path)) else []:
+                with contextlib.suppress(OSError, ValueError):  # no name of any file
+                    path = Path(word)
+                    if word and path.is_dir() and word is given:
+                        yield path
+                        yield from files_within(path)
+                    elif word and path.is_file():
+                        yield path
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Tell whether two paths are one file, by links and other spellings too."""
+    with contextlib.suppress(OSError):
+        if one.samefile(other):
+            return True
+    return _real(one) == _real(other)
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))  # Path.resolve stops at loops of links
 
 
 # ------------------------------------------------------------------------------------------------

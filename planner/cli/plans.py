@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.cli.first_run import share_compiling
 from planner.cli.output import AsJson, ForceOversize, PaletteName, Quiet, check_targets
@@ -23,6 +23,7 @@ _FINDINGS_SHOWN = 10
 
 
 def grade(
+    context: Context,
     part: Annotated[Path, Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
     like: Annotated[
         Path | None,
@@ -155,14 +156,13 @@ def grade(
     """
     import planner
     from planner.cli.output import progress
-    from planner.formats.files import check_target
     from planner.formats.slicers import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
-        check_target(folder, force=force)
+        check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     share_compiling()
     with progress(not quiet and not as_json) as stage:
         plan = planner.grade(
@@ -381,6 +381,7 @@ def diff(
 
 
 def compare(
+    context: Context,
     before: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
     after: Annotated[Path, Argument(help="The plan to see beside it.")],
     output: Annotated[
@@ -409,9 +410,9 @@ def compare(
 
     import planner
     from planner.cli.output import print_document, progress
-    from planner.formats.files import write_whole
+    from planner.formats.outputs import write_whole
 
-    check_targets(force=force, output=output)
+    check_targets(context, force=force, output=output)
     with progress(not quiet and not as_json) as stage:
         stage("making the page")
         found = planner.diff(before, after, tolerance=tolerance)
@@ -429,6 +430,7 @@ def compare(
 
 
 def slices(
+    context: Context,
     plan: Annotated[Path, Argument(help="Folder that planner grade wrote, or its plan.json.")],
     output: Annotated[Path, Option("--output", "-o", help="Folder to write.")],
     pitch_mm: Annotated[
@@ -459,6 +461,7 @@ def slices(
     import planner
     from planner.cli.output import finding, print_document, progress_bar
 
+    check_targets(context, force=force, folders={"output": (output, "slices.json")})
     with progress_bar("layers", not quiet and not as_json) as advance:
         stack = planner.write_slices(
             plan,

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
@@ -29,6 +29,7 @@ _FINDINGS_SHOWN = 10
 
 
 def simulate(
+    context: Context,
     source: Annotated[
         str,
         Argument(
@@ -130,12 +131,12 @@ def simulate(
     """
     import planner
     from planner.cli.output import print_document, progress
-    from planner.formats.files import write_whole
+    from planner.formats.outputs import write_whole
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
                    vtu=(vtu, ".vtu"), page=(page, ".html"))  # fmt: skip
     check_targets(
-        force=force, output=output, field=field, figure=figure, deformed=deformed, vtu=vtu,
+        context, force=force, output=output, field=field, figure=figure, deformed=deformed, vtu=vtu,
         page=page,
     )  # fmt: skip
     conditions = [*(fix or ()), *(load or ()), *(pressure or ()), *(move or ())]

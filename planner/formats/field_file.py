@@ -18,6 +18,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.archive import most_unpacked
+from planner.formats.files import read_file
 from planner.numerics import FloatArray, Point
 
 __all__ = ["read_grid_table", "read_point_table"]
@@ -350,11 +351,7 @@ def read_point_table(path: Path, *, array: str | None = None) -> PointTable:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path}: cannot be read ({reason}); check the name") from error
+    return read_file(path, advice="check the name")
 
 
 def _check(values: FloatArray, path: Path) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, MeshError, did_you_mean
+from planner.formats.files import read_file
 from planner.formats.stl import decode_stl, require_finite
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits
@@ -153,17 +155,10 @@ def unit_scale_mm(unit: str) -> float:
 
 
 def _bytes(path: Path) -> bytes:
-    if path.is_dir():
-        raise FileError(f"{path}: is a folder; give a mesh file ({', '.join(EXTENSIONS)})")
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
+    if not os.path.lexists(path):
         hint = did_you_mean(path.name, _files_beside(path)) or "check the name and the folder"
-        raise FileError(f"{path}: no such file; {hint.rstrip()}") from error
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        raise FileError(
-            f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); check the file"
-        ) from error
+        raise FileError(f"{path}: no such file; {hint.rstrip()}")
+    return read_file(path, advice=f"give a mesh file ({', '.join(EXTENSIONS)})")
 
 
 def _files_beside(path: Path) -> list[str]:

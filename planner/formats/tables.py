@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import FileError
+from planner.formats.files import read_file
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -66,13 +67,7 @@ def read_text(path: Path) -> str:
     FileError
         The file cannot be read, is empty, or is binary.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(
-            f"{path}: cannot be read ({error.strerror or error}); give the path of a tensile file"
-        ) from error
-    text = _decoded(data)
+    text = _decoded(read_file(path, advice="give the path of a tensile file"))
     if "\0" in text:
         raise FileError(f"{path}: a binary file; export the test as CSV or text")
     if not text.strip():
@@ -158,10 +153,11 @@ def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str
         The file cannot be read, or is no CSV.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{what} {path}: cannot be read ({reason}); give a CSV file") from error
+        text = read_file(path, advice="give a CSV file").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{what} {path}: cannot be read ({error}); give a CSV file") from error
+    except FileError as error:
+        raise FileError(f"{what} {error}") from error
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
     try:
         headings = tuple(reader.fieldnames or ())

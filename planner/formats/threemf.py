@@ -13,8 +13,9 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import FileError, MeshError, OutputError
+from planner.errors import MeshError, OutputError
 from planner.formats.archive import LARGEST, canonical_archive, unpacked
+from planner.formats.files import read_file
 from planner.formats.slicers import (
     BAMBU_PART,
     CURA_NAMESPACE,
@@ -124,10 +125,7 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     FileError
         The file is missing or no zip archive.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
+    data = read_file(path)
     hashes = {}
     for member, pieces in unpacked(data, str(path), LARGEST):
         digest = hashlib.sha256()
@@ -159,11 +157,7 @@ def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> Th
     MeshError
         The file cannot be opened, or see `decode_threemf`.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from error
-    return decode_threemf(data, str(path), limits=limits)
+    return decode_threemf(read_file(path, error=MeshError), str(path), limits=limits)
 
 
 def decode_threemf(

@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import SIGNIFICANT_DIGITS, new_folder
+from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.outputs import new_folder
 from planner.formats.tables import LONGEST_HEADING, number, read_columns
 from planner.formats.tensile import (
     SPECIMEN_COLUMNS,
@@ -459,13 +460,10 @@ def read_campaign_file(folder: Path) -> CampaignFile:
     path = folder / _CAMPAIGN
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; give the folder of a campaign")
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(
-            f"{path}: cannot be read ({error.strerror or error}); a campaign's folder has a "
-            "campaign.toml with schema, name, printer and palette"
-        ) from error
+    data = read_file(
+        path,
+        advice="a campaign's folder has a campaign.toml with schema, name, printer and palette",
+    )
     try:
         return msgspec.convert(decode_toml(data, _CAMPAIGN), CampaignFile)
     except msgspec.ValidationError as error:
@@ -767,7 +765,7 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
     >>> planner.write_campaign(made.campaign, "lab", measured=False)  # doctest: +SKIP
     """
     _, designs = _profile_files(campaign.specimens)
-    with new_folder(output, kind=None) as scratch:
+    with new_folder(output, record=None) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
         _write(scratch / "campaign.toml", _campaign_toml(campaign))
         (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner import __version__
 from planner.errors import FileError
-from planner.formats.files import encode_document
+from planner.formats.files import encode_document, read_file
 from planner.formats.unit_of import UnitOf
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
@@ -482,12 +482,11 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     path = Path(path)
     file = path / "diagnosis.json" if path.is_dir() else path
     try:
-        document = msgspec.json.decode(file.read_bytes())
-    except OSError as error:
-        raise FileError(
-            f"{file}: cannot be read ({error.strerror or error}); give a diagnosis.json as "
-            "planner gap diagnose -o writes it, or its folder"
-        ) from error
+        data = read_file(
+            file,
+            advice="give a diagnosis.json as planner gap diagnose -o writes it, or its folder",
+        )
+        document = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{file}: not a JSON document: {error}") from error
     if not isinstance(document, dict):

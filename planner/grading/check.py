@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, MeshError, PlannerError
-from planner.formats.files import is_scratch
+from planner.formats.outputs import is_scratch
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.glance import counted, one_line, outcome

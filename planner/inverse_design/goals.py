@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, did_you_mean
+from planner.formats.files import read_file
 from planner.formats.tables import finite_number, read_records, unit_factor
 from planner.formats.toml import decode_toml
 from planner.numerics import FloatArray, Point
@@ -81,11 +82,7 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
     FileError
         It cannot be read, or is not such a file.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    found = decode_toml(data, str(path))
+    found = decode_toml(read_file(path), str(path))
     tables = found.get("case")
     if not isinstance(tables, list) or not tables or set(found) != {"case"}:
         raise FileError(f"{path}: it needs tables [[case]], and nothing else")

@@ -22,7 +22,7 @@ from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, 
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 
-__all__ = ["Study", "read_study"]
+__all__ = ["Study", "listed_files", "read_study"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -673,6 +673,18 @@ def _given(
         if value is not None and not 0.0 < value < float("inf"):
             raise ArgumentError(f"{name} is {value:g}; a size must be a number above 0")
     return ListedSpecimen("", width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm)
+
+
+def listed_files(
+    files: Iterable[str | Path], specimens: str | Path | None = None
+) -> tuple[Path, ...]:
+    """Return the files that `read_study` reads: the list of specimens, and what it names."""
+    found, listing = _files(files, None if specimens is None else Path(specimens))
+    if listing is None:
+        return tuple(found)
+    rows = read_specimens(listing)
+    named = (listing.parent / row.file for row in rows if row.file)
+    return (listing, *_withlisted(found, rows, listing.parent), *named)
 
 
 def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:

@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 
 from planner import __version__
-from planner.formats.files import FolderKind, new_folder
+from planner.formats.outputs import new_folder
 from planner.gap.diagnosis import Diagnosis
 from planner.gap.summary import axis_words, number_words, percent, probability, summary_of, title
 from planner.report.gap_figures import figures_of
@@ -22,7 +22,7 @@ from planner.report.gap_text import (
 )
 from planner.report.page import asset, begin, end
 
-__all__ = ["DIAGNOSIS", "diagnosis_files", "write_diagnosis"]
+__all__ = ["diagnosis_files", "write_diagnosis"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -254,16 +254,6 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[st
 # The folder of a diagnosis.
 
 
-DIAGNOSIS = FolderKind(
-    "diagnosis.json",
-    (
-        "diagnosis.json", "report.html", "where.csv", "ranking.csv", "next-specimens.csv",
-        "profiles/*.csv", "figures/*.svg",
-    ),
-)  # fmt: skip
-"""The folder that `write_diagnosis` writes."""
-
-
 def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures = figures_of(diagnosis)
@@ -299,14 +289,14 @@ def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = F
     Raises
     ------
     OutputError
-        The folder may not be written; see `planner.formats.files.check_target`.
+        The folder may not be written; see `planner.formats.outputs.check_target`.
 
     Examples
     --------
     >>> planner.write_diagnosis(planner.diagnose("lab"), "diagnosis")  # doctest: +SKIP
     """
     files = diagnosis_files(diagnosis)
-    with new_folder(output, force=force, kind=DIAGNOSIS) as scratch:
+    with new_folder(output, force=force, record="diagnosis.json") as scratch:
         for name, content in files.items():
             (scratch / name).parent.mkdir(exist_ok=True)
             (scratch / name).write_bytes(content)

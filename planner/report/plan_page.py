@@ -3,15 +3,16 @@
 import base64
 import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError
-from planner.formats.files import encode_document, write_whole
+from planner.errors import FileError, OutputError
+from planner.formats.files import encode_document
+from planner.formats.outputs import is_sealed, seal, write_whole
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
 from planner.numerics import Float32Array, FloatArray, IntArray
@@ -76,10 +77,9 @@ def source_of(plan: Plan | str | Path) -> PlanSource:
 
 
 def _from_plan(plan: Plan) -> PlanSource:
-    document = plan.json()
     return PlanSource(
-        decode_plan(document, "plan.json"),  # with the digits that the file keeps
-        hashlib.sha256(document).hexdigest(),
+        decode_plan(plan.json(), "plan.json"),  # with the digits that the file keeps
+        _sha256_of(plan),
         plan.howto(),
         tuple(shell.material for shell in plan.shells),
         tuple(shell.colour for shell in plan.shells),
@@ -103,7 +103,7 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
     names = tuple(regions[name].printed for name in sorted(regions))
     return PlanSource(
         plan,
-        _sha256_of(file),
+        _sha256_of(plan),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
         names,
         tuple(colours.get(name, "") or "#808080" for name in names),
@@ -111,8 +111,9 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
     )
 
 
-def _sha256_of(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+def _sha256_of(plan: Plan) -> str:
+    """Return a plan's hash, wherever it lies: of plan.json but for the files beside it."""
+    return hashlib.sha256(replace(plan, files={}).json()).hexdigest()
 
 
 def _unaltered(root: Path, region: Region) -> bytes:
@@ -160,7 +161,7 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    return "\n".join(_page(source_of(plan))).encode("utf-8")
+    return seal("\n".join(_page(source_of(plan))).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -181,7 +182,8 @@ def view(plan: str | Path | Plan) -> Path:
     FileError
         There is no plan, or a file of its folder is missing or altered.
     OutputError
-        The page cannot be written.
+        The page cannot be written, or the one that is there was not written by planner, or was
+        changed since.
 
     Examples
     --------
@@ -190,12 +192,15 @@ def view(plan: str | Path | Plan) -> Path:
     """
     file = plan_file(plan)
     page = file.parent / _NAME
-    try:
+    if page.is_file():
         with page.open("rb") as stream:
-            if _stamp(_sha256_of(file)).encode() in stream.read(_HEAD_BYTES):
+            if _stamp(_sha256_of(read_plan(file))).encode() in stream.read(_HEAD_BYTES):
                 return page
-    except OSError:
-        pass  # there is none, or none that can be read: what stands in the way is told on writing
+        if not is_sealed(page):
+            raise OutputError(
+                f"{page}: was not written by planner, or was changed since, and is not replaced; "
+                "move it elsewhere"
+            )
     write_whole(page, plan_page(file))
     return page
 

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
-from planner.formats.files import check_absent, encode_document, write_whole
+from planner.formats.files import encode_document
 from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
+from planner.formats.outputs import check_absent, write_whole
 from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
 from planner.materials.mixtures import CoefficientModel

@@ -12,7 +12,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, positive
 from planner.fields.basic import AxisField, Field
 from planner.fields.parse import Setting, build_field, field_text
-from planner.formats.files import encode_document
+from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.stl import encode_stl
 from planner.formats.vtu import TRIANGLE, encode_vtu
 from planner.glance import counted, html_of, one_line, outcome, plotted
@@ -602,12 +602,8 @@ def simulate_part(
 def _check_memory(analysis: "Analysis", cells: CutCells) -> None:
     """Refuse before it is taken what the machine does not have."""
     needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
-    try:
-        info = Path("/proc/meminfo").read_text(encoding="ascii").split()
-        free = 1024 * int(info[info.index("MemAvailable:") + 1])
-    except (OSError, ValueError):
-        return  # not Linux: the system says it itself
-    if needed > free:
+    free = free_memory_bytes()
+    if free is not None and needed > free:
         # A factor grows with the fourth power of the cells along an edge.
         edge_mm = float(cells.cell_mm.max()) * (needed / free) ** 0.25
         raise ArgumentError(

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from planner.errors import FileError
-from planner.formats.files import decode_document, encode_document
+from planner.formats.files import decode_document, encode_document, read_file
 from planner.glance import brief
 from planner.numerics import FloatArray
 
@@ -170,11 +170,7 @@ def read_response(path: Path) -> PartResponse:
     FileError
         The file cannot be read, or is no response.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    file = decode_document(data, _ResponseFile, str(path))
+    file = decode_document(read_file(path), _ResponseFile, str(path))
     figures = {name: np.array(getattr(file, name)) for name in _ARRAYS}
     return PartResponse(
         name=file.name, thickness_mm=file.thickness_mm, log_sd=file.log_sd, **figures

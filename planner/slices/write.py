@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, OutputError, PlannerError
-from planner.formats.files import FolderKind, check_target, encode_document, new_folder
+from planner.formats.files import encode_document
+from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours
 from planner.glance import counted, one_line, outcome
 from planner.plan import PartGraded, Plan, plan_file
@@ -34,7 +35,7 @@ __all__ = ["SliceStack", "write_slices"]
 # A stack of layers as written: what of each material is where, and the files that say so.
 
 
-_SLICES = FolderKind("slices.json", ("slices.json", "layers.csv", "layer_*.png"))
+_RECORD = "slices.json"
 """The folder of a stack."""
 
 
@@ -364,10 +365,10 @@ def write_slices(
     >>> planner.write_slices("finger-graded", "finger-slices", pitch_mm=0.1).ok  # doctest: +SKIP
     True
     """
-    target = check_target(output, force=force, kind=_SLICES)
+    check_target(output, force=force, record=_RECORD)
     if slab_layers is not None and (not isinstance(slab_layers, int) or slab_layers < 1):
         raise ArgumentError(f"slab_layers is {slab_layers}; it must be a whole number from 1 up")
-    if target.is_relative_to(plan_file(plan).resolve().parent):
+    if Path(output).resolve().is_relative_to(plan_file(plan).resolve().parent):
         raise OutputError(
             f"{output}: lies in the plan's own folder, which would then no longer be sound; name "
             "another folder with `output`"
@@ -380,7 +381,7 @@ def write_slices(
     layers = source.grid.shape[2]
     voxels = np.zeros((layers, len(source.shells)), np.int64)
     overlapping = open_rows = done = 0
-    with new_folder(output, force=force, kind=_SLICES) as scratch:
+    with new_folder(output, force=force, record=_RECORD) as scratch:
         for slab in _made(tasks, scheduler):
             for index, image in enumerate(slab.images, slab.first_layer):
                 (scratch / _layer_file(index)).write_bytes(image)
@@ -391,7 +392,7 @@ def write_slices(
             progress(done, layers)
         stack = _stack(source, kind, voxels, overlapping, open_rows)
         (scratch / "layers.csv").write_bytes(stack.csv())
-        (scratch / "slices.json").write_bytes(stack.json())
+        (scratch / _RECORD).write_bytes(stack.json())
     return stack
 
 

@@ -4,6 +4,7 @@ Small inputs for every such command, how it is attacked (`attacked.py`), and wha
 """
 
 import hashlib
+import json
 import random
 import shlex
 import shutil
@@ -21,7 +22,7 @@ import pytest
 import typer
 
 from planner.cli import app, run
-from planner.formats.files import is_scratch
+from planner.formats.outputs import claimed, is_scratch
 from planner.formats.stl import encode_stl
 
 ATTACKED = Path(__file__).with_name("attacked.py")
@@ -302,6 +303,12 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
             for file in [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]:
                 if file.suffix != ".json":
                     file.write_bytes(b"earlier")
+            for record in path.glob("*.json") if path.is_dir() else ():
+                document = json.loads(record.read_bytes())
+                if "files" in document:  # as if it had been written so
+                    of = hashlib.sha256(b"earlier").hexdigest()
+                    kept = {name: of for name in document["files"] if not name.endswith(".json")}
+                    record.write_text(json.dumps(document | {"files": document["files"] | kept}))
         states["earlier"] = earlier
     return states, first.found, first.steps
 
@@ -338,7 +345,7 @@ def test_a_disk_that_takes_no_more(
 ) -> None:
     bench = Bench(WRITERS[0], small_disk, tmp_path / "steps.txt")
     (small_disk / "out").mkdir()
-    (small_disk / "out" / "plan.json").write_text("earlier")
+    (small_disk / "out" / "plan.json").write_text('{"files": {}}')
     shutil.copy(inputs("bar.stl"), small_disk)
     if state == "read-only":
         subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
@@ -352,30 +359,45 @@ def test_a_disk_that_takes_no_more(
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_two_runs_into_one_folder(
-    force: bool, bench_of: Callable[[Writer], Bench], tmp_path: Path
+@pytest.mark.parametrize("writer", [WRITERS[0], WRITERS[4]], ids=["folder", "files"])
+def test_two_runs_onto_one_target(
+    writer: Writer, force: bool, bench_of: Callable[[Writer], Bench], tmp_path: Path
 ) -> None:
-    """They end at about the same time; the folder is the one's or the other's, whole."""
-    bench = bench_of(WRITERS[0])
-    other = Bench(replace(bench.writer, words=bench.writer.words.replace("3", "2")), bench.folder,
-                  tmp_path / "other.txt")  # fmt: skip
+    """They begin at about the same time; the target is the one's or the other's, whole."""
+    bench = bench_of(writer)
+    words = writer.words.replace("--bands 3", "--bands 2").replace("--steps 5", "--steps 6")
+    other = Bench(replace(writer, words=words), bench.folder, tmp_path / "other.txt")
+    target = writer.targets[0]
     wanted = []
     for one in (bench, other):
-        wanted.append(below(one.run().found, "out"))
-        shutil.rmtree(bench.folder / "out")
+        wanted.append(below(one.run().found, target))
+        for path in map(bench.folder.joinpath, writer.targets):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
     processes = [one.start("none", force=force) for one in (bench, other)]
     told = [process.communicate(timeout=300)[1] for process in processes]
     codes = sorted(process.returncode for process in processes)
     found = content(bench.folder)
-    assert below(found, "out") in wanted
+    assert below(found, target) in wanted
     assert not left_over(found)
-    if force:
-        assert max(codes) <= 1
-    else:
-        assert codes[0] in (0, 1)
+    assert codes[0] in (0, 1)
+    refused = [line for words in told for line in words.splitlines() if "planner: " in line]
+    if not force or refused:  # else the one had ended before the other began
+        (line,) = refused
         assert codes[1] == 2
-        (line,) = [line for words in told for line in words.splitlines() if "planner: " in line]
-        assert "exists already" in line or "another run has written it meanwhile" in line
+        assert "another run is writing it" in line or (not force and "exists already" in line)
+
+
+@pytest.mark.parametrize("writer", [WRITERS[0], WRITERS[4]], ids=["folder", "files"])
+def test_a_target_that_another_run_writes(
+    writer: Writer, bench_of: Callable[[Writer], Bench]
+) -> None:
+    bench = bench_of(writer)
+    with claimed(bench.folder / writer.targets[-1]):
+        attacked = bench.run()
+    assert attacked.code == 2
+    assert "another run is writing it" in attacked.err
+    assert attacked.err.count("\n") == 1
+    assert content(bench.folder) == bench.inputs
 
 
 @pytest.mark.parametrize("reader", ["full", "gone"])

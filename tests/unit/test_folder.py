@@ -1,16 +1,28 @@
 """Output folders are whole or absent, and nothing foreign is ever replaced."""
 
 import errno
+import hashlib
+import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from planner.errors import OutputError
-from planner.formats import files
-from planner.formats.files import check_target, new_folder
+from planner.formats import outputs as files
+from planner.formats.outputs import (
+    check_absent,
+    check_target,
+    claimed,
+    files_within,
+    new_folder,
+    seal,
+    write_whole,
+)
 
 
 def names(folder):
@@ -18,24 +30,35 @@ def names(folder):
 
 
 def content(folder):
-    return {
+    """Read every file; of a record the text that it was written with."""
+    found = {
         str(path.relative_to(folder)): path.read_text()
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+    return {
+        name: json.loads(text)["text"] if name == "plan.json" else text
+        for name, text in found.items()
+    }
 
 
-def write(target, text="new", **options):
+def record(text, **more):
+    return json.dumps({"text": text, **more})
+
+
+def write(target, text="new", beside=(), **options):
     with new_folder(target, **options) as scratch:
         (scratch / "stl").mkdir()
         (scratch / "stl" / "a.stl").write_text(text)
-        (scratch / "plan.json").write_text(text)
+        for name in beside:
+            (scratch / name).write_text(text)
+        (scratch / "plan.json").write_text(record(text))
 
 
 def test_folder_appears_whole(tmp_path):
     target = tmp_path / "out"
     with new_folder(target) as scratch:
-        (scratch / "plan.json").write_text("x")
+        (scratch / "plan.json").write_text(record("x"))
         assert scratch.parent == tmp_path  # a sibling: renaming does not copy
         assert not target.exists()
     assert content(target) == {"plan.json": "x"}
@@ -67,77 +90,131 @@ def test_foreign_folder_stays(tmp_path, force):
     assert content(tmp_path / "thesis") == {"text.txt": "years of work"}
 
 
-@pytest.mark.parametrize("force", [False, True])
-@pytest.mark.parametrize(
-    ("stranger", "named"),
-    [
-        ("notes.txt", "notes.txt"),
-        ("stl/readme.md", "stl/readme.md"),
-        ("photos/a.stl", "photos/, photos/a.stl"),
-        ("stl/old/a.stl", "stl/old/, stl/old/a.stl"),
-        ("HOWTO.md.bak", "HOWTO.md.bak"),
-        ("a.stl", "a.stl"),
-        (".hidden", ".hidden"),
-    ],
-)
-def test_what_others_put_into_a_plan_stays(tmp_path, stranger, named, force):
+STRANGERS = (
+    "notes.txt", "stl/readme.md", "photos/a.stl", "stl/old/a.stl", "HOWTO.md.bak", "a.stl",
+    "stl/z.stl", "mine.3mf", "profile.csv", "report.html", "plan.html", ".hidden",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_what_others_put_into_a_plan_stays(tmp_path, stranger):
     target = tmp_path / "out"
     write(target, "old")
     (target / stranger).parent.mkdir(exist_ok=True)
     (target / stranger).write_text("mine")
     before = content(target)
-    with pytest.raises(OutputError, match=f"holds {re.escape(named)}, which planner did not write"):
-        write(target, force=force)
+    with pytest.raises(OutputError, match="exists already"):
+        write(target)
     assert content(target) == before
+    assert check_target(target, force=True) == (stranger,)
+    write(target, force=True)
+    assert content(target) == {"plan.json": "new", "stl/a.stl": "new", stranger: "mine"}
     assert names(tmp_path) == ["out"]
 
 
-def test_a_file_named_stl_is_no_plan_file(tmp_path):
-    write(tmp_path / "out")
-    shutil.rmtree(tmp_path / "out" / "stl")
-    (tmp_path / "out" / "stl").write_text("mine")
-    with pytest.raises(OutputError, match="holds stl, which"):
-        check_target(tmp_path / "out", force=True)
-
-
-def test_a_link_in_a_plan_is_no_plan_file(tmp_path):
+def test_links_and_empty_folders_of_others_stay(tmp_path):
     target = tmp_path / "out"
     write(target, "old")
     (tmp_path / "elsewhere").mkdir()
     (target / "part.3mf").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OutputError, match=r"holds part\.3mf, which"):
-        check_target(target, force=True)
+    (target / "gone").symlink_to("nowhere")
+    (target / "photos").mkdir()
+    os.mkfifo(target / "pipe")
+    assert check_target(target, force=True) == ("gone", "part.3mf", "photos/", "pipe")
+    write(target, force=True)
+    assert (target / "part.3mf").readlink() == tmp_path / "elsewhere"
+    assert (target / "gone").is_symlink()
+    assert (target / "photos").is_dir()
+    assert (target / "pipe").is_fifo()
 
 
-def test_many_strangers_are_counted(tmp_path):
+def test_a_file_system_without_second_names_gets_copies(tmp_path, monkeypatch):
+    def refuse(*given, **options):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    write(tmp_path / "out", "old")
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    monkeypatch.setattr(os, "link", refuse)
+    write(tmp_path / "out", force=True)
+    assert content(tmp_path / "out")["notes.txt"] == "mine"
+
+
+@pytest.mark.parametrize("changed", ["stl/a.stl", "HOWTO.md"])
+def test_what_was_changed_since_is_not_replaced(tmp_path, changed):
+    target = tmp_path / "out"
+    write(target, "old", beside=["HOWTO.md"])
+    (target / changed).write_text("mine")
+    with pytest.raises(OutputError, match=f"{re.escape(changed)} was changed since planner wrote"):
+        write(target, force=True)
+    assert content(target)[changed] == "mine"
+
+
+def test_what_is_in_the_way_of_a_new_file_stays(tmp_path):
+    """It was no part of the earlier plan; the new one has a file of its name."""
+    target = tmp_path / "out"
+    write(target, "old")
+    (target / "HOWTO.md").write_text("mine")
+    with pytest.raises(OutputError, match=r"HOWTO\.md is in the way"):
+        write(target, force=True, beside=["HOWTO.md"])
+    assert content(target) == {"plan.json": "old", "stl/a.stl": "old", "HOWTO.md": "mine"}
+    (target / "HOWTO.md").unlink()
+    (target / "HOWTO.md").mkdir()
+    (target / "HOWTO.md" / "deep").write_text("mine")
+    with pytest.raises(OutputError, match=r"HOWTO\.md/deep is in the way"):
+        write(target, force=True, beside=["HOWTO.md"])
+    assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("found", ["no JSON", "[]", '{"schema": 1}', '{"files": ["a"]}'])
+def test_a_record_that_lists_nothing_replaces_nothing(tmp_path, found):
     write(tmp_path / "out")
-    for number in range(8):
-        (tmp_path / "out" / f"{number}.txt").write_text("mine")
-    with pytest.raises(OutputError, match=r"0\.txt, .*4\.txt and 3 more, which"):
+    (tmp_path / "out" / "plan.json").write_text(found)
+    with pytest.raises(OutputError, match=r"plan\.json does not list the folder's files"):
         check_target(tmp_path / "out", force=True)
+
+
+def test_a_page_made_later_is_known_by_its_seal(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+    (target / "plan.html").write_bytes(seal(b"<html>"))
+    assert check_target(target, force=True) == ()
+    (target / "plan.html").write_bytes(seal(b"<html>").replace(b"html", b"body"))
+    assert check_target(target, force=True) == ("plan.html",)
+    (target / "plan.html").rename(target / "kept.html")  # a sealed page of another name is no part
+    (target / "kept.html").write_bytes(seal(b"<html>"))
+    assert check_target(target, force=True) == ("kept.html",)
+
+
+def test_the_record_lists_the_other_files(tmp_path):
+    write(tmp_path / "out", beside=["HOWTO.md"])
+    listed = json.loads((tmp_path / "out" / "plan.json").read_text())["files"]
+    of = hashlib.sha256(b"new").hexdigest()
+    assert listed == {"HOWTO.md": of, "stl/a.stl": of}
 
 
 def test_all_that_planner_writes_is_replaced(tmp_path):
     target = tmp_path / "out"
-    write(target, "old")
-    for own in ("part.3mf", "HOWTO.md", "report.html", "stl/b.stl"):
-        (target / own).write_text("old")
+    write(target, "old", beside=["part.3mf", "HOWTO.md", "stl/b.stl"])
     write(target, force=True)
     assert content(target) == {"plan.json": "new", "stl/a.stl": "new"}
 
 
-def test_what_comes_while_writing_stays(tmp_path):
+def test_what_comes_while_writing_stays(tmp_path, monkeypatch):
+    """While the new folder is filled, or between the last look at the earlier one and its end."""
     target = tmp_path / "out"
     write(target, "old")
+    original = files._take_name
 
-    def write_slowly():
-        with new_folder(target, force=True) as scratch:
-            (scratch / "plan.json").write_text("new")
-            (target / "notes.txt").write_text("mine")
+    def late(*given, **options):
+        (target / "late").mkdir()
+        (target / "late" / "notes.txt").write_text("mine")
+        original(*given, **options)
 
-    with pytest.raises(OutputError, match=r"notes\.txt"):
-        write_slowly()
-    assert content(target) == {"notes.txt": "mine", "plan.json": "old", "stl/a.stl": "old"}
+    monkeypatch.setattr(files, "_take_name", late)
+    with new_folder(target, force=True) as scratch:
+        (scratch / "plan.json").write_text(record("new"))
+        (target / "notes.txt").write_text("mine")
+    assert content(target) == {"notes.txt": "mine", "late/notes.txt": "mine", "plan.json": "new"}
     assert names(tmp_path) == ["out"]
 
 
@@ -286,9 +363,10 @@ def test_what_a_killed_run_left_is_removed_and_a_living_ones_stays(tmp_path):
         (tmp_path / name / "stl").mkdir(parents=True)
     (tmp_path / ".out.partial-4194303").write_text("half")
     with new_folder(tmp_path / "out") as scratch:  # of the run that lives
-        (scratch / "plan.json").write_text("first")
+        (scratch / "plan.json").write_text(record("first"))
         write(tmp_path / "out", "second")
-        assert names(tmp_path) == [".other.partial-4194302", scratch.name, "out"]
+        lock = ".out.partial-0"
+        assert names(tmp_path) == [".other.partial-4194302", lock, scratch.name, "out"]
         shutil.rmtree(tmp_path / "out")
     assert content(tmp_path / "out") == {"plan.json": "first"}
     assert names(tmp_path) == [".other.partial-4194302", "out"]
@@ -342,16 +420,108 @@ def test_what_a_killed_run_left_within_a_plan_is_no_stranger(tmp_path):
 
 
 def test_a_folder_removed_while_it_is_written_is_not_taken_for_whole(tmp_path):
-    (tmp_path / "plan").mkdir()
-    (tmp_path / "plan/plan.json").write_text("earlier")
+    write(tmp_path / "plan", "earlier")
+    before = content(tmp_path / "plan")
 
-    def write():
+    def write_anew():
         with new_folder(tmp_path / "plan", force=True) as scratch:
-            (scratch / "plan.json").write_text("new")
+            (scratch / "plan.json").write_text(record("new"))
             shutil.rmtree(scratch)
             (scratch / "stl").mkdir(parents=True)  # as whoever writes into a folder of it does
 
     with pytest.raises(OutputError, match=r"has been removed; nothing was written"):
-        write()
-    assert (tmp_path / "plan/plan.json").read_text() == "earlier"
+        write_anew()
+    assert content(tmp_path / "plan") == before
     assert [path.name for path in tmp_path.iterdir()] == ["plan"]
+
+
+# One run at a time; only files are files.
+
+
+def claimed_elsewhere(target):
+    """Start a process that claims a target until it is told to end."""
+    code = (
+        "import sys; from planner.formats.outputs import claimed\n"
+        "with claimed(sys.argv[1]): print(flush=True); sys.stdin.read()"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(target)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    process.stdout.readline()
+    return process
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_target_belongs_to_one_run(tmp_path, kill):
+    with claimed_elsewhere(tmp_path / "out") as other:
+        with pytest.raises(OutputError, match="another run is writing it"):
+            write_whole(tmp_path / "out", b"mine")
+        with pytest.raises(OutputError, match="another run is writing it"):
+            write(tmp_path / "out")
+        if kill:
+            other.kill()
+        else:
+            other.stdin.close()
+        other.wait()
+    write_whole(tmp_path / "out", b"mine")
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_claim_holds_within_its_process(tmp_path):
+    with claimed(tmp_path / "out"), claimed(tmp_path / "x" / ".." / "out") as target:
+        write_whole(target, b"mine")
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_file_that_comes_meanwhile_is_not_replaced(tmp_path):
+    with claimed(tmp_path / "out.csv", force=False):
+        (tmp_path / "out.csv").write_text("mine")
+        with pytest.raises(OutputError, match="exists already"):
+            write_whole(tmp_path / "out.csv", b"new")
+    assert (tmp_path / "out.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_pipes_devices_and_folders_are_no_files(tmp_path, force):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for path in (tmp_path / "pipe", "/dev/null"):
+        with pytest.raises(OutputError, match="is a device or a pipe"):
+            check_absent(path, force=force)
+        with pytest.raises(OutputError, match="is a device or a pipe"):
+            write_whole(path, b"x")
+        with pytest.raises(OutputError, match="is a file"):
+            check_target(path, force=force)
+    with pytest.raises(OutputError, match="is a folder"):
+        write_whole(tmp_path / "folder", b"x")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_links_to_files_are_followed(tmp_path):
+    (tmp_path / "real.csv").write_text("old")
+    (tmp_path / "link.csv").symlink_to("real.csv")
+    write_whole(tmp_path / "link.csv", b"new")
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "real.csv").read_bytes() == b"new"
+
+
+def test_a_link_to_nothing_needs_force(tmp_path):
+    (tmp_path / "link").symlink_to("real")
+    with pytest.raises(OutputError, match="a link to real, where nothing is"):
+        check_absent(tmp_path / "link", force=False)
+    with pytest.raises(OutputError, match="a link to real, where nothing is"):
+        check_target(tmp_path / "link")
+    write_whole(tmp_path / "link", b"new")
+    assert (tmp_path / "real").read_bytes() == b"new"
+
+
+def test_what_a_folder_holds_to_read(tmp_path):
+    write(tmp_path / "plan")
+    (tmp_path / "plan" / "mine.csv").write_text("no part of it")
+    (tmp_path / "lab.csv").write_text("x")
+    (tmp_path / "profiles").mkdir()
+    (tmp_path / "profiles" / "a.csv").write_text("x")
+    found = {path.relative_to(tmp_path).as_posix() for path in files_within(tmp_path)}
+    assert found == {"lab.csv", "profiles/a.csv"}
+    found = {path.relative_to(tmp_path).as_posix() for path in files_within(tmp_path / "plan")}
+    assert found == {"plan/plan.json", "plan/stl/a.stl"}

@@ -1,0 +1,627 @@
+"""Results on disk: whole or absent, one run at a time, and never in place of what others wrote."""
+
+import contextlib
+import errno
+import hashlib
+import itertools
+import os
+import re
+import shutil
+import stat
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from planner.errors import OutputError
+from planner.formats.files import encode_document
+
+__all__ = [
+    "check_absent",
+    "check_target",
+    "claimed",
+    "files_within",
+    "is_scratch",
+    "is_sealed",
+    "is_stream",
+    "kept_files",
+    "new_folder",
+    "seal",
+    "write_whole",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Scratch files and folders beside their targets, and those that killed runs have left.
+#
+# Whoever writes locks its scratch; the system takes the lock back when the process ends, however it
+# ends. So a scratch that can be locked is nobody's, and the next run to the same target removes it.
+
+
+def is_scratch(name: str) -> bool:
+    """Tell whether a file or folder is called as what a run writes into before it is whole."""
+    return _SCRATCH.fullmatch(name) is not None
+
+
+_SCRATCH = re.compile(r"\..+\.partial-\d+(-\d+)?")
+
+
+@contextmanager
+def _scratch_beside(target: Path, *, folder: bool) -> Iterator[Path]:
+    """Make a hidden file or folder beside `target`, which renaming reaches without copying.
+
+    What is left of it in the end is removed, and so is what killed runs have left there.
+    """
+    _remove_dead(target)
+    for number in itertools.count():
+        scratch = target.with_name(
+            f".{target.name}.partial-{os.getpid()}" + (f"-{number}" if number else "")
+        )
+        try:
+            scratch.mkdir() if folder else scratch.open("xb").close()
+        except FileExistsError:
+            continue
+        with _locked(scratch) as ours:
+            if not ours:  # another run took it for dead before it was locked
+                continue
+            try:
+                yield scratch
+            finally:
+                _remove(scratch)
+        return
+
+
+def _remove_dead(target: Path) -> None:
+    """Remove what runs to this target that were killed have left beside it."""
+    with contextlib.suppress(OSError):  # none of it is in the way
+        for path in target.parent.iterdir():
+            if path.name.startswith(f".{target.name}.partial-") and is_scratch(path.name):
+                with _locked(path) as dead:
+                    if dead:
+                        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[bool]:
+    """Lock a file or folder; False where someone else has, or it is not the one of this name."""
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows: what is left stays, and names are one's own
+        yield path.name.endswith(".partial-0") or f".partial-{os.getpid()}" in path.name
+        return
+    handle = -1
+    try:
+        try:
+            handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            ours = os.path.samestat(os.fstat(handle), path.lstat())
+        except OSError:
+            ours = False
+        yield ours
+    finally:
+        if handle >= 0:
+            os.close(handle)
+
+
+# ------------------------------------------------------------------------------------------------
+# A target belongs to one run from its first look at it until it is written.
+
+
+_claims: dict[Path, bool] = {}
+"""Targets of this process, and whether what is there may be replaced."""
+
+
+@contextmanager
+def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
+    """Keep other runs from a target; within, this process may claim it again.
+
+    Parameters
+    ----------
+    output
+        A file or folder to write.
+    force
+        Whether a file that has come there meanwhile may be replaced.
+
+    Yields
+    ------
+    pathlib.Path
+        The target with links and dots resolved.
+
+    Raises
+    ------
+    OutputError
+        Another run is writing it, or its folder cannot be written into.
+    """
+    with contextlib.ExitStack() as held:
+        try:
+            target = Path(output).resolve()
+            if target not in _claims:
+                lock = target.with_name(f".{target.name}.partial-0")
+                lock.touch()
+                while not held.enter_context(_locked(lock)):
+                    if lock.exists():
+                        raise OutputError(
+                            f"{output}: another run is writing it; wait for that one, or name "
+                            "another place"
+                        )
+                    lock.touch()  # that run has ended just now
+                held.callback(_remove, lock)
+                _claims[target] = force
+                held.callback(_claims.pop, target)
+        except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
+            raise OutputError(
+                f"{output}: cannot be written ({_reason(error)}); choose another place"
+            ) from error
+        yield target
+
+
+# ------------------------------------------------------------------------------------------------
+# Files that are whole or absent.
+
+
+_STREAMS = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
+
+
+def is_stream(output: str | Path) -> bool:
+    """Tell whether an output is what the process prints, by one of its usual names."""
+    return str(output) in _STREAMS
+
+
+def check_absent(path: str | Path, *, force: bool) -> None:
+    """Refuse to replace a file, unless that is wished, and whatever is no file.
+
+    Raises
+    ------
+    OutputError
+        There is a file already, or a link to none, and `force` is false; or the path is a folder,
+        a device or a pipe; or its folder is missing.
+    """
+    path = Path(path)
+    if is_stream(path):
+        return
+    try:
+        if path.is_symlink() and not path.exists():
+            if not force:
+                raise OutputError(
+                    f"{path}: is a link to {path.readlink()}, where nothing is; make that with "
+                    "`force`, or name another file"
+                )
+        elif path.is_dir():
+            raise OutputError(f"{path}: is a folder; name a file")
+        elif path.exists() and not path.is_file():
+            raise OutputError(f"{path}: is a device or a pipe; name a file, or - for the terminal")
+        elif path.exists() and not force:
+            raise OutputError(
+                f"{path}: exists already; replace it with `force`, or name another file"
+            )
+        if not path.resolve().parent.is_dir():
+            raise OutputError(
+                f"{path}: there is no folder {path.resolve().parent}; create that first"
+            )
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: {_reason(error)}; choose another place") from error
+
+
+def write_whole(path: str | Path, data: bytes) -> None:
+    """Write a file by way of a temporary one beside it; a link is followed.
+
+    ``-`` and ``/dev/stdout`` stand for what the process prints.
+
+    Raises
+    ------
+    OutputError
+        The system refused, the path is a device or a pipe, or another run writes it.
+    """
+    if is_stream(path):
+        _stream(data)
+        return
+    with claimed(path) as target:
+        check_absent(path, force=_claims[target])
+        try:
+            with _scratch_beside(target, folder=False) as scratch:
+                scratch.write_bytes(data)
+                scratch.replace(target)
+        except OSError as error:
+            raise OutputError(
+                f"{path}: cannot be written ({_reason(error)}); choose another place"
+            ) from error
+
+
+def _stream(data: bytes) -> None:
+    out = sys.__stdout__
+    if out is None:
+        raise OutputError("standard output is closed; name a file")
+    out.flush()
+    out.buffer.write(data)
+    out.flush()
+
+
+# ------------------------------------------------------------------------------------------------
+# What in a folder planner has written: what its record lists, as it was written.
+
+
+_RECORDS = ("plan.json", "diagnosis.json", "slices.json", "tables.json")
+_PAGE = "plan.html"
+_SEAL = b"\n<!-- planner sha256 %s -->\n"
+_SEAL_BYTES = len(_SEAL % (64 * b"0"))
+_NAMED = 5
+
+
+def seal(page: bytes) -> bytes:
+    """End a page with its own hash, by which it is known as written by planner and unchanged.
+
+    A plan's page may be made anew when its record is long written.
+    """
+    return page + _SEAL % hashlib.sha256(page).hexdigest().encode()
+
+
+def is_sealed(path: Path) -> bool:
+    """Tell whether a page is as `seal` ended it."""
+    data = path.read_bytes()
+    return len(data) > _SEAL_BYTES and seal(data[:-_SEAL_BYTES]) == data
+
+
+def kept_files(folder: str | Path, record: str) -> tuple[str, ...]:
+    """List what planner has not written into a folder, or not as it is now.
+
+    Parameters
+    ----------
+    folder
+        One that planner wrote.
+    record
+        Its JSON document, which lists the folder's files with their hashes.
+
+    Returns
+    -------
+    tuple of str
+        Files, links and empty folders by their paths within it, sorted; folders end in a slash.
+
+    Raises
+    ------
+    OutputError
+        The record lists no files.
+    OSError
+        The folder cannot be read.
+    """
+    root = Path(folder)
+    listed = _listed(root, record)
+    kept = []
+    for name, path in _within(root):
+        if name.endswith("/"):
+            if not any(path.iterdir()) and not any(file.startswith(name) for file in listed):
+                kept.append(name)
+        elif name != record and not (
+            stat.S_ISREG(path.lstat().st_mode)
+            and (_sha256(path) == listed.get(name) or (name == _PAGE and is_sealed(path)))
+        ):
+            kept.append(name)
+    return tuple(sorted(kept))
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _within(root: Path) -> Iterator[tuple[str, Path]]:
+    """Yield what lies in a folder, folders before their content and with a slash, no scratch."""
+    for path in sorted(root.iterdir()):
+        if is_scratch(path.name):
+            continue
+        if path.is_dir() and not path.is_symlink():
+            yield f"{path.name}/", path
+            for name, inner in _within(path):
+                yield f"{path.name}/{name}", inner
+        else:
+            yield path.name, path
+
+
+def _listed(root: Path, record: str) -> Mapping[str, str]:
+    try:
+        document = msgspec.json.decode((root / record).read_bytes(), type=dict[str, Any])
+        return msgspec.convert(document["files"], dict[str, str])
+    except (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise OutputError(
+            f"{root}: its {record} does not list the folder's files (an earlier version, or "
+            "another program, wrote it), so that nothing in it is replaced; name another folder, "
+            "or remove this one"
+        ) from error
+
+
+def files_within(folder: str | Path) -> Iterator[Path]:
+    """Yield the files of a folder that a command given this folder may read.
+
+    Of a folder that planner wrote these are its record and the files listed there; of another all,
+    but for what planner wrote into a folder of its own within it.
+    """
+    root = Path(folder)
+    for record in _RECORDS:
+        if (root / record).is_file():
+            yield root / record
+            with contextlib.suppress(OutputError, OSError):
+                yield from (root / name for name in _listed(root, record))
+                return
+    for path in sorted(root.iterdir()):
+        if path.is_dir():
+            if not path.is_symlink() and not any((path / record).is_file() for record in _RECORDS):
+                yield from files_within(path)
+        elif not is_scratch(path.name):
+            yield path
+
+
+# ------------------------------------------------------------------------------------------------
+# Output folders that are whole or absent.
+
+
+def check_target(
+    folder: str | Path,
+    *,
+    force: bool = False,
+    record: str | None = "plan.json",
+    option: str = "output",
+) -> tuple[str, ...]:
+    """Make sure that a folder may be written, before hours are spent on its content.
+
+    An absent or empty folder may; one that planner wrote may with `force`, unless `record` is None;
+    anything else never.
+
+    Parameters
+    ----------
+    record
+        The document by which such a folder is known, and which lists its files.
+    option
+        By which the folder is named.
+
+    Returns
+    -------
+    tuple of str
+        What is there and stays; see `kept_files`.
+
+    Raises
+    ------
+    OutputError
+        Says what is there and what to do.
+    """
+    kept: tuple[str, ...] = ()
+    try:
+        if Path(folder).is_symlink() and not Path(folder).exists() and not force:
+            raise OutputError(
+                f"{folder}: is a link to {Path(folder).readlink()}, where nothing is; make that "
+                f"with `force`, or name another folder with `{option}`"
+            )
+        target = Path(folder).resolve()
+        if target.is_dir():
+            content = {e.name for e in target.iterdir() if not is_scratch(e.name)}
+            if not content:
+                return kept
+            if record is None:
+                raise OutputError(f"{folder}: exists already; name another folder with `{option}`")
+            if record not in content:
+                raise OutputError(
+                    f"{folder}: exists and holds no {record}, so planner did not write it and "
+                    f"does not replace it; name another folder with `{option}`"
+                )
+            if not force:
+                raise OutputError(
+                    f"{folder}: exists already; replace it with `force`, or name another folder "
+                    f"with `{option}`"
+                )
+            kept, listed = kept_files(target, record), _listed(target, record)
+            changed = [name for name in kept if name in listed]
+            _refuse(folder, changed, "was changed since planner wrote it", option)
+        elif target.exists():
+            raise OutputError(f"{folder}: is a file; name a folder with `{option}`")
+        elif not target.parent.is_dir():
+            raise OutputError(
+                f"{folder}: there is no folder {target.parent} to put it into; create that first"
+            )
+        if not os.access(target.parent, os.W_OK | os.X_OK):  # where the scratch folder comes to be
+            raise OutputError(
+                f"{folder}: the folder {target.parent} cannot be written into; choose another "
+                f"place with `{option}`"
+            )
+    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
+        raise OutputError(f"{folder}: {_reason(error)}") from error
+    return kept
+
+
+def _refuse(folder: str | Path, names: list[str], why: str, option: str) -> None:
+    if names:
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        raise OutputError(
+            f"{folder}: {', '.join(names[:_NAMED])}{more} {why}, and is not replaced; move that "
+            f"elsewhere, or name another folder with `{option}`"
+        )
+
+
+@contextmanager
+def new_folder(
+    folder: str | Path,
+    *,
+    force: bool = False,
+    record: str | None = "plan.json",
+    option: str = "output",
+) -> Iterator[Path]:
+    """Write a folder whole or not at all.
+
+    The body writes into the folder it is given, a sibling of the target, which takes the
+    target's name when the body ends. Whatever stops the body, an interrupt included, leaves the
+    target as it was and nothing beside it. The record, which the body writes too, then lists the
+    folder's other files with their hashes. Of an earlier folder what planner wrote is replaced, and
+    whatever else is in it stays.
+
+    Parameters
+    ----------
+    folder
+        The target; see `check_target` for what may be there.
+    force
+        Replace what planner wrote there.
+    record, option
+        As in `check_target`.
+
+    Yields
+    ------
+    pathlib.Path
+        The folder to write into.
+
+    Raises
+    ------
+    OutputError
+        The target may not be written, or the system refused: no permission, no space. Or the
+        target is written and a rest of the earlier folder is left; the message says where.
+    """
+    if Path(os.path.realpath(folder)) not in _claims:  # whoever claims a target has looked at it
+        check_target(folder, force=force, record=record, option=option)
+    with claimed(folder) as target:
+        try:
+            with _scratch_beside(target, folder=True) as scratch:
+                made = scratch.stat()
+                yield scratch
+                if not os.path.samestat(made, scratch.stat()):  # what was made anew lacks a part
+                    raise FileNotFoundError(errno.ENOENT, "what was being written has been removed")
+                if record is not None:
+                    _list_files(scratch / record)
+                # What has come there meanwhile stays, too.
+                kept = check_target(folder, force=force, record=record, option=option)
+                seen = {name for name, _ in _within(target)} if target.is_dir() else set()
+                _carry(target, scratch, kept, folder, option)
+                _take_name(scratch, target, folder, force=force, option=option)
+                _remove_earlier(scratch, target, seen, folder)
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: {_reason(error)}; nothing was written; choose another place with "
+                f"`{option}`"
+            ) from error
+
+
+def _list_files(record: Path) -> None:
+    """Add to a folder's record the hashes of its other files."""
+    document = msgspec.json.decode(record.read_bytes(), type=dict[str, Any])
+    document["files"] = {
+        name: _sha256(path)
+        for name, path in _within(record.parent)
+        if path != record and not name.endswith("/")
+    }
+    record.write_bytes(encode_document(document))
+
+
+def _carry(
+    target: Path, scratch: Path, kept: tuple[str, ...], folder: str | Path, option: str
+) -> None:
+    """Let what is not planner's stand in the new folder too: by a second name, else as a copy."""
+    _refuse(
+        folder,
+        [name for name in kept if _stands(scratch, name)],
+        "is in the way, was not written by planner",
+        option,
+    )
+    for name in kept:
+        place = scratch / name
+        missing = [p for p in (place, *place.parents) if p.is_relative_to(scratch)][::-1]
+        for above in missing if name.endswith("/") else missing[:-1]:
+            if not above.exists():
+                above.mkdir()
+                shutil.copystat(target / above.relative_to(scratch), above)
+        if not name.endswith("/"):
+            try:
+                os.link(target / name, place, follow_symlinks=False)
+            except OSError:  # not every file system has second names
+                shutil.copy2(target / name, place, follow_symlinks=False)
+
+
+def _stands(scratch: Path, name: str) -> bool:
+    """Tell whether something new has a name, or is a file where that needs a folder."""
+    above = [p for p in (scratch / name).parents if p.is_relative_to(scratch) and p != scratch]
+    return (os.path.lexists(scratch / name) and not name.endswith("/")) or any(
+        os.path.lexists(p) and not p.is_dir() for p in above
+    )
+
+
+def _take_name(
+    scratch: Path, target: Path, folder: str | Path, *, force: bool, option: str
+) -> None:
+    """Give `scratch` the name `target`; an earlier folder of that name then has that of `scratch`.
+
+    Both change names in one step, so that a run that is killed leaves the one or the other.
+    """
+    try:
+        scratch.rename(target)  # where there is nothing, or an empty folder
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        if not force:
+            raise OutputError(
+                f"{folder}: another run has written it meanwhile; nothing was written; replace it "
+                f"with `force`, or name another folder with `{option}`"
+            ) from error
+        if not _exchange(scratch, target):
+            _exchange_in_steps(scratch, target)
+
+
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of Linux
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two folders change names in one step; False where the system cannot."""
+    import ctypes
+
+    rename: Any = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if rename is None:
+        return False
+    if rename(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EPERM):
+        return False
+    raise OSError(number, os.strerror(number), str(other))
+
+
+def _exchange_in_steps(scratch: Path, target: Path) -> None:
+    """Do what `_exchange` does by way of a third name, which no run removes."""
+    for number in itertools.count():
+        aside = target.with_name(f".{target.name}.replaced{number or ''}")
+        try:
+            aside.mkdir()
+        except FileExistsError:
+            continue
+        break
+    kept = aside / target.name
+    try:
+        target.rename(kept)
+        scratch.rename(target)
+    except BaseException:
+        if kept.exists() and not target.exists():
+            kept.rename(target)
+        aside.rmdir()
+        raise
+    kept.rename(scratch)
+    aside.rmdir()
+
+
+def _remove_earlier(scratch: Path, target: Path, seen: set[str], folder: str | Path) -> None:
+    try:
+        if scratch.exists():
+            for name, path in list(_within(scratch)):
+                if name not in seen and path.exists() and not os.path.lexists(target / name):
+                    path.rename(target / name)  # it came in the very last moment
+            shutil.rmtree(scratch)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: is written, but the earlier one could not be deleted whole "
+            f"({_reason(error)}); delete {scratch}"
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
