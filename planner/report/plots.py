@@ -47,7 +47,7 @@ def draw(value: Any, ax: "Axes | None") -> "Axes":
             pyplot: Any = import_module("matplotlib.pyplot")
         except ImportError as error:
             raise ArgumentError(
-                f"plots need matplotlib ({error}): pip install 'planner[plot]'"
+                f"plots need matplotlib ({error}): pip install matplotlib"
             ) from error
         _, ax = pyplot.subplots(layout="constrained")
         assert ax is not None

@@ -223,7 +223,7 @@ def _make_slabs_on(scheduler: str, tasks: Iterator[SlabTask]) -> Iterator[SlabIm
     except ImportError as error:
         raise ArgumentError(
             f"`scheduler` {scheduler}: Dask is not installed ({error}); "
-            "pip install 'planner[distributed]', or leave `scheduler` out"
+            "pip install distributed, or leave `scheduler` out"
         ) from error
     with dask.config.set({_LARGE_TASK: "1GiB"}), _client(distributed, scheduler) as client:
         threads = _threads(client, scheduler)

@@ -373,6 +373,6 @@ def test_a_cluster_that_cannot_be_used(
     dogbone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
-    with pytest.raises(ArgumentError, match=r"pip install 'planner\[distributed\]'"):
+    with pytest.raises(ArgumentError, match="pip install distributed"):
         planner.write_slices(dogbone, tmp_path / "s", pitch_mm=1.0, scheduler="tcp://127.0.0.1:1")
     assert list(tmp_path.iterdir()) == []
