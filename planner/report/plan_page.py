@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -192,11 +193,12 @@ def view(plan: str | Path | Plan) -> Path:
     """
     file = plan_file(plan)
     page = file.parent / _NAME
-    if page.is_file():
-        with page.open("rb") as stream:
-            if _stamp(_sha256_of(read_plan(file))).encode() in stream.read(_HEAD_BYTES):
-                return page
-        if not is_sealed(page):
+    if os.path.lexists(page):
+        if page.is_file():
+            with page.open("rb") as stream:
+                if _stamp(_sha256_of(read_plan(file))).encode() in stream.read(_HEAD_BYTES):
+                    return page
+        if not (page.is_file() and is_sealed(page)):
             raise OutputError(
                 f"{page}: was not written by planner, or was changed since, and is not replaced; "
                 "move it elsewhere"

@@ -5,9 +5,11 @@ Small inputs for every such command, how it is attacked (`attacked.py`), and wha
 
 import hashlib
 import json
+import os
 import random
 import shlex
 import shutil
+import stat
 import subprocess
 import sys
 import time
@@ -424,6 +426,74 @@ def test_no_one_takes_what_is_printed(reader: str, bench_of: Callable[[Writer], 
         assert "standard output: No space left on device" in told
     else:
         assert code in (0, 1)
+
+
+# What may stand where a result is to be written, besides nothing and an earlier result. Each takes
+# the target, and a file that the command reads.
+def _loop(target: Path, _: Path) -> None:
+    target.symlink_to(target.with_name("loop"))
+    target.with_name("loop").symlink_to(target)
+
+
+THINGS: Mapping[str, Callable[[Path, Path], object]] = {
+    "pipe": lambda target, _: os.mkfifo(target),
+    "link to a device": lambda target, _: target.symlink_to("/dev/null"),
+    "socket": lambda target, _: os.mknod(target, 0o600 | stat.S_IFSOCK),
+    "loop of links": _loop,
+    "another's folder": lambda target, _: shutil.copytree(SAMPLES / "tensile", target),
+    "link to an input": lambda target, source: target.symlink_to(source),
+    "second name of an input": lambda target, source: os.link(source, target),
+    # And without --force:
+    "file": lambda target, _: target.write_text("mine"),
+    "link to nothing": lambda target, _: target.symlink_to("nothing"),
+}
+
+
+def _seen(folder: Path) -> dict[str, object]:
+    """Say what every path below a folder is: a link's end, a file's hash, or its kind."""
+    return {
+        path.relative_to(folder).as_posix(): path.readlink()
+        if path.is_symlink()
+        else hashlib.sha256(path.read_bytes()).hexdigest()
+        if path.is_file()
+        else stat.S_IFMT(path.lstat().st_mode)
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+@pytest.mark.parametrize("thing", THINGS)
+@pytest.mark.parametrize("writer", WRITERS, ids=lambda w: w.name)
+def test_an_output_on_every_kind_of_thing(
+    writer: Writer, thing: str, bench_of: Callable[[Writer], Bench],
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """It is refused before anything is computed, in one line, and stays what it is."""
+    bench = bench_of(writer)
+    monkeypatch.chdir(bench.folder)
+    for name in writer.targets:
+        target = bench.folder / name
+        if target.exists():  # the page of a plan
+            target.unlink()
+        source = next(
+            (p for p in sorted(bench.folder.rglob("*")) if p.name in ("bar.stl", "plan.json")),
+            next((p for p in sorted(bench.folder.rglob("*")) if p.is_file()), None),
+        )
+        if source is None and "input" in thing:
+            pytest.skip("it reads no file")
+        THINGS[thing](target, source or bench.folder)
+        before = _seen(bench.folder)
+        capsys.readouterr()
+        force = thing not in ("file", "link to nothing")
+        assert run(bench.words(force=force)) == 2, thing
+        assert _seen(bench.folder) == before
+        told = capsys.readouterr().err
+        assert told.startswith("planner: ")
+        assert told.count("\n") == 1
+        for path in (target, target.with_name("loop")):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
 
 
 @pytest.mark.slow
