@@ -20,6 +20,7 @@ from planner.errors import OutputError
 from planner.formats.files import encode_document
 
 __all__ = [
+    "SEAL",
     "check_absent",
     "check_target",
     "claimed",
@@ -253,23 +254,29 @@ def _stream(data: bytes) -> None:
 
 _RECORDS = ("plan.json", "diagnosis.json", "slices.json", "tables.json")
 _PAGE = "plan.html"
-_SEAL = b"\n<!-- planner sha256 %s -->\n"
-_SEAL_BYTES = len(_SEAL % (64 * b"0"))
+_SEAL = b'<meta name="sha256" content="%s">'
+_OPEN = _SEAL % (64 * b"0")
 _NAMED = 5
 
 
-def seal(page: bytes) -> bytes:
-    """End a page with its own hash, by which it is known as written by planner and unchanged.
+SEAL = _OPEN.decode()
+"""What a page has in its head that `seal` is to close."""
 
-    A plan's page may be made anew when its record is long written.
+
+def seal(page: bytes) -> bytes:
+    """Put a page's own hash into it, by which it is known as written by planner and unchanged.
+
+    A plan's page may be made anew when its record is long written. The hash is that of the page
+    with zeros in its place.
     """
-    return page + _SEAL % hashlib.sha256(page).hexdigest().encode()
+    return page.replace(_OPEN, _SEAL % hashlib.sha256(page).hexdigest().encode(), 1)
 
 
 def is_sealed(path: Path) -> bool:
-    """Tell whether a page is as `seal` ended it."""
-    data = path.read_bytes()
-    return len(data) > _SEAL_BYTES and seal(data[:-_SEAL_BYTES]) == data
+    """Tell whether a page is as `seal` made it."""
+    page = path.read_bytes()
+    at = page.find(_OPEN[:-66])
+    return at >= 0 and seal(page[:at] + _OPEN + page[at + len(_OPEN) :]) == page
 
 
 def kept_files(folder: str | Path, record: str) -> tuple[str, ...]:

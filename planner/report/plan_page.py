@@ -13,7 +13,7 @@ import numpy as np
 from planner import __version__
 from planner.errors import FileError, OutputError
 from planner.formats.files import encode_document
-from planner.formats.outputs import is_sealed, seal, write_whole
+from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
 from planner.numerics import Float32Array, FloatArray, IntArray
@@ -240,7 +240,7 @@ def _page(source: PlanSource) -> Iterator[str]:
         f"{plan.part.file}: plan",
         styles=["plan.css"],
         scripts=scripts,
-        stamp=_stamp(source.sha256),
+        stamp=f"{_stamp(source.sha256)}\n{SEAL}",
     )
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
     yield from _header(source)

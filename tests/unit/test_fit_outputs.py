@@ -142,16 +142,17 @@ def test_the_command_writes_all_or_nothing(samples: Path, tmp_path: Path, capsys
     assert run([*command, *outputs]) in (0, 1)
     assert f"wrote {tables}" in capsys.readouterr().out
     assert figure.read_bytes().startswith(b"<svg")
-    assert sorted(path.name for path in tables.iterdir()) == ["characteristics.csv", "laws.csv"]
+    names = ["characteristics.csv", "laws.csv", "tables.json"]
+    assert sorted(path.name for path in tables.iterdir()) == names
     assert run([*command, *outputs, "--force", "--json"]) in (0, 1)
     assert json.loads(capsys.readouterr().out)["file"] == str(palette)
     figure.unlink()
     palette.unlink()
     assert run([*command, *outputs]) == 2  # the folder is there
     assert "--tables" in capsys.readouterr().err
-    (tables / "notes.txt").write_text("mine", "utf-8")
+    (tables / "laws.csv").write_text("mine", "utf-8")
     assert run([*command, *outputs, "--force"]) == 2
-    assert "notes.txt" in capsys.readouterr().err
+    assert "laws.csv was changed since" in capsys.readouterr().err
     assert run([*command, "--tables", str(palette)]) == 2
     assert run([*command, "--figure", str(tmp_path / "lab.pdf")]) == 2
     assert not palette.exists()

@@ -15,6 +15,7 @@ import pytest
 from planner.errors import OutputError
 from planner.formats import outputs as files
 from planner.formats.outputs import (
+    SEAL,
     check_absent,
     check_target,
     claimed,
@@ -176,12 +177,13 @@ def test_a_record_that_lists_nothing_replaces_nothing(tmp_path, found):
 def test_a_page_made_later_is_known_by_its_seal(tmp_path):
     target = tmp_path / "out"
     write(target, "old")
-    (target / "plan.html").write_bytes(seal(b"<html>"))
+    page = b"<html>" + SEAL.encode() + b"<body>"
+    (target / "plan.html").write_bytes(seal(page))
     assert check_target(target, force=True) == ()
-    (target / "plan.html").write_bytes(seal(b"<html>").replace(b"html", b"body"))
+    (target / "plan.html").write_bytes(seal(page).replace(b"body", b"main"))
     assert check_target(target, force=True) == ("plan.html",)
     (target / "plan.html").rename(target / "kept.html")  # a sealed page of another name is no part
-    (target / "kept.html").write_bytes(seal(b"<html>"))
+    (target / "kept.html").write_bytes(seal(page))
     assert check_target(target, force=True) == ("kept.html",)
 
 

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,8 @@ def test_it_remembers_its_folder_and_nobody_else_sees_it(made: Plan, folder: Pat
     plan = planner.read_plan(folder)
     assert plan.folder == folder
     assert made.folder is None
-    assert plan.json() == (folder / "plan.json").read_bytes() == made.json()
+    assert plan.json() == (folder / "plan.json").read_bytes()
+    assert replace(plan, files={}).json() == made.json()
     assert str(folder) not in repr(plan)
     moved = Path(shutil.copytree(folder, folder.with_name("copy")))
     assert planner.read_plan(moved) == plan

@@ -16,6 +16,7 @@ import pytest
 
 import planner
 from planner.cli import run
+from planner.formats.outputs import seal
 from planner.plan import Finding
 from planner.report.display import colours_told_apart, shown
 from planner.report.markdown import to_html
@@ -152,7 +153,11 @@ def test_view_makes_the_page_of_an_old_plan_once(folder: Path, capsys) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document == {"schema": 1, "page": str(page), "opened": False}
     assert page.read_bytes().endswith(b"<!-- kept -->")
-    page.write_bytes(made.replace(b'content="planner ', b'content="planner 0.', 1))
+    older = made.replace(b'content="planner ', b'content="planner 0.', 1)
+    page.write_bytes(older)
+    with pytest.raises(planner.PlannerError, match="changed since"):
+        planner.view(folder)
+    page.write_bytes(seal(re.sub(rb'(?<="sha256" content=")[0-9a-f]+', 64 * b"0", older)))
     planner.view(folder)
     assert page.read_bytes() == made  # another version made that one
 
