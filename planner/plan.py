@@ -274,7 +274,7 @@ class Plan:
     ----------
     file
         The plan.json that it was read from, where its shells are; None of a plan just made.
-    files
+    files_sha256
         The SHA-256 of each other file of that folder, as it was written; empty of a plan just made.
     """
 
@@ -293,7 +293,7 @@ class Plan:
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
     file: Path | None = field(default=None, repr=False, compare=False)
-    files: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+    files_sha256: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
 
     _repr_html_ = html_of
 
@@ -346,8 +346,9 @@ class Plan:
         }
         beside = {name: gradient[name] for name in ("blend", "like", "snap") if name in gradient}
         document["gradient"] |= beside
-        files = document.pop("files")
-        return document | {"files": files} if files else document
+        if not document["files_sha256"]:
+            del document["files_sha256"]
+        return document
 
     def json(self) -> bytes:
         """Return the bytes of plan.json; those of a plan just made list no files yet."""

@@ -253,6 +253,9 @@ def _stream(data: bytes) -> None:
 
 
 _RECORDS = ("plan.json", "diagnosis.json", "slices.json", "tables.json")
+_LIST = "files_sha256"
+"""The record's key: the hash of each other file by its path."""
+
 _PAGE = "plan.html"
 _SEAL = b'<meta name="sha256" content="%s">'
 _OPEN = _SEAL % (64 * b"0")
@@ -337,7 +340,7 @@ def _within(root: Path) -> Iterator[tuple[str, Path]]:
 def _listed(root: Path, record: str) -> Mapping[str, str]:
     try:
         document = msgspec.json.decode((root / record).read_bytes(), type=dict[str, Any])
-        return msgspec.convert(document["files"], dict[str, str])
+        return msgspec.convert(document[_LIST], dict[str, str])
     except (KeyError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise OutputError(
             f"{root}: its {record} does not list the folder's files (an earlier version, or "
@@ -356,9 +359,11 @@ def files_within(folder: str | Path) -> Iterator[Path]:
     for record in _RECORDS:
         if (root / record).is_file():
             yield root / record
-            with contextlib.suppress(OutputError, OSError):
+            try:
                 yield from (root / name for name in _listed(root, record))
-                return
+            except (OutputError, OSError):  # of an earlier version
+                yield from root.glob("stl/*")
+            return
     for path in sorted(root.iterdir()):
         if path.is_dir():
             if not path.is_symlink() and not any((path / record).is_file() for record in _RECORDS):
@@ -515,7 +520,7 @@ def new_folder(
 def _list_files(record: Path) -> None:
     """Add to a folder's record the hashes of its other files."""
     document = msgspec.json.decode(record.read_bytes(), type=dict[str, Any])
-    document["files"] = {
+    document[_LIST] = {
         name: _sha256(path)
         for name, path in _within(record.parent)
         if path != record and not name.endswith("/")

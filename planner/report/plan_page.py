@@ -114,7 +114,7 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
 
 def _sha256_of(plan: Plan) -> str:
     """Return a plan's hash, wherever it lies: of plan.json but for the files beside it."""
-    return hashlib.sha256(replace(plan, files={}).json()).hexdigest()
+    return hashlib.sha256(replace(plan, files_sha256={}).json()).hexdigest()
 
 
 def _unaltered(root: Path, region: Region) -> bytes:

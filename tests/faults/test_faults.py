@@ -307,10 +307,14 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
                     file.write_bytes(b"earlier")
             for record in path.glob("*.json") if path.is_dir() else ():
                 document = json.loads(record.read_bytes())
-                if "files" in document:  # as if it had been written so
+                if "files_sha256" in document:  # as if it had been written so
                     of = hashlib.sha256(b"earlier").hexdigest()
-                    kept = {name: of for name in document["files"] if not name.endswith(".json")}
-                    record.write_text(json.dumps(document | {"files": document["files"] | kept}))
+                    kept = {
+                        name: of for name in document["files_sha256"] if not name.endswith(".json")
+                    }
+                    record.write_text(
+                        json.dumps(document | {"files_sha256": document["files_sha256"] | kept})
+                    )
         states["earlier"] = earlier
     return states, first.found, first.steps
 
@@ -347,7 +351,7 @@ def test_a_disk_that_takes_no_more(
 ) -> None:
     bench = Bench(WRITERS[0], small_disk, tmp_path / "steps.txt")
     (small_disk / "out").mkdir()
-    (small_disk / "out" / "plan.json").write_text('{"files": {}}')
+    (small_disk / "out" / "plan.json").write_text('{"files_sha256": {}}')
     shutil.copy(inputs("bar.stl"), small_disk)
     if state == "read-only":
         subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)

@@ -81,7 +81,7 @@ def test_json_is_one_document_and_the_plan(finger: str, capsys) -> None:
     run(["grade", finger, *GRADIENT, "--json"])
     printed = capsys.readouterr()
     written = json.loads(Path("finger-graded/plan.json").read_text())
-    assert set(written.pop("files")) > {"finger.3mf", "plan.html"}
+    assert set(written.pop("files_sha256")) > {"finger.3mf", "plan.html"}
     assert json.loads(printed.out) == written
     assert printed.err == ""
 

@@ -139,8 +139,8 @@ def test_a_law_that_softens_into_another_is_a_finding(capsys) -> None:
         (["--density", "A=-1"], "density_g_cm3 is -1"),
         (["--starts", "0"], "starts"),
         (["--level", "1.5"], "level"),
-        (["-o", "A.csv"], "A.csv: exists already"),
-        (["-o", "no/such/folder.toml"], "cannot be written"),
+        (["-o", "A.csv"], "--output A.csv: the command reads that file"),
+        (["-o", "no/such/folder.toml"], "there is no folder"),
     ],
 )
 def test_bad_options_are_refused_and_nothing_is_written(

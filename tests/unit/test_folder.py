@@ -166,7 +166,7 @@ def test_what_is_in_the_way_of_a_new_file_stays(tmp_path):
     assert names(tmp_path) == ["out"]
 
 
-@pytest.mark.parametrize("found", ["no JSON", "[]", '{"schema": 1}', '{"files": ["a"]}'])
+@pytest.mark.parametrize("found", ["no JSON", "[]", '{"schema": 1}', '{"files_sha256": ["a"]}'])
 def test_a_record_that_lists_nothing_replaces_nothing(tmp_path, found):
     write(tmp_path / "out")
     (tmp_path / "out" / "plan.json").write_text(found)
@@ -189,7 +189,7 @@ def test_a_page_made_later_is_known_by_its_seal(tmp_path):
 
 def test_the_record_lists_the_other_files(tmp_path):
     write(tmp_path / "out", beside=["HOWTO.md"])
-    listed = json.loads((tmp_path / "out" / "plan.json").read_text())["files"]
+    listed = json.loads((tmp_path / "out" / "plan.json").read_text())["files_sha256"]
     of = hashlib.sha256(b"new").hexdigest()
     assert listed == {"HOWTO.md": of, "stl/a.stl": of}
 

@@ -113,4 +113,4 @@ def test_characterise_writes_its_figure(tmp_path: Path, samples: Path, capsys) -
     assert not table.exists()
     same = [*command[:2], "--figure", str(tmp_path / "a.svg"), "-o", str(tmp_path / "a.svg")]
     assert run(same) == 2
-    assert "name one file" in capsys.readouterr().err
+    assert "name one place" in capsys.readouterr().err

@@ -28,7 +28,7 @@ def test_it_remembers_its_folder_and_nobody_else_sees_it(made: Plan, folder: Pat
     assert plan.folder == folder
     assert made.folder is None
     assert plan.json() == (folder / "plan.json").read_bytes()
-    assert replace(plan, files={}).json() == made.json()
+    assert replace(plan, files_sha256={}).json() == made.json()
     assert str(folder) not in repr(plan)
     moved = Path(shutil.copytree(folder, folder.with_name("copy")))
     assert planner.read_plan(moved) == plan

@@ -32,7 +32,7 @@ def here(tmp_path, monkeypatch, plan):
     palette = planner.load_printer("connex3").palette()
     planner.write_palette(palette, "pal.toml")
     Path("diag").mkdir()
-    Path("diag/diagnosis.json").write_text('{"files": {}}')
+    Path("diag/diagnosis.json").write_text('{"files_sha256": {}}')
     Path("profile.csv").write_text("position,modulus_MPa\n0,1\n1,10\n")
     Path("plan/profile.csv").write_text("position,modulus_MPa\n0,1\n1,10\n")
     return tmp_path
