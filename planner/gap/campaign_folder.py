@@ -30,6 +30,7 @@ from planner.formats.tensile import (
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.toml import decode_toml
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
+from planner.formats.within import path_within
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
 from planner.gap.parts import PartReader
@@ -456,9 +457,9 @@ def read_campaign_file(folder: Path) -> CampaignFile:
         The folder or file is missing, is no TOML, or breaks the schema; the message names the
         key.
     """
-    path = folder / _CAMPAIGN
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; give the folder of a campaign")
+    path = path_within(folder, _CAMPAIGN)
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -494,7 +495,7 @@ def campaign_palette(
         raise FileError(
             f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
         )
-    beside = folder / file.palette
+    beside = path_within(folder, file.palette)
     if file.palette.endswith(".toml") or beside.is_file():
         return load_palette(beside)
     return load_printer(file.printer).palette(file.palette)
@@ -547,14 +548,14 @@ def read_campaign(
     folder = Path(folder)
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
-    rows, covariates, slips = read_list(folder / SPECIMENS)
+    rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted = _Notes()
     for note in slips:
         noted.add(note)
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
     if (folder / _FIELDS).is_file():
-        fields = _read_strain_fields(folder / _FIELDS)
+        fields = _read_strain_fields(path_within(folder, _FIELDS))
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
@@ -623,7 +624,9 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
         )
     found: dict[str, TensileTable] = {}
     for name, members in files.items():
-        tables = read_tensile(folder / name)
+        with _naming(SPECIMENS):
+            path = path_within(folder, name)
+        tables = read_tensile(path)
         if len(tables) == 1 and len(members) == 1 and members[0].file:
             found[members[0].specimen] = tables[0]
             continue
@@ -667,7 +670,7 @@ def _specimen(
             part = place.parts.read(row)
             known["gauge_mm"] = part.response.gauge_mm
         else:
-            file, gauge = place.folder / row.profile, known["gauge_mm"]
+            file, gauge = path_within(place.folder, row.profile), known["gauge_mm"]
             design, told = read_profile(file, palette=place.palette, gauge_mm=gauge)
             known["gauge_mm"] = design.length_mm
             notes += told

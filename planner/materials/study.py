@@ -18,6 +18,7 @@ from planner.formats.tensile import (
     read_tensile,
 )
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
+from planner.formats.within import path_within
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
@@ -709,7 +710,7 @@ def _withlisted(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path)
         return files
     named = list(dict.fromkeys(row.file for row in rows if row.file))
     default = folder / "curves.csv"
-    return [folder / name for name in named] or ([default] if default.is_file() else [])
+    return [path_within(folder, name) for name in named] or ([default] if default.is_file() else [])
 
 
 def _relative(path: Path, listing: Path | None) -> str:

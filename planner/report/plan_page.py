@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError
 from planner.formats.files import encode_document, write_whole
-from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
+from planner.formats.within import path_within
 from planner.numerics import Float32Array, FloatArray, IntArray
-from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
+from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.display import Shown, colours_told_apart, shown
 from planner.report.markdown import to_html
 from planner.report.page import asset, begin, end
@@ -90,22 +89,21 @@ def _from_plan(plan: Plan) -> PlanSource:
 def _from_folder(where: str | Path | Plan) -> PlanSource:
     file = plan_file(where)
     plan, root = read_plan(file), file.parent
-    colours = {
-        item.material_name: item.colour for item in read_threemf(root / f"{plan.name}.3mf").objects
-    }
-    regions = {region.file: region for region in plan.regions}
+    threemf = read_threemf(path_within(root, f"{plan.name}.3mf"))
+    colours = {item.material_name: item.colour for item in threemf.objects}
+    printed = {region.file: region.printed for region in plan.regions}
+    names: list[str] = []
     shells: list[tuple[Float32Array | FloatArray, IntArray]] = []
-    for name in sorted(regions):
-        triangles = decode_stl(_unaltered(root, regions[name]), name)
+    for name, triangles in read_shells(plan):
         faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
         shells.append((triangles.reshape(-1, 3), faces))
-    howto = root / "HOWTO.md"
-    names = tuple(regions[name].printed for name in sorted(regions))
+        names.append(printed[name])
+    howto = path_within(root, "HOWTO.md")
     return PlanSource(
         plan,
         _sha256_of(file),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
-        names,
+        tuple(names),
         tuple(colours.get(name, "") or "#808080" for name in names),
         tuple(shells),
     )
@@ -113,21 +111,6 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
 
 def _sha256_of(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _unaltered(root: Path, region: Region) -> bytes:
-    """Read a shell's file, which must be the one that the plan was written with."""
-    path = root / region.file
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if hashlib.sha256(data).hexdigest() != region.sha256:
-        raise FileError(
-            f"{path}: its content is not what the plan was written with; grade the part again "
-            "(planner check says what else is wrong)"
-        )
-    return data
 
 
 # ------------------------------------------------------------------------------------------------
