@@ -13,6 +13,7 @@ import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document
+from planner.formats.markdown import as_words
 from planner.formats.threemf import Constituent
 from planner.formats.within import path_within
 from planner.glance import brief, counted, html_of, one_line, outcome, plotted
@@ -362,7 +363,7 @@ class Plan:
 
     def _files_table(self) -> list[str]:
         rows = [
-            f"| `{Path(shell.file).name}` | {shell.operator_name} | {shell.colour} |"
+            f"| `{Path(shell.file).name}` | {as_words(shell.operator_name)} | {shell.colour} |"
             for shell in self.shells
         ]
         mixed = any(shell.constituents for shell in self.shells)
@@ -566,6 +567,14 @@ def decode_plan(data: bytes, name: str) -> Plan:
         plan = msgspec.convert(document, Plan)
     except msgspec.ValidationError as error:
         raise FileError(f"{name}: {error}; it is not a plan.json of schema 1") from error
+    try:
+        for region in plan.regions:
+            msgspec.convert(region.blend, _Dithered | _InTurn | _Mixed | None)
+        msgspec.convert(plan.gradient.snap, _Snapped | None)
+    except msgspec.ValidationError as error:
+        raise FileError(
+            f"{name}: blend or snap: {error}; it is not a plan.json of schema 1"
+        ) from error
     if not _NAME.fullmatch(plan.name):
         raise FileError(
             f"{name}: part.name is {plan.name!r}; files are called by it: it may hold letters, "
@@ -575,6 +584,35 @@ def decode_plan(data: bytes, name: str) -> Plan:
 
 
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
+
+
+class _Blended(msgspec.Struct, tag_field="kind"):
+    """What every blend of a region has; with its further keys it is kept as it stands."""
+
+    lower: str
+    upper: str
+
+
+class _Dithered(_Blended, tag="dither"):
+    volume_fraction: float
+    moduli_MPa: _Pair
+
+
+class _InTurn(_Blended, tag="bands"):
+    share: float
+
+
+class _Mixed(_Blended, tag="mix"):
+    fraction: float
+    name: str
+
+
+class _Cut(msgspec.Struct):
+    by_mm: float
+
+
+class _Snapped(msgspec.Struct):
+    moved: tuple[_Cut, ...]
 
 
 # ------------------------------------------------------------------------------------------------

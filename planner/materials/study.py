@@ -756,7 +756,9 @@ def _row(
 
 def _specimen_name(path: Path, table: TensileTable) -> str:
     # A label in the file's head is often the same in all files of a batch.
-    return table.specimen if "specimen" not in table.metadata and table.specimen else path.stem
+    if "specimen" not in table.metadata and table.specimen:
+        return table.specimen
+    return path.stem.encode("utf-8", "replace").decode("utf-8")  # any bytes make a file's name
 
 
 def _material(table: TensileTable) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 
 from planner import __version__
 from planner.formats.files import encode_document, write_whole
+from planner.formats.markdown import to_html
 from planner.formats.threemf import read_threemf
 from planner.formats.within import path_within
 from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.display import Shown, colours_told_apart, shown
-from planner.report.markdown import to_html
 from planner.report.page import asset, begin, end
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
@@ -652,7 +652,8 @@ def _footer(source: PlanSource, display: Shown) -> Iterator[str]:
         f"moved by ({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}).</p>"
     )
     yield (
-        f"<p>planner {escape(plan.version)}; part sha256 {plan.part.sha256[:16]}, palette "
-        f"{escape(plan.palette.name)} {plan.palette.sha256[:16]}, plan.json {source.sha256[:16]}. "
+        f"<p>planner {escape(plan.version)}; part sha256 {escape(plan.part.sha256[:16])}, palette "
+        f"{escape(plan.palette.name)} {escape(plan.palette.sha256[:16])}, plan.json "
+        f"{source.sha256[:16]}. "
         "3D view by three.js r187, MIT licence, whose text is in this file.</p>\n</footer>"
     )
