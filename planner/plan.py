@@ -2,7 +2,8 @@
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +13,11 @@ import msgspec
 
 from planner.errors import FileError, OutputError, did_you_mean
 from planner.formats.files import decode_document, encode_document, read_file
+from planner.formats.markdown import as_words
 from planner.formats.threemf import Constituent
+from planner.formats.within import path_within
 from planner.glance import brief, counted, html_of, one_line, outcome, plotted
-from planner.numerics import Float32Array, IntArray, Point
+from planner.numerics import Float32Array, FloatArray, IntArray, Point
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +33,13 @@ __all__ = [
     "Region",
     "Shell",
     "Stiffness",
+    "Triangles",
     "Unreachable",
     "decode_plan",
     "plan_file",
     "read_plan",
+    "read_shell",
+    "read_shells",
 ]
 
 
@@ -49,6 +55,8 @@ _PICTURE = (600, 400)
 
 _Pair = tuple[float, float]
 Box = tuple[Point, Point]
+Triangles = Float32Array | FloatArray
+"""Corners (k, 3, 3) of a shell, as placed for printing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,7 +368,7 @@ class Plan:
 
     def _files_table(self) -> list[str]:
         rows = [
-            f"| `{Path(shell.file).name}` | {shell.operator_name} | {shell.colour} |"
+            f"| `{Path(shell.file).name}` | {as_words(shell.operator_name)} | {shell.colour} |"
             for shell in self.shells
         ]
         mixed = any(shell.constituents for shell in self.shells)
@@ -487,7 +495,7 @@ def plan_file(plan: str | Path | Plan) -> Path:
         return _file_of(plan)
     path = Path(plan)
     if path.is_dir():
-        file = path / "plan.json"
+        file = path_within(path, "plan.json")
         if not file.is_file():
             raise FileError(f"{path}: no plan.json in this folder; give a folder that grade wrote")
         return file
@@ -558,9 +566,103 @@ def decode_plan(data: bytes, name: str) -> Plan:
     for kept_beside in ("shells", "notes", "file"):
         document.pop(kept_beside, None)
     try:
-        return msgspec.convert(document, Plan)
+        plan = msgspec.convert(document, Plan)
     except msgspec.ValidationError as error:
         raise FileError(f"{name}: {error}; it is not a plan.json of schema 1") from error
+    try:
+        for region in plan.regions:
+            msgspec.convert(region.blend, _Dithered | _InTurn | _Mixed | None)
+        msgspec.convert(plan.gradient.snap, _Snapped | None)
+    except msgspec.ValidationError as error:
+        raise FileError(
+            f"{name}: blend or snap: {error}; it is not a plan.json of schema 1"
+        ) from error
+    if not _NAME.fullmatch(plan.name):
+        raise FileError(
+            f"{name}: part.name is {plan.name!r}; files are called by it: it may hold letters, "
+            "digits, '.', '-' and '_'"
+        )
+    return plan
+
+
+_NAME = re.compile(r"[A-Za-z0-9._-]+")
+
+
+class _Blended(msgspec.Struct, tag_field="kind"):
+    """What every blend of a region has; with its further keys it is kept as it stands."""
+
+    lower: str
+    upper: str
+
+
+class _Dithered(_Blended, tag="dither"):
+    volume_fraction: float
+    moduli_MPa: _Pair
+
+
+class _InTurn(_Blended, tag="bands"):
+    share: float
+
+
+class _Mixed(_Blended, tag="mix"):
+    fraction: float
+    name: str
+
+
+class _Cut(msgspec.Struct):
+    by_mm: float
+
+
+class _Snapped(msgspec.Struct):
+    moved: tuple[_Cut, ...]
+
+
+# ------------------------------------------------------------------------------------------------
+# The shells of a plan, which it holds where it was just made, and which else lie in its folder.
+
+
+def read_shells(plan: Plan) -> Iterator[tuple[str, Triangles]]:
+    """Yield a plan's shells by file, from soft to hard, those of the plan's folder unaltered.
+
+    Raises
+    ------
+    FileError
+        A shell is missing, lies outside the folder, or is not the one that the plan was written
+        with; or there is none.
+    """
+    from planner.formats.stl import decode_stl
+
+    for shell in plan.shells:
+        yield shell.file, decode_stl(shell.stl, shell.file)
+    if plan.shells:
+        return
+    folder = plan_file(plan).parent
+    files = {region.file: region for region in plan.regions}
+    for file in sorted(files):
+        data, altered = read_shell(folder, files[file])
+        if altered:
+            raise FileError(
+                f"{folder / file}: its content is not what the plan was written with; grade the "
+                "part again (planner check says what else is wrong)"
+            )
+        yield file, decode_stl(data, file)
+    if not files:
+        raise FileError(f"{folder}: the plan has no regions; grade the part again")
+
+
+def read_shell(folder: Path, region: Region) -> tuple[bytes, bool]:
+    """Return a region's STL from the plan's folder, and whether it has been altered.
+
+    Raises
+    ------
+    FileError
+        It is missing, or lies outside the folder.
+    """
+    data = read_file(
+        path_within(folder, region.file),
+        advice="keep it beside plan.json, or grade the part again",
+    )
+    return data, hashlib.sha256(data).hexdigest() != region.sha256
 
 
 def _without_none(value: Any) -> Any:

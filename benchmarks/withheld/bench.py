@@ -67,7 +67,8 @@ def bench(
     from benchmarks.withheld.scoring import read_truth
     from planner.cli.output import print_document, progress
     from planner.errors import ArgumentError
-    from planner.formats.files import check_absent, encode_document, write_whole
+    from planner.formats.files import encode_document
+    from planner.formats.outputs import check_absent, write_whole
 
     if truth is None:
         raise ArgumentError("no truth to score against; give its file with --truth")

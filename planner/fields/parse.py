@@ -745,7 +745,10 @@ def _text_of(says: Mapping[str, Any], origin_mm: Point) -> str:
         stop = start + float(says["span_mm"])
         return f"distance: plane={_words([0.0, 0.0, 0.0, *normal])}, from={start!r}, to={stop!r}"
     if name == "expression":
-        return f"expression: {says['expression']}"
+        text = str(says["expression"])
+        if ";" in text:  # it would part this field into several, such as a table from any file
+            raise ValueError(f"expression {text!r} holds a ';'")
+        return f"expression: {text}"
     if name == "harmonic":
         first, last = (_region_text(says[key], origin_mm) for key in ("from", "to"))
         return f"harmonic: from={first}, to={last}"

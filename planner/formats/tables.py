@@ -5,7 +5,7 @@ import io
 import math
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.files import read_file
+from planner.formats.files import SIGNIFICANT_DIGITS, read_file
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "LONGEST_HEADING",
     "QUANTITY_UNITS",
     "TextRow",
+    "encode_csv",
     "finite_number",
     "finite_numbers",
     "is_unit",
@@ -57,6 +58,35 @@ _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
 _GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
                           "\N{MINUS SIGN}": "-"})  # fmt: skip
 """What groups digits by thousands besides dot and comma: French and Swiss programs write these."""
+
+_FORMULA = re.compile(r"'*[=+\-@＝＋－＠\t\r\n]")
+"""What a spreadsheet takes a cell for a formula by (OWASP, CSV injection), and apostrophes before:
+one more makes a text of it, and is taken off when planner reads it."""
+
+_FIGURE = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+def encode_csv(
+    rows: Iterable[Iterable[str | float | None]], digits: int = SIGNIFICANT_DIGITS
+) -> bytes:
+    """Return rows as CSV, which no spreadsheet takes for formulas; `read_rows` gives texts back.
+
+    Figures have so many significant digits; None and what is not finite leave a cell empty.
+    """
+    lines = [",".join(_csv_cell(value, digits) for value in row) for row in rows]
+    return "".join(f"{line}\n" for line in lines).encode("utf-8")
+
+
+def _csv_cell(value: str | float | None, digits: int) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, str):
+        if isinstance(value, int):
+            return str(value).lower()
+        return f"{value + 0.0:.{digits}g}" if math.isfinite(value) else ""
+    if _FORMULA.match(value) and not _FIGURE.fullmatch(value):
+        value = f"'{value}"
+    return f'"{value.replace(chr(34), chr(34) * 2)}"' if re.search(r'[",\r\n]', value) else value
 
 
 def read_text(path: Path) -> str:
@@ -113,7 +143,8 @@ def _iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
     start = 1
     try:
         for cells in reader:
-            yield start, [cell.strip() for cell in cells]
+            bare = map(str.strip, cells)
+            yield start, [c[1:] if c[:1] == "'" and _FORMULA.match(c) else c for c in bare]
             start = reader.line_num + 1
     except csv.Error as error:
         raise FileError(f"line {start}: {error}") from error

@@ -1,8 +1,6 @@
 """A campaign's folder, read and written."""
 
 import contextlib
-import csv
-import io
 import json
 import math
 import re
@@ -17,9 +15,9 @@ import msgspec
 import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import SIGNIFICANT_DIGITS, read_file
+from planner.formats.files import read_file
 from planner.formats.outputs import new_folder
-from planner.formats.tables import LONGEST_HEADING, number, read_columns
+from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
 from planner.formats.tensile import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
@@ -31,6 +29,7 @@ from planner.formats.tensile import (
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.toml import decode_toml
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
+from planner.formats.within import path_within
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
 from planner.gap.parts import PartReader
@@ -457,11 +456,10 @@ def read_campaign_file(folder: Path) -> CampaignFile:
         The folder or file is missing, is no TOML, or breaks the schema; the message names the
         key.
     """
-    path = folder / _CAMPAIGN
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; give the folder of a campaign")
     data = read_file(
-        path,
+        path_within(folder, _CAMPAIGN),
         advice="a campaign's folder has a campaign.toml with schema, name, printer and palette",
     )
     try:
@@ -492,7 +490,7 @@ def campaign_palette(
         raise FileError(
             f'{_CAMPAIGN}: no palette; write palette = "palette.toml", or a palette\'s name'
         )
-    beside = folder / file.palette
+    beside = path_within(folder, file.palette)
     if file.palette.endswith(".toml") or beside.is_file():
         return load_palette(beside)
     return load_printer(file.printer).palette(file.palette)
@@ -545,14 +543,14 @@ def read_campaign(
     folder = Path(folder)
     file = read_campaign_file(folder)
     palette = campaign_palette(file, folder, palette)
-    rows, covariates, slips = read_list(folder / SPECIMENS)
+    rows, covariates, slips = read_list(path_within(folder, SPECIMENS))
     noted = _Notes()
     for note in slips:
         noted.add(note)
     tables = _tables(folder, rows, noted)
     fields: dict[str, MeasuredField] = {}
     if (folder / _FIELDS).is_file():
-        fields = _read_strain_fields(folder / _FIELDS)
+        fields = _read_strain_fields(path_within(folder, _FIELDS))
         listed = {row.specimen for row in rows}
         for stray in (specimen for specimen in fields if specimen not in listed):
             noted.add(f"in {_FIELDS} but no row in {SPECIMENS}; left out", stray)
@@ -621,7 +619,9 @@ def _tables(folder: Path, rows: Sequence[Row], noted: _Notes) -> dict[str, Tensi
         )
     found: dict[str, TensileTable] = {}
     for name, members in files.items():
-        tables = read_tensile(folder / name)
+        with _naming(SPECIMENS):
+            path = path_within(folder, name)
+        tables = read_tensile(path)
         if len(tables) == 1 and len(members) == 1 and members[0].file:
             found[members[0].specimen] = tables[0]
             continue
@@ -665,7 +665,7 @@ def _specimen(
             part = place.parts.read(row)
             known["gauge_mm"] = part.response.gauge_mm
         else:
-            file, gauge = place.folder / row.profile, known["gauge_mm"]
+            file, gauge = path_within(place.folder, row.profile), known["gauge_mm"]
             design, told = read_profile(file, palette=place.palette, gauge_mm=gauge)
             known["gauge_mm"] = design.length_mm
             notes += told
@@ -726,18 +726,20 @@ def _naming(where: str) -> Iterator[None]:
 _WRITTEN = sorted(SPECIMEN_COLUMNS, key=lambda name: not SPECIMEN_COLUMNS[name].is_size)
 """Sizes go before conditions."""
 
+_CsvRow = Sequence[str | float | None]
+
 
 def specimens_csv(campaign: Campaign) -> bytes:
     """Return the list of specimens as a file's bytes; designs of bars as profiles/NAME.csv."""
     profiles, _ = _profile_files(campaign.specimens)
-    return _table(_specimen_rows(campaign, profiles)).encode()
+    return encode_csv(_specimen_rows(campaign, profiles))
 
 
 def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = True) -> Path:
     """Write campaign.toml, palette.toml, specimens.csv, curves.csv, fields.csv, profiles and parts.
 
     The folder is whole or absent. Reading it gives the campaign back, figures to
-    `SIGNIFICANT_DIGITS`; writing that again gives the same bytes. Limitations are not written:
+    nine digits; writing that again gives the same bytes. Limitations are not written:
     reading finds them again.
 
     Parameters
@@ -767,23 +769,23 @@ def write_campaign(campaign: Campaign, output: str | Path, *, measured: bool = T
     _, designs = _profile_files(campaign.specimens)
     with new_folder(output, record=None) as scratch:
         (scratch / "palette.toml").write_bytes(encode_palette(campaign.palette))
-        _write(scratch / "campaign.toml", _campaign_toml(campaign))
+        (scratch / "campaign.toml").write_bytes(_campaign_toml(campaign))
         (scratch / "specimens.csv").write_bytes(specimens_csv(campaign))
         curves = campaign.specimens if measured else ()
-        _write(scratch / "curves.csv", _table(_curve_rows(curves)))
+        (scratch / "curves.csv").write_bytes(encode_csv(_curve_rows(curves)))
         if measured and any(s.strain_field is not None for s in campaign.specimens):
-            _write(scratch / "fields.csv", _table(_field_rows(campaign.specimens)))
+            (scratch / "fields.csv").write_bytes(encode_csv(_field_rows(campaign.specimens)))
         if designs:
             (scratch / "profiles").mkdir()
         for name, design in designs.items():
-            _write(scratch / name, _table(_profile_rows(design)))
+            (scratch / name).write_bytes(encode_csv(_profile_rows(design)))
         for name, data in _part_files(campaign.specimens)[1].items():
             (scratch / "parts").mkdir(exist_ok=True)
             (scratch / name).write_bytes(data)
     return Path(output)
 
 
-def _campaign_toml(campaign: Campaign) -> str:
+def _campaign_toml(campaign: Campaign) -> bytes:
     pairs = {"name": campaign.name, "printer": campaign.printer, "palette": "palette.toml"}
     if campaign.notes:
         pairs["notes"] = campaign.notes
@@ -792,10 +794,10 @@ def _campaign_toml(campaign: Campaign) -> str:
         f"{key} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
         for key, value in pairs.items()
     ]
-    return "\n".join(["schema = 1", *lines]) + "\n"
+    return ("\n".join(["schema = 1", *lines]) + "\n").encode("utf-8")
 
 
-def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[Sequence[str]]:
+def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[_CsvRow]:
     parts, files = _part_files(campaign.specimens)
     how = ("fix", "move", "load") if files else ()
     of_parts = ("part", *how) if files else ()
@@ -810,41 +812,39 @@ def _specimen_rows(campaign: Campaign, profiles: Sequence[str]) -> Iterable[Sequ
             profile,
             *([part] if files else []),
             *("" if s.part is None else getattr(s.part, name) for name in how),
-            *map(_cell, own.values()),
-            *(_cell(s.covariates.get(name)) for name in campaign.covariates),
+            *own.values(),
+            *(s.covariates.get(name) for name in campaign.covariates),
         )
 
 
-def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
+def _curve_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
     yield ("specimen", "time_s", "displacement_mm", "force_N")
     for s in specimens:
         for values in zip(s.time_s, s.displacement_mm, s.force_N, strict=True):
-            yield (s.id, *map(_number, values))
+            yield (s.id, *values)
 
 
-def _field_rows(specimens: Sequence[Specimen]) -> Iterable[Sequence[str]]:
+def _field_rows(specimens: Sequence[Specimen]) -> Iterable[_CsvRow]:
     fields = [(s.id, s.strain_field) for s in specimens if s.strain_field is not None]
     stated = any(field.facet_mm is not None for _, field in fields)
     yield ("specimen", "time_s", "x_mm", "strain", *(["facet_mm"] if stated else []))
     for id, field in fields:
-        facet = [_cell(field.facet_mm)] if stated else []
-        places = [_number(x) for x in field.x_mm]
+        facet = [field.facet_mm] if stated else []
         for time, strains in zip(field.time_s, field.strain, strict=True):
-            at = _number(time)
-            for x, strain in zip(places, strains, strict=True):
-                yield (id, at, x, _number(strain), *facet)
+            for x, strain in zip(field.x_mm, strains, strict=True):
+                yield (id, time, x, strain, *facet)
 
 
 def _profile_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, ProfileDesign]]:
     """Name a file for each specimen's design ("" without), equal designs sharing one."""
     names: list[str] = []
     designs: dict[str, ProfileDesign] = {}
-    texts: dict[str, str] = {}
+    texts: dict[str, bytes] = {}
     for s in specimens:
         if s.profile is None:
             names.append("")
             continue
-        text = _table(_profile_rows(s.profile))
+        text = encode_csv(_profile_rows(s.profile))
         number, name = 1, f"profiles/{s.profile.name}.csv"
         while texts.setdefault(name, text) != text:
             number += 1
@@ -871,32 +871,11 @@ def _part_files(specimens: Sequence[Specimen]) -> tuple[list[str], dict[str, byt
     return names, files
 
 
-def _profile_rows(design: ProfileDesign) -> Iterable[Sequence[str]]:
+def _profile_rows(design: ProfileDesign) -> Iterable[_CsvRow]:
     columns: dict[str, FloatArray] = {
         name: values
         for name in ("x_mm", "coordinate", "width_mm", "thickness_mm")
         if (values := getattr(design, name)) is not None
     }
     yield tuple(columns)
-    for values in zip(*columns.values(), strict=True):
-        yield tuple(map(_number, values))
-
-
-def _table(rows: Iterable[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _cell(value: str | float | None) -> str:
-    if value is None:
-        return ""
-    return value if isinstance(value, str) else _number(value)
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.{SIGNIFICANT_DIGITS}g}"
+    yield from zip(*columns.values(), strict=True)

@@ -40,7 +40,7 @@ from planner.palette import (
     encode_palette,
     parse_palette,
 )
-from planner.printers import Printer, palette_of
+from planner.printers import Printer, load_printer, palette_of
 
 __all__ = ["Correction", "correct"]
 
@@ -339,7 +339,7 @@ def _diagnosed_palette(
     """Return the palette, and a doubt whether it is the one that was diagnosed."""
     if palette is None:
         try:
-            chosen = palette_of(found.palette, printer)
+            chosen = load_printer(printer).palette(found.palette)
         except PlannerError:
             has = "does not bring"
         else:

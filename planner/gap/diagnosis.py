@@ -14,6 +14,7 @@ from planner import __version__
 from planner.errors import FileError
 from planner.formats.files import encode_document, read_file
 from planner.formats.unit_of import UnitOf
+from planner.formats.within import path_within
 from planner.glance import brief, counted, html_of, one_line, plotted
 from planner.numerics import FloatArray
 
@@ -480,7 +481,7 @@ def read_diagnosis(path: str | Path) -> Diagnosis:
     'temperature'
     """
     path = Path(path)
-    file = path / "diagnosis.json" if path.is_dir() else path
+    file = path_within(path, "diagnosis.json") if path.is_dir() else path
     try:
         data = read_file(
             file,
@@ -537,6 +538,10 @@ def _faults_of(file: _DiagnosisFile) -> Iterator[tuple[str, str, str]]:
         for i, place in enumerate(places):
             if not 0.0 <= place.p <= _MOST:
                 yield f"{key}[{i}].p", f"{place.p:g}", "from 0 to 1"
+    for i, test in enumerate(file.next_experiments):
+        profile = str(test.row.get("profile", ""))
+        if test.design and not re.fullmatch(r"profiles/[^/\\\0]+\.csv", profile):
+            yield f"next_experiments[{i}].row.profile", repr(profile), "profiles/NAME.csv"
     if file.remainder.significant != bool(file.remainder.where):
         allowed = "true where remainder.where names a place, and else false"
         yield "remainder.significant", str(file.remainder.significant).lower(), allowed

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.tensile import ListedSpecimen
+from planner.formats.within import path_within
 from planner.palette import Palette
 from planner.plan import plan_file
 from planner.simulation.part_response import PartResponse, read_response
@@ -47,7 +48,7 @@ class PartReader:
     Attributes
     ----------
     folder
-        What paths are relative to.
+        What paths are relative to, and lie in.
     """
 
     folder: Path
@@ -69,7 +70,7 @@ class PartReader:
         return self._known[key]
 
     def _response(self, part: str, fix: str, move: str, load: str) -> PartResponse:
-        path = self.folder / part
+        path = path_within(self.folder, part)
         if path.is_file() and path.name != "plan.json":
             return read_response(path)
         if not fix or bool(move) == bool(load):

@@ -11,6 +11,7 @@ import numpy as np
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 from planner.formats.tensile import ListedSpecimen as Row
 from planner.formats.tensile import read_specimens
+from planner.formats.within import path_within
 from planner.gap.camera import seen_shares
 from planner.gap.campaign import Campaign, Specimen, StrainField
 from planner.gap.campaign_folder import (
@@ -238,14 +239,16 @@ def read_design(
                 f"give its {SPECIMENS} alone, and each goes the way of its protocol"
             )
         return replace(campaign, specimens=specimens)
-    return _listed(path / SPECIMENS, file.name, own, file.printer, camera)
+    return _listed(path_within(path, SPECIMENS), file.name, own, file.printer, camera)
 
 
 def _has_curves(folder: Path) -> bool:
-    if any(row.file for row in read_specimens(folder / SPECIMENS)):
+    if any(row.file for row in read_specimens(path_within(folder, SPECIMENS))):
         return True
     try:
-        lines = (folder / CURVES).read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = (
+            path_within(folder, CURVES).read_text(encoding="utf-8", errors="replace").splitlines()
+        )
     except OSError:
         return False
     return sum(bool(line.strip()) for line in lines) > 1
@@ -281,7 +284,9 @@ def _listed(file: Path, name: str, palette: Palette, printer: str, camera: bool)
     rows, covariates, notes = read_list(file)
     parts = PartReader(file.parent, palette)
     designs = [
-        read_profile(file.parent / row.profile, palette=palette, gauge_mm=row.gauge_mm)[0]
+        read_profile(path_within(file.parent, row.profile), palette=palette, gauge_mm=row.gauge_mm)[
+            0
+        ]
         if row.profile
         else None
         for row in rows

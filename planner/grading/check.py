@@ -1,6 +1,5 @@
 """Plans checked and compared: from a folder's files alone, and one against another."""
 
-import hashlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, MeshError, PlannerError
+from planner.errors import ArgumentError, FileError, PlannerError
 from planner.formats.outputs import is_scratch
 from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
+from planner.formats.within import path_within
 from planner.glance import counted, one_line, outcome
 from planner.mesh.audit import JoinedShells, Measured, interfaces_cancel, join_shells
 from planner.mesh.mesh import Measures, Mesh
-from planner.numerics import Float32Array, FloatArray
-from planner.plan import Box, Check, Plan, Region, plan_file, read_plan
+from planner.numerics import FloatArray
+from planner.plan import Box, Check, Plan, Region, Triangles, plan_file, read_plan, read_shell
 from planner.voxels.columns import columns_of, grid_for, snap
 
 __all__ = ["Certificate", "Difference", "check", "diff", "plan_checks", "shell_checks"]
@@ -88,8 +88,6 @@ def _shared_mm3(shells: JoinedShells) -> float:
 # ------------------------------------------------------------------------------------------------
 # Whether a plan's files say what its plan.json says.
 
-
-_Shells = Mapping[str, Float32Array | FloatArray]
 
 _VOLUME_ERROR = 1e-6  # relative; plan.json keeps nine digits
 _PLACE_ERROR_MM = 1e-3  # far below a pixel, far above float32 on any tray
@@ -170,6 +168,8 @@ def _shell_problems(
         materials = sorted({region.printed for region in regions})
         if not all(file.endswith(f"_{material}.stl") for material in materials):
             yield f"{file}: the plan puts {', '.join(materials)} into it, its name says otherwise"
+        if not file.startswith("stl/"):
+            yield f"{file}: shells stand in stl/; move it there, or grade the part again"
         if f"__{number:02d}_" not in file:
             yield f"{file}: its number is not its place from soft to hard, {number:02d}"
         found = measures[file]
@@ -185,11 +185,12 @@ def _shell_problems(
         yield "stl/: the files' numbers do not run from soft to hard"
 
 
-def _threemf_problems(path: Path, plan: Plan, shells: _Shells) -> Iterator[str]:
+def _threemf_problems(root: Path, plan: Plan, shells: Mapping[str, Triangles]) -> Iterator[str]:
     """Hold the 3MF against the STL files, triangle for triangle, and its materials."""
-    if not path.is_file():
-        return  # told as missing
     try:
+        path = path_within(root, f"{plan.name}.3mf")
+        if not path.is_file():
+            return  # told as missing
         model = read_threemf(path)
     except PlannerError as error:
         yield str(error)
@@ -213,7 +214,7 @@ def _threemf_problems(path: Path, plan: Plan, shells: _Shells) -> Iterator[str]:
 
 
 def _object_problems(
-    name: str, item: ThreemfObject, shell: Float32Array | FloatArray, regions: list[Region]
+    name: str, item: ThreemfObject, shell: Triangles, regions: list[Region]
 ) -> Iterator[str]:
     triangles = np.asarray(item.vertices, dtype=np.float32)[item.faces]
     # Text keeps each coordinate to about one unit in the last place of float32.
@@ -347,17 +348,17 @@ def check(
     plan = read_plan(file)
     problems = list(_misplaced(root, plan))
     progress("reading the shells")
-    altered, shells = 0, dict[str, Float32Array | FloatArray]()
-    for name, expected in {region.file: region.sha256 for region in plan.regions}.items():
+    altered, shells = 0, dict[str, Triangles]()
+    for name, region in {region.file: region for region in plan.regions}.items():
         try:
-            data = _inside(root, name).read_bytes()
-            if hashlib.sha256(data).hexdigest() != expected:
+            if not path_within(root, name).exists():
+                continue  # told as missing already
+            data, changed = read_shell(root, region)
+            if changed:
                 altered += 1
                 problems.append(f"{name}: its content is not what the plan was written with")
             shells[name] = decode_stl(data, name)
-        except FileNotFoundError:
-            continue  # told as missing already
-        except (OSError, FileError) as error:
+        except FileError as error:
             problems.append(str(error))
     progress("verifying the shells")
     checks = {"files_altered": Check(altered, 0, altered == 0)}
@@ -366,7 +367,7 @@ def check(
     if "shells_unsound" not in verified:
         problems.append("there is no shell that can be verified")
     progress("comparing the 3MF")
-    mismatches = list(_threemf_problems(root / f"{plan.name}.3mf", plan, shells))
+    mismatches = list(_threemf_problems(root, plan, shells))
     checks["threemf_mismatches"] = Check(len(mismatches), 0, not mismatches)
     return Certificate(
         part=plan.part.file,
@@ -377,15 +378,6 @@ def check(
         problems=(*problems, *disagreements, *mismatches),
         reported=tuple(_reported(plan)),
     )
-
-
-def _inside(root: Path, name: str) -> Path:
-    path = (root / name).resolve()
-    if not path.is_relative_to(root.resolve() / "stl"):
-        raise MeshError(
-            f"{name}: the plan names a shell outside the folder's stl/; it was not read"
-        )
-    return path
 
 
 def _misplaced(root: Path, plan: Plan) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from planner.formats.markdown import as_words
 from planner.grading.profile import StiffnessScale
 from planner.plan import Finding
 from planner.printers import Printer
@@ -32,9 +33,9 @@ def job_notes(
         "",
         "## This plan",
         "",
-        f"- Resins to load: {', '.join(f'**{resin}**' for resin in resins)}; support "
-        f"{machine.support}.",
-        f"- Palette {palette.name}: {_conditions(scale)}.",
+        f"- Resins to load: {', '.join(f'**{as_words(resin)}**' for resin in resins)}; support "
+        f"{as_words(machine.support)}.",
+        f"- Palette {as_words(palette.name)}: {as_words(_conditions(scale))}.",
         *(f"- {_sentence(warning)}" for warning in warnings),
     ]
     if findings:
@@ -66,4 +67,5 @@ def _conditions(scale: StiffnessScale) -> str:
 
 
 def _sentence(text: str) -> str:
+    text = as_words(text)
     return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")

@@ -27,7 +27,7 @@ from planner.grading.profile import (
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 from planner.plan import Gradient, Plan, plan_file, read_plan
-from planner.printers import Printer, palette_of
+from planner.printers import Printer, load_printer
 
 __all__ = ["Earlier", "End", "Wish", "Wished", "targets_of", "whole_wish"]
 
@@ -170,7 +170,7 @@ class Earlier:
     def _own_palette(self, printer: str | Printer | None) -> Palette:
         used = self.plan.palette
         try:
-            palette = palette_of(used.name, printer or self.plan.printer)
+            palette = load_printer(printer or self.plan.printer).palette(used.name)
         except PlannerError:
             palette = None
         if palette is None or palette.sha256 != used.sha256:

@@ -13,6 +13,7 @@ from planner.errors import ArgumentError, did_you_mean, positive
 from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.files import encode_document
+from planner.formats.tables import encode_csv
 from planner.glance import counted, html_of, one_line, outcome
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import Profile, stiffness_scale
@@ -148,8 +149,7 @@ class PartDesign:
     def profile_csv(self) -> bytes:
         """Return the profile as `planner.grade` reads it."""
         rows = zip(self.positions, self.moduli_MPa, strict=True)
-        lines = ["position,modulus_MPa", *(f"{u:.6g},{E:.6g}" for u, E in rows), ""]
-        return "\n".join(lines).encode()
+        return encode_csv([("position", "modulus_MPa"), *rows], digits=6)
 
     def write(
         self,

@@ -1,10 +1,8 @@
 """The tables of a fit as CSV: characteristics, laws with intervals, and Algorithm 1's."""
 
-import csv
-import io
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
+from planner.formats.tables import encode_csv
 from planner.materials.palette_study import Characterisation, PaletteStudy
 from planner.materials.quadratic_study import QuadraticStudy
 
@@ -70,7 +68,7 @@ def _laws(study: PaletteStudy) -> bytes:
                     ]
                 )  # fmt: skip
     more = ["level", "specimens", "r2", "nrmse", "held_out_error"]
-    return _table([*header, *more], rows)
+    return encode_csv([[*header, *more], *rows])
 
 
 def _coefficients(found: QuadraticStudy) -> bytes:
@@ -79,7 +77,7 @@ def _coefficients(found: QuadraticStudy) -> bytes:
         for row in found.rows
         for name, c, half in zip(_COEFFICIENTS, row.fit.c, row.fit.half, strict=True)
     ]
-    return _table(["material", "coordinate", "coefficient", "value", "low", "high"], rows)
+    return encode_csv([["material", "coordinate", "coefficient", "value", "low", "high"], *rows])
 
 
 def _quadratics(found: QuadraticStudy) -> bytes:
@@ -90,7 +88,9 @@ def _quadratics(found: QuadraticStudy) -> bytes:
         )
     ]
     powers = ("q2", "q1", "q0")
-    return _table(["coefficient", *powers, *(f"{q}_through_coefficients" for q in powers)], rows)
+    return encode_csv(
+        [["coefficient", *powers, *(f"{q}_through_coefficients" for q in powers)], *rows]
+    )
 
 
 def _goodness(found: QuadraticStudy) -> bytes:
@@ -107,18 +107,4 @@ def _goodness(found: QuadraticStudy) -> bytes:
         rows.append([row.id, row.curve.coordinate, *r2, *nrmse, *near_rest])
     names = [f"{figure}_{name}" for figure in ("r2", "nrmse") for name in kinds.values()]
     near_rest_names = ["stress_near_rest_quadratics_MPa", "stress_near_rest_law_MPa"]
-    return _table(["material", "coordinate", *names, *near_rest_names], rows)
-
-
-def _table(header: Sequence[str], rows: Iterable[_Row]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return text.getvalue().encode("utf-8")
-
-
-def _cell(value: str | float | None) -> str:
-    if value is None or isinstance(value, str):
-        return value or ""
-    return f"{value:.9g}" if math.isfinite(value) else ""
+    return encode_csv([["material", "coordinate", *names, *near_rest_names], *rows])

@@ -1,7 +1,5 @@
 """From a set of tensile tests to a palette or a table of characteristics."""
 
-import csv
-import io
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
-from planner.formats.tables import number
+from planner.formats.tables import encode_csv, number
 from planner.formats.tensile import ListedSpecimen
 from planner.glance import counted, one_line, outcome, plotted
 from planner.materials.characterise import (
@@ -47,9 +45,6 @@ __all__ = ["Characterisation", "PaletteStudy", "characterise", "fit"]
 
 # ------------------------------------------------------------------------------------------------
 # Characteristics as files: a CSV table, one row a material, and a JSON document.
-
-
-_DIGITS = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,15 +107,11 @@ class Characterisation:
         header = ["material", "specimens", "deformation"]
         for name in names:
             header += _columns(name)
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(header)
+        rows: list[list[str | float | None]] = [[*header]]
         for material in self.materials:
-            row = [material.material, str(material.n), material.deformation.kind]
-            for name in names:
-                row += _cells(material.spreads.get(name))
-            writer.writerow(row)
-        return text.getvalue().encode("utf-8")
+            figures = [cell for name in names for cell in _cells(material.spreads.get(name))]
+            rows.append([material.material, material.n, material.deformation.kind, *figures])
+        return encode_csv(rows)
 
     def document(self) -> dict[str, Any]:
         """Return the figures of materials and specimens as plain values, unrounded."""
@@ -262,15 +253,10 @@ def _columns(name: str) -> list[str]:
             f"{stem}_n"]  # fmt: skip
 
 
-def _cells(figure: Spread | None) -> list[str]:
+def _cells(figure: Spread | None) -> list[float | None]:
     if figure is None:
-        return ["", "", "", "", "", "0"]
-    low, high = (None, None) if figure.interval is None else figure.interval
-    return [
-        *("" if v is None else f"{v:.{_DIGITS}g}" for v in (figure.mean, figure.sd, figure.cv)),
-        *("" if v is None else f"{v:.{_DIGITS}g}" for v in (low, high)),
-        str(figure.n),
-    ]
+        return [None, None, None, None, None, 0]
+    return [figure.mean, figure.sd, figure.cv, *(figure.interval or (None, None)), figure.n]
 
 
 # ------------------------------------------------------------------------------------------------

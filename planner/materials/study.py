@@ -18,6 +18,7 @@ from planner.formats.tensile import (
     read_tensile,
 )
 from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
+from planner.formats.within import path_within
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
@@ -721,7 +722,7 @@ def _withlisted(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path)
         return files
     named = list(dict.fromkeys(row.file for row in rows if row.file))
     default = folder / "curves.csv"
-    return [folder / name for name in named] or ([default] if default.is_file() else [])
+    return [path_within(folder, name) for name in named] or ([default] if default.is_file() else [])
 
 
 def _relative(path: Path, listing: Path | None) -> str:
@@ -767,7 +768,9 @@ def _row(
 
 def _specimen_name(path: Path, table: TensileTable) -> str:
     # A label in the file's head is often the same in all files of a batch.
-    return table.specimen if "specimen" not in table.metadata and table.specimen else path.stem
+    if "specimen" not in table.metadata and table.specimen:
+        return table.specimen
+    return path.stem.encode("utf-8", "replace").decode("utf-8")  # any bytes make a file's name
 
 
 def _material(table: TensileTable) -> str:

@@ -1,14 +1,13 @@
 """The folder of a diagnosis: report.html, figures and tables."""
 
-import csv
-import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from planner import __version__
 from planner.formats.outputs import new_folder
+from planner.formats.tables import encode_csv
 from planner.gap.diagnosis import Diagnosis
 from planner.gap.summary import axis_words, number_words, percent, probability, summary_of, title
 from planner.report.gap_figures import figures_of
@@ -34,44 +33,45 @@ _SIGNIFICANT_DIGITS = 6
 
 def _ranking_csv(diagnosis: Diagnosis) -> bytes:
     """Return the hypotheses, most probable first."""
-    return _csv(
-        ("hypothesis", "probability", "with_unknown", "same_class"),
-        (
-            (h.name, h.probability, h.with_unknown, h.effects in diagnosis.same_class)
-            for h in diagnosis.ranking
-        ),
+    rows = (
+        (h.name, h.probability, h.with_unknown, h.effects in diagnosis.same_class)
+        for h in diagnosis.ranking
+    )
+    return encode_csv(
+        [("hypothesis", "probability", "with_unknown", "same_class"), *rows], _SIGNIFICANT_DIGITS
     )
 
 
 def _where_csv(diagnosis: Diagnosis) -> bytes:
     """Return the axes of the gap, then those of what remains after the verdict's effects."""
-    return _csv(
-        ("of", "axis", "share", "share_low", "share_high", "p", "detail"),
-        (
-            (of, place.axis, place.share, *place.share_interval, place.p, place.detail)
-            for of, places in (("gap", diagnosis.where), ("remainder", diagnosis.remainder))
-            for place in places
-        ),
+    rows = (
+        (of, place.axis, place.share, *place.share_interval, place.p, place.detail)
+        for of, places in (("gap", diagnosis.where), ("remainder", diagnosis.remainder))
+        for place in places
+    )
+    return encode_csv(
+        [("of", "axis", "share", "share_low", "share_high", "p", "detail"), *rows],
+        _SIGNIFICANT_DIGITS,
     )
 
 
 def _next_csv(diagnosis: Diagnosis) -> bytes:
     """Return the specimens of the next tests as a list of specimens, one a row."""
     columns = list(dict.fromkeys(name for x in diagnosis.next_experiments for name in x.row))
-    return _csv(
-        ("specimen", *columns),
-        (
-            (f"next-{number}{_LETTERS[copy]}", *(x.row.get(name, "") for name in columns))
-            for number, x in enumerate(diagnosis.next_experiments, start=1)
-            for copy in range(x.count if x.row else 0)
-        ),
+    rows = (
+        (f"next-{number}{_LETTERS[copy]}", *(x.row.get(name, "") for name in columns))
+        for number, x in enumerate(diagnosis.next_experiments, start=1)
+        for copy in range(x.count if x.row else 0)
     )
+    return encode_csv([("specimen", *columns), *rows], _SIGNIFICANT_DIGITS)
 
 
 def _next_profiles(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the designs of the bars among the next tests, by the path that their rows name."""
     return {
-        str(x.row["profile"]): _csv(tuple(x.design), zip(*x.design.values(), strict=True))
+        str(x.row["profile"]): encode_csv(
+            [tuple(x.design), *zip(*x.design.values(), strict=True)], _SIGNIFICANT_DIGITS
+        )
         for x in diagnosis.next_experiments
         if x.design
     }
@@ -164,23 +164,6 @@ def _interval(
     ends: tuple[float, float] | None, words: Callable[[float], str] = number_words
 ) -> str:
     return "" if ends is None else f"{words(ends[0])} to {words(ends[1])}"
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([_cell(value) for value in row])
-    return text.getvalue().encode("utf-8")
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return f"{value + 0.0:.{_SIGNIFICANT_DIGITS}g}" if math.isfinite(value) else ""
-    return str(value)
 
 
 # ------------------------------------------------------------------------------------------------

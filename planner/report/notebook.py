@@ -10,7 +10,7 @@ from planner.gap.diagnosis import Diagnosis
 from planner.grading.profile import StiffnessScale, stiffness_scale
 from planner.palette import Palette
 from planner.plan import Plan
-from planner.printers import palette_of
+from planner.printers import load_printer
 from planner.report.display import colours_told_apart
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import headline, scope
@@ -124,7 +124,7 @@ def _colours(plan: Plan) -> dict[str, str]:
     known = {shell.material: shell.colour for shell in plan.shells}
     if not known:
         try:
-            palette = palette_of(plan.palette.name, plan.printer)
+            palette = load_printer(plan.printer).palette(plan.palette.name)
         except PlannerError:
             palette = None  # a lab's own, known by its file alone
         known = {m.id: m.colour for m in palette.materials} if palette is not None else {}

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from planner import __version__
-from planner.errors import FileError, OutputError
+from planner.errors import OutputError
 from planner.formats.files import encode_document
+from planner.formats.markdown import to_html
 from planner.formats.outputs import SEAL, is_sealed, seal, write_whole
-from planner.formats.stl import decode_stl
 from planner.formats.threemf import read_threemf
+from planner.formats.within import path_within
 from planner.numerics import Float32Array, FloatArray, IntArray
-from planner.plan import Plan, Region, decode_plan, plan_file, read_plan
+from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
 from planner.report.display import Shown, colours_told_apart, shown
-from planner.report.markdown import to_html
 from planner.report.page import asset, begin, end
 from planner.report.plan_figure import stiffness_figure
 from planner.report.plan_text import (
@@ -91,22 +91,21 @@ def _from_plan(plan: Plan) -> PlanSource:
 def _from_folder(where: str | Path | Plan) -> PlanSource:
     file = plan_file(where)
     plan, root = read_plan(file), file.parent
-    colours = {
-        item.material_name: item.colour for item in read_threemf(root / f"{plan.name}.3mf").objects
-    }
-    regions = {region.file: region for region in plan.regions}
+    threemf = read_threemf(path_within(root, f"{plan.name}.3mf"))
+    colours = {item.material_name: item.colour for item in threemf.objects}
+    printed = {region.file: region.printed for region in plan.regions}
+    names: list[str] = []
     shells: list[tuple[Float32Array | FloatArray, IntArray]] = []
-    for name in sorted(regions):
-        triangles = decode_stl(_unaltered(root, regions[name]), name)
+    for name, triangles in read_shells(plan):
         faces = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
         shells.append((triangles.reshape(-1, 3), faces))
-    howto = root / "HOWTO.md"
-    names = tuple(regions[name].printed for name in sorted(regions))
+        names.append(printed[name])
+    howto = path_within(root, "HOWTO.md")
     return PlanSource(
         plan,
         _sha256_of(plan),
         howto.read_text(encoding="utf-8", errors="replace") if howto.is_file() else "",
-        names,
+        tuple(names),
         tuple(colours.get(name, "") or "#808080" for name in names),
         tuple(shells),
     )
@@ -115,21 +114,6 @@ def _from_folder(where: str | Path | Plan) -> PlanSource:
 def _sha256_of(plan: Plan) -> str:
     """Return a plan's hash, wherever it lies: of plan.json but for the files beside it."""
     return hashlib.sha256(replace(plan, files_sha256={}).json()).hexdigest()
-
-
-def _unaltered(root: Path, region: Region) -> bytes:
-    """Read a shell's file, which must be the one that the plan was written with."""
-    path = root / region.file
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if hashlib.sha256(data).hexdigest() != region.sha256:
-        raise FileError(
-            f"{path}: its content is not what the plan was written with; grade the part again "
-            "(planner check says what else is wrong)"
-        )
-    return data
 
 
 # ------------------------------------------------------------------------------------------------
@@ -676,7 +660,8 @@ def _footer(source: PlanSource, display: Shown) -> Iterator[str]:
         f"moved by ({', '.join(f'{t:.6g}' for t in plan.part.translation_mm)}).</p>"
     )
     yield (
-        f"<p>planner {escape(plan.version)}; part sha256 {plan.part.sha256[:16]}, palette "
-        f"{escape(plan.palette.name)} {plan.palette.sha256[:16]}, plan.json {source.sha256[:16]}. "
+        f"<p>planner {escape(plan.version)}; part sha256 {escape(plan.part.sha256[:16])}, palette "
+        f"{escape(plan.palette.name)} {escape(plan.palette.sha256[:16])}, plan.json "
+        f"{source.sha256[:16]}. "
         "3D view by three.js r187, MIT licence, whose text is in this file.</p>\n</footer>"
     )

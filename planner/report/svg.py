@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -65,6 +66,13 @@ _GRID = "#e4e4e4"
 _TICKS = 8
 
 
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
+
+
+def _escaped(words: str) -> str:
+    return escape(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", words))
+
+
 @dataclass(frozen=True, slots=True)
 class Chart:
     """A rectangle of the picture, in pixels, and the data it spans."""
@@ -99,7 +107,7 @@ def picture(
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
         f'viewBox="0 0 {width:g} {height:g}" font-family="sans-serif" font-size="12" '
-        f'fill="{INK}">\n<title>{escape(title)}</title>\n'
+        f'fill="{INK}">\n<title>{_escaped(title)}</title>\n'
         f'<rect width="{width:g}" height="{height:g}" fill="#ffffff"/>\n'
     )
     lines = [text(20.0, 28.0, heading or title, size=15.0), *parts]
@@ -217,7 +225,7 @@ def text(
     """Write words in the picture."""
     return (
         f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" fill="{colour}" '
-        f'font-size="{size:g}">{escape(words)}</text>'
+        f'font-size="{size:g}">{_escaped(words)}</text>'
     )
 
 
@@ -225,7 +233,7 @@ def upright(x: float, y: float, words: str, *, colour: str = INK, size: float = 
     """Write words upwards, their middle at a place of the picture."""
     return (
         f'<text transform="translate({x:.2f},{y:.2f}) rotate(-90)" text-anchor="middle" '
-        f'fill="{colour}" font-size="{size:g}">{escape(words)}</text>'
+        f'fill="{colour}" font-size="{size:g}">{_escaped(words)}</text>'
     )
 
 
@@ -250,7 +258,7 @@ def told(words: str, parts: Iterable[str], *, axes: str = "") -> Iterator[str]:
     axes
         See `axes_of`; of a group whose places can be read.
     """
-    yield f"<g{axes}><title>{escape(words)}</title>"
+    yield f"<g{axes}><title>{_escaped(words)}</title>"
     yield from parts
     yield "</g>"
 
@@ -267,7 +275,7 @@ def axes_of(chart: Chart, x: str, y: str, *, log: bool = False) -> str:
     """
     corners = (chart.left, chart.top, chart.width, chart.height, *chart.x_range, *chart.y_range)
     figures = " ".join(f"{corner:.5g}" for corner in corners)
-    return f' data-axes="{figures} {int(log)}" data-x="{escape(x)}" data-y="{escape(y)}"'
+    return f' data-axes="{figures} {int(log)}" data-x="{_escaped(x)}" data-y="{_escaped(y)}"'
 
 
 def ticks(low: float, high: float, most: int = _TICKS) -> tuple[float, ...]:

@@ -1,6 +1,5 @@
 """A bar to pull: sections of a plan, a profile of a file, or a coupon."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,10 +12,10 @@ from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.tables import finite_number, read_columns, read_records
 from planner.glance import brief
 from planner.grading.profile import dithered_profile, is_dithered
-from planner.numerics import Float32Array, FloatArray
+from planner.numerics import FloatArray
 from planner.palette import Palette
-from planner.plan import Plan, plan_file, read_plan
-from planner.printers import Printer, palette_of
+from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
+from planner.printers import Printer, load_printer, palette_of
 
 if TYPE_CHECKING:
     # Cutting a plan's shells takes meshes, voxels and dithers; coupons and profiles do not.
@@ -30,7 +29,6 @@ __all__ = [
     "coupon",
     "plan_palette",
     "plan_sections",
-    "plan_shells",
     "read_profile",
     "read_profile_bar",
     "region_coordinates",
@@ -169,7 +167,7 @@ _SLIVER = 1e-6  # of a layer: edges closer than this are one
 _Sections = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) -> _Sections:
+def plan_sections(plan: Plan, palette: Palette, *, slices: int) -> _Sections:
     """Cut a plan's shells across the axis of its gradient.
 
     The shells are made into columns of voxels along the axis, and each layer of voxels is a
@@ -179,8 +177,6 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
 
     Parameters
     ----------
-    folder
-        Where the plan's files are; not looked at where the plan still holds its shells.
     slices
         Layers over the axis.
 
@@ -195,14 +191,14 @@ def plan_sections(folder: Path, plan: Plan, palette: Palette, *, slices: int) ->
     ArgumentError
         The plan's field has no axis.
     FileError
-        A shell is missing, or is not the one that the plan was written with.
+        See `planner.plan.read_shells`.
     UnknownNameError
         The palette lacks a material of the plan.
     """
     from planner.voxels.columns import iterate_columns
 
     direction, start_mm, span_mm = _axis(plan.gradient.field)
-    mesh = _turned(united(plan_shells(folder, plan)), direction)
+    mesh = _turned(united(dict(read_shells(plan))), direction)
     grid = _grid(mesh, start_mm, span_mm, slices)
     counts = np.zeros(slices, dtype=np.int64)
     for columns in iterate_columns(mesh, grid):
@@ -244,7 +240,9 @@ def plan_palette(
     """
     if palette is None:
         try:
-            chosen = palette_of(plan.palette.name, plan.printer if printer is None else printer)
+            # A name alone: no plan has a file of its choice read.
+            machine = load_printer(plan.printer if printer is None else printer)
+            chosen = machine.palette(plan.palette.name)
         except UnknownNameError as error:
             raise UnknownNameError(
                 f"{error}; the plan was made with palette {plan.palette.name}: give its file with "
@@ -278,38 +276,7 @@ def _axis(field: Any) -> tuple[tuple[float, float, float], float, float]:
     return (x, y, z), start_mm, span_mm
 
 
-def plan_shells(folder: Path, plan: Plan) -> dict[str, Float32Array | FloatArray]:
-    """Read a plan's shells, unaltered: triangles (k, 3, 3), as placed for printing, by file.
-
-    Raises
-    ------
-    FileError
-        A shell is missing, or is not the one that the plan was written with.
-    """
-    from planner.formats.stl import decode_stl
-
-    soups = {shell.file: decode_stl(shell.stl, shell.file) for shell in plan.shells}
-    files = {} if soups else {region.file: region.sha256 for region in plan.regions}
-    for file, expected in files.items():
-        try:
-            data = (folder / file).read_bytes()
-        except OSError as error:
-            raise FileError(
-                f"{folder / file}: cannot be read ({error.strerror or error}); the plan's "
-                "sections are cut from its STL files: keep them beside plan.json"
-            ) from error
-        if hashlib.sha256(data).hexdigest() != expected:
-            raise FileError(
-                f"{folder / file}: its content is not what the plan was written with; grade the "
-                "part again"
-            )
-        soups[file] = decode_stl(data, str(folder / file))
-    if not soups:
-        raise FileError(f"{folder}: the plan has no regions; grade the part again")
-    return soups
-
-
-def united(soups: Mapping[str, Float32Array | FloatArray]) -> "Mesh":
+def united(soups: Mapping[str, Triangles]) -> "Mesh":
     """Return shells as one mesh; where two touch, their faces cancel in winding numbers."""
     from planner.mesh.mesh import Mesh, weld
 

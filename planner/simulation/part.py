@@ -22,11 +22,11 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
-from planner.numerics import BoolArray, Float32Array, FloatArray, Point
+from planner.numerics import BoolArray, FloatArray, Point
 from planner.palette import Palette
-from planner.plan import Plan, plan_file, read_plan
+from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
-from planner.simulation.bar import plan_palette, plan_shells, region_coordinates, united
+from planner.simulation.bar import plan_palette, region_coordinates, united
 from planner.simulation.cut_cells import FEWEST_ALONG, CutCells, cut_cells
 from planner.simulation.loads import Conditions, read_conditions
 from planner.simulation.simulate import called, table_csv
@@ -69,7 +69,7 @@ _FLAT_MM = 1e-4
 on a tray of 400 mm, and a hundredth of a printed layer."""
 
 
-def _outer(soups: Mapping[str, Float32Array | FloatArray]) -> Mesh:
+def _outer(soups: Mapping[str, Triangles]) -> Mesh:
     """Return the surface of all shells, without the edges that only their interfaces have cut."""
     import manifold3d
 
@@ -95,7 +95,7 @@ def _own(plan: Plan, placed: Mesh) -> Mesh:
 
 
 def _filling(
-    plan: Plan, shells: Mapping[str, Float32Array | FloatArray], placed: Mesh, palette: Palette
+    plan: Plan, shells: Mapping[str, Triangles], placed: Mesh, palette: Palette
 ) -> Filling:
     field = _field(plan, placed)
     if field is None and is_dithered(plan):
@@ -142,9 +142,7 @@ def _field(plan: Plan, placed: Mesh) -> Field | None:
     return build_field(text, Setting(placed, plan.part.translation_mm, pitch_mm))
 
 
-def _by_shells(
-    plan: Plan, shells: Mapping[str, Float32Array | FloatArray], palette: Palette
-) -> Filling:
+def _by_shells(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) -> Filling:
     """Look up in which shell points are; those in none, by rounding, are in the nearest."""
     moved = np.array(plan.part.translation_mm)
     of_file = dict(
@@ -245,7 +243,7 @@ def open_solid(
         if given is not None:
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
     chosen, notes = plan_palette(source, palette, printer)
-    shells = plan_shells(Path() if source.shells else plan_file(source).parent, source)
+    shells = dict(read_shells(source))
     placed = _outer(shells)
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain

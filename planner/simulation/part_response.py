@@ -92,6 +92,8 @@ class PartResponse:
             problem = "a strain is below 0, or a share is no number"
         elif np.abs(self.share.sum(axis=1) - 1.0).max() > _WHOLE:
             problem = "its shares do not add up to 1"
+        elif Path(self.name).name != self.name or "\0" in self.name:
+            problem = "its name, which a file is called by, holds a path"
         if problem is not None:
             raise FileError(f"response of part {self.name}: {problem}; simulate the part again")
 

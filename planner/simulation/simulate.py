@@ -16,7 +16,7 @@ from planner.glance import counted, html_of, one_line, outcome, plotted
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Material, Palette
-from planner.plan import Plan, plan_file, read_plan
+from planner.plan import Plan, read_plan
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import (
     Bar,
@@ -513,14 +513,13 @@ def _bar_of(
 
 def _of_plan(
     plan: Plan,
-    folder: Path,
     palette: str | Path | Palette | None,
     printer: str | Printer | None,
     slices: int,
     between_mm: tuple[float, float] | None,
 ) -> _Source:
     chosen, notes = plan_palette(plan, palette, printer)
-    edges_mm, coordinate, area_mm2 = plan_sections(folder, plan, chosen, slices=slices)
+    edges_mm, coordinate, area_mm2 = plan_sections(plan, chosen, slices=slices)
     bar = bar_between(edges_mm, coordinate, area_mm2, between_mm)
     if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
         notes += (
@@ -811,11 +810,9 @@ def simulate(
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
     if isinstance(source, (str, Path)) and _is_plan(Path(source)):
-        file = plan_file(source)
-        opened = _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
-    elif isinstance(source, Plan):
-        folder = Path() if source.shells else plan_file(source).parent
-        opened = _of_plan(source, folder, palette, printer, slices, between_mm)
+        source = read_plan(source)
+    if isinstance(source, Plan):
+        opened = _of_plan(source, palette, printer, slices, between_mm)
     else:
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, FileError, UnknownNameError
 from planner.formats.png import ImageKind, encode_layer
-from planner.formats.stl import decode_stl
+from planner.formats.within import path_within
 from planner.glance import brief
 from planner.mesh.mesh import Mesh, compact, weld
 from planner.numerics import IntArray, kernel
-from planner.plan import Plan, Region, plan_file, read_plan
+from planner.plan import Plan, Region, plan_file, read_plan, read_shells
 from planner.printers import Printer, load_printer
 from planner.voxels.columns import Grid, check_reach, cover_rows, grid_for, slab_runs, snap
 
@@ -262,33 +262,15 @@ def _machine(plan: Plan, printer: str | Printer | None, *, needed: bool) -> Prin
 def _shells(root: Path, plan: Plan, machine: Printer | None) -> Iterator[ShellMesh]:
     seen = {region.file: region for region in plan.regions}
     colours = _colours(root, plan, machine, {_material(region) for region in seen.values()})
-    for name in sorted(seen):
-        region = seen[name]
-        path = (root / name).resolve()
-        if not path.is_relative_to(root.resolve()):
-            raise FileError(f"{name}: the plan names a shell outside its folder; it was not read")
-        try:
-            data = path.read_bytes()
-        except FileNotFoundError as error:
-            raise FileError(
-                f"{root / name}: the plan names this shell, but it is missing; grade the part again"
-            ) from error
-        except OSError as error:
-            raise FileError(f"{root / name}: cannot be read ({error.strerror or error})") from error
-        sha256 = hashlib.sha256(data).hexdigest()
-        if sha256 != region.sha256:
-            raise FileError(
-                f"{root / name}: its content is not what the plan was written with (sha256 "
-                f"{sha256[:12]}..., the plan says {region.sha256[:12]}...); grade the part again"
-            )
-        vertices, faces = weld(decode_stl(data, name).astype(np.float32))
-        material = _material(region)
+    for name, triangles in read_shells(plan):
+        vertices, faces = weld(triangles.astype(np.float32))
+        material = _material(seen[name])
         yield ShellMesh(
             material,
             material if machine is None else machine.operator_name(material),
             colours.get(material, _UNKNOWN_COLOUR),
             name,
-            sha256,
+            seen[name].sha256,
             Mesh(vertices.astype(np.float64), faces),
         )
 
@@ -306,7 +288,7 @@ def _colours(root: Path, plan: Plan, machine: Printer | None, wanted: set[str]) 
         colours = {material.id: material.colour for material in palette.materials}
         if palette.sha256 == plan.palette.sha256 and wanted <= set(colours):
             return colours
-    file = root / f"{plan.name}.3mf"
+    file = path_within(root, f"{plan.name}.3mf")
     if not file.is_file():
         return {}
     from planner.formats.threemf import read_threemf

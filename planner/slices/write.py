@@ -15,6 +15,7 @@ from planner.errors import ArgumentError, OutputError, PlannerError
 from planner.formats.files import encode_document
 from planner.formats.outputs import check_target, new_folder
 from planner.formats.png import NOTHING, ImageKind, Rgba, distinct_colours
+from planner.formats.tables import encode_csv
 from planner.glance import counted, one_line, outcome
 from planner.plan import PartGraded, Plan, plan_file
 from planner.printers import Printer
@@ -171,15 +172,12 @@ class SliceStack:
 
     def csv(self) -> bytes:
         """Return the bytes of layers.csv."""
-        return ("\n".join(self._rows()) + "\n").encode("utf-8")
-
-    def _rows(self) -> Iterator[str]:
-        yield ",".join(["layer", "z_mm", *(each.material for each in self.materials)])
         bottom_mm, edge_mm = self.grid.origin_mm[2], self.grid.pitch_mm[2]
-        for index, counts in enumerate(self.voxels.tolist()):
-            yield ",".join(
-                [str(index), f"{bottom_mm + (index + 0.5) * edge_mm:.9g}", *map(str, counts)]
-            )
+        rows = (
+            [index, bottom_mm + (index + 0.5) * edge_mm, *counts]
+            for index, counts in enumerate(self.voxels.tolist())
+        )
+        return encode_csv([["layer", "z_mm", *(m.material for m in self.materials)], *rows])
 
 
 # ------------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def test_damage_is_a_finding_and_never_a_crash(damage: str, folder: Path, capsys
 def test_what_lies_outside_the_folder_is_not_read(folder: Path, capsys) -> None:
     _change(folder, lambda d: d["regions"][0].update(file="/etc/hostname"))
     run(["check", str(folder)])
-    assert "outside the folder" in capsys.readouterr().err
+    assert "lies outside the folder" in capsys.readouterr().err
 
 
 def test_findings_of_the_plan_are_not_forgotten(tmp_path: Path, capsys) -> None:

@@ -13,8 +13,9 @@ from planner.formats.mesh_file import read_mesh
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.mesh import Topology
 from planner.mesh.part import make_part
+from planner.plan import read_shells
 from planner.printers import load_printer
-from planner.simulation.bar import plan_shells, united
+from planner.simulation.bar import united
 from planner.simulation.part import open_solid
 
 PALETTE = load_printer("connex3").palette()
@@ -68,7 +69,7 @@ def test_a_place_is_of_the_shell_that_holds_it(
     placed = points + plan.part.translation_mm
     alike = np.zeros(len(points), bool)
     beside = np.full(len(points), np.inf)
-    for file, soup in plan_shells(Path(), plan).items():
+    for file, soup in read_shells(plan):
         distance, outside = nearest(triangle_tree(united({file: soup})), placed)
         of_file = [r.coordinate for r in plan.regions if r.file == file]
         alike |= ~outside & (np.abs(found[:, None] - of_file) < 1e-9).any(axis=1)

@@ -1,11 +1,21 @@
-"""Markdown to HTML, as much of it as how-tos use: nothing in the text becomes markup of its own."""
+"""Markdown as how-tos use it: words put into it, and HTML of it; no words become markup."""
 
 import itertools
 import re
 from collections.abc import Iterator, Sequence
 from html import escape
 
-__all__ = ["to_html"]
+__all__ = ["as_words", "to_html"]
+
+
+_MARKUP = re.compile(r"<(?=[A-Za-z/!?])|(?<=\])\(|\|")
+"""What begins an element, the address of a link, or a cell of a table."""
+
+
+def as_words(text: str) -> str:
+    """Return text of a file's as words of one line of Markdown, whoever renders it."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return _MARKUP.sub(r"\\\g<0>", line)
 
 
 def to_html(text: str, *, top_level: int = 3) -> str:
@@ -88,7 +98,7 @@ def _list(lines: Sequence[str]) -> Iterator[str]:
 
 
 def _table(lines: Sequence[str]) -> Iterator[str]:
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    rows = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip("|"))] for line in lines]
     head, body = rows[0], [row for row in rows[1:] if set("".join(row)) - set("-: ")]
     yield '<div class="wide" tabindex="0" role="group" aria-label="table"><table>\n<thead><tr>'
     yield "".join(f'<th scope="col">{_inline(cell)}</th>' for cell in head)
@@ -110,4 +120,5 @@ def _inline(text: str) -> str:
 def _emphasis(escaped: str) -> str:
     escaped = re.sub(r"\[([^\]]+)\]\([^)\s]*\)", r"\1", escaped)
     escaped = re.sub(r"\*\*(\S(?:.*?\S)?)\*\*", r"<strong>\1</strong>", escaped)
-    return re.sub(r"(?<![*\w])\*(\S(?:[^*]*?\S)?)\*(?![*\w])", r"<em>\1</em>", escaped)
+    escaped = re.sub(r"(?<![*\w])\*(\S(?:[^*]*?\S)?)\*(?![*\w])", r"<em>\1</em>", escaped)
+    return re.sub(r"\\(&lt;|[(|])", r"\1", escaped)  # as `as_words` writes them
