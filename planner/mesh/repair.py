@@ -460,7 +460,7 @@ def arrange_bodies(
     found = _Bodies(vertices, topology, volume, bounds, full, pairs)
     outward, doubtful, parent = _roles(found)
     if doubtful.any() or (bodies == "solids" and not outward[full].all()):
-        return _read(found, outward, doubtful, parent, bodies, notes)
+        return _chosen(found, outward, doubtful, parent, bodies, notes)
     turned = full & (outward != (volume > 0.0))
     body = topology.body
     faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
@@ -521,6 +521,10 @@ class _Bodies:
             faces = self.faces[number][:, ::-1] if inward else self.faces[number]
             self._solids[number] = _manifold(self.vertices, faces)
         return self._solids[number]
+
+    def sum(self, which: BoolArray) -> Any:
+        """Return what some bodies are together, each as a solid."""
+        return _sum([self.solid(number) for number in np.flatnonzero(which).tolist()])
 
     def shared_mm3(self, one: int, other: int) -> float:
         """Return the volume that is in both of two bodies."""
@@ -651,7 +655,7 @@ def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
     return outward, doubtful, parent
 
 
-def _read(
+def _chosen(
     found: _Bodies,
     outward: BoolArray,
     doubtful: BoolArray,
@@ -663,15 +667,14 @@ def _read(
     import manifold3d
 
     full = found.full
-    solids = _sum([found.solid(k) for k in np.flatnonzero(full).tolist()])
+    solids = found.sum(full)
     hollow = manifold3d.Manifold()
     level = np.array([_doubtful_around(k, doubtful, parent) for k in range(len(parent))])
     for at in range(int(level.max()) + 1):  # what lies in a doubtful cavity stays
         for body in np.flatnonzero(full & outward & (level == at)).tolist():
-            own = np.flatnonzero(full & ~outward & ~doubtful & (parent == body)).tolist()
-            hollow += found.solid(body) - _sum([found.solid(k) for k in own])
-        taken = np.flatnonzero(full & doubtful & (level == at)).tolist()
-        hollow -= _sum([found.solid(k) for k in taken])
+            own = full & ~outward & ~doubtful & (parent == body)
+            hollow += found.solid(body) - found.sum(own)
+        hollow -= found.sum(full & doubtful & (level == at))
     count, whole = int(full.sum()), hollow if bodies == "cavities" else solids
     volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
     same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
@@ -706,7 +709,7 @@ def _sum(solids: list[Any]) -> Any:
     import manifold3d
 
     whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    if whole.status() != manifold3d.Error.NoError:
+    if whole.status() != manifold3d.Error.NoError or (solids and whole.is_empty()):
         raise MeshError("its bodies overlap and cannot be united; unite them in the CAD program")
     return whole
 
