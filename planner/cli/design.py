@@ -11,6 +11,7 @@ from planner.cli.output import (
     Force,
     ForceOversize,
     Loads,
+    MeshBodies,
     MeshUnit,
     Moves,
     PaletteName,
@@ -71,6 +72,7 @@ def design(
     ] = None,
     tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
     unit: MeshUnit = None,
+    bodies: MeshBodies = None,
     printer: Annotated[str | None, Option(help="Installed printer; connex3 by default.")] = None,
     palette: PaletteName = None,
     output: Annotated[
@@ -102,8 +104,8 @@ def design(
             pressure=pressure or (), move=move or (),
             cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
             axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
-            cell_mm=cell_mm, tolerance=tolerance, unit=unit, printer=printer, palette=palette,
-            force_oversize=force_oversize, progress=stage,
+            cell_mm=cell_mm, tolerance=tolerance, unit=unit, bodies=bodies, printer=printer,
+            palette=palette, force_oversize=force_oversize, progress=stage,
         )  # fmt: skip
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made.plan))

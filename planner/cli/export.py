@@ -11,6 +11,7 @@ from planner.cli.output import (
     Force,
     Gravity,
     Loads,
+    MeshBodies,
     MeshMaterial,
     MeshUnit,
     Moves,
@@ -44,6 +45,7 @@ def export(
     gravity: Gravity = None,
     material: MeshMaterial = None,
     unit: MeshUnit = None,
+    bodies: MeshBodies = None,
     printer: Annotated[
         str | None, Option(help="Installed printer; by default the plan's, else connex3.")
     ] = None,
@@ -70,7 +72,7 @@ def export(
         model = planner.export(
             source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (),
             pressure=pressure or (), move=move or (), gravity=gravity, material=material,
-            unit=unit, printer=printer, palette=palette,
+            unit=unit, bodies=bodies, printer=printer, palette=palette,
         )  # fmt: skip
     path = model.write(output, force=force)
     if as_json:

@@ -34,6 +34,7 @@ __all__ = [
     "Gravity",
     "Loads",
     "MaterialName",
+    "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
     "Moves",
@@ -427,6 +428,14 @@ MeshMaterial = Annotated[
     str | None, Option("--material", help="What a mesh is made of, which is no plan.")
 ]
 MeshUnit = Annotated[str | None, Option("--unit", help="Unit of a mesh: mm, cm, m, um, inch, ft.")]
+MeshBodies = Annotated[
+    str | None,
+    Option(
+        "--bodies",
+        help="What bodies of a mesh are whose winding does not tell: cavities, taken away from the "
+        "solids around them; or solids, and then all are united.",
+    ),
+]
 TensileFiles = Annotated[
     list[Path],
     Argument(

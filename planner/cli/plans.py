@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Context, Option
 
 from planner.cli.first_run import share_compiling
-from planner.cli.output import AsJson, ForceOversize, PaletteName, Quiet, check_targets
+from planner.cli.output import AsJson, ForceOversize, MeshBodies, PaletteName, Quiet, check_targets
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -117,6 +117,7 @@ def grade(
         ),
     ] = None,
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
+    bodies: MeshBodies = None,
     printer: Annotated[
         str | None,
         Option(help="Installed printer; see [bold]planner printers[/bold]; connex3 by default."),
@@ -181,6 +182,7 @@ def grade(
             at_strain=at_strain,
             tolerance=tolerance,
             unit=unit,
+            bodies=bodies,
             printer=printer,
             palette=palette,
             force_oversize=force_oversize,

@@ -10,6 +10,7 @@ from planner.cli.output import (
     FixedFaces,
     Gravity,
     Loads,
+    MeshBodies,
     MeshMaterial,
     MeshUnit,
     Moves,
@@ -62,6 +63,7 @@ def simulate(
         ),
     ] = True,
     unit: MeshUnit = None,
+    bodies: MeshBodies = None,
     to_strain: Annotated[
         float | None, Option(help="Largest displacement over the bar's length; 0.3 by default.")
     ] = None,
@@ -149,7 +151,7 @@ def simulate(
     options: dict[str, Any] = {
         "fix": fix or (), "load": load or (), "pressure": pressure or (), "move": move or (),
         "gravity": gravity, "watch": watch or (), "material": material, "cell_mm": cell_mm,
-        "compare_cells": compare_cells, "unit": unit, "to_strain": to_strain,
+        "compare_cells": compare_cells, "unit": unit, "bodies": bodies, "to_strain": to_strain,
         "rate_mm_s": rate_mm_s, "protocol": protocol, "steps": steps, "cycles": cycles,
         "hold_s": hold_s, "slices": slices,
         "between_mm": None if between_mm is None else _between(between_mm), "width_mm": width_mm,

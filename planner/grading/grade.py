@@ -98,6 +98,7 @@ def open_part(
     unit: str | None = None,
     name: str | None = None,
     tray_mm: tuple[float, float, float] | None = None,
+    bodies: str | None = None,
 ) -> PartSource:
     """Read and validate a part.
 
@@ -105,6 +106,8 @@ def open_part(
     ----------
     part
         Path, mesh with ``vertices`` and ``faces``, or pair (vertices, faces).
+    bodies
+        See `planner.mesh.part.make_part`.
 
     Raises
     ------
@@ -117,14 +120,16 @@ def open_part(
         path = Path(fspath(part))
         file = read_mesh(path, unit)
         called = _safe(path.stem if name is None else name)
-        made = make_part(file.triangles, name=called, tray_mm=tray_mm)
+        made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
         warnings = (*file.notes, *made.warnings)
         shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
         return PartSource(made, called, shown, file.sha256, file.unit, warnings)
     vertices, faces = _arrays(part)
     used = canonical_unit(unit or MILLIMETRES)
     called = _safe(name or "part")
-    made = part_from_arrays(vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm)
+    made = part_from_arrays(
+        vertices * unit_scale_mm(used), faces, name=called, tray_mm=tray_mm, bodies=bodies
+    )
     digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     return PartSource(made, called, called, digest, used, made.warnings)
 
@@ -428,6 +433,7 @@ def grade(
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
+    bodies: str | None = None,
     name: str | None = None,
     force_oversize: bool = False,
     progress: _Progress = lambda stage: None,
@@ -486,6 +492,10 @@ def grade(
         By name, file or value; the Connex3 and the printer's default palette if not given.
     unit
         Unit of the part's figures; mm unless the file says otherwise.
+    bodies
+        What bodies of the part are whose winding does not tell, where its volume depends on it:
+        ``cavities``, taken away from the solids around them; or ``solids``: then every body is
+        one, whichever way it is wound, and all are united.
     name
         Name of the part; its file's stem by default.
     force_oversize
@@ -531,7 +541,7 @@ def grade(
     )
 
     progress("reading the part")
-    source = open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm)
+    source = open_part(part, unit=wish.unit, name=name, tray_mm=machine.tray_mm, bodies=bodies)
     if not force_oversize:
         refuse_oversize(source, machine)
     mesh, translation = place(source.part.mesh)

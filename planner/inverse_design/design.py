@@ -195,6 +195,7 @@ def design(
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
+    bodies: str | None = None,
     name: str | None = None,
     force_oversize: bool = False,
     progress: Callable[[str], None] = lambda stage: None,
@@ -240,7 +241,7 @@ def design(
         Relative miss of a target that is accepted.
     level
         How probably an interval holds what a print does.
-    printer, palette, unit, name, force_oversize
+    printer, palette, unit, bodies, name, force_oversize
         As `planner.grade`.
     progress
         Called with a few words when a stage begins.
@@ -286,7 +287,7 @@ def design(
     wanted = [[read_target(text) for text in case.target] for case in cases]
 
     progress("reading the part")
-    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm)
+    source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies)
     if not force_oversize:
         refuse_oversize(source, machine)
     mesh = source.part.mesh
@@ -387,7 +388,8 @@ def design(
         )  # fmt: skip
         plan = grade(
             part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
-            printer=machine, palette=chosen, unit=unit, name=name, force_oversize=force_oversize,
+            printer=machine, palette=chosen, unit=unit, bodies=bodies, name=name,
+            force_oversize=force_oversize,
         )  # fmt: skip
         return plan, solved_with(plan)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.errors import ArgumentError, MeshError
+from planner.errors import ArgumentError, MeshError, did_you_mean
 from planner.formats.mesh_file import unit_scale_mm
 from planner.mesh.mesh import (
     Mesh,
@@ -16,7 +16,7 @@ from planner.mesh.mesh import (
     weld,
     weld_points,
 )
-from planner.mesh.repair import arrange_bodies, close_mesh, describe_faults, find_crossing
+from planner.mesh.repair import READINGS, arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
 
 __all__ = ["Part", "fits_turned", "make_part", "oversize", "part_from_arrays", "place"]
@@ -151,12 +151,16 @@ class Part:
 
 
 def make_part(
-    triangles: FloatArray, *, name: str, tray_mm: tuple[float, float, float] | None = None
+    triangles: FloatArray,
+    *,
+    name: str,
+    tray_mm: tuple[float, float, float] | None = None,
+    bodies: str | None = None,
 ) -> Part:
     """Check a triangle soup and make a part of it.
 
-    Repairs are made only where there is one way to do so, and each is told: see
-    `planner.mesh.repair.close_mesh` and `planner.mesh.repair.arrange_bodies`. Bodies
+    Repairs are made only where there is one way to do so, or where `bodies` chooses one, and each
+    is told: see `planner.mesh.repair.close_mesh` and `planner.mesh.repair.arrange_bodies`. Bodies
     that touch along an edge alone are refused: such a contact has no cross-section to print,
     and files store it as an edge of four faces, which is no solid's.
 
@@ -171,13 +175,20 @@ def make_part(
         What errors call the part.
     tray_mm
         Largest part the printer takes, for a warning.
+    bodies
+        What bodies are whose winding does not tell: ``cavities`` or ``solids``.
 
     Raises
     ------
+    ArgumentError
+        Another word for `bodies`.
     MeshError
         Empty, not finite, open, without volume, crossing itself, or more than two faces at an
-        edge; the message says how many, where, and what to do.
+        edge; or its volume depends on `bodies`. The message says how many, where, and what to do.
     """
+    if bodies is not None and bodies not in READINGS:
+        hint = did_you_mean(bodies, READINGS)
+        raise ArgumentError(f"`bodies` {bodies}: {hint}it may be {' or '.join(READINGS)}")
     _check_numbers(triangles, name)
     vertices, welded = weld(np.ascontiguousarray(triangles, dtype=np.float64))
     faces = welded[~repeats_index(welded)]
@@ -194,7 +205,7 @@ def make_part(
         vertices, topology, touching = repaired.vertices, repaired.topology, repaired.touching
         repairs += repaired.notes
     try:
-        arranged = arrange_bodies(vertices, topology, touching=touching)
+        arranged = arrange_bodies(vertices, topology, touching=touching, bodies=bodies)
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
     repairs += arranged.notes
@@ -210,6 +221,7 @@ def part_from_arrays(
     *,
     name: str = "part",
     tray_mm: tuple[float, float, float] | None = None,
+    bodies: str | None = None,
 ) -> Part:
     """Make a part of vertices (n, 3) in mm and faces (m, 3); see `make_part`.
 
@@ -231,7 +243,7 @@ def part_from_arrays(
             f"{name}: faces name vertices {index.min()} to {index.max()}; there are {len(points)}, "
             "counted from 0"
         )
-    return make_part(points[index.astype(np.int64)], name=name, tray_mm=tray_mm)
+    return make_part(points[index.astype(np.int64)], name=name, tray_mm=tray_mm, bodies=bodies)
 
 
 def _check_numbers(triangles: FloatArray, name: str) -> None:

@@ -2,8 +2,10 @@
 
 import itertools
 from collections import defaultdict
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +22,11 @@ from planner.mesh.mesh import (
     measure,
     repeats_index,
     weld,
+    weld_points,
 )
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["arrange_bodies", "close_mesh", "describe_faults", "find_crossing"]
+__all__ = ["READINGS", "arrange_bodies", "close_mesh", "describe_faults", "find_crossing"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -155,13 +158,17 @@ class Repaired:
     touching: bool = False
 
 
+_Repair: TypeAlias = Callable[[Repaired], Repaired | None]
+
+
 def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
     """Make a mesh closed and consistently wound, if plain repairs do.
 
     Each repair is kept only where it changes something; none is kept unless the mesh is closed
     in the end: pairs of opposite faces, bodies that share the vertices of an edge at which they
     touch, faces that occur twice, border vertices within `_TOLERANCE` of each other or of
-    another border edge, and faces turned over.
+    another border edge, and faces turned over. Opposite faces of a solid and of a body wound
+    inwards stay, each body with vertices of its own: whether that is a cavity is not decided here.
 
     Parameters
     ----------
@@ -173,9 +180,15 @@ def close_mesh(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | Non
     Repaired or None
         None where the mesh stays open or crowded at edges.
     """
-    state = Repaired(vertices, Topology(faces))
-    # Where faces balance at each edge, bodies touch or coincide and no face may go.
-    steps = (_opposites, _touching, _duplicates, _near_vertices, _junctions, _winding, _touching)
+    closed = _closed(Repaired(vertices, Topology(faces)), (_opposites, *_STEPS))
+    both_ways = _opposites_apart(vertices, faces)
+    apart = None if both_ways is None else _closed(both_ways, _STEPS)
+    if apart is not None and _walls_a_cavity(apart):
+        return replace(apart, touching=True)
+    return closed
+
+
+def _closed(state: Repaired, steps: Iterable[_Repair]) -> Repaired | None:
     for repair in steps:
         if state.topology.closed:
             break
@@ -196,8 +209,7 @@ def _duplicates(state: Repaired) -> Repaired | None:
     faces = state.topology.faces
     if len(state.topology.edges(CROWDED)) == 0:
         return None
-    shift = np.argmin(faces, axis=1)[:, np.newaxis]
-    turned = np.take_along_axis(faces, (shift + np.arange(3)) % 3, axis=1)
+    turned = _from_lowest(faces)
     order = np.lexsort(turned.T)
     again = np.zeros(len(faces), dtype=np.bool_)
     again[order[1:]] = (turned[order[1:]] == turned[order[:-1]]).all(axis=1)
@@ -206,6 +218,12 @@ def _duplicates(state: Repaired) -> Repaired | None:
         return None
     note = _counted(count, "triangle that occurs", "triangles that occur") + " twice dropped"
     return _next(state, faces[~again], note)
+
+
+def _from_lowest(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Name the lowest vertex of each face first, the same way round."""
+    shift = np.argmin(faces, axis=1)[:, np.newaxis]
+    return np.take_along_axis(faces, (shift + np.arange(3)) % 3, axis=1)
 
 
 def _opposites(state: Repaired) -> Repaired | None:
@@ -217,6 +235,43 @@ def _opposites(state: Repaired) -> Repaired | None:
         return None
     pairs = _counted(count, "pair of opposite triangles", "pairs of opposite triangles")
     return _next(state, faces[keep], f"{pairs} dropped: a wall without thickness")
+
+
+def _opposites_apart(vertices: FloatArray, faces: NDArray[np.int32]) -> Repaired | None:
+    """Lay opposite faces in two sheets, the first before and the second behind all others.
+
+    Within a sheet neighbours agree, so that bodies of a file that mixes their faces come apart; and
+    a sheet shares vertices with others at its rim alone. None where there are no opposite faces.
+    """
+    keep = cancel_opposite(faces)
+    if keep.all():
+        return None
+    pairs = _from_lowest(faces[~keep])
+    _, first, index = np.unique(
+        np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    sheet = Topology(pairs[first])
+    turned = consistent_winding(sheet)
+    if turned is None:
+        return None
+    front = (pairs == _from_lowest(_turn(sheet.faces, turned))[index.ravel()]).all(axis=1)
+    inner = np.ones(len(vertices), dtype=np.int32)
+    inner[sheet.edges(OPEN)] = inner[sheet.edges(CROWDED)] = 0
+    own = len(vertices) * inner[pairs]
+    layers = [(pairs + own)[front], faces[keep], (pairs + 2 * own)[~front]]
+    return Repaired(np.tile(vertices, (3, 1)), Topology(np.concatenate(layers)))
+
+
+def _walls_a_cavity(state: Repaired) -> bool:
+    """Tell whether opposite faces belong to two bodies, one of which is wound inwards."""
+    volume, _, full = _measured(state.vertices, state.topology)
+    sign = np.where(full, np.sign(volume), 0.0)[state.topology.body]
+    faces = weld_points(state.vertices)[1][state.topology.faces]
+    of_all, of_solids, of_cavities = (
+        np.count_nonzero(~cancel_opposite(faces[which]))
+        for which in (sign != 0.0, sign > 0.0, sign < 0.0)
+    )
+    return bool(of_all > of_solids + of_cavities)
 
 
 def _near_vertices(state: Repaired) -> Repaired | None:
@@ -328,6 +383,12 @@ def _touching(state: Repaired) -> Repaired | None:
     return Repaired(apart[0], topology, state.notes, touching=True)
 
 
+# Where faces balance at each edge, bodies touch or coincide and no face may go.
+_STEPS: tuple[_Repair, ...] = (
+    _touching, _duplicates, _near_vertices, _junctions, _winding, _touching,
+)  # fmt: skip
+
+
 def _tolerance_mm(vertices: FloatArray) -> float:
     return _TOLERANCE * float(np.ptp(vertices, axis=0).max())
 
@@ -336,8 +397,12 @@ def _tolerance_mm(vertices: FloatArray) -> float:
 # Several bodies in one part: which lie inside which, which way out, and overlaps united.
 
 
+READINGS = ("cavities", "solids")
+"""What a body may be whose winding does not tell."""
+
 _FLAT = 1e-9  # of area times extent: far below any printable thickness, far above rounding
 _OVERLAP = 1e-7  # of the bodies' volume: less than this is touching
+_OUTSIDE = 1e-3  # of all directions: a point inside, or at a corner, sees more of the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,12 +414,20 @@ class Arranged:
     notes: tuple[str, ...]
 
 
-def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool = False) -> Arranged:
+def arrange_bodies(
+    vertices: FloatArray,
+    topology: Topology,
+    *,
+    touching: bool = False,
+    bodies: str | None = None,
+) -> Arranged:
     """Turn bodies the right way out and unite those that overlap.
 
     An outermost body turned inside out is turned over with all that lies inside it. Inside a
-    solid, an inward body is a cavity and an outward one an overlap; inside a cavity every body
-    is solid. Overlapping solids are united.
+    solid, apart from its surface, an inward body is a cavity; inside a cavity every body is solid.
+    Overlapping solids are united. Of other bodies the winding does not tell whether they are
+    solids or cavities: an inward one that reaches the surface of a solid or lies where two overlap,
+    and an outward one alone inside a solid. They are left to `bodies`.
 
     Parameters
     ----------
@@ -362,21 +435,32 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
         A closed mesh.
     touching
         Bodies share edges by position: unite them even where they only touch.
+    bodies
+        What such a body is: ``cavities``, taken away from the solids around it; or ``solids``:
+        then every body is, whichever way it is wound.
 
     Raises
     ------
     MeshError
-        Bodies overlap and cannot be united.
+        Bodies overlap and cannot be united; or `bodies` has to be given, as the part's volume
+        depends on it.
     """
-    volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
-    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
-    full = np.abs(volume) > _FLAT * area * extent
+    volume, bounds, full = _measured(vertices, topology)
     notes = []
     if not full.all() and full.any():
+        flat = find_crossing(Mesh(vertices, topology.faces[~full[topology.body]]))
+        if flat is not None:
+            x, y, z = flat.place_mm
+            raise MeshError(
+                f"a body crosses itself at ({x:.4g}, {y:.4g}, {z:.4g}) mm and is wound inwards in "
+                "as much of its volume as outwards; mend it in the CAD program"
+            )
         notes.append(f"{int((~full).sum())} of {len(full)} bodies without volume dropped")
     pairs = _box_pairs(bounds, full, touching)
-    parent = _parents(vertices, topology, volume, bounds, pairs)
-    outward = _outward(volume, parent)
+    found = _Bodies(vertices, topology, volume, bounds, full, pairs)
+    outward, doubtful, parent = _roles(found)
+    if doubtful.any() or (bodies == "solids" and not outward[full].all()):
+        return _chosen(found, outward, doubtful, parent, bodies, notes)
     turned = full & (outward != (volume > 0.0))
     body = topology.body
     faces = _turn(topology.faces, turned[body]) if turned.any() else topology.faces
@@ -384,7 +468,7 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
         notes.append(_turned_note(turned, full))
     keep = full[body]
     if pairs and outward[full].sum() > 1:
-        solid = np.where(outward | (parent < 0), np.arange(len(full)), parent)
+        solid = np.where(outward, np.arange(len(full)), parent)
         met = np.zeros(len(full), dtype=np.bool_)
         for i, j in pairs:
             if solid[i] != solid[j]:
@@ -399,9 +483,80 @@ def arrange_bodies(vertices: FloatArray, topology: Topology, *, touching: bool =
             points, welded = weld(soup)
             welded = welded[~repeats_index(welded)]
             if not touching and not Topology(welded).closed:  # what was united touches the rest
-                return arrange_bodies(vertices, topology, touching=True)
+                return arrange_bodies(vertices, topology, touching=True, bodies=bodies)
             return Arranged(points, welded, (*notes, united.note))
     return Arranged(vertices, faces if keep.all() else faces[keep], tuple(notes))
+
+
+def _measured(vertices: FloatArray, topology: Topology) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return each body's signed volume and bounds, and whether it is more than a leaf."""
+    volume, area, bounds, _ = measure(vertices, topology.faces, topology.body, topology.bodies)
+    extent = (bounds[:, 1] - bounds[:, 0]).max(axis=1)
+    return volume, bounds, np.abs(volume) > _FLAT * area * extent
+
+
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """The bodies of a closed mesh, each as a solid when asked for."""
+
+    vertices: FloatArray
+    topology: Topology
+    volume: FloatArray
+    bounds: FloatArray
+    full: BoolArray
+    pairs: list[tuple[int, int]]
+    _solids: dict[int, Any] = field(default_factory=dict)
+
+    @cached_property
+    def faces(self) -> list[NDArray[np.int32]]:
+        """Each body's faces."""
+        body = self.topology.body
+        order = np.argsort(body, kind="stable")
+        return np.split(self.topology.faces[order], np.cumsum(np.bincount(body))[:-1])
+
+    def solid(self, number: int) -> Any:
+        """Return a body as a solid, whichever way it is wound."""
+        if number not in self._solids:
+            inward = self.volume[number] < 0.0
+            faces = self.faces[number][:, ::-1] if inward else self.faces[number]
+            self._solids[number] = _manifold(self.vertices, faces)
+        return self._solids[number]
+
+    def sum(self, which: BoolArray) -> Any:
+        """Return what some bodies are together, each as a solid."""
+        return _sum([self.solid(number) for number in np.flatnonzero(which).tolist()])
+
+    def shared_mm3(self, one: int, other: int) -> float:
+        """Return the volume that is in both of two bodies."""
+        return float((self.solid(one) ^ self.solid(other)).volume())
+
+    def overlap(self, one: int, other: int) -> bool:
+        """Tell whether two bodies have more in common than where they touch."""
+        both = abs(self.volume[one]) + abs(self.volume[other])
+        return bool(self.shared_mm3(one, other) > _OVERLAP * both)
+
+    def inside(self, outer: int, inner: int) -> tuple[bool, bool]:
+        """Tell whether a body lies inside another, and more than rounding off its surface."""
+        import manifold3d
+
+        tolerance = _tolerance_mm(self.vertices)
+        low, high = self.bounds[inner, 0] - tolerance, self.bounds[inner, 1] + tolerance
+        wall = self.vertices[self.faces[outer]]
+        near = ((wall.min(axis=1) <= high) & (wall.max(axis=1) >= low)).all(axis=1).any()
+        probes = np.unique(self.faces[inner])
+        some = np.linspace(0, len(probes) - 1, 5 if near else 1).astype(np.int64)
+        around = [abs(_winding_number(probe, wall)) for probe in self.vertices[probes[some]]]
+        if max(around) < _OUTSIDE:
+            return False, True
+        if not near:
+            return True, True
+        size = np.ptp(self.bounds[outer], axis=0)
+        space = manifold3d.Manifold.cube(3.0 * size).translate(self.bounds[outer, 0] - size)
+        outside = space - self.solid(outer)
+        if outside.min_gap(self.solid(inner), tolerance) >= tolerance:
+            return True, True
+        of_inner = self.shared_mm3(outer, inner) / abs(self.volume[inner])
+        return of_inner > 1.0 - _OVERLAP, False
 
 
 def _turned_note(turned: BoolArray, full: BoolArray) -> str:
@@ -425,28 +580,18 @@ def _box_pairs(bounds: FloatArray, full: BoolArray, touching: bool) -> list[tupl
     return pairs
 
 
-def _parents(
-    vertices: FloatArray,
-    topology: Topology,
-    volume: FloatArray,
-    bounds: FloatArray,
-    pairs: list[tuple[int, int]],
-) -> NDArray[np.int64]:
-    """Return the smallest body around each body, -1 for the outermost."""
-    parent = np.full(len(volume), -1)
-    size = np.abs(volume)
-    for pair in pairs:
-        outer, inner = pair if size[pair[0]] > size[pair[1]] else pair[::-1]
-        inside = (bounds[outer, 0] <= bounds[inner, 0]) & (bounds[outer, 1] >= bounds[inner, 1])
-        nearer = parent[inner] < 0 or size[outer] < size[parent[inner]]
-        if not (inside.all() and nearer):
+def _nesting(found: _Bodies, rank: NDArray[np.int64]) -> dict[int, dict[int, bool]]:
+    """Return which bodies lie inside which of lower rank, and whether apart from their surface."""
+    nesting: dict[int, dict[int, bool]] = defaultdict(dict)
+    for pair in found.pairs:
+        outer, inner = sorted(pair, key=lambda number: rank[number])
+        low, high = found.bounds[outer]
+        if not ((low <= found.bounds[inner, 0]) & (high >= found.bounds[inner, 1])).all():
             continue
-        probes = np.unique(topology.faces[topology.body == inner])
-        probes = probes[np.linspace(0, len(probes) - 1, min(5, len(probes))).astype(np.int64)]
-        wall = vertices[topology.faces[topology.body == outer]]
-        if np.median([abs(_winding_number(vertices[p], wall)) for p in probes]) > 0.5:
-            parent[inner] = outer
-    return parent
+        inside, apart = found.inside(outer, inner)
+        if inside:
+            nesting[inner][outer] = apart
+    return nesting
 
 
 def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
@@ -459,19 +604,114 @@ def _winding_number(point: FloatArray, triangles: FloatArray) -> float:
     return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
 
 
-def _outward(volume: FloatArray, parent: NDArray[np.int64]) -> BoolArray:
-    """Decide from the outermost inwards which bodies are solid and which are cavities."""
-    outward = volume > 0.0
+def _roles(found: _Bodies) -> tuple[BoolArray, BoolArray, NDArray[np.int64]]:
+    """Decide from the outermost inwards which bodies are solids and which cavities.
+
+    Returns
+    -------
+    outward : (bodies,) bool
+        Which are solids.
+    doubtful : (bodies,) bool
+        Cavities that may as well be solids.
+    parent : (bodies,) int
+        The smallest body around each, -1 for the outermost.
+    """
+    volume = found.volume
+    order = np.argsort(-np.abs(volume), kind="stable")
+    rank = np.argsort(order)
+    nesting = _nesting(found, rank)
+    meets = defaultdict(list)
+    for i, j in found.pairs:
+        meets[i].append(j)
+        meets[j].append(i)
+    outward = np.ones(len(volume), dtype=np.bool_)
+    doubtful = np.zeros(len(volume), dtype=np.bool_)
     over = np.zeros(len(volume), dtype=np.bool_)  # turned over with the outermost body
-    for body in np.argsort(-np.abs(volume), kind="stable"):
-        around = parent[body]
-        if around < 0:
-            over[body] = volume[body] < 0.0
-            outward[body] = True
-        else:
-            over[body] = over[around]
-            outward[body] = (outward[body] != over[body]) or not outward[around]
-    return outward
+    parent = np.full(len(volume), -1)
+    for body in order.tolist():
+        around = nesting.get(body)
+        inward = volume[body] < 0.0
+        if around is None:
+            doubtful[body] = inward and any(
+                volume[k] > 0.0 and k not in nesting and found.overlap(body, k) for k in meets[body]
+            )
+            over[body] = inward and not doubtful[body]
+            outward[body] = not doubtful[body]
+            continue
+        parent[body] = max(around, key=lambda k: rank[k])
+        over[body] = over[parent[body]]
+        times = sum(1 if outward[k] else -1 for k in around)  # inside solids
+        if times <= 0:
+            continue
+        if inward != over[body]:
+            outward[body] = False
+            doubtful[body] = times > 1 or not all(around.values())
+        elif all(around.values()):
+            doubtful[body] = not any(
+                k not in around and body not in nesting.get(k, ()) and found.overlap(body, k)
+                for k in meets[body]
+            )
+            outward[body] = not doubtful[body]
+    return outward, doubtful, parent
+
+
+def _chosen(
+    found: _Bodies,
+    outward: BoolArray,
+    doubtful: BoolArray,
+    parent: NDArray[np.int64],
+    bodies: str | None,
+    notes: list[str],
+) -> Arranged:
+    """Make the part in which doubtful bodies are what was asked for, if that matters."""
+    import manifold3d
+
+    full = found.full
+    solids = found.sum(full)
+    hollow = manifold3d.Manifold()
+    level = np.array([_doubtful_around(k, doubtful, parent) for k in range(len(parent))])
+    for at in range(int(level.max()) + 1):  # what lies in a doubtful cavity stays
+        for body in np.flatnonzero(full & outward & (level == at)).tolist():
+            own = full & ~outward & ~doubtful & (parent == body)
+            hollow += found.solid(body) - found.sum(own)
+        hollow -= found.sum(full & doubtful & (level == at))
+    count, whole = int(full.sum()), hollow if bodies == "cavities" else solids
+    volumes = f"{hollow.volume():.9g} mm3 with cavities, {solids.volume():.9g} mm3 with solids"
+    same = abs(solids.volume() - hollow.volume()) <= _OVERLAP * solids.volume()
+    if bodies is None and not same:
+        x, y, z = found.bounds[int(np.argmax(doubtful))].mean(axis=0)
+        at_place = f"around ({x:.4g}, {y:.4g}, {z:.4g}) mm"
+        which = (
+            f"{at_place}, is a cavity or a solid"
+            if doubtful.sum() == 1
+            else f"the first {at_place}, are cavities or solids"
+        )
+        raise MeshError(
+            f"its winding does not tell whether {doubtful.sum()} of its {count} bodies, {which}: "
+            f"it has {volumes}; choose by `bodies`, if it is the part, or mend it in the CAD "
+            "program"
+        )
+    if whole.is_empty():
+        raise MeshError("nothing is left where cavities are taken away; choose solids by `bodies`")
+    vertices, faces = weld(_triangles(whole))
+    note = f"{count} bodies united" if same else f"its {count} bodies read as {bodies}: {volumes}"
+    return Arranged(vertices, faces[~repeats_index(faces)], (*notes, note))
+
+
+def _doubtful_around(body: int, doubtful: BoolArray, parent: NDArray[np.int64]) -> int:
+    around = int(parent[body])
+    if around < 0:
+        return 0
+    return int(doubtful[around]) + _doubtful_around(around, doubtful, parent)
+
+
+def _sum(solids: list[Any]) -> Any:
+    import manifold3d
+
+    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    if whole.status() != manifold3d.Error.NoError or (solids and whole.is_empty()):
+        raise MeshError("its bodies overlap and cannot be united; unite them in the CAD program")
+    return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -482,24 +722,22 @@ class _United:
 
 def _unite(vertices: FloatArray, groups: list[NDArray[np.int32]], touching: bool) -> _United | None:
     """Unite solids; None where they do not overlap after all."""
-    import manifold3d
-
     solids = [_manifold(vertices, faces) for faces in groups]
-    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    if whole.status() != manifold3d.Error.NoError or whole.is_empty():
-        raise MeshError("its bodies overlap and cannot be united; unite them in the CAD program")
+    whole = _sum(solids)
     alone = sum(solid.volume() for solid in solids)
     shared = alone - whole.volume()
     if shared <= _OVERLAP * alone and not touching:
         return None
-    mesh = whole.to_mesh64()
-    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
     verb = "overlapped" if shared > _OVERLAP * alone else "touched"
     size = f" ({shared:.4g} mm3 counted twice)" if shared > _OVERLAP * alone else ""
-    return _United(
-        points[np.asarray(mesh.tri_verts, dtype=np.int64)],
-        f"{len(groups)} bodies {verb}{size}: united",
-    )
+    return _United(_triangles(whole), f"{len(groups)} bodies {verb}{size}: united")
+
+
+def _triangles(solid: Any) -> FloatArray:
+    mesh = solid.to_mesh64()
+    points = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    triangles: FloatArray = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
+    return triangles
 
 
 def _manifold(vertices: FloatArray, faces: NDArray[np.int32]) -> Any:

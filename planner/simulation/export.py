@@ -169,6 +169,7 @@ def export(
     gravity: str | Sequence[float] | None = None,
     material: str | None = None,
     unit: str | None = None,
+    bodies: str | None = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
 ) -> Export:
@@ -191,8 +192,8 @@ def export(
     fix, load, pressure, move, gravity
         What holds and loads the part, as `planner.simulate` has it; without any the file has no
         step. Each is also a set of nodes or faces.
-    material, unit
-        Of a mesh.
+    material, unit, bodies
+        Of a mesh, as `planner.grade` has the last two.
     printer, palette
         By name, file or value; by default those of the plan, else the Connex3 and its own.
 
@@ -218,7 +219,7 @@ def export(
     is_loaded = any(conditions) or gravity is not None
     if is_loaded and to == "vtu":
         raise ArgumentError("`to` vtu: loads and supports have no place in it; leave them out")
-    solid = open_solid(source, material, unit, printer, palette)
+    solid = open_solid(source, material, unit, printer, palette, bodies)
     part_mm3 = solid.surface.volume_mm3
     about = (part_mm3 / _CELLS) ** (1.0 / 3.0)
     edge = fitting_cell_mm(solid.surface, about) if cell_mm is None else cell_mm

@@ -199,6 +199,7 @@ def open_solid(
     unit: str | None,
     printer: str | Printer | None,
     palette: str | Path | Palette | None,
+    bodies: str | None = None,
 ) -> Solid:
     """Return what a plan prints, or a mesh of one material.
 
@@ -211,7 +212,7 @@ def open_solid(
     ----------
     source
         A plan, its plan.json or folder; or a mesh as `planner.grade` takes it.
-    material, unit
+    material, unit, bodies
         Of a mesh.
 
     Raises
@@ -230,7 +231,7 @@ def open_solid(
                 f"{chosen.materials[len(chosen.materials) // 2].id}, or a plan"
             )
         coordinate = chosen.resolve(material).coordinate
-        opened = open_part(source, unit=unit)
+        opened = open_part(source, unit=unit, bodies=bodies)
         notes = (*opened.part.repairs, *opened.warnings)
         return Solid(
             opened.file,
@@ -239,7 +240,7 @@ def open_solid(
             chosen,
             tuple(f"{opened.file}: {note}" for note in notes),
         )
-    for name, given in (("`material`", material), ("`unit`", unit)):
+    for name, given in (("`material`", material), ("`unit`", unit), ("`bodies`", bodies)):
         if given is not None:
             raise ArgumentError(f"{name} {given}: it goes with a mesh; a plan has its own")
     chosen, notes = plan_palette(source, palette, printer)
@@ -519,6 +520,7 @@ def simulate_part(
     level: float = 0.95,
     compare_cells: bool = True,
     unit: str | None = None,
+    bodies: str | None = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     progress: Callable[[str], None] = lambda stage: None,
@@ -537,7 +539,7 @@ def simulate_part(
     if cell_mm is not None:
         positive(cell_mm, "`cell_mm`")
     progress("reading the part")
-    solid = open_solid(source, material, unit, printer, palette)
+    solid = open_solid(source, material, unit, printer, palette, bodies)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
 
     def conditions(surface: Mesh) -> Conditions:

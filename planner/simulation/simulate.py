@@ -654,6 +654,7 @@ def simulate(
     level: float = 0.95,
     compare_cells: bool = True,
     unit: str | None = None,
+    bodies: str | None = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     progress: Callable[[str], None] = lambda stage: None,
@@ -684,6 +685,7 @@ def simulate(
     cell_mm: float | None = None,
     compare_cells: bool = True,
     unit: str | None = None,
+    bodies: str | None = None,
     level: float = 0.95,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
@@ -741,6 +743,8 @@ def simulate(
         Whether larger cells tell how far figures depend on the cells.
     unit
         Unit of a mesh's figures; mm unless the file says otherwise.
+    bodies
+        What bodies of a mesh are whose winding does not tell, as `planner.grade` has it.
     level
         Probability that an interval holds what a print does.
     printer, palette
@@ -775,6 +779,7 @@ def simulate(
         "material": material,
         "cell_mm": cell_mm,
         "unit": unit,
+        "bodies": bodies,
     }
     of_bar: dict[str, tuple[Any, Any]] = {
         "to_strain": (to_strain, None), "rate_mm_s": (rate_mm_s, None),

@@ -42,12 +42,12 @@ def test_bodies_are_united_whatever_their_order_and_orientation(bodies, random):
     """The volume is that of the union, which manifold3d computes by itself."""
     soups = [triangles_of(body) for body in bodies]
     union = manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
-    made = make_part(np.concatenate(soups), name="p")
+    made = make_part(np.concatenate(soups), name="p", bodies="solids")
     assert made.mesh.volume_mm3 == pytest.approx(union.volume(), rel=1e-6)  # touching allowance
     assert audit(made.mesh.triangles).sound
     assert find_crossing(made.mesh) is None
     random.shuffle(soups)
-    again = make_part(np.concatenate(soups), name="p")
+    again = make_part(np.concatenate(soups), name="p", bodies="solids")
     assert again.mesh.volume_mm3 == pytest.approx(made.mesh.volume_mm3, rel=1e-9)
     if len(bodies) == 1:
         turned = make_part(soups[0][:, ::-1], name="p")
@@ -83,17 +83,20 @@ def test_random_soups_raise_mesh_errors_or_are_closed(data):
         assert made.mesh.volume_mm3 > 0
 
 
-def part_or_reason(soup):
+def part_or_reason(soup, bodies=None):
     try:
-        return make_part(soup, name="p"), ""
+        return make_part(soup, name="p", bodies=bodies), ""
     except MeshError as error:
         return None, str(error)
 
 
 @settings(SETTINGS, max_examples=150)
-@given(st.lists(st.tuples(*3 * [st.tuples(st.integers(0, 3), st.integers(1, 3))]), max_size=4))
-def test_boxes_on_a_lattice(boxes):
-    """Boxes that overlap, contain, touch at faces, edges and corners, or coincide.
+@given(
+    st.lists(st.tuples(*3 * [st.tuples(st.integers(0, 3), st.integers(1, 3))]), max_size=4),
+    st.lists(st.sampled_from((1, 1, -1)), min_size=4, max_size=4),
+)
+def test_boxes_on_a_lattice(boxes, ways):
+    """Boxes that overlap, contain, touch at faces, edges and corners, or coincide, either way out.
 
     The volume is the number of cells covered. Only a union two of whose cells meet at an edge
     alone may be refused. (Of 20 000 random arrangements, three others were: several boxes with
@@ -101,11 +104,11 @@ def test_boxes_on_a_lattice(boxes):
     """
     cells = np.zeros((8, 8, 8), dtype=bool)
     soups = [np.empty((0, 3, 3))]
-    for ranges in boxes:
+    for ranges, way in zip(boxes, ways, strict=False):
         at, size = zip(*ranges, strict=True)
         cells[tuple(slice(1 + a, 1 + a + s) for a, s in ranges)] = True
-        soups.append(triangles_of(manifold3d.Manifold.cube(size).translate(at)))
-    made, reason = part_or_reason(np.concatenate(soups))
+        soups.append(triangles_of(manifold3d.Manifold.cube(size).translate(at))[:, ::way])
+    made, reason = part_or_reason(np.concatenate(soups), bodies="solids")
     if not boxes:
         assert "no triangles" in reason
     elif made is None:

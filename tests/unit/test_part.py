@@ -116,10 +116,138 @@ def test_overlapping_bodies_are_united():
     assert is_closed(made)
 
 
-def test_solid_inside_a_solid_is_an_overlap():
-    made = part(box((10, 10, 10)), box((4, 4, 4), at=(3, 3, 3)))
-    assert made.mesh.volume_mm3 == pytest.approx(1000)
-    assert made.repairs == ("2 bodies overlapped (64 mm3 counted twice): united",)
+BLOCK, POCKET = box((8, 8, 16)), box((4, 4, 8), at=(2, 2, 8))
+INSIDE, BESIDE = box((4, 4, 4), at=(2, 2, 2)), box((3, 3, 3), at=(20, 0, 0))
+END = box((8, 8, 4), at=(0, 0, 12))
+LEANING = solid(manifold3d.Manifold.cube((3, 3, 4), True).rotate((0, 0, 45)).translate((4, 4, 5)))
+LEANING[..., 0] -= LEANING[..., 0].min()  # one edge in a face of the block
+
+
+def turned(triangles, seed):
+    """Turn triangles at random, by about 1, and round as a file does."""
+    axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    axes[0] *= np.linalg.det(axes)
+    return (triangles @ axes).astype(np.float32).astype(np.float64)
+
+
+def mixed(triangles):
+    return triangles[np.random.default_rng(0).permutation(len(triangles))]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "cavities_mm3", "solids_mm3"),
+    [
+        pytest.param([BLOCK, inward(POCKET)], 896, 1024, id="pocket"),
+        pytest.param([inward(POCKET), BLOCK], 896, 1024, id="pocket first"),
+        pytest.param([inward(BLOCK), POCKET], 896, 1024, id="pocket, inside out"),
+        pytest.param([mixed(np.concatenate([BLOCK, inward(POCKET)]))], 896, 1024, id="mixed"),
+        *[
+            pytest.param([turned(np.concatenate([BLOCK, inward(POCKET)]), s)], 896, 1024,
+                         id=f"turned {s}")
+            for s in range(6)
+        ],
+        pytest.param([BLOCK, inward(LEANING)], 1024 - 36, 1024, id="along an edge"),
+        # The end's outer faces are the block's: they share edges, and their caps all corners.
+        pytest.param([BLOCK, inward(END)], 768, 1024, id="end"),
+        pytest.param([box((8, 8, 12)), END, inward(END)], 768, 1024, id="end filled"),
+        pytest.param([BLOCK, inward(box((4, 4, 8), at=(2, 2, 12)))], 960, 1088, id="half outside"),
+        pytest.param([BLOCK, inward(box((40, 40, 80), at=(-20, -20, 12)))], 768, 128_768,
+                     id="larger"),
+        pytest.param([BLOCK, inward(BLOCK)], 0, 1024, id="inverse"),
+        pytest.param([mixed(np.concatenate([BLOCK, inward(BLOCK)]))], 0, 1024, id="two-sided"),
+        pytest.param([BESIDE, BLOCK, inward(BLOCK)], 27, 1051, id="inverse beside another"),
+        pytest.param([BLOCK, INSIDE], 960, 1024, id="solid in a solid"),
+        pytest.param([inward(BLOCK), inward(INSIDE)], 960, 1024, id="all inward"),
+        pytest.param(
+            [box((10, 10, 10)), box((8, 8, 8), at=(1, 1, 1)), box((4, 4, 4), at=(3, 3, 3))],
+            1000 - 512 + 64, 1000, id="solids in one another",
+        ),
+        pytest.param(
+            [box((10, 10, 10)), box((10, 10, 10), at=(4, 4, 4)), inward(box((2, 2, 2), (6, 6, 6)))],
+            2000 - 216 - 8, 2000 - 216, id="cavity in two",
+        ),
+        pytest.param(
+            [BLOCK, inward(INSIDE), inward(POCKET)], 1024 - 64 - 128, 1024, id="one plain cavity"
+        ),
+    ],
+)  # fmt: skip
+def test_two_readings_are_told_and_one_is_chosen(bodies, cavities_mm3, solids_mm3):
+    near = 1e-6  # float32 of what was turned
+    with pytest.raises(MeshError, match=r"is a cavity or a solid: .*choose by `bodies`") as refused:
+        part(*bodies)
+    told = re.search("it has (.*) mm3 with cavities, (.*) mm3 with solids", str(refused.value))
+    assert [float(text) for text in told.groups()] == pytest.approx(
+        [cavities_mm3, solids_mm3], near
+    )
+    solids = part(*bodies, bodies="solids")
+    assert solids.mesh.volume_mm3 == pytest.approx(solids_mm3, near)
+    assert solids.repairs[-1].startswith(f"its {refused.value.args[0].split(' of its ')[1][0]} ")
+    assert " bodies read as solids: " in solids.repairs[-1]
+    assert is_closed(solids)
+    if cavities_mm3 == 0:
+        with pytest.raises(MeshError, match="nothing is left"):
+            part(*bodies, bodies="cavities")
+    else:
+        cavities = part(*bodies, bodies="cavities")
+        assert cavities.mesh.volume_mm3 == pytest.approx(cavities_mm3, near)
+        assert is_closed(cavities)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "volume_mm3", "repairs"),
+    [
+        pytest.param([BLOCK, inward(INSIDE)], 960, (), id="plain cavity"),
+        pytest.param([BLOCK, BLOCK], 1024,
+                     ("2 bodies overlapped (1024 mm3 counted twice): united",), id="doubled"),
+        pytest.param([BLOCK, POCKET], 1024,
+                     ("2 bodies overlapped (128 mm3 counted twice): united",), id="touches within"),
+        # What would take nothing away is no cavity.
+        pytest.param([BLOCK, inward(BESIDE)], 1051, ("1 of 2 bodies were inside out: turned",),
+                     id="inward beside"),
+        pytest.param([BLOCK, inward(box((4, 4, 8), at=(2, 2, 16)))], 1152,
+                     ("1 of 2 bodies were inside out: turned",), id="inward upon"),
+        pytest.param([box((20, 20, 20), (-5, -5, -2)), BLOCK, inward(BLOCK)], 8000,
+                     ("3 bodies united",), id="inverse inside another"),
+        # A hollow body and a rod that goes through it are each sound: their union is one.
+        pytest.param([box((9, 9, 9)), inward(box((5, 5, 5), at=(2, 2, 2))),
+                      box((19, 1, 1), at=(-5, 4, 4))], 729 - 125 + 10 + 5,
+                     ("2 bodies overlapped (4 mm3 counted twice): united",), id="rod in a hollow"),
+        pytest.param([box((9, 9, 9)), inward(box((5, 5, 5), at=(2, 2, 2))),
+                      box((7, 1, 1), at=(1, 4, 4))], 729 - 125 + 5,
+                     ("2 bodies overlapped (2 mm3 counted twice): united",), id="rib in a hollow"),
+    ],
+)  # fmt: skip
+def test_one_reading_is_taken(bodies, volume_mm3, repairs):
+    made = part(*bodies)
+    assert made.mesh.volume_mm3 == pytest.approx(volume_mm3)
+    assert made.repairs == repairs
+    asked = part(*bodies, bodies="cavities")  # where there is no doubt, it changes nothing
+    assert np.array_equal(asked.mesh.triangles, made.mesh.triangles)
+    assert asked.repairs == made.repairs
+
+
+def test_solids_fill_plain_cavities_too():
+    made = part(BLOCK, inward(INSIDE), bodies="solids")
+    assert made.mesh.volume_mm3 == pytest.approx(1024)
+    assert made.repairs == (
+        "its 2 bodies read as solids: 960 mm3 with cavities, 1024 mm3 with solids",
+    )
+
+
+def test_another_word_for_bodies():
+    with pytest.raises(ArgumentError, match="`bodies` solid: did you mean solids"):
+        part(BLOCK, bodies="solid")
+
+
+def test_a_body_without_volume_that_crosses_itself_is_not_dropped():
+    """A prism over a bow-tie: one half of it is wound inwards, so that the halves cancel."""
+    low = np.array([[0, 0, 0], [4, 4, 0], [4, 0, 0], [0, 4, 0]], dtype=float)
+    high = np.add(low, [0, 0, 5])
+    sides = [(low[i], low[i - 3], high[i - 3], high[i]) for i in range(4)]
+    quads = np.array([*sides, low[::-1], high])
+    bow_tie = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    with pytest.raises(MeshError, match=r"crosses itself .* wound inwards in as much"):
+        part(BESIDE, bow_tie)
 
 
 def test_overlap_leaves_other_bodies_and_cavities_alone():
