@@ -78,9 +78,13 @@ def test_nothing_foreign_is_replaced(tmp_path: Path, examples: Examples) -> None
     write_diagnosis(examples["none"], target, force=True)
     assert read_diagnosis(target).verdict == "none"
     (target / "figures" / "mine.txt").write_text("mine")
-    with pytest.raises(OutputError, match=r"figures/mine\.txt"):
-        write_diagnosis(examples["rate"], target, force=True)
-    assert read_diagnosis(target).verdict == "none"
+    write_diagnosis(examples["rate"], target, force=True)
+    assert read_diagnosis(target).verdict == "rate"
+    assert (target / "figures" / "mine.txt").read_text() == "mine"
+    (target / "where.csv").write_text("mine")
+    with pytest.raises(OutputError, match=r"where\.csv was changed since"):
+        write_diagnosis(examples["none"], target, force=True)
+    assert read_diagnosis(target).verdict == "rate"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
