@@ -47,7 +47,8 @@ def kernel(function: F) -> F:
 
     Floating point stays strict (no fast-math, no fused operations), so that results are the
     same bytes on every machine. Where neither the package's folder nor the user's cache folder
-    is writable, the function is compiled anew in each process.
+    is writable, the function is compiled anew in each process. What it names must be a number,
+    an array, a tuple of such, numpy, math, or another kernel; else too it is compiled anew.
 
     A first run waits for all kernels it meets, about 0.03 s a line: call each with one set of
     types, give it its arrays instead of having them made inside, and keep out of it what
@@ -67,11 +68,11 @@ def inner_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **more: Any) -> F:
-    options: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, **more}
-    try:
-        return cast(F, _compiler().njit(cache=True, **options)(function))
-    except RuntimeError:
-        return cast(F, _compiler().njit(**options)(function))
+    loop = _compiler().njit(error_model="numpy", no_cfunc_wrapper=True, **more)(function)
+    from planner.compilation_cache import keep  # it imports numba
+
+    keep(loop)
+    return cast(F, loop)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -82,10 +83,9 @@ _at_first: list[Callable[[], object]] = []
 
 
 def at_first_compilation(act: Callable[[], object]) -> None:
-    """Call `act` once a loop has to be compiled where none was ever kept: after an installation.
+    """Call `act` once a loop has to be compiled where none is kept yet.
 
-    Not after an upgrade: numba lists a loop before it has written it, so that another process could
-    take what an earlier version has left.
+    So it is after an installation, and after an upgrade of numba, llvmlite, numpy or Python.
     """
     _at_first.append(act)
 

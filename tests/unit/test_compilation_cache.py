@@ -1,0 +1,211 @@
+"""Compiled loops on disk: each belongs to all that it is made of."""
+
+import importlib
+import json
+import os
+import pkgutil
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import planner
+from planner import compilation_cache
+from planner.numerics import inner_kernel, kernel
+
+AREAS = """
+import json
+import numpy as np
+from numba.core import event
+from planner.report.display import _add_areas
+
+compiled = []
+
+class Record(event.Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].__name__)
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Record())
+sums = np.zeros((3, 4))
+_add_areas(np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]], np.int32), sums)
+print(json.dumps([sums[0, 0], compiled]))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package in which nothing is compiled."""
+    copy = tmp_path / "planner"
+    shutil.copytree(
+        Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    return copy
+
+
+def run(code, place, **environment):
+    """Run code with the package at a place; return what it prints, as JSON."""
+    # Python, too, goes by dates: without bytecode on disk it reads the sources.
+    fresh = {"PYTHONPATH": str(place), "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    kept = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    return json.loads(
+        subprocess.check_output([sys.executable, "-c", code], env={**kept, **fresh}, cwd=place)
+    )
+
+
+def kept(place):
+    return sorted(place.glob("**/loops-*/*"))
+
+
+def test_a_loop_is_compiled_anew_when_one_in_another_file_changes_and_found_when_it_is_changed_back(
+    package,
+):
+    mesh = package / "mesh" / "mesh.py"
+    right = mesh.read_text(), mesh.stat()
+    wrong = right[0].replace("return uy * vz - uz * vy, uz", "return uy * vz + 9 * 11 , uz")
+    assert len(wrong) == len(right[0])
+    assert wrong != right[0]
+
+    def write(text):
+        mesh.write_text(text)
+        os.utime(mesh, ns=(right[1].st_atime_ns, right[1].st_mtime_ns))
+
+    both = ["_add_areas", "face_normal"]
+    assert run(AREAS, package.parent) == [2, both]
+    assert run(AREAS, package.parent) == [2, []]
+    write(wrong)
+    assert run(AREAS, package.parent) == [pytest.approx(np.hypot(99, 2)), both]
+    write(f"\n\n{right[0]}")  # the same loops, on other lines
+    os.utime(mesh)
+    assert run(AREAS, package.parent) == [2, []]
+    write(wrong)
+    assert run(AREAS, package.parent) == [pytest.approx(np.hypot(99, 2)), []]
+
+
+def test_what_no_one_used_for_a_month_goes_when_something_new_comes(package):
+    old = package / "__pycache__" / "loops-python3.0"
+    old.mkdir(parents=True)
+    recent, unused = old / "recent.nbc", old / "unused.nbc"
+    recent.touch()
+    unused.touch()
+    month_s = 30 * 24 * 3600
+    os.utime(unused, (0, recent.stat().st_mtime - month_s - 60))
+    os.utime(recent, (0, recent.stat().st_mtime - month_s + 3600))
+    run(AREAS, package.parent)
+    *others, _, outer = kept(package)
+    assert others == [recent]
+    os.utime(outer, (0, 0))
+    run(AREAS, package.parent)
+    assert outer.stat().st_mtime > recent.stat().st_mtime  # it was used
+
+
+def test_damaged_and_lost_files_are_compiled_anew(package):
+    run(AREAS, package.parent)
+    inner, outer = kept(package)
+    outer.write_bytes(outer.read_bytes()[:1000])
+    inner.unlink()
+    assert run(AREAS, package.parent) == [2, ["_add_areas", "face_normal"]]
+    outer.write_bytes(b"")
+    assert run(AREAS, package.parent) == [2, ["_add_areas"]]
+    assert run(AREAS, package.parent) == [2, []]
+
+
+def test_without_a_place_to_write_loops_are_compiled_in_each_process(package, tmp_path):
+    (package / "__pycache__").write_text("in the way, for root too")
+    home = tmp_path / "home"
+    home.mkdir()
+    places = {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
+    both = ["_add_areas", "face_normal"]
+    assert run(AREAS, package.parent, **places) == [2, both]
+    assert run(AREAS, package.parent, **places) == [2, []]  # in the user's folder
+    assert len(kept(home)) == 2
+    shutil.rmtree(home)
+    home.write_text("in the way")
+    for _ in range(2):
+        assert run(AREAS, package.parent, **places) == [2, both]
+
+
+# ------------------------------------------------------------------------------------------------
+# What the digest tells apart.
+
+
+def digest(loop):
+    return tuple(compilation_cache._parts(loop, []))
+
+
+def test_every_loop_of_the_package_has_a_digest_of_its_own():
+    loops = {
+        loop
+        for module in pkgutil.walk_packages(planner.__path__, "planner.")
+        if not module.name.endswith("__main__")
+        for loop in vars(importlib.import_module(module.name)).values()
+        if isinstance(loop, Dispatcher)
+    }
+    assert len(loops) > 100
+    assert len({digest(loop) for loop in loops}) == len(loops)
+
+
+def made(constants=(1, 23), table=(1.0, 2.0), text="return inner(x) + TABLE[0]", inner="x"):
+    """Return a loop that names another and a table."""
+    names = {"kernel": kernel, "inner_kernel": inner_kernel, "TABLE": np.array(table)}
+    code = f"""
+@inner_kernel
+def inner(x):
+    return {inner} * {constants[0]} + {constants[1]}
+
+@kernel
+def outer(x):
+    {text}
+"""
+    exec(code, names)
+    return names["outer"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"constants": (12, 3)},
+        {"constants": (1, 23.0)},
+        {"table": (1.0, 2.5)},
+        {"text": "return inner(x) - TABLE[0]"},
+        {"text": "return inner(x) + TABLE[1]"},
+        {"inner": "x * TABLE[1]"},
+    ],
+)
+def test_whatever_a_loop_is_made_of_is_in_its_digest(change):
+    assert digest(made()) == digest(made())
+    assert digest(made(**change)) != digest(made())
+
+
+def test_how_a_loop_is_compiled_is_in_its_digest():
+    def one(x):
+        return x
+
+    assert digest(kernel(one)) != digest(inner_kernel(one))
+
+
+class Pair(NamedTuple):
+    a: float
+    b: float
+
+
+def test_a_loop_with_something_untold_in_it_is_compiled_but_not_kept(monkeypatch, tmp_path):
+    monkeypatch.setattr(compilation_cache, "_folder", lambda: tmp_path)
+
+    @kernel
+    def untold(x):
+        return Pair(x, x).b
+
+    @kernel
+    def told(x):
+        return (x, x)[1]
+
+    assert untold(2.0) == told(2.0) == 2.0
+    assert [path.name.rpartition("-")[0] for path in tmp_path.iterdir()] == [f"{__name__}.told"]
