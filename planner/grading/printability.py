@@ -12,7 +12,7 @@ from planner.fields.basic import Field, PlanarField
 from planner.mesh.audit import Fragments, small_bodies
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import fits_turned
-from planner.numerics import FloatArray, Point
+from planner.numerics import FloatArray, IntArray, Point
 from planner.plan import Check, Finding, Shell
 from planner.printers import Printer
 from planner.voxels.columns import MOST_VOXELS, check_reach, columns_of, grid_for, snap
@@ -484,20 +484,29 @@ def _thin_band(band: BandThickness, solid: Mesh, limit_mm: float) -> ThinPlace |
     if band.kept_mm(_LEAST) >= SOUND * limit_mm:
         return None
     thin = np.flatnonzero(band.thickness_mm < SOUND * limit_mm)
-    thin = thin[np.argsort(band.thickness_mm[thin], kind="stable")]
+    thin = thin[_thinnest_first(band.thickness_mm[thin])]
     tried = thin[np.unique(np.linspace(0, len(thin) - 1, _TRIED).astype(np.int64))]
     points = band.middle_mm[tried]
     centres, room = room_mm(solid, points, 0.25 * limit_mm, limit_mm)
     sure = np.flatnonzero((room > 0.0) & (room < SOUND * limit_mm))
     if 2 * len(sure) <= len(tried):
         return None
-    order = sure[np.argsort(room[sure], kind="stable")]
+    order = sure[_thinnest_first(room[sure])]
     middle = order[len(order) // 2]
     x, y, z = centres[middle].tolist()
     width, depth, height = np.ptp(band.middle_mm[thin], axis=0).tolist()
     size_mm = float(room[middle])
     share = float(band.area_mm2[thin].sum()) * size_mm / 2.0
     return ThinPlace((x, y, z), size_mm, (width, depth, height), share, False)
+
+
+def _thinnest_first(thickness_mm: FloatArray) -> IntArray:
+    """Sort so that of equal thicknesses the first comes first, though processors round apart."""
+    return np.argsort(thickness_mm.round(_SAME_DIGITS), kind="stable")
+
+
+_SAME_DIGITS = 6
+"""Of mm: far above what rounding moves, far below what anyone prints."""
 
 
 def _field_at(part: CutPart, place: ThinPlace) -> float:
