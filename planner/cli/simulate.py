@@ -176,7 +176,7 @@ def simulate(
     if vtu is not None:
         write_whole(vtu, result.vtu())
     if volume is not None:
-        write_whole(volume, result.volume_vtu())
+        write_whole(volume, planner.part_volume(result))
     if as_json:
         print_document(result.json())
     elif not quiet:

@@ -483,18 +483,6 @@ class PartSimulation:
         }
         return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
 
-    def volume_vtu(self) -> bytes:
-        """Return the volume at rest, with what stands in it at the last step: a VTU file.
-
-        Of points ``displacement_mm``; of cells Cauchy's ``stress_MPa`` (xx, yy, zz, xy, yz, xz),
-        ``energy_MPa`` (over the volume at rest), ``strain_over_break``, ``coordinate``,
-        ``material`` (the palette's number, from 0; between two grades the nearer) and ``cell``.
-        """
-        from planner.simulation.part_fields import volume_vtu
-
-        grades = np.array([material.coordinate for material in self.palette.materials])
-        return volume_vtu(self.cells, self.steps.fields, self.coordinate, grades)
-
 
 # ------------------------------------------------------------------------------------------------
 # A part, its conditions, its cells, and the solver: planner.simulate with loads.

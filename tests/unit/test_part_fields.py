@@ -82,7 +82,7 @@ def test_a_ball_is_clipped_out_of_a_lattice():
 def test_meshio_opens_the_volume(bent, tmp_path):
     meshio = pytest.importorskip("meshio")
     path = tmp_path / "bent.vtu"
-    path.write_bytes(bent.volume_vtu())
+    path.write_bytes(planner.part_volume(bent))
     mesh = meshio.read(path)
     assert [block.type for block in mesh.cells] == ["hexahedron"]  # a box is cut by nothing
     nodes = mesh.cells[0].data
@@ -110,7 +110,7 @@ def test_a_round_part_is_clipped_by_its_surface(tmp_path):
         cell_mm=3.0, steps=1, compare_cells=False,
     )  # fmt: skip
     path = tmp_path / "tube.vtu"
-    path.write_bytes(result.volume_vtu())
+    path.write_bytes(planner.part_volume(result))
     mesh = meshio.read(path)
     radius = np.linalg.norm(
         mesh.points[np.concatenate([b.data.ravel() for b in mesh.cells])][:, :2], axis=1
