@@ -429,7 +429,7 @@ def _reached(source: object, solid: Solid, **options: Any) -> tuple[float, str]:
     coordinates = [m.coordinate for m in solid.palette.materials]
     ends = np.interp(found.surface_coordinate, coordinates, breaks)
     most = float((found.steps.strain_over_break[-1] * ends).max())
-    to_strain = _ROUND * max(float(np.ceil(_MARGIN * most / _ROUND)), 1.0)
+    to_strain = round(_ROUND * max(float(np.ceil(_MARGIN * most / _ROUND)), 1.0), 9)
     return to_strain, (
         f"with cells of {cell_mm:.2g} mm the largest strain is {most:.2g}: laws follow the palette "
         f"up to {to_strain:.2g}, or to the break"
