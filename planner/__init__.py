@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from planner.report.gap_page import write_diagnosis
     from planner.report.material_figures import characterisation_figure, materials_figure
     from planner.report.part_page import part_page
+    from planner.report.part_volume import part_volume
     from planner.report.plan_page import plan_page, view
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
@@ -99,6 +100,7 @@ __all__ = [
     "load_printer",
     "materials_figure",
     "part_page",
+    "part_volume",
     "plan_page",
     "read_campaign",
     "read_diagnosis",
@@ -139,6 +141,7 @@ _MODULES = {
     "planner.report.gap_page": "write_diagnosis",
     "planner.report.material_figures": "characterisation_figure materials_figure",
     "planner.report.part_page": "part_page",
+    "planner.report.part_volume": "part_volume",
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",

@@ -43,6 +43,13 @@ def export(
     pressure: Pressures = None,
     move: Moves = None,
     gravity: Gravity = None,
+    to_strain: Annotated[
+        float | None,
+        Option(
+            help="Strain up to which CalculiX' laws follow the palette; by default 1.5 times what "
+            "the part reaches under its loads, or the break."
+        ),
+    ] = None,
     material: MeshMaterial = None,
     unit: MeshUnit = None,
     bodies: MeshBodies = None,
@@ -71,8 +78,8 @@ def export(
         stage("filling the part with cells")
         model = planner.export(
             source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (),
-            pressure=pressure or (), move=move or (), gravity=gravity, material=material,
-            unit=unit, bodies=bodies, printer=printer, palette=palette,
+            pressure=pressure or (), move=move or (), gravity=gravity, to_strain=to_strain,
+            material=material, unit=unit, bodies=bodies, printer=printer, palette=palette,
         )  # fmt: skip
     path = model.write(output, force=force)
     if as_json:
@@ -87,7 +94,16 @@ def _report(model: "Export") -> None:
     from planner.cli.output import format_number, print_table, tell_notes
 
     tell_notes(model.notes)
-    columns = ["material", "coordinate", "modulus MPa", "cells", "volume mm3", "law off by"]
+    columns = [
+        "material",
+        "coordinate",
+        "modulus MPa",
+        "cells",
+        "volume mm3",
+        "law",
+        "to strain",
+        "off by",
+    ]
     rows = [
         [
             made.name,
@@ -95,12 +111,14 @@ def _report(model: "Export") -> None:
             format_number(made.modulus_MPa),
             str(made.cells),
             format_number(made.volume_mm3, 4),
+            made.law or "-",
+            "-" if made.to_strain is None else f"{made.to_strain:.3g}",
             "-" if made.fit_error is None else f"{made.fit_error:.1%}",
         ]
         for made in model.materials
     ]
     if model.to != "calculix":
-        columns, rows = columns[:-1], [row[:-1] for row in rows]
+        columns, rows = columns[:-3], [row[:-3] for row in rows]
     edges = " x ".join(f"{edge:.3g}" for edge in model.cell_mm)
     print_table(
         columns,

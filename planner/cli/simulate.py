@@ -114,6 +114,10 @@ def simulate(
         Path | None,
         Option(help="VTU file to write: that surface with displacement, strain and material."),
     ] = None,
+    volume: Annotated[
+        Path | None,
+        Option(help="VTU file to write: the volume with stress, energy, strain over break."),
+    ] = None,
     page: Annotated[
         Path | None, Option(help="HTML file to write: the whole part as it moves, in 3D.")
     ] = None,
@@ -136,14 +140,14 @@ def simulate(
     from planner.formats.outputs import write_whole
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
-                   vtu=(vtu, ".vtu"), page=(page, ".html"))  # fmt: skip
+                   vtu=(vtu, ".vtu"), volume=(volume, ".vtu"), page=(page, ".html"))  # fmt: skip
     check_targets(
         context, force=force, output=output, field=field, figure=figure, deformed=deformed, vtu=vtu,
-        page=page,
+        volume=volume, page=page,
     )  # fmt: skip
     conditions = [*(fix or ()), *(load or ()), *(pressure or ()), *(move or ())]
     whole = bool(conditions) or gravity is not None
-    for name, path in (("deformed", deformed), ("vtu", vtu), ("page", page)):
+    for name, path in (("deformed", deformed), ("vtu", vtu), ("volume", volume), ("page", page)):
         if path is not None and not whole:
             raise ArgumentError(f"--{name}: it is of a whole part; give --fix and --load too")
     if field is not None and whole:
@@ -174,10 +178,12 @@ def simulate(
         write_whole(deformed, result.deformed_stl())
     if vtu is not None:
         write_whole(vtu, result.vtu())
+    if volume is not None:
+        write_whole(volume, planner.part_volume(result))
     if as_json:
         print_document(result.json())
     elif not quiet:
-        written = [p for p in (output, field, figure, deformed, vtu, page) if p]
+        written = [p for p in (output, field, figure, deformed, vtu, volume, page) if p]
         (_part_report if whole else _bar_report)(result, written)
     return 0 if result.ok else 1
 

@@ -33,10 +33,12 @@ class InpMaterial:
         Counted from 0.
     curve : (k, 2)
         Engineering strain and nominal stress in MPa of a tensile test, for Abaqus.
+    modulus_MPa, poisson
+        At rest.
     yeoh_MPa
         C10, C20, C30, for CalculiX.
-    poisson
-        At rest.
+    hardening : (k, 2)
+        True stress in MPa and plastic strain, for CalculiX where there is no Yeoh law.
     density_g_cm3
         None where it is not known.
     """
@@ -45,8 +47,10 @@ class InpMaterial:
     remark: str
     elements: IntArray
     curve: FloatArray
-    yeoh_MPa: tuple[float, float, float]
+    modulus_MPa: float
     poisson: float
+    yeoh_MPa: tuple[float, float, float] | None = None
+    hardening: FloatArray | None = None
     density_g_cm3: float | None = None
 
 
@@ -144,7 +148,12 @@ def _material(material: InpMaterial, solver: Solver) -> Iterator[str]:
         yield f"*HYPERELASTIC, MARLOW, POISSON={nu:g}"
         yield "*UNIAXIAL TEST DATA"
         yield from (f"{stress:.9g}, {strain:.9g}" for strain, stress in material.curve.tolist())
-    else:
+    elif material.hardening is not None:
+        yield "*ELASTIC"
+        yield f"{material.modulus_MPa:.9g}, {nu:g}"
+        yield "*PLASTIC"
+        yield from (f"{stress:.9g}, {strain:.9g}" for stress, strain in material.hardening.tolist())
+    elif material.yeoh_MPa is not None:
         # The first D is 2 over the bulk modulus. CalculiX takes 0 for a stiff default, so the
         # others, which divide what J adds in higher powers, are large.
         c1, c2, c3 = (1.5 / (1.0 + nu) * c for c in material.yeoh_MPa)

@@ -10,13 +10,23 @@ from numpy.typing import NDArray
 from planner.errors import ArgumentError
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["HEXAHEDRON", "QUADRATIC_HEXAHEDRON", "TRIANGLE", "VERTEX", "encode_vtu"]
+__all__ = [
+    "HEXAHEDRON",
+    "QUADRATIC_HEXAHEDRON",
+    "TETRAHEDRON",
+    "TRIANGLE",
+    "VERTEX",
+    "WEDGE",
+    "encode_vtu",
+]
 
 
 # VTK's numbers of cell types; nodes of each in VTK's own order (VTK File Formats, Kitware).
 VERTEX = 1
 TRIANGLE = 5
+TETRAHEDRON = 10
 HEXAHEDRON = 12
+WEDGE = 13
 QUADRATIC_HEXAHEDRON = 25
 
 _NAMES = {

@@ -11,6 +11,7 @@ from planner.formats.files import encode_document
 from planner.numerics import IntArray
 from planner.report.display import thinned
 from planner.report.page import asset, begin, end
+from planner.report.part_cut import cut_figure, cut_of, cut_words
 from planner.report.part_text import part_title, response_rows, step_rows, summary_words
 from planner.report.plan_page import KEYS, library, section_controls, stage
 from planner.report.plan_text import format_number
@@ -98,6 +99,7 @@ def _page(result: PartSimulation) -> Iterator[str]:
     yield '<section aria-labelledby="curve-title">\n<h2 id="curve-title">Load curve</h2>'
     yield '<figure><div class="wide" tabindex="0" role="group" aria-labelledby="curve-title">'
     yield f"{simulation_figure(result).decode()}</div></figure>\n</section>"
+    yield from _cut(result, top)
     responses, steps = list(response_rows(result)), list(step_rows(result, len(result.steps.share)))
     yield from _table("Where it is held and loaded, at the last step", "responses", responses)
     yield from _table("Steps", "steps-table", steps, numbered=True)
@@ -176,6 +178,14 @@ def _legend(top: float) -> Iterator[str]:
             "a print would break here</p>"
         )
     yield "</section>"
+
+
+def _cut(result: PartSimulation, top: float) -> Iterator[str]:
+    cut = cut_of(result)
+    yield '<section aria-labelledby="cut-title">\n<h2 id="cut-title">Where it would tear</h2>'
+    yield f'<p id="cut-words">{escape(" ".join(cut_words(result, cut)))}</p>'
+    yield '<figure><div class="wide" tabindex="0" role="group" aria-labelledby="cut-title">'
+    yield f"{cut_figure(result, cut, _colours(), top)}</div></figure>\n</section>"
 
 
 def _table(

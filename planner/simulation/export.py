@@ -2,20 +2,21 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from planner.errors import ArgumentError, did_you_mean
+from planner.errors import ArgumentError, PlannerError, did_you_mean, positive
 from planner.formats.files import encode_document
 from planner.formats.inp import HeldNodes, InpMaterial, InpModel, encode_inp
 from planner.formats.outputs import check_absent, write_whole
 from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
+from planner.materials.hardening import hardening
 from planner.materials.mixtures import CoefficientModel
-from planner.materials.stable_yeoh import stable_yeoh
+from planner.materials.stable_yeoh import StableYeoh, stable_yeoh
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.notes import Caution
@@ -24,7 +25,7 @@ from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.hexahedra import FACE_NODES, Hexahedra, fitting_cell_mm, hexahedra
 from planner.simulation.loads import Conditions, read_conditions
-from planner.simulation.part import open_solid
+from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
 
 __all__ = ["Export", "ExportedMaterial", "export"]
 
@@ -44,7 +45,21 @@ _FAR_OFF = 0.1
 """Relative: a volume of cells off by more is told as a warning. Chosen: stiffness goes with it at
 least in proportion, and the palette's moduli are known to about that."""
 
-_CURVE_POINTS = 40
+_CURVE_POINTS = 60
+
+_WITHIN = 0.05
+"""Relative error of stress up to which a law of CalculiX counts as the palette's. Chosen: prints of
+one grade scatter by more."""
+
+_MARGIN = 1.5
+"""Times the largest strain of a solution: how far laws follow the palette. Chosen: a solution with
+large cells may miss a third of a peak."""
+
+_LESS = 0.9
+"""Numerical: where a law does not go far enough, it is tried to this share of the strain."""
+
+_ROUND = 0.05
+"""Strain up to a multiple of which that is rounded, so that the file is the same on any machine."""
 
 _NEIGHBOURS = 24
 """Numerical: nearest facets to look among for one that faces the same way; in a wall of one cell
@@ -61,9 +76,11 @@ class ExportedMaterial:
         Secant modulus at the working strain.
     cells, volume_mm3
         Made of it.
-    fit_error
-        Largest relative error of CalculiX' law against the palette's tensile curve up to break;
-        None for others, which take the curve or none.
+    law
+        ``Marlow``, ``Yeoh`` or ``plastic``; None in a file for ParaView.
+    to_strain, fit_error
+        Up to which strain CalculiX' law follows the palette's tensile curve, and its largest
+        relative error of stress there; None for others, which take the curve or none.
     """
 
     name: str
@@ -71,6 +88,8 @@ class ExportedMaterial:
     modulus_MPa: float
     cells: int
     volume_mm3: float
+    law: str | None = None
+    to_strain: float | None = None
     fit_error: float | None = None
 
 
@@ -167,6 +186,7 @@ def export(
     pressure: Sequence[str] = (),
     move: Sequence[str] = (),
     gravity: str | Sequence[float] | None = None,
+    to_strain: float | None = None,
     material: str | None = None,
     unit: str | None = None,
     bodies: str | None = None,
@@ -185,13 +205,18 @@ def export(
         or value, with a `material`.
     to
         ``abaqus`` (Marlow's law: the palette's own tensile curves), ``calculix`` (Yeoh's law, the
-        nearest that is stable at every strain) or ``vtu`` (ParaView: material, coordinate and
-        modulus of every cell).
+        nearest that is stable, or for what yields an elastic-plastic one) or ``vtu`` (ParaView:
+        material, coordinate and modulus of every cell).
     cell_mm
         Edge of a cell; by default what makes about 15000, and comes nearest to the part's volume.
     fix, load, pressure, move, gravity
         What holds and loads the part, as `planner.simulate` has it; without any the file has no
         step. Each is also a set of nodes or faces.
+    to_strain
+        Strain up to which CalculiX' laws are to follow the palette's curves, within 2 % at rest and
+        5 % beyond. By default one and a half times the largest that the part reaches under its
+        loads, as `planner.simulate` finds with large cells, or without loads the break. Where no
+        law does, the note and the file say how far it goes.
     material, unit, bodies
         Of a mesh, as `planner.grade` has the last two.
     printer, palette
@@ -215,8 +240,12 @@ def export(
         raise ArgumentError(
             f"`to` {to}: {did_you_mean(to, _TARGETS)}it must be abaqus, calculix or vtu"
         )
-    conditions = [fix, load, pressure, move]
-    is_loaded = any(conditions) or gravity is not None
+    if to_strain is not None:
+        positive(to_strain, "`to_strain`")
+    told: dict[str, Any] = {
+        "fix": fix, "load": load, "pressure": pressure, "move": move, "gravity": gravity
+    }  # fmt: skip
+    is_loaded = any((fix, load, pressure, move)) or gravity is not None
     if is_loaded and to == "vtu":
         raise ArgumentError("`to` vtu: loads and supports have no place in it; leave them out")
     solid = open_solid(source, material, unit, printer, palette, bodies)
@@ -231,7 +260,7 @@ def export(
     moduli = model.modulus_MPa(levels, strain)
     notes = (*solid.notes, *_mesh_notes(mesh, part_mm3), *notes)
     names = list(_names(levels, model))
-    errors: list[float | None] = [None] * len(levels)
+    laws: list[_Law] = []
     if to == "vtu":
         corners, nodes = np.unique(mesh.nodes[:, :8], return_inverse=True)
         data = encode_vtu(
@@ -244,25 +273,31 @@ def export(
             },
         )
     else:
-        laws = [_law(model, m) for m in levels.tolist()]
-        errors = [law.error if to == "calculix" else None for law in laws]
+        if to == "calculix" and is_loaded and to_strain is None:
+            given = {"material": material, "unit": unit, "printer": printer, "palette": palette}
+            to_strain, words = _reached(source, solid, **told, **given)
+            notes = (*notes, words)
+        laws = [_law(model, m, to, to_strain or np.inf) for m in levels.tolist()]
         on = None
         if is_loaded:
             surface = halve_long_edges(solid.surface, 0.5 * float(mesh.cell_mm.min()))[0]
-            on = (
-                surface,
-                read_conditions(
-                    surface, fix=fix, load=load, pressure=pressure, move=move, gravity=gravity
-                ),
-            )
+            on = (surface, read_conditions(surface, **told))
         else:
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         written = _inp(mesh, of_cell, names, laws, moduli, solid.name, part_mm3, on)
         data = encode_inp(written, "abaqus" if to == "abaqus" else "calculix")
-        rough = [name for name, error in zip(names, errors, strict=True) if (error or 0.0) > 0.1]
-        if rough:
-            notes = (*notes, Caution(_rough_words(rough, max(e for e in errors if e))))
+        if to == "calculix":
+            notes = (*notes, *_law_notes(names, laws))
     cells = np.bincount(of_cell, minlength=len(levels)).tolist()
+    materials = [
+        ExportedMaterial(name, m, modulus, n, n * mesh.cell_mm3)
+        for name, m, modulus, n in zip(names, levels.tolist(), moduli.tolist(), cells, strict=True)
+    ]
+    if laws:
+        materials = [
+            replace(made, law=law.name, to_strain=law.to_strain, fit_error=law.fit_error)
+            for made, law in zip(materials, laws, strict=True)
+        ]
     ex, ey, ez = mesh.cell_mm.tolist()
     return Export(
         name=solid.name,
@@ -273,20 +308,8 @@ def export(
         nodes=len(mesh.node_mm),
         volume_mm3=mesh.volume_mm3,
         part_mm3=part_mm3,
-        materials=tuple(
-            ExportedMaterial(name, m, modulus, n, n * mesh.cell_mm3, error)
-            for name, m, modulus, n, error in zip(
-                names, levels.tolist(), moduli.tolist(), cells, errors, strict=True
-            )
-        ),
+        materials=tuple(materials),
         notes=notes,
-    )
-
-
-def _rough_words(rough: Sequence[str], worst: float) -> str:
-    return (
-        f"{', '.join(rough)}: no law of CalculiX that is stable follows the curve; its stress in "
-        f"tension is up to {worst:.0%} off; Abaqus takes the curve itself"
     )
 
 
@@ -335,32 +358,98 @@ def _names(levels: FloatArray, model: CoefficientModel) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Law:
+    """What the file takes for a mixture: its curve, or what CalculiX has that is nearest."""
+
     coordinate: float
     break_strain: float
+    modulus_MPa: float
     curve: FloatArray
-    yeoh_MPa: tuple[float, float, float]
-    error: float
     density_g_cm3: float
+    yeoh: StableYeoh | None = None
+    hardening: FloatArray | None = None
+    to_strain: float | None = None
+    is_short: bool = False
+
+    @property
+    def name(self) -> str:
+        return "Marlow" if self.to_strain is None else "Yeoh" if self.yeoh else "plastic"
+
+    @property
+    def fit_error(self) -> float | None:
+        return None if self.yeoh is None else self.yeoh.error
+
+    @property
+    def words(self) -> str:
+        if self.to_strain is None:
+            return "Marlow's law is its curve"
+        off = "on" if self.fit_error is None else f"within {self.fit_error:.1%} of"
+        return f"{self.name} law, {off} its curve up to strain {self.to_strain:.3g}"
 
 
-def _law(model: CoefficientModel, coordinate: float) -> _Law:
-    materials = model.palette.materials
-    at = model.coordinates
+def _law(model: CoefficientModel, coordinate: float, to: str, to_strain: float) -> _Law:
+    from planner.simulation.solid import POISSON
+
+    materials, at = model.palette.materials, model.coordinates
     end = float(np.interp(coordinate, at, [m.elongation_at_break for m in materials]))
     # Closer at rest, where the curve bends most.
-    strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 1.5
+    strain = end * np.linspace(0.0, 1.0, _CURVE_POINTS + 1)[1:] ** 2
     stress = model.nominal_stress_MPa(coordinate, 1.0 + strain)
     rising = np.concatenate([[True], np.diff(stress) > 0.0])
     kept = slice(None if rising.all() else int(np.argmin(rising)))
-    fitted = stable_yeoh(strain[kept], stress[kept])
-    return _Law(
-        coordinate,
-        end,
-        np.stack([strain[kept], stress[kept]], axis=1),
-        fitted.coefficients_MPa,
-        fitted.error,
-        float(np.interp(coordinate, at, [m.density_g_cm3 for m in materials])),
+    strain, stress = strain[kept], stress[kept]
+    modulus = float(model.modulus_MPa(coordinate, 0.0))
+    density = float(np.interp(coordinate, at, [m.density_g_cm3 for m in materials]))
+    law = _Law(coordinate, end, modulus, np.stack([strain, stress], axis=1), density)
+    if to == "abaqus":
+        return law
+    wanted = min(to_strain, float(strain[-1]))
+    fitted = stable_yeoh(strain, stress, modulus, wanted)
+    if fitted.error > _WITHIN:
+        rows = hardening(strain, stress, modulus, POISSON)
+        if rows is not None:
+            return replace(law, hardening=rows, to_strain=float(strain[-1]))
+    reached = wanted
+    while fitted.error > _WITHIN:
+        reached *= _LESS
+        fitted = stable_yeoh(strain, stress, modulus, reached)
+    return replace(law, yeoh=fitted, to_strain=reached, is_short=reached < wanted)
+
+
+def _reached(source: object, solid: Solid, **options: Any) -> tuple[float, str]:
+    """Return the strain up to which laws matter under the loads given, and words on it."""
+    cell_mm = COARSER * default_cell_mm(solid.surface)
+    unknown = (
+        "the strain that the part reaches is not known: laws go to the break, or give `to_strain`"
     )
+    try:
+        found = simulate_part(source, cell_mm=cell_mm, steps=1, compare_cells=False, **options)
+    except PlannerError as error:
+        return np.inf, f"{unknown} ({error})"
+    if found.steps.lost is not None:
+        return np.inf, f"{unknown} (with cells of {cell_mm:.2g} mm it is unstable)"
+    breaks = [m.elongation_at_break for m in solid.palette.materials]
+    coordinates = [m.coordinate for m in solid.palette.materials]
+    ends = np.interp(found.surface_coordinate, coordinates, breaks)
+    most = float((found.steps.strain_over_break[-1] * ends).max())
+    to_strain = round(_ROUND * max(float(np.ceil(_MARGIN * most / _ROUND)), 1.0), 9)
+    return to_strain, (
+        f"with cells of {cell_mm:.2g} mm the largest strain is {most:.2g}: laws follow the palette "
+        f"up to {to_strain:.2g}, or to the break"
+    )
+
+
+def _law_notes(names: Sequence[str], laws: Sequence[_Law]) -> Iterator[str]:
+    of = dict(zip(names, laws, strict=True))
+    if hard := [name for name, law in of.items() if law.hardening is not None]:
+        yield (
+            f"{', '.join(hard)}: no rubber of CalculiX bends over as the curve does; *ELASTIC and "
+            "*PLASTIC follow it while the load grows, and keep a set where it is taken off"
+        )
+    if short := [f"{name} {law.to_strain:.2g}" for name, law in of.items() if law.is_short]:
+        yield (
+            f"stable laws of CalculiX are within {_WITHIN:.0%} of the palette up to these strains "
+            f"only: {', '.join(short)}; Abaqus takes the curve itself"
+        )
 
 
 # ------------------------------------------------------------------------------------------------
@@ -390,10 +479,12 @@ def _inp(
         InpMaterial(
             name=word,
             remark=f"coordinate {law.coordinate:.4g}, secant modulus {modulus:.4g} MPa, breaks at "
-            f"strain {law.break_strain:.3g}; Yeoh's law is within {law.error:.1%} of its curve",
+            f"strain {law.break_strain:.3g}; {law.words}",
             elements=np.flatnonzero(of_cell == k),
             curve=law.curve,
-            yeoh_MPa=law.yeoh_MPa,
+            modulus_MPa=law.modulus_MPa,
+            yeoh_MPa=None if law.yeoh is None else law.yeoh.coefficients_MPa,
+            hardening=law.hardening,
             poisson=POISSON,
             density_g_cm3=law.density_g_cm3 if np.isfinite(law.density_g_cm3) else None,
         )

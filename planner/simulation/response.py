@@ -10,6 +10,7 @@ from planner.materials.marlow import uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
 from planner.simulation.element import shape_functions
+from planner.simulation.part_fields import PartFields, fields_of, hats
 from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
     Body,
@@ -102,6 +103,8 @@ class LoadSteps:
         Why it stopped early.
     iterations
         Of Newton's method, in all.
+    fields
+        What stands inside at the last step.
     """
 
     share: FloatArray
@@ -113,6 +116,7 @@ class LoadSteps:
     responses: tuple[Response, ...]
     lost: LostStabilityError | None
     iterations: int
+    fields: PartFields
 
 
 def respond(
@@ -153,14 +157,16 @@ def respond(
         if progress is not None:
             progress(share, iteration, residual)
 
-    factored = None
+    factored, last = None, states[0]
     surface, over_break, largest, places, energy = ([] for _ in range(5))
+    corners: list[FloatArray] = []
 
     def keep(state: Equilibrium) -> None:
         u = state.displacement_mm
         surface.append(np.einsum("va,vai->vi", at_vertices, u[cells.nodes[cells.vertex_cell]]))
         nodal = average.of(strain_over_break(mechanics, state))
         over_break.append(average.at_vertices(nodal))
+        corners[:] = [nodal[average.number]]
         worst = int(np.argmax(np.where(average.held, nodal, -np.inf)))
         largest.append(float(nodal[worst]))
         places.append(cells.node_mm[average.node[worst]])
@@ -190,6 +196,7 @@ def respond(
         responses,
         lost,
         iterations,
+        fields_of(mechanics, last, corners[0]),
     )
 
 
@@ -234,7 +241,7 @@ class CellAverage:
         self.node, number = np.unique(self.corner, return_inverse=True)
         self.number = number.reshape(self.corner.shape)
         counts = np.diff(cells.offsets)
-        self.hat = _hats(cells.points) * cells.weights_mm3[:, None]
+        self.hat = hats(cells.points) * cells.weights_mm3[:, None]
         self.at = np.repeat(self.number, counts, axis=0)
         self.volume = np.bincount(self.at.ravel(), self.hat.ravel(), len(self.node))
         held = self.volume > 0.124 * float(np.prod(cells.cell_mm))
@@ -252,16 +259,8 @@ class CellAverage:
 
     def at_vertices(self, nodal: FloatArray) -> FloatArray:
         """Return values at the corners between them, at the surface's vertices."""
-        hats = _hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
-        return np.asarray(np.einsum("vc,vc->v", hats, nodal[self.number[self.cells.vertex_cell]]))
-
-
-def _hats(local: FloatArray) -> FloatArray:
-    """Return the eight linear shape functions at places in a cell, (n, 8)."""
-    low, high = 0.5 * (1.0 - local), 0.5 * (1.0 + local)
-    ends = np.stack([low, high], axis=2)  # (n, 3, 2)
-    hats = np.einsum("nk,nj,ni->nkji", ends[:, 2], ends[:, 1], ends[:, 0])
-    return np.asarray(hats.reshape(-1, 8))
+        shares = hats(np.clip(self.cells.vertex_local, -1.0, 1.0))
+        return np.asarray(np.einsum("vc,vc->v", shares, nodal[self.number[self.cells.vertex_cell]]))
 
 
 def _responses(

@@ -624,6 +624,10 @@ class Mechanics:
 
     def energy_mJ(self, state: Equilibrium) -> float:
         """Return the energy stored in the material, N mm."""
+        return float(self.body.cells.weights_mm3 @ self.energy_MPa(state))
+
+    def energy_MPa(self, state: Equilibrium) -> FloatArray:
+        """Return the energy stored at the points over the volume at rest, N mm / mm³, (Q,)."""
         seen = self.observe(state)
         table = self.body.table
         _, _, below, share = self.table
@@ -643,7 +647,7 @@ class Mechanics:
         cells = self.body.cells
         pressure = np.repeat(state.pressure, np.diff(cells.offsets), axis=0)
         p = np.einsum("qr,qr->q", pressure, self.basis)
-        return float(cells.weights_mm3 @ (isochoric + p * p / (2.0 * self.bulk)))
+        return np.asarray(isochoric + p * p / (2.0 * self.bulk))
 
 
 class Observed(NamedTuple):

@@ -148,7 +148,7 @@ def test_abaqus_gets_the_palettes_own_curves(plan):
 def test_loads_add_up(plan):
     made = planner.export(
         plan, to="calculix", cell_mm=2.0, fix=["x=min"], load=["x=max: 1,0,-2 N"],
-        pressure=["z=max: 20 kPa"], gravity="-z",
+        pressure=["z=max: 20 kPa"], gravity="-z", to_strain=0.5,
     )  # fmt: skip
     found = cards(made.data)
     node = numbers(found["*NODE, NSET=NALL"])
@@ -221,9 +221,12 @@ FREE = ["x=min: 0,free,free mm", "y=min: free,0,free mm", "z=min: free,free,0 mm
 
 
 @needs_calculix
-@pytest.mark.parametrize("name", ["TangoPlus", "FLX9785", "VeroWhitePlus"])
-def test_calculix_pulls_a_bar_as_the_palette_does(name, tmp_path):
-    strain = 0.3 if name != "VeroWhitePlus" else 0.05
+@pytest.mark.parametrize(
+    ("name", "strain"),
+    [("TangoPlus", 0.3), ("FLX9785", 0.3), ("FLX9795", 0.004), ("FLX9795", 0.5),
+     ("VeroWhitePlus", 0.05)],
+)  # fmt: skip
+def test_calculix_pulls_a_bar_as_the_palette_does(name, strain, tmp_path):
     made = planner.export(
         box(8.0, 4.0, 4.0), to="calculix", material=name, cell_mm=4.0,
         move=[*FREE, f"x=max: {8.0 * strain},free,free mm"],
@@ -236,16 +239,50 @@ def test_calculix_pulls_a_bar_as_the_palette_does(name, tmp_path):
     stress = CoefficientModel(palette).nominal_stress_MPa(
         palette.resolve(name).coordinate, 1.0 + strain
     )
-    error = made.materials[0].fit_error
+    (law,) = made.materials
+    assert (law.law, law.fit_error is None) == (
+        ("plastic", True) if name == "FLX9795" else ("Yeoh", False)
+    )
+    assert strain <= law.to_strain < max(2.0 * strain, 0.6)
     # Within the fit's error, and 2 % for a Poisson's ratio of 0.49 and not 0.5.
-    assert force == pytest.approx(16.0 * float(stress), rel=error + 0.02)
+    assert force == pytest.approx(16.0 * float(stress), rel=(law.fit_error or 0.0) + 0.02)
 
 
 @needs_calculix
-def test_calculix_runs_a_graded_bar_that_bends(plan, tmp_path):
-    made = planner.export(
-        plan, to="calculix", cell_mm=4.0, fix=["x=max"], load=["x=min: 0,0,-0.02 N"]
-    )
+@pytest.mark.parametrize("force_N", [0.05, 1.0])
+def test_calculix_bends_ten_grades_as_planner_does(force_N, tmp_path):
+    """Each grade is one layer of cells, in both; the tip moves by 0.3 and 6 mm of 40."""
+    plan = planner.grade(box(40.0, 8.0, 8.0), from_="Tango", to="Vero", axis="x", profile="grades")
+    on = {"fix": ["x=max"], "load": [f"x=min: 0,0,{-force_N} N"]}
+    made = planner.export(plan, to="calculix", cell_mm=4.0, **on)
+    assert [m.cells for m in made.materials] == 10 * [4]
+    found = planner.simulate(plan, cell_mm=4.0, compare_cells=False, steps=1, **on)
     run_calculix(made, tmp_path)
     last = (tmp_path / "a.sta").read_text().splitlines()[-1].split()
     assert float(last[4]) == 1.0  # the whole load
+    result = (tmp_path / "a.frd").read_text()
+    rows = [
+        (int(line[3:13]), float(line[37:49]))
+        for line in result[result.rindex("-4  DISP") :].partition(" -3")[0].splitlines()
+        if line.startswith(" -1")
+    ]
+    along = dict(rows)
+    load = numbers(cards(made.data)["*CLOAD"])
+    tip = sum(force * along[int(node)] for node, _, force in load) / load[:, 2].sum()
+    # Laws are within 5 %, in most strains 2 %; cells of two kinds differ by half a per cent.
+    assert tip == pytest.approx(found.steps.responses[0].displacement_mm[-1, 2], rel=0.03)
+
+
+def test_a_strain_given_is_what_laws_go_to(plan):
+    on = {"fix": ["x=min"], "load": ["x=max: 0,0,-0.01 N"]}
+    near = planner.export(plan, to="calculix", cell_mm=4.0, to_strain=0.1, **on)
+    assert {m.to_strain for m in near.materials} == {0.1}
+    far = planner.export(plan, to="calculix", cell_mm=4.0)
+    for a, b in zip(near.materials, far.materials, strict=True):
+        assert a.fit_error < b.fit_error <= 0.05
+    # Those that no stable law follows to the break are told, in the file too.
+    short = [m.name for m in far.materials if m.to_strain < 0.6]
+    assert any(all(name in note for name in short) for note in far.notes)
+    assert f"up to strain {far.materials[0].to_strain:.3g}" in far.data.decode("ascii")
+    with pytest.raises(ArgumentError, match="to_strain"):
+        planner.export(plan, to="calculix", to_strain=-1.0)
