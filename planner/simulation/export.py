@@ -274,7 +274,10 @@ def export(
         )
     else:
         if to == "calculix" and is_loaded and to_strain is None:
-            given = {"material": material, "unit": unit, "printer": printer, "palette": palette}
+            given: dict[str, Any] = {
+                "material": material, "unit": unit, "bodies": bodies, "printer": printer,
+                "palette": palette,
+            }  # fmt: skip
             to_strain, words = _reached(source, solid, **told, **given)
             notes = (*notes, words)
         laws = [_law(model, m, to, to_strain or np.inf) for m in levels.tolist()]
