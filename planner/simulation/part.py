@@ -22,7 +22,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
-from planner.numerics import BoolArray, Float32Array, FloatArray, Point
+from planner.numerics import BoolArray, Float32Array, FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
@@ -506,6 +506,7 @@ def default_cell_mm(surface: Mesh) -> float:
     return float(f"{np.cbrt(surface.volume_mm3 / _CELLS):.2g}")
 
 
+@one_blas_thread()
 def simulate_part(
     source: object,
     *,
