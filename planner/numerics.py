@@ -1,9 +1,10 @@
-"""Array types that cross module borders, and loops over arrays compiled once."""
+"""Array types that cross module borders, loops over arrays compiled once, one thread of BLAS."""
 
 import gc
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
@@ -21,6 +22,7 @@ __all__ = [
     "free_kernel",
     "inner_kernel",
     "kernel",
+    "one_blas_thread",
 ]
 
 
@@ -131,3 +133,26 @@ def _compiler() -> Any:
 
     event.register("numba:compile", Watch())  # type: ignore[no-untyped-call]
     return numba
+
+
+# ------------------------------------------------------------------------------------------------
+# Threads of BLAS.
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let the matrix routines of numpy and of scipy, each with a BLAS of its own, take one thread.
+
+    Threads of BLAS spin while they wait for each other: on busy processors two take tens of times
+    as long as one. The number is that of the whole process, and as before in the end.
+    """
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _blas() -> Any:
+    import scipy.linalg  # noqa: F401 - its BLAS would be missed if it were loaded later
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()

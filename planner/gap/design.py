@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 from scipy.special import logsumexp, ndtr
-from threadpoolctl import threadpool_limits
 
 from planner.errors import ArgumentError, PaletteError
 from planner.formats.tensile import SPECIMEN_COLUMNS
@@ -33,7 +32,7 @@ from planner.gap.virtual import (
     virtual_strain,
 )
 from planner.glance import counted, one_line
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Material, Palette, Reference
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.bar import ProfileDesign
@@ -658,7 +657,7 @@ def design_campaign(
     size = SpecimenSize(width_mm, thickness_mm, gauge_mm)
     _check(asked, budget, size)
     # Small matrices: more threads only change the last digits.
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         return _designed(palette, library, asked, budget, machine.name, size, progress)
 
 

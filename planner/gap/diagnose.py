@@ -6,7 +6,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
@@ -44,7 +43,7 @@ from planner.gap.quality import examine
 from planner.gap.quality_records import HOLDS, hold_share
 from planner.gap.summary import summary_of
 from planner.gap.unit_of import merged_units, suggested_units
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.bar_solver import predict
 
@@ -299,7 +298,7 @@ def diagnose(
         name = "unit_of" if palette is None else "palette"
         raise ArgumentError(f"`{name}` goes with the folder of a campaign; read it with that")
     # Small matrices: more threads only get into each other's way, and change the last digits.
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         return _diagnose(campaign, seed, without, progress, priors or Priors())
 
 

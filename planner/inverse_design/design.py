@@ -22,7 +22,7 @@ from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.goals import Functional, LoadCase, functionals, read_limits, read_target
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.part import place
-from planner.numerics import FloatArray
+from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
@@ -170,6 +170,7 @@ class PartDesign:
         return self.plan.write(target, force=force, page=page, beside=beside)
 
 
+@one_blas_thread()
 def design(
     part: object,
     *,

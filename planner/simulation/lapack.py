@@ -8,11 +8,10 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from planner.numerics import IntArray, inner_kernel
 
-__all__ = ["Int", "address_of", "blas_addresses", "blas_threads", "gemm", "potrf", "syrk", "trsm"]
+__all__ = ["Int", "address_of", "blas_addresses", "gemm", "potrf", "syrk", "trsm"]
 
 
 # Addresses of scipy's functions are asked for at run time and given to kernels as numbers, so that
@@ -21,12 +20,6 @@ __all__ = ["Int", "address_of", "blas_addresses", "blas_threads", "gemm", "potrf
 
 Int: TypeAlias = Any
 """In kernels, of any width."""
-
-
-@cache
-def blas_threads() -> ThreadpoolController:
-    """Return what limits OpenBLAS to one thread: two on busy cores take tens of times as long."""
-    return ThreadpoolController()
 
 
 @cache

@@ -22,7 +22,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.distance import nearest, triangle_tree
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh, Topology, cancel_opposite, compact, repeats_index
-from planner.numerics import BoolArray, FloatArray, Point
+from planner.numerics import BoolArray, FloatArray, Point, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
@@ -505,6 +505,7 @@ def default_cell_mm(surface: Mesh) -> float:
     return float(f"{np.cbrt(surface.volume_mm3 / _CELLS):.2g}")
 
 
+@one_blas_thread()
 def simulate_part(
     source: object,
     *,

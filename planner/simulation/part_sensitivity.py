@@ -11,7 +11,7 @@ from planner.errors import FileError
 from planner.materials.marlow import MarlowTable, marlow_table, uniaxial_strain
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells, cut_cells
 from planner.simulation.loads import Conditions, read_conditions
@@ -117,6 +117,7 @@ class Moved:
     share: FloatArray
 
 
+@one_blas_thread()
 def followed(
     part: LoadedPart,
     table: MarlowTable,

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel, kernel
-from planner.simulation.lapack import (
-    Int,
-    address_of,
-    blas_addresses,
-    blas_threads,
-    gemm,
-    potrf,
-    syrk,
-    trsm,
+from planner.numerics import (
+    FloatArray,
+    IntArray,
+    free_kernel,
+    inner_kernel,
+    kernel,
+    one_blas_thread,
 )
+from planner.simulation.lapack import Int, address_of, blas_addresses, gemm, potrf, syrk, trsm
 
 __all__ = ["Analysis", "Factor", "NotPositiveDefinite", "analyse", "factor"]
 
@@ -134,7 +132,7 @@ class Factor:
         columns = given.reshape(len(a.order), 3, -1)
         x = np.array(columns[a.order].reshape(3 * len(a.order), -1), order="F")
         most = 3 * int(np.diff(a.rest_start).max(initial=0))
-        with blas_threads().limit(limits=1, user_api="blas"):
+        with one_blas_thread():
             _solve(
                 blas_addresses(), a.first, a.rest, a.rest_start, a.panel, self.columns,
                 x.ravel(order="K"), np.empty(max(most, 1) * x.shape[1]), x.shape[1],
@@ -487,10 +485,7 @@ def factor(
         {above[int(t)] for t in a.below[end - 1] if t in above} if end - start == 1 else set()
         for start, end in a.tasks
     ]
-    with (
-        blas_threads().limit(limits=1, user_api="blas"),
-        ThreadPoolExecutor(max(threads, 1)) as pool,
-    ):
+    with one_blas_thread(), ThreadPoolExecutor(max(threads, 1)) as pool:
         todo, done = list(range(len(a.tasks))), set[int]()
         running: dict[Future[int], int] = {}
         while todo or running:
