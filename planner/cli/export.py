@@ -13,6 +13,7 @@ from planner.cli.output import (
     Loads,
     MeshMaterial,
     MeshUnit,
+    Moments,
     Moves,
     PaletteName,
     Pressures,
@@ -37,6 +38,7 @@ def export(
     ] = None,
     fix: FixedFaces = None,
     load: Loads = None,
+    moment: Moments = None,
     pressure: Pressures = None,
     move: Moves = None,
     gravity: Gravity = None,
@@ -68,7 +70,7 @@ def export(
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
         model = planner.export(
-            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (),
+            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (), moment=moment or (),
             pressure=pressure or (), move=move or (), gravity=gravity, material=material,
             unit=unit, printer=printer, palette=palette,
         )  # fmt: skip

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AsJson",
     "AtStrain",
+    "CasesFile",
     "ColumnNames",
     "Compared",
     "ComparedWith",
@@ -34,6 +35,7 @@ __all__ = [
     "MaterialName",
     "MeshMaterial",
     "MeshUnit",
+    "Moments",
     "Moves",
     "PaletteName",
     "Pressures",
@@ -332,6 +334,18 @@ FixedFaces = Annotated[
 ]
 Loads = Annotated[
     list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+]
+Moments = Annotated[
+    list[str] | None,
+    Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
+]
+CasesFile = Annotated[
+    Path | None,
+    Option(
+        "--cases",
+        help="TOML file of several load cases: tables 'case' with name, fix, load, moment, "
+        "pressure, move, gravity, target, watch.",
+    ),
 ]
 Pressures = Annotated[
     list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")

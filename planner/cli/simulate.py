@@ -1,17 +1,21 @@
 """planner simulate: a bar pulled along its axis, or a whole part as it is held and loaded."""
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
+    CasesFile,
     FixedFaces,
     Gravity,
     Loads,
     MeshMaterial,
     MeshUnit,
+    Moments,
     Moves,
     PaletteName,
     Pressures,
@@ -27,8 +31,17 @@ if TYPE_CHECKING:
 _ROWS = 6
 _FINDINGS_SHOWN = 10
 
+_LOADS = ("fix", "load", "moment", "pressure", "move", "gravity", "cases")
+_OF_PART = ("material", "cell_mm", "compare_cells", "unit")
+_OF_BAR = (
+    "to_strain", "rate_mm_s", "protocol", "cycles", "hold_s", "slices", "between_mm", "width_mm",
+    "thickness_mm", "gauge_mm",
+)  # fmt: skip
+_OF_BOTH = ("steps", "level", "printer", "palette")
+
 
 def simulate(
+    context: Context,
     source: Annotated[
         str,
         Argument(
@@ -38,11 +51,14 @@ def simulate(
     ],
     fix: FixedFaces = None,
     load: Loads = None,
+    moment: Moments = None,
     pressure: Pressures = None,
     move: Moves = None,
     gravity: Gravity = None,
+    cases: CasesFile = None,
     watch: Annotated[
-        list[str] | None, Option(help="Faces whose displacement is told too, as x=min.")
+        list[str] | None,
+        Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
     ] = None,
     material: MeshMaterial = None,
     cell_mm: Annotated[
@@ -61,9 +77,7 @@ def simulate(
         ),
     ] = True,
     unit: MeshUnit = None,
-    to_strain: Annotated[
-        float | None, Option(help="Largest displacement over the bar's length; 0.3 by default.")
-    ] = None,
+    to_strain: Annotated[float, Option(help="Largest displacement over the bar's length.")] = 0.3,
     rate_mm_s: Annotated[
         float | None,
         Option(
@@ -121,8 +135,9 @@ def simulate(
     """Pull a planned part, a graded bar or a coupon; or load a whole part, which may bend.
 
     Pulled along the axis of its gradient, slices across the axis share one force. With --fix and
-    --load, --pressure, --move or --gravity the whole part is solved as it is held and loaded. Exit
-    code 1 when a print would break on the way, or the strain or load is out of reach.
+    --load, --moment, --pressure, --move or --gravity, or --cases, the whole part is solved as it is
+    held and loaded. With --cases each file but .json and .html is one a case, numbered. Exit code 1
+    when a print would break on the way, or the strain or load is out of reach.
 
     Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
 
@@ -130,53 +145,91 @@ def simulate(
     """
     import planner
     from planner.cli.output import print_document, progress
-    from planner.formats.files import write_whole
+    from planner.formats.files import encode_document, write_whole
+    from planner.simulation.loads import read_cases
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
                    vtu=(vtu, ".vtu"), page=(page, ".html"))  # fmt: skip
-    check_targets(
-        force=force, output=output, field=field, figure=figure, deformed=deformed, vtu=vtu,
-        page=page,
-    )  # fmt: skip
-    conditions = [*(fix or ()), *(load or ()), *(pressure or ()), *(move or ())]
-    whole = bool(conditions) or gravity is not None
-    for name, path in (("deformed", deformed), ("vtu", vtu), ("page", page)):
-        if path is not None and not whole:
-            raise ArgumentError(f"--{name}: it is of a whole part; give --fix and --load too")
-    if field is not None and whole:
-        raise ArgumentError("--field: it is of a bar; --vtu has the strains of a whole part")
-    options: dict[str, Any] = {
-        "fix": fix or (), "load": load or (), "pressure": pressure or (), "move": move or (),
-        "gravity": gravity, "watch": watch or (), "material": material, "cell_mm": cell_mm,
-        "compare_cells": compare_cells, "unit": unit, "to_strain": to_strain,
-        "rate_mm_s": rate_mm_s, "protocol": protocol, "steps": steps, "cycles": cycles,
-        "hold_s": hold_s, "slices": slices,
-        "between_mm": None if between_mm is None else _between(between_mm), "width_mm": width_mm,
-        "thickness_mm": thickness_mm, "gauge_mm": gauge_mm, "level": level, "printer": printer,
-        "palette": palette,
-    }  # fmt: skip
+    given = {
+        name: value
+        for name, value in context.params.items()
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    whole = any(name in given for name in _LOADS)
+    strangers = (*_OF_BAR, "field") if whole else (*_OF_PART, "watch", "deformed", "vtu", "page")
+    for name in strangers:
+        if name in given:
+            why = (
+                "it is of a bar that is pulled along its axis, not of a whole part that is held "
+                "and loaded; leave it out"
+                if whole
+                else "it is of a whole part; say how that is held and loaded with `fix` and "
+                "`load`, `moment`, `pressure`, `move` or `gravity`, or with `cases`"
+            )
+            raise ArgumentError(f"`{name}` {given[name]}: {why}")
+    if between_mm is not None:
+        given["between_mm"] = _between(between_mm)
+    options = {name: given[name] for name in (*_OF_BAR, *_OF_PART, *_OF_BOTH) if name in given}
+    seen = tuple(watch or ())
+    own = planner.LoadCase((), fix or (), load or (), pressure or (), move or (), gravity,
+                           moment=moment or (), watch=seen)  # fmt: skip
+    held = [] if own.is_empty else [own]
+    if cases is not None:
+        held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
+    one_csv = output if output is not None and output.suffix.casefold() == ".csv" else None
+    of_all = {"output": None if one_csv else output, "page": page}
+    of_each = {"output": one_csv, "field": field, "figure": figure, "deformed": deformed,
+               "vtu": vtu}  # fmt: skip
+    each = [_numbered(of_each, k if cases else 0) for k in range(1, max(len(held), 1) + 1)]
+    for paths in each:
+        check_targets(force=force, **{**of_all, **{n: p for n, p in paths.items() if p}})
+    results: Any
     with progress(not quiet and not as_json and whole) as stage:
-        result: Any = planner.simulate(source, progress=stage, **options)
+        if whole:
+            results = planner.simulate_part(source, held, progress=stage, **options)
+        else:
+            results = (planner.simulate_bar(source, **options),)
         if page is not None:
             stage("making the page")
-            write_whole(page, planner.part_page(result))
-    if output is not None:
-        csv = output.suffix.casefold() == ".csv"
-        write_whole(output, result.csv() if csv else result.json())
-    if field is not None:
-        write_whole(field, result.field_csv())
-    if figure is not None:
-        write_whole(figure, planner.simulation_figure(result))
-    if deformed is not None:
-        write_whole(deformed, result.deformed_stl())
-    if vtu is not None:
-        write_whole(vtu, result.vtu())
+            write_whole(page, planner.part_page(results))
+    document = results[0].json()
+    if cases is not None:
+        document = encode_document({"schema": 1, "cases": [one.document() for one in results]})
+    if of_all["output"] is not None:
+        write_whole(of_all["output"], document)
+    for result, paths in zip(results, each, strict=True):
+        for name, path in paths.items():
+            if path is not None:
+                write_whole(path, _WRITTEN[name](result))
     if as_json:
-        print_document(result.json())
+        print_document(document)
     elif not quiet:
-        written = [p for p in (output, field, figure, deformed, vtu, page) if p]
-        (_part_report if whole else _bar_report)(result, written)
-    return 0 if result.ok else 1
+        (_part_report if whole else _bar_report)(results)
+        _close(results, [path for paths in (of_all, *each) for path in paths.values() if path])
+    return 0 if all(result.ok for result in results) else 1
+
+
+def _figure(result: Any) -> bytes:
+    import planner
+
+    return planner.simulation_figure(result)
+
+
+_WRITTEN: Mapping[str, Callable[[Any], bytes]] = {
+    "output": lambda result: result.csv(),
+    "field": lambda result: result.field_csv(),
+    "figure": _figure,
+    "deformed": lambda result: result.deformed_stl(),
+    "vtu": lambda result: result.vtu(),
+}
+
+
+def _numbered(files: Mapping[str, Path | None], case: int) -> dict[str, Path | None]:
+    """Put the number of a case into the names of its files."""
+    return {
+        name: path and (path.with_stem(f"{path.stem}-{case}") if case else path)
+        for name, path in files.items()
+    }
 
 
 def _check_endings(**given: tuple[Path | None, *tuple[str, ...]]) -> None:
@@ -195,30 +248,31 @@ def _between(text: str) -> tuple[float, float]:
         ) from None
 
 
-def _part_report(result: "PartSimulation", written: list[Path]) -> None:
+def _part_report(results: "Sequence[PartSimulation]") -> None:
     from planner.cli.output import print_table, say, tell_notes
     from planner.report.part_text import part_title, response_rows, step_rows, summary_words
 
-    tell_notes(result.notes)
-    steps = list(step_rows(result, _ROWS))
-    columns = list(steps[0])
-    print_table(
-        columns, [[*row.values()] for row in steps], title=part_title(result), right=columns,
-        droppable=["energy, mJ"],
-    )  # fmt: skip
-    rows = list(response_rows(result))
-    columns = list(rows[0])
-    print_table(
-        columns, [[*row.values()] for row in rows], right=columns[2:], droppable=[columns[-1]]
-    )
-    for words in summary_words(result):
-        say(words)
-    _close(result, written)
+    tell_notes(note for result in results for note in result.notes)
+    for result in results:
+        steps = list(step_rows(result, _ROWS))
+        columns = list(steps[0])
+        print_table(
+            columns, [[*row.values()] for row in steps], title=part_title(result), right=columns,
+            droppable=["energy, mJ"],
+        )  # fmt: skip
+        rows = list(response_rows(result))
+        columns = list(rows[0])
+        print_table(
+            columns, [[*row.values()] for row in rows], right=columns[2:], droppable=[columns[-1]]
+        )
+        for words in summary_words(result):
+            say(words)
 
 
-def _bar_report(result: "Simulation", written: list[Path]) -> None:
+def _bar_report(results: "Sequence[Simulation]") -> None:
     from planner.cli.output import format_number, format_range, print_table, warn
 
+    (result,) = results
     for note in result.notes:
         warn(note)
     count = len(result.force_N)
@@ -244,15 +298,18 @@ def _bar_report(result: "Simulation", written: list[Path]) -> None:
         f"{result.to_strain:g}",
         right=["time s", "mm", "strain", "force N"],
     )
-    _close(result, written)
 
 
-def _close(result: "PartSimulation | Simulation", written: list[Path]) -> None:
+def _close(results: "Sequence[PartSimulation | Simulation]", written: list[Path]) -> None:
     from planner.cli.output import finding, say
 
-    for found in result.findings[:_FINDINGS_SHOWN]:
-        finding(found.message)
-    if len(result.findings) > _FINDINGS_SHOWN:
-        finding(f"{len(result.findings) - _FINDINGS_SHOWN} more of these are in the JSON")
+    told = []
+    for result in results:
+        case = getattr(result, "case", "")
+        told += [f"{case}: {f.message}" if case else f.message for f in result.findings]
+    for message in told[:_FINDINGS_SHOWN]:
+        finding(message)
+    if len(told) > _FINDINGS_SHOWN:
+        finding(f"{len(told) - _FINDINGS_SHOWN} more of these are in the JSON")
     for path in written:
         say(f"wrote {path}")

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.glance import percent
 from planner.numerics import FloatArray
 from planner.report.plan_text import format_interval, format_number
 
@@ -21,7 +22,7 @@ def part_title(result: "PartSimulation") -> str:
     share = float(result.steps.share[-1])
     reached = "the whole load" if share == 1.0 else f"{share:.3g} of the load"
     return (
-        f"{result.name}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
+        f"{result.called}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
         f"unknowns, {reached}"
     )
 
@@ -37,10 +38,13 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
     least_N = _NOTHING * max(
         sizes_N, default=0.0
     )  # loads that balance leave a support nothing but rounding
+    units = {"fix": "N", "move": "N", "moment": "°"}
+    turning = any(response.turn_deg is not None for response in result.steps.responses)
+    turned = ("moment N mm (x y z)", "turns ° (x y z)") if turning else ()
     for response in result.steps.responses:
-        held = response.kind in ("fix", "move")
         stiffness = response.stiffness_N_mm
         sure = "" if response.interval is None else format_interval(response.interval)
+        of_moment = (response.moment_N_mm, response.turn_deg)
         yield {
             "": response.kind,
             "faces": response.selector,
@@ -48,9 +52,13 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
             if response.kind == "fix"
             else _vector(response.displacement_mm[-1]),
             "force N (x y z)": ""
-            if response.kind == "watch"
+            if response.kind in ("watch", "moment")
             else _vector(response.force_N[-1], least_N),
-            interval: f"{sure} {'N' if held else 'mm'}" if sure else "",
+            **{
+                name: "" if values is None else _vector(values[-1])
+                for name, values in zip(turned, of_moment, strict=False)
+            },
+            interval: f"{sure} {units.get(response.kind, 'mm')}" if sure else "",
             "N/mm": "" if stiffness is None else format_number(stiffness),
         }
     moved, (x, y, z) = result.farthest
@@ -59,6 +67,7 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
         "faces": f"({x:.4g}, {y:.4g}, {z:.4g}) mm",
         "moves mm (x y z)": _vector(moved),
         "force N (x y z)": "",
+        **dict.fromkeys(turned, ""),
         interval: "",
         "N/mm": "",
     }
@@ -102,5 +111,5 @@ def summary_words(result: "PartSimulation") -> Iterator[str]:
     if found is not None:
         yield (
             f"cells of {found.cell_mm:.3g} mm give figures that differ by up to "
-            f"{100.0 * found.largest:.2g} %"
+            f"{percent(found.largest)}"
         )

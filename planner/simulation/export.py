@@ -22,7 +22,7 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.hexahedra import FACE_NODES, Hexahedra, fitting_cell_mm, hexahedra
-from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.loads import Conditions, LoadCase, couple, read_conditions
 from planner.simulation.part import open_solid
 
 __all__ = ["Export", "ExportedMaterial", "export"]
@@ -163,6 +163,7 @@ def export(
     cell_mm: float | None = None,
     fix: Sequence[str] = (),
     load: Sequence[str] = (),
+    moment: Sequence[str] = (),
     pressure: Sequence[str] = (),
     move: Sequence[str] = (),
     gravity: str | Sequence[float] | None = None,
@@ -187,8 +188,8 @@ def export(
         modulus of every cell).
     cell_mm
         Edge of a cell; by default what makes about 15000, and comes nearest to the part's volume.
-    fix, load, pressure, move, gravity
-        What holds and loads the part, as `planner.simulate` has it; without any the file has no
+    fix, load, moment, pressure, move, gravity
+        What holds and loads the part, as `LoadCase` has it; without any the file has no
         step. Each is also a set of nodes or faces.
     material, unit
         Of a mesh.
@@ -213,8 +214,10 @@ def export(
         raise ArgumentError(
             f"`to` {to}: {did_you_mean(to, _TARGETS)}it must be abaqus, calculix or vtu"
         )
-    conditions = [fix, load, pressure, move]
-    is_loaded = any(conditions) or gravity is not None
+    case = LoadCase(
+        fix=fix, load=load, moment=moment, pressure=pressure, move=move, gravity=gravity
+    )
+    is_loaded = not case.is_empty
     if is_loaded and to == "vtu":
         raise ArgumentError("`to` vtu: loads and supports have no place in it; leave them out")
     solid = open_solid(source, material, unit, printer, palette)
@@ -247,12 +250,7 @@ def export(
         on = None
         if is_loaded:
             surface = halve_long_edges(solid.surface, 0.5 * float(mesh.cell_mm.min()))[0]
-            on = (
-                surface,
-                read_conditions(
-                    surface, fix=fix, load=load, pressure=pressure, move=move, gravity=gravity
-                ),
-            )
+            on = (surface, read_conditions(surface, case))
         else:
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         written = _inp(mesh, of_cell, names, laws, moduli, solid.name, part_mm3, on)
@@ -424,7 +422,14 @@ def _inp(
     for number, force in enumerate(conditions.forces, start=1):
         faces = _faces(force.facets, facet, force.selector)
         remarks.append(f"LOAD{number}: {force.selector}")
-        forces[f"LOAD{number}"] = _spread(mesh, faces, np.array(force.force_N))
+        nodes, share = _spread(mesh, faces)
+        forces[f"LOAD{number}"] = nodes, share[:, None] * np.array(force.force_N)
+    for number, moment in enumerate(conditions.moments, start=1):
+        faces = _faces(moment.facets, facet, moment.selector)
+        remarks.append(f"MOMENT{number}: {moment.selector}")
+        nodes, share = _spread(mesh, faces)
+        pulls = couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
+        forces[f"MOMENT{number}"] = nodes, pulls
     pressures = {}
     for number, push in enumerate(conditions.pressures, start=1):
         faces = _faces(push.facets, facet, push.selector)
@@ -467,12 +472,12 @@ def _nodes(mesh: Hexahedra, faces: IntArray) -> IntArray:
     return np.asarray(mesh.nodes[cell[:, None], FACE_NODES[face]])
 
 
-def _spread(mesh: Hexahedra, faces: IntArray, force: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Spread a force evenly over the area of faces, as their quadratic functions have it."""
+def _spread(mesh: Hexahedra, faces: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return nodes of faces and the share of each in their area, as quadratic functions have it."""
     edges = mesh.cell_mm
     area = np.prod(edges) / np.abs(mesh.outer_normal[faces] @ edges)
     # Of a face of eight nodes: -1/12 at corners, 1/3 at the middles of its edges.
     weight = np.repeat([[-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4], len(faces), axis=0)
     nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)
     share = np.bincount(at.ravel(), weights=(weight * area[:, None]).ravel())
-    return nodes, share[:, None] / area.sum() * force
+    return nodes, share / area.sum()

@@ -27,8 +27,15 @@ from planner.palette import Palette
 from planner.plan import Plan, plan_file, read_plan
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import plan_palette, plan_shells, region_coordinates, united
-from planner.simulation.cut_cells import FEWEST_ALONG, CutCells, cut_cells
-from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, cut_cells
+from planner.simulation.loads import (
+    Conditions,
+    LoadCase,
+    palette_densities,
+    read_conditions,
+    refuse_held,
+    watched_targets,
+)
 from planner.simulation.simulate import called, table_csv
 
 if TYPE_CHECKING:
@@ -37,7 +44,7 @@ if TYPE_CHECKING:
     # The solver is loaded when a part is solved, and not before its input is known to be sound.
     from planner.simulation.response import LoadSteps, Response
     from planner.simulation.solid import Mechanics
-    from planner.simulation.sparse_cholesky import Analysis
+    from planner.simulation.sparse_cholesky import Factor
 
 __all__ = [
     "COARSER",
@@ -46,6 +53,7 @@ __all__ = [
     "PartFinding",
     "PartSimulation",
     "Solid",
+    "check_effort",
     "default_cell_mm",
     "filling_along",
     "open_solid",
@@ -334,6 +342,8 @@ class PartSimulation:
         Probability that intervals hold a print's figure.
     notes
         What was assumed, one sentence each.
+    case
+        Name of the load case, where there are several.
     """
 
     name: str
@@ -347,14 +357,20 @@ class PartSimulation:
     discretisation: Discretisation | None = None
     findings: tuple[PartFinding, ...] = ()
     notes: tuple[str, ...] = ()
+    case: str = ""
 
     _repr_html_ = html_of
+
+    @property
+    def called(self) -> str:
+        """The part's file and the load case."""
+        return f"{self.name}, {self.case}" if self.case else self.name
 
     @one_line
     def __repr__(self) -> str:
         curve = self.curve
         return (
-            f"{self.name}: {curve.x[-1]:.4g} mm at {curve.y[-1]:.4g} "
+            f"{self.called}: {curve.x[-1]:.4g} mm at {curve.y[-1]:.4g} "
             f"{curve.y_label.rpartition(', ')[2].removeprefix('share ')}, "
             f"{counted(len(curve.x) - 1, 'step')}; " + outcome((len(self.findings), "finding"))
         )
@@ -370,8 +386,8 @@ class PartSimulation:
 
     @property
     def main(self) -> "Response | None":
-        """The response that the load curve is of: the first load, else move, watch, pressure."""
-        order = {"load": 0, "move": 1, "watch": 2, "pressure": 3}
+        """What the load curve is of: the first load, else moment, move, watch, pressure."""
+        order = {"load": 0, "moment": 1, "move": 2, "watch": 3, "pressure": 4}
         loaded = [response for response in self.steps.responses if response.kind in order]
         return min(loaded, key=lambda response: order[response.kind], default=None)
 
@@ -383,8 +399,15 @@ class PartSimulation:
             moved = np.linalg.norm(self.steps.displacement_mm, axis=2).max(axis=1)
             return LoadCurve(moved, share, "largest displacement, mm", "share of the load")
         low, high = main.interval or (1.0, 1.0)
-        figure = float((main.along_N if main.kind == "move" else main.along_mm)[-1])
+        turn = moment = np.zeros(len(share))
+        if main.turn_deg is not None and main.moment_N_mm is not None:
+            turn, moment = main.turn_deg @ main.direction, main.moment_N_mm @ main.direction
+        figures = {"move": main.along_N, "moment": turn}
+        figure = float(figures.get(main.kind, main.along_mm)[-1])
         sure = (low / figure, high / figure) if main.interval and figure else (1.0, 1.0)
+        if main.kind == "moment":
+            label = f"turn of {main.selector}, °"
+            return LoadCurve(turn, moment, label, "moment, N mm", sure_x=sure)
         x_label = f"displacement of {main.selector}, mm"
         if main.kind == "move":
             return LoadCurve(main.along_mm, main.along_N, x_label, "force, N", sure_y=sure)
@@ -412,6 +435,7 @@ class PartSimulation:
         return {
             "schema": 1,
             "source": self.name,
+            "case": self.case,
             "palette": {"name": self.palette.name, "sha256": self.palette.sha256},
             "cells": {
                 "cell_mm": cells.cell_mm.tolist(),
@@ -435,6 +459,7 @@ class PartSimulation:
                     "force_N": response.force_N.tolist(),
                     "interval": response.interval,
                     "stiffness_N_mm": response.stiffness_N_mm,
+                    **{name: value.tolist() for name, value in _turned(response)},
                 }
                 for response in steps.responses
             ],
@@ -456,10 +481,12 @@ class PartSimulation:
             "strain_over_break": steps.largest,
         }
         for number, response in enumerate(steps.responses, start=1):
-            for what, values in (("mm", response.displacement_mm), ("N", response.force_N)):
-                if what == "mm" or response.kind != "watch":
-                    for axis, column in zip("xyz", values.T, strict=True):
-                        columns[f"{response.kind}{number}_{axis}_{what}"] = column
+            told = [("mm", response.displacement_mm), ("N", response.force_N)]
+            told = told[:1] if response.kind in ("watch", "moment") else told
+            for name, values in (*told, *_turned(response)):
+                for axis, column in zip("xyz", values.T, strict=True):
+                    unit = name.partition("_")[2] or name
+                    columns[f"{response.kind}{number}_{axis}_{unit}"] = column
         return table_csv(columns)
 
     def deformed_stl(self, step: int = -1) -> bytes:
@@ -484,8 +511,117 @@ class PartSimulation:
         return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
 
 
+def _turned(response: "Response") -> Iterator[tuple[str, FloatArray]]:
+    for name in ("moment_N_mm", "turn_deg"):
+        if (values := getattr(response, name)) is not None:
+            yield name, values
+
+
 # ------------------------------------------------------------------------------------------------
-# A part, its conditions, its cells, and the solver: planner.simulate with loads.
+# What a size of cells takes, foretold before any of it is spent.
+
+
+_FREE_FILES = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current")
+
+
+def _free_bytes() -> float:
+    """Return the memory that is free, of the machine and of the container; inf if none tells."""
+    free = np.inf
+    with contextlib.suppress(OSError, ValueError):  # not Linux
+        info = Path("/proc/meminfo").read_text(encoding="ascii").split()
+        free = 1024.0 * int(info[info.index("MemAvailable:") + 1])
+    with contextlib.suppress(OSError, ValueError):  # no container, or one without a limit
+        most, used = (int(Path(name).read_text(encoding="ascii")) for name in _FREE_FILES)
+        free = min(free, float(most - used))
+    return free
+
+
+class _Effort(NamedTuple):
+    """Figures of a solution by the edge of its cells, (n,) each."""
+
+    cells: FloatArray
+    unknowns: FloatArray
+    memory_bytes: FloatArray
+    time_s: FloatArray
+
+
+def _effort(surface: Mesh, edge_mm: FloatArray, factors: int, solutions: int) -> _Effort:
+    """Foretell what solutions on cells take, `factors` of them in memory at a time.
+
+    Fitted to lattices of 400 to 20,000 cells over a finger, a gripper and a bar: cells and
+    unknowns within 15 %, numbers in the factor and in its work within 20 %; seconds are those of
+    two cores of 2020, within a factor of 2.
+    """
+    extent = np.ptp(surface.bounds_mm, axis=0)
+    cell_mm3 = np.prod(extent / np.maximum(np.ceil(extent / edge_mm[:, None] - 1e-6), 1.0), axis=1)
+    inside, across = surface.volume_mm3 / cell_mm3, surface.area_mm2 / cell_mm3 ** (2.0 / 3.0)
+    cells, unknowns = inside + 0.35 * across, 3.0 * (8.0 * inside + 4.5 * across)
+    # Nested dissection in three dimensions fills in like n^(4/3), and works like n².
+    memory = 8.0 * ((11.0 * factors + 10.0) * unknowns ** (4.0 / 3.0) + (81.0**2 + 6e3) * cells)
+    seconds = 3.0 + 1.5e-3 * across + 5.0 * solutions * (1e-4 * cells + unknowns**2 / 1.5e10)
+    return _Effort(cells, unknowns, memory, seconds)
+
+
+_SIZES_MM = np.array([digits * 10.0**power for power in range(-4, 4) for digits in range(10, 100)])
+
+
+def check_effort(
+    surface: Mesh, cell_mm: float, *, factors: int = 2, solutions: int = 5, known_bytes: float = 0.0
+) -> str:
+    """Refuse cells that do not fit in free memory; return in words what they take.
+
+    Parameters
+    ----------
+    factors
+        Of the matrix, in memory at a time.
+    solutions
+        Steps of the load in all cases, or as many equilibria.
+    known_bytes
+        What it takes, where that is known; else it is foretold.
+
+    Raises
+    ------
+    ArgumentError
+        With the finest cells that fit.
+    """
+    positive(cell_mm, "`cell_mm`")
+    sizes = np.append(cell_mm, _SIZES_MM[cell_mm < _SIZES_MM])
+    foretold = _effort(surface, sizes, factors, solutions)
+    free, memory = _free_bytes(), foretold.memory_bytes
+    memory = memory * (known_bytes / memory[0] if known_bytes else 1.0)
+    fits = (memory <= free) & (foretold.cells <= MOST_CELLS)
+    words = [
+        f"about {gigabytes:.2g} GB of memory and {_duration(seconds)}"
+        for gigabytes, seconds in zip(memory / 1e9, foretold.time_s, strict=True)
+    ]
+    if fits[0]:
+        return words[0]
+    equations = _rounded(foretold.unknowns[0])
+    what = f"{equations} equations take {words[0]}, and {free / 1e9:.3g} GB are free"
+    if memory[0] <= free:
+        what = f"{_rounded(foretold.cells[0])} cells are needed, and {MOST_CELLS} are possible"
+    most_mm = float(np.ptp(surface.bounds_mm, axis=0).max()) / FEWEST_ALONG
+    fits &= sizes <= most_mm
+    best = int(np.argmax(fits))
+    advice = f"the finest cells that fit are of {sizes[best]:g} mm ({words[best]})"
+    raise ArgumentError(
+        f"`cell_mm` {cell_mm:g}: {what}; {advice if fits[best] else 'no cells fit'}"
+    )
+
+
+def _rounded(figure: float) -> str:
+    return f"about {float(f'{figure:.2g}'):.0f}"
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in words, to one digit or two."""
+    units = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (0.0, "seconds"))
+    unit_s, name = next(unit for unit in units if seconds >= 2.0 * unit[0])
+    return f"{float(f'{seconds / (unit_s or 1.0):.1g}'):g} {name}"
+
+
+# ------------------------------------------------------------------------------------------------
+# A part, its load cases, its cells, and the solver: planner.simulate_part.
 
 
 _CELLS = 2000
@@ -508,13 +644,8 @@ def default_cell_mm(surface: Mesh) -> float:
 
 def simulate_part(
     source: object,
+    cases: LoadCase | Sequence[LoadCase],
     *,
-    fix: str | Sequence[str] = (),
-    load: str | Sequence[str] = (),
-    pressure: str | Sequence[str] = (),
-    move: str | Sequence[str] = (),
-    gravity: str | Sequence[float] | None = None,
-    watch: str | Sequence[str] = (),
     material: str | None = None,
     cell_mm: float | None = None,
     steps: int = 5,
@@ -524,103 +655,153 @@ def simulate_part(
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     progress: Callable[[str], None] = lambda stage: None,
-) -> PartSimulation:
-    """Load a whole part: what `planner.simulate` does where it is given supports.
+) -> tuple[PartSimulation, ...]:
+    """Load a whole part, a solid that may bend: how each place of it moves and strains.
+
+    Parameters
+    ----------
+    source
+        A plan (a value, its plan.json or folder), or a mesh as `planner.grade` takes it.
+    cases
+        How it is held and loaded, once or several times.
+    material, unit
+        Of a mesh: what it is made of, and the unit of its figures if not mm or as the file says.
+    cell_mm
+        Edge of the cells that the part is cut into; about 2000 by default.
+    steps
+        Of each load.
+    level
+        Probability that an interval holds what a print does.
+    compare_cells
+        Whether larger cells tell how far figures depend on the cells.
+    printer, palette
+        By name, file or value; by default those of the plan, else the Connex3 and its own.
+    progress
+        Called with what is being done.
+
+    Returns
+    -------
+    tuple of PartSimulation
+        One a case. Its ``ok`` is false when a print would break, or the load is out of reach.
 
     Raises
     ------
     PlannerError
-        Bad input, with what to do about it.
+        Bad input, with what to do about it; cells that do not fit in free memory.
+
+    Examples
+    --------
+    >>> held = planner.LoadCase(fix="x=max", load="x=min: 0,0,-0.5 N")
+    >>> (bent,) = planner.simulate_part("finger-graded", held)  # doctest: +SKIP
     """
+    cases = (cases,) if isinstance(cases, LoadCase) else tuple(cases)
+    if not cases:
+        raise ArgumentError("`cases`: there is none; say how the part is held and loaded")
     if not 1 <= steps <= _MOST_STEPS:
         raise ArgumentError(f"`steps` {steps}: it must be a whole number from 1 to {_MOST_STEPS}")
     if not 0.0 < level < 1.0:
         raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
     if cell_mm is not None:
         positive(cell_mm, "`cell_mm`")
+    several = len(cases) > 1
+    names = [case.name or (f"case {k}" if several else "") for k, case in enumerate(cases, 1)]
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette)
+    densities = palette_densities(solid.palette, cases)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
+    factors = 2 + several
+    effort = check_effort(
+        solid.surface, edge, factors=factors, solutions=(steps + 1) * len(cases)
+    )  # before anything that takes long
 
-    def conditions(surface: Mesh) -> Conditions:
-        return read_conditions(
-            surface, fix=fix, load=load, pressure=pressure, move=move, gravity=gravity, watch=watch
-        )
+    def conditions(surface: Mesh) -> list[Conditions]:
+        return [_conditions(surface, *named) for named in zip(cases, names, strict=True)]
 
-    conditions(halve_long_edges(solid.surface, 0.5 * edge)[0])  # before anything that takes long
+    conditions(halve_long_edges(solid.surface, 0.5 * edge)[0])
     progress("loading the solver")
     from planner.materials.marlow import marlow_table
     from planner.simulation.response import respond
-    from planner.simulation.solid import POISSON, Body, LostStabilityError, Mechanics
+    from planner.simulation.solid import POISSON, Body, Mechanics
     from planner.simulation.sparse_cholesky import analyse
 
     model = CoefficientModel(solid.palette)
     table = marlow_table(model, poisson=POISSON)
-    grams = [material.density_g_cm3 for material in solid.palette.materials]
 
-    def prepared(edge_mm: float) -> tuple[Body, Conditions, "Analysis", FloatArray]:
-        progress(f"cutting the part into cells of {edge_mm:.3g} mm")
+    def prepared(edge_mm: float) -> "list[Mechanics]":
+        progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
         cells = cut_cells(solid.surface, edge_mm)
-        body = Body(cells, table, solid.filling(cells.points_mm))
+        body = Body(cells, table, solid.filling(cells.points_mm), densities=densities)
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm)
-        _check_memory(analysis, cells)
-        densities = np.interp(body.coordinate, model.coordinates, grams)
-        return body, conditions(cells.surface), analysis, densities
+        needed = (
+            factors * analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
+        )
+        check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)
+        rests: dict[object, Factor] | None = {} if several else None
+        made: list[Mechanics] = []
+        for on in conditions(cells.surface):
+            like = made[0] if made else None
+            made.append(Mechanics(body, on, analysis, like=like, rests=rests))
+        return made
 
     def told(share: float, iteration: int, residual: float) -> None:
         progress(f"load {share:.3g}: iteration {iteration}, residual {residual:.1e}")
 
-    body, on, analysis, densities = prepared(edge)
-    found = respond(
-        body, on, analysis, model, steps=steps, level=level, densities=densities, progress=told
-    )
-    compared = None
-    larger_mm = COARSER * float(body.cells.cell_mm.max())
+    solved = prepared(edge)
+    found = [respond(one, model, steps=steps, level=level, progress=told) for one in solved]
+    cells, coordinate = solved[0].body.cells, solved[0].body.coordinate
+    larger_mm = COARSER * float(cells.cell_mm.max())
     longest_mm = float(np.ptp(solid.surface.bounds_mm, axis=0).max())
+    compared: list[Discretisation | None] = [None] * len(cases)
     if compare_cells and longest_mm >= FEWEST_ALONG * larger_mm:
-        with contextlib.suppress(LostStabilityError):  # the steps say so, where it matters
-            here = _small_figures(Mechanics(body, on, analysis, densities=densities))
-            other, its, order, weights = prepared(larger_mm)
-            there = _small_figures(Mechanics(other, its, order, densities=weights))
-            compared = Discretisation(larger_mm, tuple(map(_change, here, there)))
-    return PartSimulation(
-        name=solid.name,
-        palette=solid.palette,
-        conditions=on,
-        cells=body.cells,
-        coordinate=body.coordinate,
-        surface_coordinate=solid.filling(body.cells.surface.vertices),
-        steps=found,
-        level=level,
-        discretisation=compared,
-        findings=tuple(_findings(found, solid.filling, model)),
-        notes=(*solid.notes, *_notes(body.cells)),
+        here = [_small_figures(one) for one in solved]
+        there = [_small_figures(one) for one in prepared(larger_mm)]
+        compared = [
+            Discretisation(larger_mm, tuple(map(_change, a, b))) if a and b else None
+            for a, b in zip(here, there, strict=True)
+        ]
+    surface_coordinate = solid.filling(cells.surface.vertices)
+    return tuple(
+        PartSimulation(
+            name=solid.name,
+            palette=solid.palette,
+            conditions=one.conditions,
+            cells=cells,
+            coordinate=coordinate,
+            surface_coordinate=surface_coordinate,
+            steps=reached,
+            level=level,
+            discretisation=change,
+            findings=tuple(_findings(reached, solid.filling, model)),
+            notes=(*solid.notes, *_notes(cells), *_moment_notes(reached, one.conditions)),
+            case=name,
+        )
+        for one, reached, change, name in zip(solved, found, compared, names, strict=True)
     )
 
 
-def _check_memory(analysis: "Analysis", cells: CutCells) -> None:
-    """Refuse before it is taken what the machine does not have."""
-    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
+def _conditions(surface: Mesh, case: LoadCase, name: str) -> Conditions:
+    """Read a load case to simulate: the displacements among its targets are watched too."""
     try:
-        info = Path("/proc/meminfo").read_text(encoding="ascii").split()
-        free = 1024 * int(info[info.index("MemAvailable:") + 1])
-    except (OSError, ValueError):
-        return  # not Linux: the system says it itself
-    if needed > free:
-        # A factor grows with the fourth power of the cells along an edge.
-        edge_mm = float(cells.cell_mm.max()) * (needed / free) ** 0.25
-        raise ArgumentError(
-            f"`cell_mm` {cells.cell_mm.max():.3g}: {3 * len(cells.node_mm)} equations take "
-            f"{needed / 1e9:.3g} GB of memory, and {free / 1e9:.3g} GB are free; take cells of "
-            f"{edge_mm:.2g} mm or more"
-        )
+        watched = (*case.watch, *watched_targets(case))
+        on = read_conditions(surface, dataclasses.replace(case, watch=watched))
+        for seen in on.watched:
+            axes = range(3) if seen.axis is None else [seen.axis]
+            refuse_held(f"`watch` {seen.selector}", seen.facets, axes, on.supports)
+    except ArgumentError as error:
+        raise ArgumentError(f"{name}: {error}" if name else str(error)) from error
+    return on
 
 
 def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
-    """Return what each response is of at a small load: a displacement, or a support's force."""
+    """Return what each response is of at a small load: displacement, turn, or a support's force."""
+    from planner.simulation.solid import LostStabilityError
+
     on = mechanics.conditions
-    state, _ = mechanics.settle(mechanics.at_rest(), _SMALL)
+    try:
+        state = mechanics.small(_SMALL)
+    except LostStabilityError:
+        return []  # the steps say so, where it matters
 
     def moved(facets: BoolArray) -> FloatArray:
         return mechanics.mean(mechanics.points_of(facets), state.displacement_mm)
@@ -628,6 +809,7 @@ def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     pulls = zip(on.supports, mechanics.reactions(state), strict=True)
     return [
         *(moved(force.facets) for force in on.forces),
+        *(mechanics.turn_deg(moment.facets, state.displacement_mm) for moment in on.moments),
         *(pull if support.moves else None for support, pull in pulls),
         *(moved(pressure.facets) for pressure in on.pressures),
         *(moved(watched.facets) for watched in on.watched),
@@ -680,6 +862,18 @@ def _findings(
 def _place(place_mm: FloatArray) -> tuple[Point, str]:
     x, y, z = place_mm.tolist()
     return (x, y, z), f"({x:.4g}, {y:.4g}, {z:.4g}) mm"
+
+
+def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
+    turned = [response for response in steps.responses if response.moment_N_mm is not None]
+    for response, moment in zip(turned, on.moments, strict=False):  # none where nothing settled
+        given = float(steps.share[-1] * np.linalg.norm(moment.moment_N_mm))
+        left = float(np.asarray(response.moment_N_mm)[-1] @ response.direction)
+        if abs(left - given) > 0.01 * given:
+            yield (
+                f"moment on {moment.selector}: its tractions keep their direction while the faces "
+                f"turn, so that {left:.3g} of {given:.3g} N mm are left at last"
+            )
 
 
 def _notes(cells: CutCells) -> Iterator[str]:

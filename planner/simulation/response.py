@@ -12,18 +12,17 @@ from planner.numerics import FloatArray
 from planner.simulation.element import shape_functions
 from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
-    Body,
     Equilibrium,
     FacetPoints,
     LostStabilityError,
     Mechanics,
     Progress,
+    spread,
 )
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
-    from planner.simulation.loads import Conditions
-    from planner.simulation.sparse_cholesky import Analysis, Factor
+    from planner.simulation.sparse_cholesky import Factor
 
 __all__ = [
     "CellAverage",
@@ -43,17 +42,20 @@ class Response:
     Attributes
     ----------
     kind
-        ``load``, ``move``, ``fix``, ``pressure`` or ``watch``.
+        ``load``, ``moment``, ``move``, ``fix``, ``pressure`` or ``watch``.
     displacement_mm : (steps, 3)
         Mean over the faces by their area at rest.
     force_N : (steps, 3)
         Of the load, or of the support on the part, in all.
     direction : (3,)
-        Of the force, of the motion given, or of the displacement at last.
+        Of the force or moment, of the motion given, of the axis watched, or of the displacement at
+        last.
     interval
         Of the figure that follows from the others at the last step, with the probability asked
-        for: of a load or watched faces the displacement along `direction`, mm; of a support that
-        moves its force, N. None of the others.
+        for: of a load or watched faces the displacement along `direction`, mm; of a moment the turn
+        about it, degrees; of a support that moves its force, N. None of the others.
+    moment_N_mm, turn_deg : (steps, 3)
+        Of a moment: that of its tractions on the faces as they are, and how far these have turned.
     """
 
     selector: str
@@ -62,6 +64,8 @@ class Response:
     force_N: FloatArray
     direction: FloatArray
     interval: tuple[float, float] | None
+    moment_N_mm: FloatArray | None = None
+    turn_deg: FloatArray | None = None
 
     @property
     def along_mm(self) -> FloatArray:
@@ -116,14 +120,11 @@ class LoadSteps:
 
 
 def respond(
-    body: Body,
-    conditions: "Conditions",
-    analysis: "Analysis",
+    mechanics: Mechanics,
     model: CoefficientModel,
     *,
     steps: int = 1,
     level: float = 0.95,
-    densities: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> LoadSteps:
     """Load a body step by step.
@@ -134,13 +135,10 @@ def respond(
         Equal steps of the load.
     level
         Probability that an interval holds what a print does.
-    densities : (Q,), optional
-        g/cm³ at the quadrature points, for gravity.
     progress
         Called at each iteration with the load's share, the iteration and the residual.
     """
-    mechanics = Mechanics(body, conditions, analysis, densities=densities)
-    cells = body.cells
+    cells = mechanics.body.cells
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
     average = CellAverage(cells)
     states: list[Equilibrium] = [mechanics.at_rest()]
@@ -295,6 +293,19 @@ def _responses(
         figure = float(where[-1] @ direction)
         span = interval(figure, mechanics.mean_weights(points, direction))
         out.append(Response(force.selector, "load", where, shares * given, direction, span))
+    for moment in conditions.moments:
+        given = np.array(moment.moment_N_mm)
+        direction = given / np.linalg.norm(given)
+        points, pulls = mechanics.couple(moment.facets, given)
+        arms = [mechanics.place_mm(points, state.displacement_mm) for state in states]
+        moments = np.array([np.cross(arm, pulls).sum(axis=0) for arm in arms])
+        turns = np.array([mechanics.turn_deg(moment.facets, s.displacement_mm) for s in states])
+        _, rates = mechanics.couple(moment.facets, direction, last.displacement_mm)
+        weights = spread(mechanics.body.cells, points, np.degrees(rates))
+        out.append(Response(
+            moment.selector, "moment", moved(points), 0.0 * turns, direction,
+            interval(float(turns[-1] @ direction), weights), shares * moments, turns,
+        ))  # fmt: skip
     for k, support in enumerate(conditions.supports):
         held = mechanics.held[k]
         pull: FloatArray = reactions[:, k]
@@ -316,9 +327,11 @@ def _responses(
     for watched in conditions.watched:
         points = mechanics.points_of(watched.facets)
         where = moved(points)
-        direction = _unit(where[-1])
+        name, direction = watched.selector, _unit(where[-1])
+        if watched.axis is not None:
+            name, direction = f"{name} u{'xyz'[watched.axis]}", np.eye(3)[watched.axis]
         span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))
-        out.append(Response(watched.selector, "watch", where, 0.0 * where, direction, span))
+        out.append(Response(name, "watch", where, 0.0 * where, direction, span))
     return out
 
 
