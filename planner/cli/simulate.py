@@ -1,6 +1,6 @@
 """planner simulate: a bar pulled along its axis, or a whole part as it is held and loaded."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -156,16 +156,12 @@ def simulate(
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     }
     whole = any(name in given for name in _LOADS)
-    strangers = (*_OF_BAR, "field") if whole else (*_OF_PART, "watch", "deformed", "vtu", "page")
-    for name in strangers:
+    why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
+    why += "`pressure`, `move` or `gravity`, or with `cases`"
+    if whole:
+        why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
+    for name in (*_OF_BAR, "field") if whole else (*_OF_PART, "watch", "deformed", "vtu", "page"):
         if name in given:
-            why = (
-                "it is of a bar that is pulled along its axis, not of a whole part that is held "
-                "and loaded; leave it out"
-                if whole
-                else "it is of a whole part; say how that is held and loaded with `fix` and "
-                "`load`, `moment`, `pressure`, `move` or `gravity`, or with `cases`"
-            )
             raise ArgumentError(f"`{name}` {given[name]}: {why}")
     if between_mm is not None:
         given["between_mm"] = _between(between_mm)
@@ -176,13 +172,26 @@ def simulate(
     held = [] if own.is_empty else [own]
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
-    one_csv = output if output is not None and output.suffix.casefold() == ".csv" else None
-    of_all = {"output": None if one_csv else output, "page": page}
-    of_each = {"output": one_csv, "field": field, "figure": figure, "deformed": deformed,
-               "vtu": vtu}  # fmt: skip
-    each = [_numbered(of_each, k if cases else 0) for k in range(1, max(len(held), 1) + 1)]
+    files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
+        "output": (output, lambda result: result.csv()),
+        "field": (field, lambda result: result.field_csv()),
+        "figure": (figure, planner.simulation_figure),
+        "deformed": (deformed, lambda result: result.deformed_stl()),
+        "vtu": (vtu, lambda result: result.vtu()),
+    }
+    whole_files = {"page": page}
+    if output is not None and output.suffix.casefold() == ".json":
+        whole_files["output"], _ = files.pop("output")
+    each = [
+        {
+            name: path.with_stem(f"{path.stem}-{number}") if cases else path
+            for name, (path, _) in files.items()
+            if path is not None
+        }
+        for number in range(1, max(len(held), 1) + 1)
+    ]
     for paths in each:
-        check_targets(force=force, **{**of_all, **{n: p for n, p in paths.items() if p}})
+        check_targets(force=force, **{**whole_files, **paths})
     results: Any
     with progress(not quiet and not as_json and whole) as stage:
         if whole:
@@ -195,41 +204,19 @@ def simulate(
     document = results[0].json()
     if cases is not None:
         document = encode_document({"schema": 1, "cases": [one.document() for one in results]})
-    if of_all["output"] is not None:
-        write_whole(of_all["output"], document)
+    if path := whole_files.get("output"):
+        write_whole(path, document)
     for result, paths in zip(results, each, strict=True):
         for name, path in paths.items():
-            if path is not None:
-                write_whole(path, _WRITTEN[name](result))
+            write_whole(path, files[name][1](result))
     if as_json:
         print_document(document)
     elif not quiet:
         (_part_report if whole else _bar_report)(results)
-        _close(results, [path for paths in (of_all, *each) for path in paths.values() if path])
+        findings = [found.message for result in results for found in result.findings]
+        written = [*(path for paths in each for path in paths.values()), *whole_files.values()]
+        _close(findings, [path for path in written if path])
     return 0 if all(result.ok for result in results) else 1
-
-
-def _figure(result: Any) -> bytes:
-    import planner
-
-    return planner.simulation_figure(result)
-
-
-_WRITTEN: Mapping[str, Callable[[Any], bytes]] = {
-    "output": lambda result: result.csv(),
-    "field": lambda result: result.field_csv(),
-    "figure": _figure,
-    "deformed": lambda result: result.deformed_stl(),
-    "vtu": lambda result: result.vtu(),
-}
-
-
-def _numbered(files: Mapping[str, Path | None], case: int) -> dict[str, Path | None]:
-    """Put the number of a case into the names of its files."""
-    return {
-        name: path and (path.with_stem(f"{path.stem}-{case}") if case else path)
-        for name, path in files.items()
-    }
 
 
 def _check_endings(**given: tuple[Path | None, *tuple[str, ...]]) -> None:
@@ -300,16 +287,12 @@ def _bar_report(results: "Sequence[Simulation]") -> None:
     )
 
 
-def _close(results: "Sequence[PartSimulation | Simulation]", written: list[Path]) -> None:
+def _close(findings: Sequence[str], written: Sequence[Path]) -> None:
     from planner.cli.output import finding, say
 
-    told = []
-    for result in results:
-        case = getattr(result, "case", "")
-        told += [f"{case}: {f.message}" if case else f.message for f in result.findings]
-    for message in told[:_FINDINGS_SHOWN]:
+    for message in findings[:_FINDINGS_SHOWN]:
         finding(message)
-    if len(told) > _FINDINGS_SHOWN:
-        finding(f"{len(told) - _FINDINGS_SHOWN} more of these are in the JSON")
+    if len(findings) > _FINDINGS_SHOWN:
+        finding(f"{len(findings) - _FINDINGS_SHOWN} more of these are in the JSON")
     for path in written:
         say(f"wrote {path}")

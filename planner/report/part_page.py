@@ -102,21 +102,18 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '</div>\n</div>\n<div class="below" id="figures">'
     first = 0
     for number, one in enumerate(results):
-        case, mark = (f": {one.case}", f"-{number}") if one.case else ("", "")
-        responses, rows = list(response_rows(one)), list(step_rows(one, len(one.steps.share)))
+        case, mark = (f": {escape(one.case)}", f"-{number}") if one.case else ("", "")
+        rows = list(step_rows(one, len(one.steps.share)))
         yield f'<section aria-labelledby="curve-title{mark}">'
-        yield f'<h2 id="curve-title{mark}">Load curve{escape(case)}</h2>'
-        yield (
-            f'<figure><div class="wide" tabindex="0" role="group" '
-            f'aria-labelledby="curve-title{mark}">'
-        )
+        yield f'<h2 id="curve-title{mark}">Load curve{case}</h2>\n<figure>'
+        yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="curve-title{mark}">'
         yield f"{simulation_figure(one).decode()}</div></figure>\n</section>"
         title = f"Where it is held and loaded, at the last step{case}"
-        yield from _table(title, f"responses{mark}", responses)
+        yield from _table(title, f"responses{mark}", list(response_rows(one)))
         yield from _table(f"Steps{case}", f"steps-table{mark}", rows, first=first)
         first += len(rows)
     yield '<section aria-labelledby="notes-title">\n<h2 id="notes-title">Notes</h2>'
-    notes = dict.fromkeys(note for one in results for note in (*_summary(one), *one.notes))
+    notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
     yield '<ul class="notes">' + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>"
     yield "</section>\n</div>\n</main>\n<footer>"
     shown, of = len(faces), len(result.cells.surface.faces)
@@ -134,11 +131,6 @@ def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield end(scripts)
 
 
-def _summary(result: PartSimulation) -> Iterator[str]:
-    case = f"{result.case}: " if result.case else ""
-    return (f"{case}{words}" for words in summary_words(result))
-
-
 def _top(most: float) -> float:
     """Return where the colour scale ends: at the break, or lower where strains are far from it."""
     if not 0.0 < most <= 0.5:
@@ -154,26 +146,21 @@ def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
     yield '</div>\n<dl class="facts">'
     worst = max(float(result.steps.largest.max()) for result in results)
     found = sum(len(result.findings) for result in results)
-    curves = [
-        (f"{result.case}: {label}" if result.case else label, format_number(float(along[-1]), 4))
-        for result, curve in ((result, result.curve) for result in results)
+    curves = [(one, one.curve) for one in results]
+    facts = [
+        (f"{one.case}: {label}" if one.case else label, format_number(float(along[-1]), 4), "")
+        for one, curve in curves
         for label, along in ((curve.x_label, curve.x), (curve.y_label, curve.y))
     ]
-    for label, value, kind in (
-        *((label, value, "") for label, value in curves),
-        ("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"),
-        ("findings", str(found), "bad" if found else "good"),
-    ):
+    facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
+    facts.append(("findings", str(found), "bad" if found else "good"))
+    for label, value, kind in facts:
         yield f'<div><dt>{escape(label)}</dt><dd class="{kind}">{escape(value)}</dd></div>'
     yield "</dl>\n</header>"
 
 
 def _findings(results: Sequence[PartSimulation]) -> Iterator[str]:
-    told = [
-        f"{result.case}: {found.message}" if result.case else found.message
-        for result in results
-        for found in result.findings
-    ]
+    told = [found.message for result in results for found in result.findings]
     if told:
         yield '<section class="card" id="findings" aria-labelledby="findings-title">'
         yield f'<h2 id="findings-title">Findings ({len(told)})</h2>\n<ol role="list">'
@@ -212,7 +199,7 @@ def _legend(top: float) -> Iterator[str]:
 def _table(
     title: str, name: str, rows: Sequence[Mapping[str, str]], *, first: int | None = None
 ) -> Iterator[str]:
-    yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">{escape(title)}</h2>'
+    yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">{title}</h2>'
     yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{name}">\n<table>'
     heads = "".join(f'<th scope="col">{escape(column) or "what"}</th>' for column in rows[0])
     yield f"<thead><tr>{heads}</tr></thead>\n<tbody>"

@@ -328,30 +328,22 @@ def _gravity(gravity: str | Sequence[float]) -> Point:
 
 
 _FIGURE = re.compile(r"\s*(free|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
-_WRITTEN = MappingProxyType(
+_WRITTEN: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
-        "load": ("force", "x=min: 0,0,-0.5 N"),
-        "moment": ("moment", "x=min: 0,5,0 N mm"),
-        "pressure": ("stress", "cavity: 20 kPa"),
-        "move": ("length", "z=max: 5,0,free mm"),
+        "load": ("force", "x=min: 0,0,-0.5 N", "N, mN, kN, lbf, kgf"),
+        "moment": ("moment", "x=min: 0,5,0 N mm", "N mm, mN mm, N cm, N m, lbf inch"),
+        "pressure": ("stress", "cavity: 20 kPa", "kPa, MPa, Pa, bar, psi"),
+        "move": ("length", "z=max: 5,0,free mm", "mm, um, cm, m, inch"),
     }
 )
-_ADVISED = MappingProxyType(
-    {
-        "force": ("N", "mN", "kN", "lbf", "kgf"),
-        "moment": ("N mm", "mN mm", "N cm", "N m", "lbf inch"),
-        "stress": ("kPa", "MPa", "Pa", "bar", "psi"),
-        "length": ("mm", "um", "cm", "m", "inch"),
-    }
-)
-
+"""By option: the quantity of its figures, an example, and units that are advised."""
 
 _MOMENT = re.compile(r"(.*(?:N|lbf|kgf))[\s·*]*(\S+)")
 
 
 def _split(option: str, text: str, count: int) -> tuple[str, list[float | None], float]:
     """Take a condition apart: its selector, its figures (None: free), and the unit's factor."""
-    where, (quantity, example) = f"`{option}` {text}", _WRITTEN[option]
+    where, (quantity, example, advised) = f"`{option}` {text}", _WRITTEN[option]
     selector, colon, figures = text.rpartition(":")
     words = [_FIGURE.fullmatch(word) for word in figures.split(",")]
     if not colon or not all(words):
@@ -363,22 +355,20 @@ def _split(option: str, text: str, count: int) -> tuple[str, list[float | None],
             f"{'figures, parted by commas' if count > 1 else 'figure'}, and a unit at the end, as "
             f"in {example!r}"
         )
-    advised = _ADVISED[quantity]
     if not (unit := found[-1][2]):
         raise ArgumentError(
             f"{where}: the unit is missing; write it behind the figures, as in {example!r}; there "
-            f"are {', '.join(advised)}"
+            f"are {advised}"
         )
     product = _MOMENT.fullmatch(unit) if quantity == "moment" else None
     each = dict(zip(("force", "length"), product.groups(), strict=True)) if product else {}
     each = each or {quantity: unit}
     if any(kind not in quantities_of(word) for kind, word in each.items()):
-        known = quantities_of(unit)
-        kind = f", which is one of {' or '.join(sorted(known))}" if known else ""
-        hint = did_you_mean(unit, QUANTITY_UNITS.get(quantity, advised))
+        kinds = " or ".join(sorted(quantities_of(unit)))
+        which = f", which is one of {kinds}" if kinds else ""
+        hint = did_you_mean(unit, QUANTITY_UNITS.get(quantity, ()))
         raise ArgumentError(
-            f"{where}: {unit!r} is no unit of {quantity}{kind}; {hint}there are "
-            f"{', '.join(advised)}"
+            f"{where}: {unit!r} is no unit of {quantity}{which}; {hint}there are {advised}"
         )
     values = [None if w[1].casefold() == "free" else float(w[1]) for w in found]
     if not all(value is None or math.isfinite(value) for value in values):

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -399,26 +400,21 @@ class PartSimulation:
             moved = np.linalg.norm(self.steps.displacement_mm, axis=2).max(axis=1)
             return LoadCurve(moved, share, "largest displacement, mm", "share of the load")
         low, high = main.interval or (1.0, 1.0)
-        turn = moment = np.zeros(len(share))
+        x, y = main.along_mm, main.along_N
+        x_label, y_label = f"displacement of {main.selector}, mm", "force, N"
         if main.turn_deg is not None and main.moment_N_mm is not None:
-            turn, moment = main.turn_deg @ main.direction, main.moment_N_mm @ main.direction
-        figures = {"move": main.along_N, "moment": turn}
-        figure = float(figures.get(main.kind, main.along_mm)[-1])
+            x, y = main.turn_deg @ main.direction, main.moment_N_mm @ main.direction
+            x_label, y_label = f"turn of {main.selector}, °", "moment, N mm"
+        figure = float((y if main.kind == "move" else x)[-1])
         sure = (low / figure, high / figure) if main.interval and figure else (1.0, 1.0)
-        if main.kind == "moment":
-            label = f"turn of {main.selector}, °"
-            return LoadCurve(turn, moment, label, "moment, N mm", sure_x=sure)
-        x_label = f"displacement of {main.selector}, mm"
         if main.kind == "move":
-            return LoadCurve(main.along_mm, main.along_N, x_label, "force, N", sure_y=sure)
-        if main.kind == "load":
-            return LoadCurve(main.along_mm, main.along_N, x_label, "force, N", sure_x=sure)
+            return LoadCurve(x, y, x_label, y_label, sure_y=sure)
         pressures = {1000.0 * pressure.pressure_MPa for pressure in self.conditions.pressures}
-        if len(pressures) == 1:
-            y, y_label = share * pressures.pop(), "pressure, kPa"
-        else:
+        if main.kind in ("watch", "pressure"):
             y, y_label = share, "share of the load"
-        return LoadCurve(main.along_mm, y, x_label, y_label, sure_x=sure)
+            if len(pressures) == 1:
+                y, y_label = share * pressures.pop(), "pressure, kPa"
+        return LoadCurve(x, y, x_label, y_label, sure_x=sure)
 
     @property
     def farthest(self) -> tuple[FloatArray, Point]:
@@ -459,7 +455,7 @@ class PartSimulation:
                     "force_N": response.force_N.tolist(),
                     "interval": response.interval,
                     "stiffness_N_mm": response.stiffness_N_mm,
-                    **{name: value.tolist() for name, value in _turned(response)},
+                    **{name: values.tolist() for name, values in response.turned.items()},
                 }
                 for response in steps.responses
             ],
@@ -481,12 +477,12 @@ class PartSimulation:
             "strain_over_break": steps.largest,
         }
         for number, response in enumerate(steps.responses, start=1):
-            told = [("mm", response.displacement_mm), ("N", response.force_N)]
-            told = told[:1] if response.kind in ("watch", "moment") else told
-            for name, values in (*told, *_turned(response)):
+            told = {"displacement_mm": response.displacement_mm, "force_N": response.force_N}
+            if response.kind in ("watch", "moment"):
+                del told["force_N"]
+            for name, values in {**told, **response.turned}.items():
                 for axis, column in zip("xyz", values.T, strict=True):
-                    unit = name.partition("_")[2] or name
-                    columns[f"{response.kind}{number}_{axis}_{unit}"] = column
+                    columns[f"{response.kind}{number}_{axis}_{name.partition('_')[2]}"] = column
         return table_csv(columns)
 
     def deformed_stl(self, step: int = -1) -> bytes:
@@ -511,12 +507,6 @@ class PartSimulation:
         return encode_vtu(surface.vertices, [(TRIANGLE, surface.faces)], point_data=values)
 
 
-def _turned(response: "Response") -> Iterator[tuple[str, FloatArray]]:
-    for name in ("moment_N_mm", "turn_deg"):
-        if (values := getattr(response, name)) is not None:
-            yield name, values
-
-
 # ------------------------------------------------------------------------------------------------
 # What a size of cells takes, foretold before any of it is spent.
 
@@ -536,17 +526,10 @@ def _free_bytes() -> float:
     return free
 
 
-class _Effort(NamedTuple):
-    """Figures of a solution by the edge of its cells, (n,) each."""
-
-    cells: FloatArray
-    unknowns: FloatArray
-    memory_bytes: FloatArray
-    time_s: FloatArray
-
-
-def _effort(surface: Mesh, edge_mm: FloatArray, factors: int, solutions: int) -> _Effort:
-    """Foretell what solutions on cells take, `factors` of them in memory at a time.
+def _effort(
+    surface: Mesh, edge_mm: FloatArray, factors: int, solutions: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Foretell cells, equations, memory in bytes and seconds of solutions, by the cells' edge.
 
     Fitted to lattices of 400 to 20,000 cells over a finger, a gripper and a bar: cells and
     unknowns within 15 %, numbers in the factor and in its work within 20 %; seconds are those of
@@ -559,7 +542,7 @@ def _effort(surface: Mesh, edge_mm: FloatArray, factors: int, solutions: int) ->
     # Nested dissection in three dimensions fills in like n^(4/3), and works like n².
     memory = 8.0 * ((11.0 * factors + 10.0) * unknowns ** (4.0 / 3.0) + (81.0**2 + 6e3) * cells)
     seconds = 3.0 + 1.5e-3 * across + 5.0 * solutions * (1e-4 * cells + unknowns**2 / 1.5e10)
-    return _Effort(cells, unknowns, memory, seconds)
+    return cells, unknowns, memory, seconds
 
 
 _SIZES_MM = np.array([digits * 10.0**power for power in range(-4, 4) for digits in range(10, 100)])
@@ -586,38 +569,22 @@ def check_effort(
     """
     positive(cell_mm, "`cell_mm`")
     sizes = np.append(cell_mm, _SIZES_MM[cell_mm < _SIZES_MM])
-    foretold = _effort(surface, sizes, factors, solutions)
-    free, memory = _free_bytes(), foretold.memory_bytes
-    memory = memory * (known_bytes / memory[0] if known_bytes else 1.0)
-    fits = (memory <= free) & (foretold.cells <= MOST_CELLS)
-    words = [
-        f"about {gigabytes:.2g} GB of memory and {_duration(seconds)}"
-        for gigabytes, seconds in zip(memory / 1e9, foretold.time_s, strict=True)
-    ]
+    cells, unknowns, memory, seconds = _effort(surface, sizes, factors, solutions)
+    free = _free_bytes()
+    memory *= known_bytes / memory[0] if known_bytes else 1.0
+    gigabytes = [f"{figure:.2g} GB of memory" for figure in memory / 1e9]
+    minutes = [counted(math.ceil(figure / 60.0), "minute") for figure in seconds]
+    fits = (memory <= free) & (cells <= MOST_CELLS)
     if fits[0]:
-        return words[0]
-    equations = _rounded(foretold.unknowns[0])
-    what = f"{equations} equations take {words[0]}, and {free / 1e9:.3g} GB are free"
-    if memory[0] <= free:
-        what = f"{_rounded(foretold.cells[0])} cells are needed, and {MOST_CELLS} are possible"
-    most_mm = float(np.ptp(surface.bounds_mm, axis=0).max()) / FEWEST_ALONG
-    fits &= sizes <= most_mm
+        return f"about {gigabytes[0]} and {minutes[0]}"
+    what = f"about {cells[0]:.0f} cells are needed, and {MOST_CELLS} are possible"
+    if memory[0] > free:
+        what = f"about {unknowns[0]:.0f} equations take {gigabytes[0]}"
+        what += f", and {free / 1e9:.3g} GB are free"
+    fits &= sizes <= np.ptp(surface.bounds_mm, axis=0).max() / FEWEST_ALONG
     best = int(np.argmax(fits))
-    advice = f"the finest cells that fit are of {sizes[best]:g} mm ({words[best]})"
-    raise ArgumentError(
-        f"`cell_mm` {cell_mm:g}: {what}; {advice if fits[best] else 'no cells fit'}"
-    )
-
-
-def _rounded(figure: float) -> str:
-    return f"about {float(f'{figure:.2g}'):.0f}"
-
-
-def _duration(seconds: float) -> str:
-    """Return a time in words, to one digit or two."""
-    units = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (0.0, "seconds"))
-    unit_s, name = next(unit for unit in units if seconds >= 2.0 * unit[0])
-    return f"{float(f'{seconds / (unit_s or 1.0):.1g}'):g} {name}"
+    advice = f"the finest cells that fit are of {sizes[best]:g} mm (about {minutes[best]})"
+    raise ArgumentError(f"`cell_mm` {cell_mm:g}: {what}; {advice if fits[best] else 'none fit'}")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -772,7 +739,7 @@ def simulate_part(
             steps=reached,
             level=level,
             discretisation=change,
-            findings=tuple(_findings(reached, solid.filling, model)),
+            findings=tuple(_findings(reached, solid.filling, model, f"{name}: " if name else "")),
             notes=(*solid.notes, *_notes(cells), *_moment_notes(reached, one.conditions)),
             case=name,
         )
@@ -823,7 +790,7 @@ def _change(here: FloatArray | None, there: FloatArray | None) -> float | None:
 
 
 def _findings(
-    steps: "LoadSteps", filling: Filling, model: CoefficientModel
+    steps: "LoadSteps", filling: Filling, model: CoefficientModel, case: str
 ) -> Iterator[PartFinding]:
     """Report where the part breaks first, and where it loses stability."""
     broken = steps.largest > 1.0
@@ -834,7 +801,7 @@ def _findings(
         coordinate = float(filling(steps.largest_mm[k][None])[0])
         yield PartFinding(
             "break",
-            f"{called(model, coordinate)} at {words} passes its elongation at break at "
+            f"{case}{called(model, coordinate)} at {words} passes its elongation at break at "
             f"{share:.3g} of the load, by the mean of neighbouring cells; a print would break "
             "there, and what follows is extrapolated",
             share,
@@ -856,7 +823,7 @@ def _findings(
                 "less than a cell there, or the load be too large for the first step; take "
                 "smaller cells (`cell_mm`) or more `steps`"
             )
-        yield PartFinding("stopped", words, share, where[0] if where else None)
+        yield PartFinding("stopped", case + words, share, where[0] if where else None)
 
 
 def _place(place_mm: FloatArray) -> tuple[Point, str]:
@@ -865,14 +832,15 @@ def _place(place_mm: FloatArray) -> tuple[Point, str]:
 
 
 def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
-    turned = [response for response in steps.responses if response.moment_N_mm is not None]
-    for response, moment in zip(turned, on.moments, strict=False):  # none where nothing settled
-        given = float(steps.share[-1] * np.linalg.norm(moment.moment_N_mm))
-        left = float(np.asarray(response.moment_N_mm)[-1] @ response.direction)
-        if abs(left - given) > 0.01 * given:
+    found = [response.moment_N_mm for response in steps.responses]
+    at_last = [moments[-1] for moments in found if moments is not None]
+    for left, moment in zip(at_last, on.moments, strict=False):  # none where nothing settled
+        given = float(steps.share[-1]) * np.array(moment.moment_N_mm)
+        size = float(np.linalg.norm(given))
+        if abs(share := left @ given / size**2 - 1.0) > 0.01:
             yield (
                 f"moment on {moment.selector}: its tractions keep their direction while the faces "
-                f"turn, so that {left:.3g} of {given:.3g} N mm are left at last"
+                f"turn, so that {size * (1.0 + share):.3g} of {size:.3g} N mm are left at last"
             )
 
 

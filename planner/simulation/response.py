@@ -68,6 +68,13 @@ class Response:
     turn_deg: FloatArray | None = None
 
     @property
+    def turned(self) -> dict[str, FloatArray]:
+        """What only a moment has, by name."""
+        if self.moment_N_mm is None or self.turn_deg is None:
+            return {}
+        return {"moment_N_mm": self.moment_N_mm, "turn_deg": self.turn_deg}
+
+    @property
     def along_mm(self) -> FloatArray:
         """Displacement along `direction`, (steps,)."""
         return np.asarray(self.displacement_mm @ self.direction)
@@ -280,58 +287,56 @@ def _responses(
         return figure_interval(mechanics, last, factored, weights, figure, sds, normal)
 
     out = []
-    span: tuple[float, float] | None
 
     def moved(points: FacetPoints) -> FloatArray:
         return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
 
-    for force in conditions.forces:
-        points = mechanics.points_of(force.facets)
-        given = np.array(force.force_N)
-        direction = given / np.linalg.norm(given)
+    span: tuple[float, float] | None
+
+    def add(
+        name: str, kind: str, points: FacetPoints, pulls: FloatArray, direction: FloatArray | None
+    ) -> None:
         where = moved(points)
-        figure = float(where[-1] @ direction)
-        span = interval(figure, mechanics.mean_weights(points, direction))
-        out.append(Response(force.selector, "load", where, shares * given, direction, span))
+        along = _unit(where[-1]) if direction is None else direction
+        span = None
+        if kind != "pressure":
+            weights = mechanics.mean_weights(points, along)
+            span = interval(float(where[-1] @ along), weights)
+        out.append(Response(name, kind, where, pulls, along, span))
+
+    for force in conditions.forces:
+        given = np.array(force.force_N)
+        points = mechanics.points_of(force.facets)
+        add(force.selector, "load", points, shares * given, _unit(given))
     for moment in conditions.moments:
         given = np.array(moment.moment_N_mm)
-        direction = given / np.linalg.norm(given)
         points, pulls = mechanics.couple(moment.facets, given)
         arms = [mechanics.place_mm(points, state.displacement_mm) for state in states]
         moments = np.array([np.cross(arm, pulls).sum(axis=0) for arm in arms])
         turns = np.array([mechanics.turn_deg(moment.facets, s.displacement_mm) for s in states])
-        _, rates = mechanics.couple(moment.facets, direction, last.displacement_mm)
+        _, rates = mechanics.couple(moment.facets, _unit(given), last.displacement_mm)
         weights = spread(mechanics.body.cells, points, np.degrees(rates))
         out.append(Response(
-            moment.selector, "moment", moved(points), 0.0 * turns, direction,
-            interval(float(turns[-1] @ direction), weights), shares * moments, turns,
+            moment.selector, "moment", moved(points), 0.0 * turns, _unit(given),
+            interval(float(turns[-1] @ _unit(given)), weights), shares * moments, turns,
         ))  # fmt: skip
     for k, support in enumerate(conditions.supports):
-        held = mechanics.held[k]
-        pull: FloatArray = reactions[:, k]
+        held, pull = mechanics.held[k], reactions[:, k]
+        moves = bool(held.target_mm.any())
+        along = _unit(held.target_mm if moves else pull[-1])
         span = None
-        size = float(np.linalg.norm(held.target_mm))
-        if size > 0.0:
-            direction = held.target_mm / size
-            figure = float(pull[-1] @ direction)
-            span = interval(figure, mechanics.reaction_weights(k, direction))
-        else:
-            direction = _unit(pull[-1])
-        kind = "move" if size > 0.0 else "fix"
-        out.append(Response(support.selector, kind, moved(held.points), pull, direction, span))
+        if moves:
+            span = interval(float(pull[-1] @ along), mechanics.reaction_weights(k, along))
+        kind = "move" if moves else "fix"
+        out.append(Response(support.selector, kind, moved(held.points), pull, along, span))
     for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
         push = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
-        where = moved(pushed.points)
-        direction = _unit(where[-1])
-        out.append(Response(pressure.selector, "pressure", where, push, direction, None))
+        add(pressure.selector, "pressure", pushed.points, push, None)
     for watched in conditions.watched:
-        points = mechanics.points_of(watched.facets)
-        where = moved(points)
-        name, direction = watched.selector, _unit(where[-1])
-        if watched.axis is not None:
-            name, direction = f"{name} u{'xyz'[watched.axis]}", np.eye(3)[watched.axis]
-        span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))
-        out.append(Response(name, "watch", where, 0.0 * where, direction, span))
+        axis, points = watched.axis, mechanics.points_of(watched.facets)
+        name = watched.selector if axis is None else f"{watched.selector} u{'xyz'[axis]}"
+        nothing = np.zeros((len(states), 3))
+        add(name, "watch", points, nothing, None if axis is None else np.eye(3)[axis])
     return out
 
 

@@ -385,7 +385,9 @@ class Mechanics:
         for moment in conditions.moments:
             couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
             self.dead = self.dead + spread(cells, *couples)
-        self.dead = self.dead + self._weight()
+        if conditions.gravity is not None and self.body.densities is not None:
+            density = np.interp(self.body.coordinate, *self.body.densities)
+            self.dead = self.dead + np.outer(self._weight @ density, conditions.gravity)
         self.pushed = [
             _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
         ]
@@ -403,40 +405,28 @@ class Mechanics:
             springs = [(at.shape[a:b].T * stiffness[a:b]) @ at.shape[a:b] for a, b in ends]
             self.held.append(_Held(at, stiffness, springs, axes, target))
 
-    def _weights(self) -> Iterator[tuple[slice, IntArray, FloatArray]]:
-        """Yield points of some cells, their nodes and the nodal forces, N, of 1 g/cm³ at each."""
-        cells = self.body.cells
-        share = cells.weights_mm3 * 1e-6 * 9.80665  # g/cm³ mm³ = 1e-6 kg
-        of_cell = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
-        for c in range(0, len(cells.nodes), 512):
-            rows = slice(cells.offsets[c], cells.offsets[min(c + 512, len(cells.nodes))])
-            shape = shape_functions(cells.points[rows], cells.cell_mm)[0] * share[rows, None]
-            yield rows, cells.nodes[of_cell[rows]], shape
+    @cached_property
+    def _weight(self) -> Any:
+        """Force at each node along gravity, N, of 1 g/cm³ at each point: sparse, (N, Q)."""
+        from scipy.sparse import csc_matrix
 
-    def _weight(self) -> FloatArray:
-        """Return the nodal forces of gravity, (N, 3)."""
-        body, gravity = self.body, self.conditions.gravity
-        total = np.zeros((len(body.cells.node_mm), 3))
-        if gravity is None or body.densities is None:
-            return total
-        density = np.interp(body.coordinate, *body.densities)
-        for rows, nodes, shape in self._weights():
-            np.add.at(total, nodes, (shape * density[rows, None])[:, :, None] * np.array(gravity))
-        return total
+        cells = self.body.cells
+        # g/cm³ mm³ = 1e-6 kg
+        shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
+        shape *= cells.weights_mm3[:, None]
+        nodes = cells.nodes[np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))]
+        ends = 27 * np.arange(len(nodes) + 1)
+        return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
 
     def _weight_over_m(self, share: float, adjoint: FloatArray) -> FloatArray:
         """Return the derivatives of a response over m at each point, (Q,), by weight alone."""
         body, gravity = self.body, self.conditions.gravity
-        out = np.zeros(len(body.coordinate))
         if gravity is None or body.densities is None:
-            return out
+            return np.zeros(len(body.coordinate))
         coordinate, density = body.densities
         above = np.clip(np.searchsorted(coordinate, body.coordinate), 1, len(coordinate) - 1)
-        slope = share * (np.diff(density) / np.diff(coordinate))[above - 1]
-        fall = adjoint @ np.array(gravity)
-        for rows, nodes, shape in self._weights():
-            out[rows] = slope[rows] * np.einsum("qa,qa->q", shape, fall[nodes])
-        return out
+        slope = (np.diff(density) / np.diff(coordinate))[above - 1]
+        return np.asarray(share * slope * (self._weight.T @ (adjoint @ np.array(gravity))))
 
     # -------------------------------------------------------------------------------------------
 

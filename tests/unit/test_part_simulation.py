@@ -482,7 +482,7 @@ def test_the_command_takes_a_file_of_cases(bar_stl: Path, capsys: Any) -> None:
     assert "bar.stl, down: " in shown
     assert "bar.stl, case 2: " in shown
     assert "x=max uz" in shown
-    assert "turns ° (x y z)" in shown
+    assert re.search(r"moment +x=max +0 \S+ 0 ° +0 0\.\d+ 0 N mm", shown)
     made = {path.name for path in Path().iterdir()} - {"bar.stl", "cases.toml"}
     ends = ("csv", "svg", "stl", "vtu")
     assert made == {"a.html", *(f"a-{k}.{end}" for k in (1, 2) for end in ends)}
@@ -516,7 +516,7 @@ def test_more_memory_than_there_is_is_not_taken(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(part.Path, "read_text", text)
     with pytest.raises(
         ArgumentError,
-        match=r"`cell_mm` 4: about \d+ equations take .* GB of memory and .* no cells fit",
+        match=r"`cell_mm` 4: about \d+ equations take .* GB of memory, and .* none fit",
     ):
         simulate(fix="x=min", gravity="-z")
 
