@@ -37,8 +37,7 @@ BAD_INPUT = 2
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the code of contracts: 0, 1, 2, 70, 130 or 143."""
     signal.signal(signal.SIGTERM, _terminate)
-    if sys.platform != "win32":
-        _end_in_time()
+    _end_in_time()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal cannot show is shown escaped, not a reason to stop.
@@ -104,6 +103,8 @@ def _end_in_time() -> None:
     once, and a thread of its own waits there. A scratch file that is left is locked by no one then,
     and the next run to its target removes it.
     """
+    if sys.platform == "win32":  # ends a process without asking it
+        return
     heard, told = os.pipe()
     os.set_blocking(told, False)
     signal.set_wakeup_fd(told, warn_on_full_buffer=False)

@@ -341,11 +341,7 @@ Moments = Annotated[
 ]
 CasesFile = Annotated[
     Path | None,
-    Option(
-        "--cases",
-        help="TOML file of several load cases: tables 'case' with name, fix, load, moment, "
-        "pressure, move, gravity, target, watch.",
-    ),
+    Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
 ]
 Pressures = Annotated[
     list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 _ROWS = 6
 _FINDINGS_SHOWN = 10
 
-_LOADS = ("fix", "load", "moment", "pressure", "move", "gravity", "cases")
-_OF_PART = ("material", "cell_mm", "compare_cells", "unit")
-_OF_BAR = (
+_LOADS = ["fix", "load", "moment", "pressure", "move", "gravity"]
+_OF_PART = ["material", "cell_mm", "compare_cells", "unit"]
+_OF_BAR = [
     "to_strain", "rate_mm_s", "protocol", "cycles", "hold_s", "slices", "between_mm", "width_mm",
     "thickness_mm", "gauge_mm",
-)  # fmt: skip
-_OF_BOTH = ("steps", "level", "printer", "palette")
+]  # fmt: skip
+_OF_BOTH = ["steps", "level", "printer", "palette"]
 
 
 def simulate(
@@ -155,20 +155,20 @@ def simulate(
         for name, value in context.params.items()
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     }
-    whole = any(name in given for name in _LOADS)
+    whole = any(name in given for name in (*_LOADS, "cases"))
     why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
     why += "`pressure`, `move` or `gravity`, or with `cases`"
     if whole:
         why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
     for name in (*_OF_BAR, "field") if whole else (*_OF_PART, "watch", "deformed", "vtu", "page"):
         if name in given:
-            raise ArgumentError(f"`{name}` {given[name]}: {why}")
+            told = ", ".join(given[name]) if name == "watch" else given[name]
+            raise ArgumentError(f"`{name}` {told}: {why}")
     if between_mm is not None:
         given["between_mm"] = _between(between_mm)
-    options = {name: given[name] for name in (*_OF_BAR, *_OF_PART, *_OF_BOTH) if name in given}
+    options = {name: given[name] for name in (*_OF_BOTH, *_OF_BAR, *_OF_PART) if name in given}
     seen = tuple(watch or ())
-    own = planner.LoadCase((), fix or (), load or (), pressure or (), move or (), gravity,
-                           moment=moment or (), watch=seen)  # fmt: skip
+    own = planner.LoadCase(watch=seen, **{name: given[name] for name in _LOADS if name in given})
     held = [] if own.is_empty else [own]
     if cases is not None:
         held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]

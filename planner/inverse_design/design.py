@@ -20,12 +20,14 @@ from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
 from planner.inverse_design.goals import Functional, functionals, read_limits, read_target
 from planner.materials.mixtures import CoefficientModel
+from planner.mesh.halve import halve_long_edges
+from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 from planner.numerics import FloatArray
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
-from planner.simulation.loads import LoadCase, palette_densities, read_conditions
+from planner.simulation.loads import Conditions, LoadCase, palette_densities, read_conditions
 from planner.simulation.part import COARSER, check_effort, default_cell_mm, filling_along
 
 if TYPE_CHECKING:
@@ -301,6 +303,15 @@ def design(
     # Two searches of about ten profiles and the print's own, in one or two steps each.
     effort = check_effort(mesh, edge, factors=2 * len(cases), solutions=20 * len(cases))
 
+    extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
+
+    def posed(surface: Mesh) -> list[tuple[Conditions, list[Functional]]]:
+        aimed = [[target.selector for target in case if target.selector] for case in wanted]
+        given = zip(cases, aimed, strict=True)
+        on = [read_conditions(surface, replace(case, watch=seen)) for case, seen in given]
+        return [(o, functionals(targets, o, extent)) for o, targets in zip(on, wanted, strict=True)]
+
+    posed(halve_long_edges(mesh, 0.5 * edge)[0])  # what is wrong is told before the work
     progress("loading the solver")
     from planner.inverse_design.search import Case, Knots, ProfileProblem, search
     from planner.materials.marlow import marlow_table
@@ -327,12 +338,10 @@ def design(
         middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
         body = Body(cells, table, middle, densities=densities)
         body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
-        extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
         made = []
-        for number, (case, targets) in enumerate(zip(cases, wanted, strict=True)):
-            aimed = [t.selector for t in targets if t.selector]
-            conditions = read_conditions(cells.surface, replace(case, watch=aimed))
-            goals = functionals(targets, conditions, extent)
+        for number, (case, (conditions, goals)) in enumerate(
+            zip(cases, posed(cells.surface), strict=True)
+        ):
             called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
             made.append(Case(called, cells, conditions, analysis, goals, body))
         return ProfileProblem(

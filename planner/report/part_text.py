@@ -35,9 +35,10 @@ def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
     """
     interval = f"{100.0 * result.level:g} % interval"
     sizes_N = [float(np.linalg.norm(r.force_N[-1])) for r in result.steps.responses]
-    least_N = _NOTHING * max(
-        sizes_N, default=0.0
-    )  # loads that balance leave a support nothing but rounding
+    long_mm = float(np.ptp(result.cells.surface.bounds_mm, axis=0).max())
+    sizes_N += [float(np.linalg.norm(m.moment_N_mm)) / long_mm for m in result.conditions.moments]
+    # Loads that balance leave a support nothing but rounding.
+    least_N = _NOTHING * max(sizes_N, default=0.0)
     units = {"fix": "N", "move": "N", "moment": "°"}
     for response in result.steps.responses:
         kind, stiffness, turn = response.kind, response.stiffness_N_mm, response.turn_deg

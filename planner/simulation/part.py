@@ -668,18 +668,15 @@ def simulate_part(
         raise ArgumentError(f"`steps` {steps}: it must be a whole number from 1 to {_MOST_STEPS}")
     if not 0.0 < level < 1.0:
         raise ArgumentError(f"`level` {level:g}: it must be between 0 and 1")
-    if cell_mm is not None:
-        positive(cell_mm, "`cell_mm`")
     several = len(cases) > 1
     names = [case.name or (f"case {k}" if several else "") for k, case in enumerate(cases, 1)]
     progress("reading the part")
     solid = open_solid(source, material, unit, printer, palette)
     densities = palette_densities(solid.palette, cases)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
-    factors = 2 + several
-    effort = check_effort(
-        solid.surface, edge, factors=factors, solutions=(steps + 1) * len(cases)
-    )  # before anything that takes long
+    factors = min(steps, 2) + several  # a step keeps the last one's
+    solutions = (steps + 1) * len(cases)
+    effort = check_effort(solid.surface, edge, factors=factors, solutions=solutions)
 
     def conditions(surface: Mesh) -> list[Conditions]:
         return [_conditions(surface, *named) for named in zip(cases, names, strict=True)]
@@ -700,9 +697,8 @@ def simulate_part(
         body = Body(cells, table, solid.filling(cells.points_mm), densities=densities)
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm)
-        needed = (
-            factors * analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
-        )
+        needed = factors * analysis.factor_bytes + analysis.work_bytes
+        needed += 8 * 81**2 * len(cells.nodes)
         check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)
         rests: dict[object, Factor] | None = {} if several else None
         made: list[Mechanics] = []

@@ -479,15 +479,6 @@ def table_csv(columns: dict[str, FloatArray]) -> bytes:
 # What is to be pulled: a plan, a profile file, a material's coupon, or a bar as it is.
 
 
-class _Source(NamedTuple):
-    """A bar, and where it came from."""
-
-    name: str
-    bar: Bar
-    palette: Palette
-    notes: tuple[str, ...] = ()
-
-
 def _bar_of(
     source: object, palette: Palette, slices: int, width_mm: float, thickness_mm: float,
     gauge_mm: float,
@@ -514,25 +505,6 @@ def _bar_of(
     return source.id, coupon(
         source.coordinate, width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm
     )
-
-
-def _of_plan(
-    plan: Plan,
-    folder: Path,
-    palette: str | Path | Palette | None,
-    printer: str | Printer | None,
-    slices: int,
-    between_mm: tuple[float, float] | None,
-) -> _Source:
-    chosen, notes = plan_palette(plan, palette, printer)
-    edges_mm, coordinate, area_mm2 = plan_sections(folder, plan, chosen, slices=slices)
-    bar = bar_between(edges_mm, coordinate, area_mm2, between_mm)
-    if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
-        notes += (
-            "the part is wider than it is long along the gradient: sections do not stay plane, and "
-            "forces are a rough guide",
-        )
-    return _Source(plan.part.file, bar, chosen, notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -733,22 +705,29 @@ def simulate_bar(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
-    if isinstance(source, (str, Path)) and _is_plan(Path(source)):
-        file = plan_file(source)
-        opened = _of_plan(read_plan(file), file.parent, palette, printer, slices, between_mm)
-    elif isinstance(source, Plan):
+    path = source if isinstance(source, (str, Path)) else ""
+    if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
+        source = read_plan(plan_file(path))
+    notes: tuple[str, ...] = ()
+    if isinstance(source, Plan):
+        name = source.part.file
+        chosen, notes = plan_palette(source, palette, printer)
         folder = Path() if source.shells else plan_file(source).parent
-        opened = _of_plan(source, folder, palette, printer, slices, between_mm)
+        bar = bar_between(*plan_sections(folder, source, chosen, slices=slices), between_mm)
+        if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
+            notes += (
+                "the part is wider than it is long along the gradient: sections do not stay plane, "
+                "and forces are a rough guide",
+            )
     else:
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)
-        part = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
-        opened = _Source(name, part, chosen)
-    bar = opened.bar
-    speed, notes = _rate(rate_mm_s, opened.palette, bar.gauge_mm)
+        bar = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
+    speed, words = _rate(rate_mm_s, chosen, bar.gauge_mm)
+    notes += words
     if rate_mm_s is not None or protocol != "monotonic":
-        notes = (*notes, "the palette's laws are elastic: rate and time change no force")
-    path = loading_path(
+        notes += ("the palette's laws are elastic: rate and time change no force",)
+    way = loading_path(
         protocol,
         to_displacement_mm=to_strain * bar.gauge_mm,
         rate_mm_s=speed,
@@ -756,37 +735,33 @@ def simulate_bar(
         cycles=cycles,
         hold_s=hold_s,
     )
-    states = len(path.time_s) * len(bar.coordinate)
+    states = len(way.time_s) * len(bar.coordinate)
     if states > _MOST_STATES:
         raise ArgumentError(
-            f"{len(bar.coordinate)} slices over {len(path.time_s)} steps make {states} states; up "
+            f"{len(bar.coordinate)} slices over {len(way.time_s)} steps make {states} states; up "
             "to 20 million are possible: take fewer `slices`, `steps` or `cycles`"
         )
-    model = CoefficientModel(opened.palette)
-    reached = _pull(bar, model, path.displacement_mm)
+    model = CoefficientModel(chosen)
+    reached = _pull(bar, model, way.displacement_mm)
     count = len(reached.force_N)
     return Simulation(
-        name=opened.name,
-        palette=opened.palette,
+        name=name,
+        palette=chosen,
         bar=bar,
         protocol=protocol,
         rate_mm_s=speed,
         to_strain=to_strain,
         level=level,
-        time_s=path.time_s[:count],
-        displacement_mm=path.displacement_mm[:count],
+        time_s=way.time_s[:count],
+        displacement_mm=way.displacement_mm[:count],
         force_N=reached.force_N,
         force_interval_N=_force_interval_N(bar, model, reached, level),
         strain=reached.strain,
         stress_MPa=reached.stress_MPa,
         break_strain=reached.break_strain,
-        findings=_break_findings(bar, model, path, reached),
-        notes=(*opened.notes, *notes, *_yield_notes(bar, model, reached)),
+        findings=_break_findings(bar, model, way, reached),
+        notes=(*notes, *_yield_notes(bar, model, reached)),
     )
-
-
-def _is_plan(path: Path) -> bool:
-    return path.suffix.casefold() == ".json" or path.is_dir()
 
 
 def _rate(
