@@ -658,7 +658,7 @@ def simulate_part(
 
     Examples
     --------
-    >>> held = planner.LoadCase(fix="x=max", load="x=min: 0,0,-0.5 N")
+    >>> held = planner.LoadCase(fix="x=max", load="x=min: 0,0,-0.5 N")  # doctest: +SKIP
     >>> (bent,) = planner.simulate_part("finger-graded", held)  # doctest: +SKIP
     """
     cases = (cases,) if isinstance(cases, LoadCase) else tuple(cases)
