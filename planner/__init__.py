@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from planner.grading.invert import Mixture, invert
     from planner.grading.profile import Profile, StiffnessScale, list_materials
     from planner.inverse_design.design import PartDesign, design
-    from planner.inverse_design.goals import LoadCase
     from planner.materials.fit_tables import fit_tables
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
@@ -43,8 +42,9 @@ if TYPE_CHECKING:
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.export import Export, ExportedMaterial, export
-    from planner.simulation.part import PartSimulation
-    from planner.simulation.simulate import Simulation, simulate
+    from planner.simulation.loads import LoadCase
+    from planner.simulation.part import PartSimulation, simulate_part
+    from planner.simulation.simulate import Simulation, simulate, simulate_bar
     from planner.slices.slices import Layer, iterate_layers
     from planner.slices.write import SliceStack, write_slices
 
@@ -106,6 +106,8 @@ __all__ = [
     "read_diagnosis",
     "read_plan",
     "simulate",
+    "simulate_bar",
+    "simulate_part",
     "simulation_figure",
     "synthesise_campaign",
     "view",
@@ -130,7 +132,6 @@ _MODULES = {
     "planner.grading.invert": "Mixture invert",
     "planner.grading.profile": "Profile StiffnessScale list_materials",
     "planner.inverse_design.design": "PartDesign design",
-    "planner.inverse_design.goals": "LoadCase",
     "planner.materials.fit_tables": "fit_tables",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
     "planner.palette": "Material Palette load_palette write_palette",
@@ -145,9 +146,10 @@ _MODULES = {
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
-    "planner.simulation.part": "PartSimulation",
+    "planner.simulation.loads": "LoadCase",
+    "planner.simulation.part": "PartSimulation simulate_part",
     "planner.simulation.export": "Export ExportedMaterial export",
-    "planner.simulation.simulate": "Simulation simulate",
+    "planner.simulation.simulate": "Simulation simulate simulate_bar",
     "planner.slices.slices": "Layer iterate_layers",
     "planner.slices.write": "SliceStack write_slices",
 }

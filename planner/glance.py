@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["brief", "counted", "html_of", "one_line", "outcome", "plotted"]
+__all__ = ["brief", "counted", "html_of", "one_line", "outcome", "percent", "plotted"]
 
 
 _Value = TypeVar("_Value")
@@ -59,6 +59,12 @@ def counted(count: int, noun: str) -> str:
     """Return a count in words: "1 material", "3 targets out of reach"."""
     first, _, rest = noun.partition(" ")
     return f"{count} {first}{'' if count == 1 else 's'}{rest and ' ' + rest}"
+
+
+def percent(share: float, sign: str = "") -> str:
+    """Return a share in per cent with two digits or all before the point, never as a power."""
+    figure = round(100.0 * share, 4)
+    return f"{figure:{sign}{'.0f' if abs(figure) >= 99.5 else '.2g'}} %"
 
 
 def outcome(*wrong: tuple[int, str]) -> str:

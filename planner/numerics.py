@@ -52,16 +52,18 @@ def kernel(function: F) -> F:
     is writable, the function is compiled anew in each process. What it names must be a number,
     an array, a tuple of such, numpy, math, or another kernel; else too it is compiled anew.
 
+    Other threads run meanwhile, among them the command line's that ends the process on SIGTERM: an
+    array that the loop changes must not be given to another at the same time.
+
     A first run waits for all kernels it meets, about 0.03 s a line: call each with one set of
     types, give it its arrays instead of having them made inside, and keep out of it what
     numpy does as well.
     """
-    return _compiled(function)
-
-
-def free_kernel(function: F) -> F:
-    """Compile a function that lets other threads run meanwhile; see `kernel`."""
     return _compiled(function, nogil=True)
+
+
+free_kernel = kernel
+"""The older name of `kernel`."""
 
 
 def inner_kernel(function: F) -> F:

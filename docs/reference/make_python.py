@@ -33,6 +33,9 @@ COMMANDS = {
 }
 """The function that each command calls."""
 
+BEHIND = {"simulate": ("simulate_bar", "simulate_part")}
+"""What a function calls in turn, by what its options are of."""
+
 HEAD = """# The Python interface
 
 Made by `docs/reference/make_python.py` from the docstrings; do not edit.
@@ -65,7 +68,7 @@ tests of your own, see `planner.testing` and [golden files](../how-to/use-golden
 
 def reference() -> str:
     """Return the page."""
-    verbs = list(COMMANDS.values())
+    verbs = [n for verb in COMMANDS.values() for n in (verb, *BEHIND.get(verb, ()))]
     functions = [n for n in planner.__all__ if inspect.isfunction(getattr(planner, n))]
     types = [n for n in planner.__all__ if n not in functions]
     lines = [HEAD, "| command | function |", "| --- | --- |"]

@@ -6,10 +6,13 @@ Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, noth
 
 import contextlib
 import io
+import math
 import os
 import re
 import signal
 import sys
+import threading
+import time
 from collections.abc import Sequence
 from types import FrameType
 from typing import Annotated, Any
@@ -35,6 +38,7 @@ BAD_INPUT = 2
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the code of contracts: 0, 1, 2, 70, 130 or 143."""
     signal.signal(signal.SIGTERM, _terminate)
+    _end_in_time()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal cannot show is shown escaped, not a reason to stop.
@@ -68,7 +72,7 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         from planner.formats.files import free_memory_bytes
 
         free = free_memory_bytes()
-        left = "" if free is None else f", {free / 1e9:.3g} GB are free now"
+        left = f", {free / 1e9:.3g} GB are free now" if free < math.inf else ""
         said = f" ({str(error).rstrip('.')})" if str(error) else ""
         complain(f"not enough memory{said}{left}; take a smaller input, or coarser steps")
         return BAD_INPUT
@@ -95,6 +99,32 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     signal.signal(number, signal.SIG_DFL)  # a second one does not wait for that
     _told_to_end.add(number)
     raise KeyboardInterrupt
+
+
+_PATIENCE_S = 2.0
+"""How long a command may clean up after SIGTERM. Promised are three seconds."""
+
+
+def _end_in_time() -> None:
+    """Have SIGTERM end the process in time, even where a compiled loop holds the main thread.
+
+    Python hears of a signal when the loop returns. The system writes its number into a pipe at
+    once, and a thread of its own waits there. A scratch file that is left is locked by no one then,
+    and the next run to its target removes it.
+    """
+    if sys.platform == "win32":  # ends a process without asking it
+        return
+    heard, told = os.pipe()
+    os.set_blocking(told, False)
+    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+
+    def watch() -> None:
+        while signal.SIGTERM not in os.read(heard, 64):
+            pass
+        time.sleep(_PATIENCE_S)
+        os._exit(TERMINATED)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _dispatch(arguments: list[str], commands: typer.Typer) -> int:

@@ -7,12 +7,15 @@ from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
+    CasesFile,
     FixedFaces,
     Force,
     ForceOversize,
+    Gravity,
     Loads,
     MeshBodies,
     MeshUnit,
+    Moments,
     Moves,
     PaletteName,
     Pressures,
@@ -41,12 +44,11 @@ def design(
     ] = None,
     fix: FixedFaces = None,
     load: Loads = None,
+    moment: Moments = None,
     pressure: Pressures = None,
     move: Moves = None,
-    cases: Annotated[
-        Path | None,
-        Option(help="TOML file of several load cases: tables 'case' with fix, load, target, name."),
-    ] = None,
+    gravity: Gravity = None,
+    cases: CasesFile = None,
     limit: Annotated[
         list[str] | None, Option(help="'strain/break<0.5' or 'slope<0.1 /mm'. Repeatable.")
     ] = None,
@@ -94,14 +96,14 @@ def design(
     """
     import planner
     from planner.cli.output import print_document, progress
-    from planner.inverse_design.goals import read_cases
+    from planner.simulation.loads import read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
     check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     with progress(not quiet and not as_json) as stage:
         made = planner.design(
             part, from_=from_, to=to, target=target or (), fix=fix or (), load=load or (),
-            pressure=pressure or (), move=move or (),
+            moment=moment or (), pressure=pressure or (), move=move or (), gravity=gravity,
             cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
             axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
             cell_mm=cell_mm, tolerance=tolerance, unit=unit, bodies=bodies, printer=printer,

@@ -14,6 +14,7 @@ from planner.cli.output import (
     MeshBodies,
     MeshMaterial,
     MeshUnit,
+    Moments,
     Moves,
     PaletteName,
     Pressures,
@@ -40,6 +41,7 @@ def export(
     ] = None,
     fix: FixedFaces = None,
     load: Loads = None,
+    moment: Moments = None,
     pressure: Pressures = None,
     move: Moves = None,
     gravity: Gravity = None,
@@ -77,7 +79,7 @@ def export(
     with progress(not quiet and not as_json) as stage:
         stage("filling the part with cells")
         model = planner.export(
-            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (),
+            source, to=to, cell_mm=cell_mm, fix=fix or (), load=load or (), moment=moment or (),
             pressure=pressure or (), move=move or (), gravity=gravity, to_strain=to_strain,
             material=material, unit=unit, bodies=bodies, printer=printer, palette=palette,
         )  # fmt: skip

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AsJson",
     "AtStrain",
+    "CasesFile",
     "ColumnNames",
     "Compared",
     "ComparedWith",
@@ -37,6 +38,7 @@ __all__ = [
     "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
+    "Moments",
     "Moves",
     "PaletteName",
     "Pressures",
@@ -414,6 +416,14 @@ FixedFaces = Annotated[
 ]
 Loads = Annotated[
     list[str] | None, Option("--load", help="Force on faces in all, as 'x=min: 0,0,-0.5 N'.")
+]
+Moments = Annotated[
+    list[str] | None,
+    Option("--moment", help="Moment about the middle of faces, as 'x=min: 0,5,0 N mm'."),
+]
+CasesFile = Annotated[
+    Path | None,
+    Option("--cases", help="TOML file of load cases: tables 'case' with these options, and name."),
 ]
 Pressures = Annotated[
     list[str] | None, Option("--pressure", help="Pressure on faces, as 'cavity: 20 kPa'.")

@@ -1,5 +1,7 @@
 """planner simulate: a bar pulled along its axis, or a whole part as it is held and loaded."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -7,12 +9,14 @@ from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
+    CasesFile,
     FixedFaces,
     Gravity,
     Loads,
     MeshBodies,
     MeshMaterial,
     MeshUnit,
+    Moments,
     Moves,
     PaletteName,
     Pressures,
@@ -28,6 +32,15 @@ if TYPE_CHECKING:
 _ROWS = 6
 _FINDINGS_SHOWN = 10
 
+_LOADS = ["fix", "load", "moment", "pressure", "move", "gravity"]
+_OF_PART = ["material", "cell_mm", "compare_cells", "unit", "bodies"]
+_FILES_OF_PART = ["watch", "deformed", "vtu", "volume", "page"]
+_OF_BAR = [
+    "to_strain", "rate_mm_s", "protocol", "cycles", "hold_s", "slices", "between_mm", "width_mm",
+    "thickness_mm", "gauge_mm",
+]  # fmt: skip
+_OF_BOTH = ["steps", "level", "printer", "palette"]
+
 
 def simulate(
     context: Context,
@@ -40,11 +53,14 @@ def simulate(
     ],
     fix: FixedFaces = None,
     load: Loads = None,
+    moment: Moments = None,
     pressure: Pressures = None,
     move: Moves = None,
     gravity: Gravity = None,
+    cases: CasesFile = None,
     watch: Annotated[
-        list[str] | None, Option(help="Faces whose displacement is told too, as x=min.")
+        list[str] | None,
+        Option(help="Faces whose displacement is told too, as x=min, or 'x=min uz' along an axis."),
     ] = None,
     material: MeshMaterial = None,
     cell_mm: Annotated[
@@ -64,9 +80,7 @@ def simulate(
     ] = True,
     unit: MeshUnit = None,
     bodies: MeshBodies = None,
-    to_strain: Annotated[
-        float | None, Option(help="Largest displacement over the bar's length; 0.3 by default.")
-    ] = None,
+    to_strain: Annotated[float, Option(help="Largest displacement over the bar's length.")] = 0.3,
     rate_mm_s: Annotated[
         float | None,
         Option(
@@ -128,8 +142,9 @@ def simulate(
     """Pull a planned part, a graded bar or a coupon; or load a whole part, which may bend.
 
     Pulled along the axis of its gradient, slices across the axis share one force. With --fix and
-    --load, --pressure, --move or --gravity the whole part is solved as it is held and loaded. Exit
-    code 1 when a print would break on the way, or the strain or load is out of reach.
+    --load, --moment, --pressure, --move or --gravity, or --cases, the whole part is solved as it is
+    held and loaded. With --cases each file but .json and .html is one a case, numbered. Exit code 1
+    when a print would break on the way, or the strain or load is out of reach.
 
     Example: [bold]planner simulate finger-graded --to-strain 0.1 --figure pull.svg[/bold]
 
@@ -137,60 +152,88 @@ def simulate(
     """
     import planner
     from planner.cli.output import print_document, progress
+    from planner.formats.files import encode_document
     from planner.formats.outputs import write_whole
+    from planner.simulation.loads import read_cases
 
     _check_endings(output=(output, ".csv", ".json"), deformed=(deformed, ".stl"),
                    vtu=(vtu, ".vtu"), volume=(volume, ".vtu"), page=(page, ".html"))  # fmt: skip
-    check_targets(
-        context, force=force, output=output, field=field, figure=figure, deformed=deformed, vtu=vtu,
-        volume=volume, page=page,
-    )  # fmt: skip
-    conditions = [*(fix or ()), *(load or ()), *(pressure or ()), *(move or ())]
-    whole = bool(conditions) or gravity is not None
-    for name, path in (("deformed", deformed), ("vtu", vtu), ("volume", volume), ("page", page)):
-        if path is not None and not whole:
-            raise ArgumentError(f"--{name}: it is of a whole part; give --fix and --load too")
-    if field is not None and whole:
-        raise ArgumentError("--field: it is of a bar; --vtu has the strains of a whole part")
-    options: dict[str, Any] = {
-        "fix": fix or (), "load": load or (), "pressure": pressure or (), "move": move or (),
-        "gravity": gravity, "watch": watch or (), "material": material, "cell_mm": cell_mm,
-        "compare_cells": compare_cells, "unit": unit, "bodies": bodies, "to_strain": to_strain,
-        "rate_mm_s": rate_mm_s, "protocol": protocol, "steps": steps, "cycles": cycles,
-        "hold_s": hold_s, "slices": slices,
-        "between_mm": None if between_mm is None else _between(between_mm), "width_mm": width_mm,
-        "thickness_mm": thickness_mm, "gauge_mm": gauge_mm, "level": level, "printer": printer,
-        "palette": palette,
-    }  # fmt: skip
+    given = {
+        name: value
+        for name, value in context.params.items()
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    whole = any(name in given for name in (*_LOADS, "cases"))
+    why = "it is of a whole part; say how that is held and loaded with `fix` and `load`, `moment`, "
+    why += "`pressure`, `move` or `gravity`, or with `cases`"
+    if whole:
+        why = "it is of a bar that is pulled along its axis, not of a whole part; leave it out"
+    for name in (*_OF_BAR, "field") if whole else (*_OF_PART, *_FILES_OF_PART):
+        if name in given:
+            told = ", ".join(given[name]) if name == "watch" else given[name]
+            raise ArgumentError(f"`{name}` {told}: {why}")
+    if between_mm is not None:
+        given["between_mm"] = _between(between_mm)
+    options = {name: given[name] for name in (*_OF_BOTH, *_OF_BAR, *_OF_PART) if name in given}
+    seen = tuple(watch or ())
+    own = planner.LoadCase(watch=seen, **{name: given[name] for name in _LOADS if name in given})
+    held = [] if own.is_empty else [own]
+    if cases is not None:
+        held += [replace(case, watch=(*case.watch, *seen)) for case in read_cases(cases)]
+    files: dict[str, tuple[Path | None, Callable[[Any], bytes]]] = {
+        "output": (output, lambda result: result.csv()),
+        "field": (field, lambda result: result.field_csv()),
+        "figure": (figure, planner.simulation_figure),
+        "deformed": (deformed, lambda result: result.deformed_stl()),
+        "vtu": (vtu, lambda result: result.vtu()),
+        "volume": (volume, planner.part_volume),
+    }
+    whole_files = {"page": page}
+    if output is not None and output.suffix.casefold() == ".json":
+        whole_files["output"], _ = files.pop("output")
+    each = [
+        {
+            name: path.with_stem(f"{path.stem}-{number}") if cases else path
+            for name, (path, _) in files.items()
+            if path is not None
+        }
+        for number in range(1, max(len(held), 1) + 1)
+    ]
+    for paths in each:
+        targets: dict[str, Any] = {**whole_files, **paths}
+        check_targets(context, force=force, **targets)
+    results: Any
     with progress(not quiet and not as_json and whole) as stage:
-        result: Any = planner.simulate(source, progress=stage, **options)
+        if whole:
+            results = planner.simulate_part(source, held, progress=stage, **options)
+        else:
+            results = (planner.simulate_bar(source, **options),)
         if page is not None:
             stage("making the page")
-            write_whole(page, planner.part_page(result))
-    if output is not None:
-        csv = output.suffix.casefold() == ".csv"
-        write_whole(output, result.csv() if csv else result.json())
-    if field is not None:
-        write_whole(field, result.field_csv())
-    if figure is not None:
-        write_whole(figure, planner.simulation_figure(result))
-    if deformed is not None:
-        write_whole(deformed, result.deformed_stl())
-    if vtu is not None:
-        write_whole(vtu, result.vtu())
-    if volume is not None:
-        write_whole(volume, planner.part_volume(result))
+            write_whole(page, planner.part_page(results))
+    document = results[0].json()
+    if cases is not None:
+        document = encode_document({"schema": 1, "cases": [one.document() for one in results]})
+    if path := whole_files.get("output"):
+        write_whole(path, document)
+    for result, paths in zip(results, each, strict=True):
+        for name, path in paths.items():
+            write_whole(path, files[name][1](result))
     if as_json:
-        print_document(result.json())
+        print_document(document)
     elif not quiet:
-        written = [p for p in (output, field, figure, deformed, vtu, volume, page) if p]
-        (_part_report if whole else _bar_report)(result, written)
-    return 0 if result.ok else 1
+        (_part_report if whole else _bar_report)(results)
+        findings = [found.message for result in results for found in result.findings]
+        written = [*(path for paths in each for path in paths.values()), *whole_files.values()]
+        _close(findings, [path for path in written if path])
+    return 0 if all(result.ok for result in results) else 1
 
 
 def _check_endings(**given: tuple[Path | None, *tuple[str, ...]]) -> None:
+    from planner.formats.outputs import is_stream
+
     for name, (path, *endings) in given.items():
-        if path is not None and path.suffix.casefold() not in endings:
+        if not (path is None or is_stream(path) or path.suffix.casefold() in endings):
             raise ArgumentError(f"--{name} {path}: its ending must be {' or '.join(endings)}")
 
 
@@ -204,30 +247,31 @@ def _between(text: str) -> tuple[float, float]:
         ) from None
 
 
-def _part_report(result: "PartSimulation", written: list[Path]) -> None:
+def _part_report(results: "Sequence[PartSimulation]") -> None:
     from planner.cli.output import print_table, say, tell_notes
     from planner.report.part_text import part_title, response_rows, step_rows, summary_words
 
-    tell_notes(result.notes)
-    steps = list(step_rows(result, _ROWS))
-    columns = list(steps[0])
-    print_table(
-        columns, [[*row.values()] for row in steps], title=part_title(result), right=columns,
-        droppable=["energy, mJ"],
-    )  # fmt: skip
-    rows = list(response_rows(result))
-    columns = list(rows[0])
-    print_table(
-        columns, [[*row.values()] for row in rows], right=columns[2:], droppable=[columns[-1]]
-    )
-    for words in summary_words(result):
-        say(words)
-    _close(result, written)
+    tell_notes(note for result in results for note in result.notes)
+    for result in results:
+        steps = list(step_rows(result, _ROWS))
+        columns = list(steps[0])
+        print_table(
+            columns, [[*row.values()] for row in steps], title=part_title(result), right=columns,
+            droppable=["energy, mJ"],
+        )  # fmt: skip
+        rows = list(response_rows(result))
+        columns = list(rows[0])
+        print_table(
+            columns, [[*row.values()] for row in rows], right=columns[2:], droppable=[columns[-1]]
+        )
+        for words in summary_words(result):
+            say(words)
 
 
-def _bar_report(result: "Simulation", written: list[Path]) -> None:
+def _bar_report(results: "Sequence[Simulation]") -> None:
     from planner.cli.output import format_number, format_range, print_table, warn
 
+    (result,) = results
     for note in result.notes:
         warn(note)
     count = len(result.force_N)
@@ -253,15 +297,14 @@ def _bar_report(result: "Simulation", written: list[Path]) -> None:
         f"{result.to_strain:g}",
         right=["time s", "mm", "strain", "force N"],
     )
-    _close(result, written)
 
 
-def _close(result: "PartSimulation | Simulation", written: list[Path]) -> None:
+def _close(findings: Sequence[str], written: Sequence[Path]) -> None:
     from planner.cli.output import finding, say
 
-    for found in result.findings[:_FINDINGS_SHOWN]:
-        finding(found.message)
-    if len(result.findings) > _FINDINGS_SHOWN:
-        finding(f"{len(result.findings) - _FINDINGS_SHOWN} more of these are in the JSON")
+    for message in findings[:_FINDINGS_SHOWN]:
+        finding(message)
+    if len(findings) > _FINDINGS_SHOWN:
+        finding(f"{len(findings) - _FINDINGS_SHOWN} more of these are in the JSON")
     for path in written:
         say(f"wrote {path}")

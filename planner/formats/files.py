@@ -1,5 +1,6 @@
 """Files as bytes, and JSON documents in one canonical form."""
 
+import contextlib
 import json
 import math
 import stat
@@ -47,8 +48,7 @@ def read_file(path: str | Path, *, advice: str = "", error: type[FileError] = Fi
         if not stat.S_ISREG(found.st_mode):
             what = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
             raise error(f"{path}: is {what}, not a file{then}")
-        free = free_memory_bytes()
-        if free is not None and found.st_size > free:
+        if found.st_size > free_memory_bytes():
             raise MemoryError
         return Path(path).read_bytes()
     except (OSError, ValueError) as refused:  # ValueError: a zero byte in the name
@@ -59,13 +59,19 @@ def read_file(path: str | Path, *, advice: str = "", error: type[FileError] = Fi
         raise error(f"{path}: holds {size}, more than the free memory; divide it") from refused
 
 
-def free_memory_bytes() -> int | None:
-    """Return the memory that this machine can still give; None where the system does not tell."""
-    try:
+def free_memory_bytes() -> float:
+    """Return the memory that is free, of the machine and of the container; inf if none tells."""
+    free = math.inf
+    with contextlib.suppress(OSError, ValueError):  # not Linux
         info = Path("/proc/meminfo").read_text(encoding="ascii").split()
-        return 1024 * int(info[info.index("MemAvailable:") + 1])
-    except (OSError, ValueError):
-        return None
+        free = 1024.0 * int(info[info.index("MemAvailable:") + 1])
+    with contextlib.suppress(OSError, ValueError):  # no container, or one without a limit
+        most, used = (int(Path(name).read_text(encoding="ascii")) for name in _CONTAINER)
+        free = min(free, float(most - used))
+    return free
+
+
+_CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current")
 
 
 # ------------------------------------------------------------------------------------------------

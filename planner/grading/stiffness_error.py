@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from planner.errors import ArgumentError
+from planner.glance import percent
 from planner.grading.blends import blend_segments
 from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.materials.homogenisation import dither_table
@@ -149,7 +150,7 @@ def _of_nearest(target: Profile, scale: StiffnessScale) -> float:
 
 def error_text(ratio: float) -> str:
     """Say a ratio as an error: in per cent, or as a factor where that reads better."""
-    return f"{100.0 * (ratio - 1.0):.2g} %" if ratio < 2.0 else f"a factor of {ratio:.3g}"
+    return percent(ratio - 1.0) if ratio < 2.0 else f"a factor of {ratio:.3g}"
 
 
 def _rounded_up(value: float) -> float:

@@ -14,20 +14,22 @@ from planner.fields.basic import Field, axis_field
 from planner.fields.parse import Setting, build_field
 from planner.formats.files import encode_document
 from planner.formats.tables import encode_csv
-from planner.glance import counted, html_of, one_line, outcome
+from planner.glance import counted, html_of, one_line, outcome, percent
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import Profile, stiffness_scale
 from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
-from planner.inverse_design.goals import Functional, LoadCase, functionals, read_limits, read_target
+from planner.inverse_design.goals import Functional, functionals, read_limits, read_target
 from planner.materials.mixtures import CoefficientModel
+from planner.mesh.halve import halve_long_edges
+from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
 from planner.numerics import FloatArray, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
-from planner.simulation.loads import read_conditions
-from planner.simulation.part import COARSER, default_cell_mm, filling_along
+from planner.simulation.loads import Conditions, LoadCase, palette_densities, read_conditions
+from planner.simulation.part import COARSER, check_effort, default_cell_mm, filling_along
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Solved
@@ -113,7 +115,7 @@ class PartDesign:
         worst = max((abs(r.error) for r in self.reached if r.error is not None), default=0.0)
         return (
             f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
-            f"{100 * worst:.2g} %, {counted(len(self.positions), 'knot')}; "
+            f"{percent(worst)}, {counted(len(self.positions), 'knot')}; "
             + outcome((len(self.findings), "finding"))
         )
 
@@ -181,7 +183,8 @@ def design(
     load: str | Sequence[str] = (),
     pressure: str | Sequence[str] = (),
     move: str | Sequence[str] = (),
-    gravity: str | None = None,
+    gravity: str | Sequence[float] | None = None,
+    moment: str | Sequence[str] = (),
     cases: Sequence[LoadCase] = (),
     limit: str | Sequence[str] = (),
     knots: int = 7,
@@ -219,8 +222,8 @@ def design(
         ``SELECTOR ux=VALUE mm`` (uy, uz): the mean displacement of faces; ``SELECTOR
         stiffness=VALUE N/mm`` of a load or motion there; ``SELECTOR fx=VALUE N`` of a support;
         ``shape: FILE.csv`` with x_mm, y_mm, z_mm, ux_mm, uy_mm, uz_mm.
-    fix, load, pressure, move, gravity
-        As `planner.simulate`.
+    fix, load, pressure, move, gravity, moment
+        As of `LoadCase`.
     cases
         More load cases, each with its own targets.
     limit
@@ -266,11 +269,9 @@ def design(
     >>> made.reached[0].printed, made.reached[0].interval  # doctest: +SKIP
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
-    texts = _texts(target)
-    if texts:
-        own = LoadCase(texts, _texts(fix), _texts(load), _texts(pressure), _texts(move), gravity)
-        cases = (own, *cases)
-    if not cases:
+    own = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
+    cases = tuple(cases) if cases and own.is_empty and not own.target else (own, *cases)
+    if not all(case.target for case in cases):
         raise ArgumentError("`target` is missing: give one, as target='x=min uz=-12 mm'")
     if not 2 <= knots <= _MOST_KNOTS:
         raise ArgumentError(f"`knots` {knots}: it must be a whole number from 2 to {_MOST_KNOTS}")
@@ -280,7 +281,7 @@ def design(
     if blend not in (None, "nearest", "dither"):
         raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
     positive(tolerance, "`tolerance`")
-    limits = read_limits(_texts(limit))
+    limits = read_limits((limit,) if isinstance(limit, str) else limit)
     machine = load_printer(printer or "connex3")
     chosen = palette_of(palette, machine)
     scale = stiffness_scale(chosen, at_strain)
@@ -299,8 +300,20 @@ def design(
         along = build_field(field, Setting(placed, point(translation), default_pitch_mm(placed)))
     length = along.description().get("span_mm")
     span_mm = length if isinstance(length, float) else 1.0
-    edge = default_cell_mm(mesh) if cell_mm is None else positive(cell_mm, "`cell_mm`")
+    densities = palette_densities(chosen, cases)
+    edge = default_cell_mm(mesh) if cell_mm is None else cell_mm
+    # Two searches of about ten profiles and the print's own, in one or two steps each.
+    effort = check_effort(mesh, edge, factors=2 * len(cases), solutions=20 * len(cases))
 
+    extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
+
+    def posed(surface: Mesh) -> list[tuple[Conditions, list[Functional]]]:
+        aimed = [[target.selector for target in case if target.selector] for case in wanted]
+        given = zip(cases, aimed, strict=True)
+        on = [read_conditions(surface, replace(case, watch=seen)) for case, seen in given]
+        return [(o, functionals(targets, o, extent)) for o, targets in zip(on, wanted, strict=True)]
+
+    posed(halve_long_edges(mesh, 0.5 * edge)[0])  # what is wrong is told before the work
     progress("loading the solver")
     from planner.inverse_design.search import Case, Knots, ProfileProblem, search
     from planner.materials.marlow import marlow_table
@@ -319,28 +332,18 @@ def design(
     table = marlow_table(model, poisson=POISSON)
 
     def problem_on(size_mm: float) -> tuple[ProfileProblem, FloatArray]:
-        progress(f"cutting the part into cells of {size_mm:.3g} mm")
+        progress(f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}")
         cells = cut_cells(mesh, size_mm)
         points = cells.points_mm
         u = along.values(points + translation)
         analysis = analyse(cells.nodes, cells.node_mm)
         middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
-        body = Body(cells, table, middle)
+        body = Body(cells, table, middle, densities=densities)
         body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
-        extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
         made = []
-        for number, (case, targets) in enumerate(zip(cases, wanted, strict=True)):
-            watch = [t.selector for t in targets if t.selector]
-            conditions = read_conditions(
-                cells.surface, fix=case.fix, load=case.load, pressure=case.pressure,
-                move=case.move, gravity=case.gravity, watch=watch,
-            )  # fmt: skip
-            if conditions.gravity is not None:
-                raise ArgumentError(
-                    "`gravity`: a design keeps no account of weight yet; leave it out and look at "
-                    "it with `planner simulate`"
-                )
-            goals = functionals(targets, conditions, extent)
+        for number, (case, (conditions, goals)) in enumerate(
+            zip(cases, posed(cells.surface), strict=True)
+        ):
             called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
             made.append(Case(called, cells, conditions, analysis, goals, body))
         return ProfileProblem(
@@ -348,7 +351,7 @@ def design(
         ), points
 
     def told(stage: str) -> Callable[[int, float], None]:
-        return lambda tried, off: progress(f"{stage}: profile {tried}, off by {100 * off:.2g} %")
+        return lambda tried, off: progress(f"{stage}: profile {tried}, off by {percent(off)}")
 
     longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
     larger_mm = max(edge, min(COARSER * edge, longest_mm / FEWEST_ALONG))
@@ -413,7 +416,7 @@ def design(
         values = np.clip(best.values + shift, 0.0, 1.0)
         if shift in [s for s, _ in trail] or np.array_equal(values, kept[0]):
             break
-        progress(f"printed materials: off by {100 * least:.2g} %")
+        progress(f"printed materials: off by {percent(least)}")
         plan, solved = printed(values)
         tried += 1
         now = offs(solved)[hard]
@@ -438,7 +441,9 @@ def design(
             )  # fmt: skip
         if limits.strain_over_break is not None:
             over = max(over or 0.0, one.over_break().largest)
-    findings = _findings(rows, over, limits.strain_over_break, tolerance, values, best.values)
+    findings = _findings(
+        rows, over, limits.strain_over_break, tolerance, values, dithered=blend == "dither"
+    )
     return PartDesign(
         plan=plan,
         positions=tuple(unknowns.positions.tolist()),
@@ -454,10 +459,6 @@ def design(
             "how far they depend on the cells",
         ),
     )
-
-
-def _texts(given: str | Sequence[str]) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _off(goal: Functional, figure: float) -> float:
@@ -506,7 +507,8 @@ def _findings(
     limit: float | None,
     tolerance: float,
     values: FloatArray,
-    wanted: FloatArray,
+    *,
+    dithered: bool,
 ) -> list[DesignFinding]:
     """Say which targets and limits are missed, and what stands in the way."""
     found = []
@@ -523,14 +525,15 @@ def _findings(
             what = (
                 f"the nearest profile comes to {row.continuous:.4g} {row.unit}"
                 if short
-                else f"the profile comes to {row.continuous:.4g} {row.unit}, and the printed "
-                "materials are too few to follow it: try `blend` dither"
+                else f"the profile comes to {row.continuous:.4g} {row.unit}, which the printed "
+                "materials follow in steps"
+                + ("" if dithered else "; dithered ones follow it closer (blend: dither)")
             )
             found.append(
                 DesignFinding(
                     "target",
                     f"{row.target}: {row.printed:.4g} {row.unit} is reached, "
-                    f"{100 * row.error:+.2g} %; {what}{why if short else ''}",
+                    f"{percent(row.error, '+')}; {what}{why if short else ''}",
                 )
             )
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):

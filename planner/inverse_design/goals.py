@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.errors import ArgumentError, FileError, did_you_mean
-from planner.formats.files import read_file
+from planner.errors import ArgumentError, did_you_mean
 from planner.formats.tables import finite_number, read_records, unit_factor
-from planner.formats.toml import decode_toml
 from planner.numerics import FloatArray, Point
+from planner.simulation.loads import refuse_held
 
 if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
@@ -21,10 +20,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Functional",
     "Limits",
-    "LoadCase",
     "Target",
     "functionals",
-    "read_cases",
     "read_limits",
     "read_target",
 ]
@@ -56,54 +53,6 @@ class Target:
     value: float = 0.0
     points_mm: tuple[Point, ...] = ()
     moves_mm: tuple[Point, ...] = ()
-
-
-@dataclass(frozen=True)
-class LoadCase:
-    """Supports and loads, as `planner.simulate` takes them, and what they are to come to."""
-
-    target: tuple[str, ...]
-    fix: tuple[str, ...] = ()
-    load: tuple[str, ...] = ()
-    pressure: tuple[str, ...] = ()
-    move: tuple[str, ...] = ()
-    gravity: str | None = None
-    name: str = ""
-
-
-_TEXTS = ("target", "fix", "load", "pressure", "move")
-
-
-def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
-    """Read load cases from a TOML file: tables ``[[case]]`` with the fields of `LoadCase`.
-
-    Raises
-    ------
-    FileError
-        It cannot be read, or is not such a file.
-    """
-    found = decode_toml(read_file(path), str(path))
-    tables = found.get("case")
-    if not isinstance(tables, list) or not tables or set(found) != {"case"}:
-        raise FileError(f"{path}: it needs tables [[case]], and nothing else")
-    cases = []
-    for number, table in enumerate(tables, 1):
-        where = f"{path}: case {number}"
-        for key, value in table.items():
-            if key not in (*_TEXTS, "gravity", "name"):
-                hint = did_you_mean(key, (*_TEXTS, "name"))
-                raise FileError(f"{where}: no such key {key!r}; {hint}it has {', '.join(_TEXTS)}")
-            texts = value if isinstance(value, list) and key in _TEXTS else [value]
-            if not all(isinstance(text, str) for text in texts):
-                raise FileError(f"{where}: {key} must be text, or a list of texts")
-        given = {
-            key: tuple(value) if isinstance(value, list) else (value,)
-            for key, value in table.items() if key in _TEXTS
-        }  # fmt: skip
-        if "target" not in given:
-            raise FileError(f"{where}: target is missing, as target = 'x=min uz=-12 mm'")
-        cases.append(LoadCase(**given, gravity=table.get("gravity"), name=table.get("name", "")))
-    return tuple(cases)
 
 
 @dataclass(frozen=True)
@@ -271,24 +220,26 @@ def functionals(
     Parameters
     ----------
     conditions
-        Whose watched faces are those of the targets' selectors, in their order.
+        Whose watched faces are those of the targets' selectors.
     size_mm
         Of the part: a displacement of a hundredth of it counts as whole.
 
     Raises
     ------
     ArgumentError
-        A stiffness or a force of faces without a load or support.
+        A stiffness or a force of faces without a load or support; a displacement of faces that
+        supports hold along it.
     """
     out: list[Functional] = []
-    watched = iter(conditions.watched)
+    facets_of = {watched.selector: watched.facets for watched in conditions.watched}
     for target in targets:
         if target.points_mm:
             out += _shape_functionals(target, size_mm)
             continue
-        facets = next(watched).facets
+        facets = facets_of[target.selector]
         axis = "xyz".find(target.quantity[-1]) if target.quantity != "stiffness" else -1
         if target.quantity.startswith("u"):
+            refuse_held(f"`target` {target.text}", facets, [axis], conditions.supports)
             out.append(
                 Functional(
                     target.text, target.value, "mm", 0.01 * size_mm, True,

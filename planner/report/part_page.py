@@ -40,7 +40,7 @@ _BROKEN = "#E0218A"
 is half-way light where the scale is green."""
 
 
-def part_page(result: PartSimulation) -> bytes:
+def part_page(result: PartSimulation | Sequence[PartSimulation]) -> bytes:
     """Return the page of a loaded part: the part at every step, coloured by strain, and figures.
 
     It holds all that it needs, and loads nothing from anywhere.
@@ -48,7 +48,8 @@ def part_page(result: PartSimulation) -> bytes:
     Parameters
     ----------
     result
-        What `planner.simulate` returns of a whole part.
+        What `planner.simulate` returns of a whole part, or `planner.simulate_part` of its load
+        cases, which then follow each other.
 
     Returns
     -------
@@ -65,16 +66,18 @@ def part_page(result: PartSimulation) -> bytes:
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP
     >>> Path("bent.html").write_bytes(planner.part_page(bent))  # doctest: +SKIP
     """
-    return "\n".join(_page(result)).encode("utf-8")
+    results = (result,) if isinstance(result, PartSimulation) else tuple(result)
+    return "\n".join(_page(results)).encode("utf-8")
 
 
-def _page(result: PartSimulation) -> Iterator[str]:
+def _page(results: Sequence[PartSimulation]) -> Iterator[str]:
+    result = results[0]
     kept, faces = thinned(
         result.cells.surface.vertices, result.cells.surface.faces, _MOST_TRIANGLES
     )
     own = "\n".join(map(asset, ("viewer.js", "page.js", "part.js")))
     scripts = (library(), f"{own}\n")
-    top = _top(float(result.steps.strain_over_break.max()))
+    top = _top(max(float(one.steps.strain_over_break.max()) for one in results))
     yield from begin(
         f"{result.name}: under load",
         styles=["plan.css"],
@@ -82,29 +85,37 @@ def _page(result: PartSimulation) -> Iterator[str]:
         stamp=f'<meta name="generator" content="planner {__version__}">',
     )
     yield '<a class="skip" href="#figures">Skip the 3D view</a>'
-    yield from _header(result)
+    yield from _header(results)
     yield '<main>\n<div class="bench">'
     yield from stage(
         f"The part {result.name} under load",
-        " ".join([f"{part_title(result)}.", *(f"{words}." for words in summary_words(result))]),
+        " ".join(
+            f"{words}." for one in results for words in (part_title(one), *summary_words(one))
+        ),
         no_view="The figure and the tables below are whole.",
     )
     yield '<div class="panel">'
-    yield from _findings(result)
-    yield from _slider(result)
+    yield from _findings(results)
+    yield from _slider(sum(len(one.steps.share) for one in results))
     yield from _legend(top)
     yield from section_controls("xyz")
     yield KEYS
     yield '</div>\n</div>\n<div class="below" id="figures">'
-    yield '<section aria-labelledby="curve-title">\n<h2 id="curve-title">Load curve</h2>'
-    yield '<figure><div class="wide" tabindex="0" role="group" aria-labelledby="curve-title">'
-    yield f"{simulation_figure(result).decode()}</div></figure>\n</section>"
-    yield from _cut(result, top)
-    responses, steps = list(response_rows(result)), list(step_rows(result, len(result.steps.share)))
-    yield from _table("Where it is held and loaded, at the last step", "responses", responses)
-    yield from _table("Steps", "steps-table", steps, numbered=True)
+    first = 0
+    for number, one in enumerate(results):
+        case, mark = (f": {escape(one.case)}", f"-{number}") if one.case else ("", "")
+        rows = list(step_rows(one, len(one.steps.share)))
+        yield f'<section aria-labelledby="curve-title{mark}">'
+        yield f'<h2 id="curve-title{mark}">Load curve{case}</h2>\n<figure>'
+        yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="curve-title{mark}">'
+        yield f"{simulation_figure(one).decode()}</div></figure>\n</section>"
+        yield from _cut(one, top, case, mark)
+        title = f"Where it is held and loaded, at the last step{case}"
+        yield from _table(title, f"responses{mark}", list(response_rows(one)))
+        yield from _table(f"Steps{case}", f"steps-table{mark}", rows, first=first)
+        first += len(rows)
     yield '<section aria-labelledby="notes-title">\n<h2 id="notes-title">Notes</h2>'
-    notes = [*summary_words(result), *result.notes]
+    notes = dict.fromkeys(note for one in results for note in (*summary_words(one), *one.notes))
     yield '<ul class="notes">' + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul>"
     yield "</section>\n</div>\n</main>\n<footer>"
     shown, of = len(faces), len(result.cells.surface.faces)
@@ -115,7 +126,7 @@ def _page(result: PartSimulation) -> Iterator[str]:
         f"{result.palette.sha256[:16]}. 3D view by three.js r187, MIT licence, whose text is in "
         "this file.</p>\n</footer>"
     )
-    data, rest, moved = _packed(result, kept, faces, top)
+    data, rest, moved = _packed(results, kept, faces, top)
     yield f'<script type="application/json" id="data">{data}</script>'
     yield f'<script type="text/plain" id="geometry">{rest}</script>'
     yield f'<script type="text/plain" id="steps">{moved}</script>'
@@ -129,32 +140,39 @@ def _top(most: float) -> float:
     return next(tick for tick in ticks(0.0, 2.0 * most) if tick >= most)
 
 
-def _header(result: PartSimulation) -> Iterator[str]:
-    curve, steps = result.curve, result.steps
-    yield f"<header>\n<div>\n<h1>{escape(result.name)} under load</h1>"
-    yield f'<p class="quiet">{escape(part_title(result))}</p>\n</div>\n<dl class="facts">'
-    worst = float(steps.largest.max())
-    for name, value, kind in (
-        (curve.x_label, format_number(float(curve.x[-1]), 4), ""),
-        (curve.y_label, format_number(float(curve.y[-1]), 4), ""),
-        ("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"),
-        ("findings", str(len(result.findings)), "bad" if result.findings else "good"),
-    ):
-        yield f'<div><dt>{escape(name)}</dt><dd class="{kind}">{escape(value)}</dd></div>'
+def _header(results: Sequence[PartSimulation]) -> Iterator[str]:
+    name = escape(results[0].name)
+    yield f"<header>\n<div>\n<h1>{name} under load</h1>"
+    for result in results:
+        yield f'<p class="quiet">{escape(part_title(result))}</p>'
+    yield '</div>\n<dl class="facts">'
+    worst = max(float(result.steps.largest.max()) for result in results)
+    found = sum(len(result.findings) for result in results)
+    curves = [(one, one.curve) for one in results]
+    facts = [
+        (f"{one.case}: {label}" if one.case else label, format_number(float(along[-1]), 4), "")
+        for one, curve in curves
+        for label, along in ((curve.x_label, curve.x), (curve.y_label, curve.y))
+    ]
+    facts.append(("strain / break", format_number(worst), "bad" if worst > 1.0 else "good"))
+    facts.append(("findings", str(found), "bad" if found else "good"))
+    for label, value, kind in facts:
+        yield f'<div><dt>{escape(label)}</dt><dd class="{kind}">{escape(value)}</dd></div>'
     yield "</dl>\n</header>"
 
 
-def _findings(result: PartSimulation) -> Iterator[str]:
-    if result.findings:
+def _findings(results: Sequence[PartSimulation]) -> Iterator[str]:
+    told = [found.message for result in results for found in result.findings]
+    if told:
         yield '<section class="card" id="findings" aria-labelledby="findings-title">'
-        yield f'<h2 id="findings-title">Findings ({len(result.findings)})</h2>\n<ol role="list">'
-        for found in result.findings:
-            yield f'<li class="plain">{escape(found.message)}</li>'
+        yield f'<h2 id="findings-title">Findings ({len(told)})</h2>\n<ol role="list">'
+        for words in told:
+            yield f'<li class="plain">{escape(words)}</li>'
         yield "</ol>\n</section>"
 
 
-def _slider(result: PartSimulation) -> Iterator[str]:
-    last = len(result.steps.share) - 1
+def _slider(count: int) -> Iterator[str]:
+    last = count - 1
     yield '<fieldset id="load" data-needs-view hidden><legend>Load</legend><div class="slide">'
     yield (
         f'<input type="range" id="step" min="0" max="{last}" value="{last}" step="1" '
@@ -180,23 +198,24 @@ def _legend(top: float) -> Iterator[str]:
     yield "</section>"
 
 
-def _cut(result: PartSimulation, top: float) -> Iterator[str]:
+def _cut(result: PartSimulation, top: float, case: str, mark: str) -> Iterator[str]:
     cut = cut_of(result)
-    yield '<section aria-labelledby="cut-title">\n<h2 id="cut-title">Where it would tear</h2>'
-    yield f'<p id="cut-words">{escape(" ".join(cut_words(result, cut)))}</p>'
-    yield '<figure><div class="wide" tabindex="0" role="group" aria-labelledby="cut-title">'
+    title = f"cut-title{mark}"
+    yield f'<section aria-labelledby="{title}">\n<h2 id="{title}">Where it would tear{case}</h2>'
+    yield f'<p id="cut-words{mark}">{escape(" ".join(cut_words(result, cut)))}</p>'
+    yield f'<figure><div class="wide" tabindex="0" role="group" aria-labelledby="{title}">'
     yield f"{cut_figure(result, cut, _colours(), top)}</div></figure>\n</section>"
 
 
 def _table(
-    title: str, name: str, rows: Sequence[Mapping[str, str]], *, numbered: bool = False
+    title: str, name: str, rows: Sequence[Mapping[str, str]], *, first: int | None = None
 ) -> Iterator[str]:
     yield f'<section aria-labelledby="{name}">\n<h2 id="{name}">{title}</h2>'
     yield f'<div class="wide" tabindex="0" role="group" aria-labelledby="{name}">\n<table>'
     heads = "".join(f'<th scope="col">{escape(column) or "what"}</th>' for column in rows[0])
     yield f"<thead><tr>{heads}</tr></thead>\n<tbody>"
     for number, row in enumerate(rows):
-        mark = f' data-step="{number}"' if numbered else ""
+        mark = "" if first is None else f' data-step="{first + number}"'
         yield f"<tr{mark}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row.values()) + "</tr>"
     yield "</tbody>\n</table>\n</div>\n</section>"
 
@@ -206,20 +225,19 @@ def _table(
 
 
 def _packed(
-    result: PartSimulation, kept: IntArray, faces: IntArray, top: float
+    results: Sequence[PartSimulation], kept: IntArray, faces: IntArray, top: float
 ) -> tuple[str, str, str]:
     """Return the viewer's JSON, the part at rest, and its steps, both in base64."""
-    steps, curve = result.steps, result.curve
-    places = result.cells.surface.vertices[kept] + steps.displacement_mm[:, kept]
+    moves = np.concatenate([one.steps.displacement_mm[:, kept] for one in results])
+    over_break = np.concatenate([one.steps.strain_over_break[:, kept] for one in results])
+    places = results[0].cells.surface.vertices[kept] + moves
     low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
     step_mm = float((high - low).max()) / _POINTS or 1.0
     wide = len(kept) > 1 << 16
     points = np.floor((places - low) / step_mm + 0.5).astype("<u2")
     # One colour is kept for what is broken: the last.
-    values = np.minimum(
-        np.floor(254.0 * np.maximum(steps.strain_over_break[:, kept], 0.0) / top), 254
-    )
-    values[steps.strain_over_break[:, kept] > 1.0] = 255
+    values = np.minimum(np.floor(254.0 * np.maximum(over_break, 0.0) / top), 254)
+    values[over_break > 1.0] = 255
     rest = [points[0].tobytes(), faces.astype("<u4" if wide else "<u2").tobytes()]
     moved = [
         one.tobytes() + value.astype("u1").tobytes()
@@ -240,7 +258,10 @@ def _packed(
         ],
         "findings": [],
         "steps": [
-            f"load {share:.3g}: {x:.4g} mm" for share, x in zip(steps.share, curve.x, strict=True)
+            f"{one.case and one.case + ', '}load {share:.3g}: {x:.4g} "
+            f"{one.curve.x_label.rpartition(', ')[2]}"
+            for one in results
+            for share, x in zip(one.steps.share, one.curve.x, strict=True)
         ],
         "scale": _colours(),
         "top": top,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.glance import percent
 from planner.numerics import FloatArray
 from planner.report.plan_text import format_interval, format_number
 
@@ -21,7 +22,7 @@ def part_title(result: "PartSimulation") -> str:
     share = float(result.steps.share[-1])
     reached = "the whole load" if share == 1.0 else f"{share:.3g} of the load"
     return (
-        f"{result.name}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
+        f"{result.called}: {len(cells.nodes)} cells of {edges} mm, {3 * len(cells.node_mm)} "
         f"unknowns, {reached}"
     )
 
@@ -29,35 +30,36 @@ def part_title(result: "PartSimulation") -> str:
 def response_rows(result: "PartSimulation") -> Iterator[Mapping[str, str]]:
     """Yield what the part does at the last step where it is loaded, held and watched, a row each.
 
-    The interval is of the figure that was not given: the displacement along a force, or the force
-    along a move.
+    Of a moment that is how its faces turn, and what is left of it. The interval is of the figure
+    that was not given: the displacement along a force, or the force along a move.
     """
     interval = f"{100.0 * result.level:g} % interval"
     sizes_N = [float(np.linalg.norm(r.force_N[-1])) for r in result.steps.responses]
-    least_N = _NOTHING * max(
-        sizes_N, default=0.0
-    )  # loads that balance leave a support nothing but rounding
+    long_mm = float(np.ptp(result.cells.surface.bounds_mm, axis=0).max())
+    sizes_N += [float(np.linalg.norm(m.moment_N_mm)) / long_mm for m in result.conditions.moments]
+    # Loads that balance leave a support nothing but rounding.
+    least_N = _NOTHING * max(sizes_N, default=0.0)
+    units = {"fix": "N", "move": "N", "moment": "°"}
     for response in result.steps.responses:
-        held = response.kind in ("fix", "move")
-        stiffness = response.stiffness_N_mm
+        kind, stiffness, turn = response.kind, response.stiffness_N_mm, response.turn_deg
         sure = "" if response.interval is None else format_interval(response.interval)
+        moved = "" if kind == "fix" else _vector(response.displacement_mm[-1])
+        force = "" if kind == "watch" else _vector(response.force_N[-1], least_N)
+        if turn is not None and response.moment_N_mm is not None:
+            moved, force = f"{_vector(turn[-1])} °", f"{_vector(response.moment_N_mm[-1])} N mm"
         yield {
-            "": response.kind,
+            "": kind,
             "faces": response.selector,
-            "moves mm (x y z)": ""
-            if response.kind == "fix"
-            else _vector(response.displacement_mm[-1]),
-            "force N (x y z)": ""
-            if response.kind == "watch"
-            else _vector(response.force_N[-1], least_N),
-            interval: f"{sure} {'N' if held else 'mm'}" if sure else "",
+            "moves mm (x y z)": moved,
+            "force N (x y z)": force,
+            interval: f"{sure} {units.get(kind, 'mm')}" if sure else "",
             "N/mm": "" if stiffness is None else format_number(stiffness),
         }
-    moved, (x, y, z) = result.farthest
+    away, (x, y, z) = result.farthest
     yield {
         "": "farthest",
         "faces": f"({x:.4g}, {y:.4g}, {z:.4g}) mm",
-        "moves mm (x y z)": _vector(moved),
+        "moves mm (x y z)": _vector(away),
         "force N (x y z)": "",
         interval: "",
         "N/mm": "",
@@ -91,16 +93,16 @@ def step_rows(result: "PartSimulation", most: int) -> Iterator[Mapping[str, str]
 
 def summary_words(result: "PartSimulation") -> Iterator[str]:
     """Say what the largest strain is and where, and how far the figures depend on the cells."""
-    steps = result.steps
+    steps, case = result.steps, f"{result.case}: " if result.case else ""
     k = int(steps.largest.argmax())
     x, y, z = steps.largest_mm[k].tolist()
     yield (
-        f"largest strain over elongation at break: {steps.largest[k]:.3g}, at ({x:.4g}, {y:.4g}, "
-        f"{z:.4g}) mm"
+        f"{case}largest strain over elongation at break: {steps.largest[k]:.3g}, "
+        f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm"
     )
     found = result.discretisation
     if found is not None:
         yield (
-            f"cells of {found.cell_mm:.3g} mm give figures that differ by up to "
-            f"{100.0 * found.largest:.2g} %"
+            f"{case}cells of {found.cell_mm:.3g} mm give figures that differ by up to "
+            f"{percent(found.largest)}"
         )

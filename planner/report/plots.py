@@ -115,7 +115,7 @@ def _part(result: PartSimulation, ax: "Axes") -> None:
     x, y = np.concatenate([x_low, x_high[::-1]]), np.concatenate([y_low, y_high[::-1]])
     ax.fill(x, y, color=BLUE, alpha=0.2, label=f"{100 * result.level:g} % of prints")
     ax.plot(curve.x, curve.y, "o-", color=BLUE, markersize=3.0, label="predicted")
-    ax.set(xlabel=curve.x_label, ylabel=curve.y_label, title=result.name)
+    ax.set(xlabel=curve.x_label, ylabel=curve.y_label, title=result.called)
     ax.legend()
 
 

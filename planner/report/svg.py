@@ -403,7 +403,7 @@ def _part_figure(result: "PartSimulation") -> bytes:
         note += ("; " if note else "") + "cross: break"
     parts.append(text(left + _WIDTH, _TOP - 12.0, note, anchor="end", colour=GREY))
     width, height = left + _WIDTH + 24.0, _TOP + _HEIGHT + 64.0
-    return picture(width, height, parts, title=f"{result.name}: load curve")
+    return picture(width, height, parts, title=f"{result.called}: load curve")
 
 
 def _floor(least: float) -> float:

@@ -14,7 +14,7 @@ from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.material_columns import SampledMaterial, column_place, sample
 from planner.voxels.columns import MOST_VOXELS
 
-__all__ = ["COLUMNS_ACROSS", "FEWEST_ALONG", "CutCells", "cut_cells"]
+__all__ = ["COLUMNS_ACROSS", "FEWEST_ALONG", "MOST_CELLS", "CutCells", "cut_cells"]
 
 
 COLUMNS_ACROSS = 24
@@ -25,6 +25,9 @@ _MOST_COLUMNS = 1 << 26
 
 FEWEST_ALONG = 2
 """Cells along the longest side of a part: with one there is nothing to bend."""
+
+MOST_CELLS = 100_000
+"""Of a part. A solution takes about 90 GB there."""
 
 _NEARLY_NOTHING = 0.01
 # of a cell's volume. A body of less, which hangs on nothing, is what columns make of the edge of
@@ -164,7 +167,7 @@ def cut_cells(
     cell_mm: float,
     *,
     columns_across: int = COLUMNS_ACROSS,
-    most_cells: int = 100_000,
+    most_cells: int = MOST_CELLS,
     threads: int = 2,
 ) -> CutCells:
     """Cut a closed surface into cells.

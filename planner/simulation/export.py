@@ -24,7 +24,7 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import Palette
 from planner.printers import Printer
 from planner.simulation.hexahedra import FACE_NODES, Hexahedra, fitting_cell_mm, hexahedra
-from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.loads import Conditions, LoadCase, couple, read_conditions
 from planner.simulation.part import COARSER, Solid, default_cell_mm, open_solid, simulate_part
 
 __all__ = ["Export", "ExportedMaterial", "export"]
@@ -183,6 +183,7 @@ def export(
     cell_mm: float | None = None,
     fix: Sequence[str] = (),
     load: Sequence[str] = (),
+    moment: Sequence[str] = (),
     pressure: Sequence[str] = (),
     move: Sequence[str] = (),
     gravity: str | Sequence[float] | None = None,
@@ -209,8 +210,8 @@ def export(
         material, coordinate and modulus of every cell).
     cell_mm
         Edge of a cell; by default what makes about 15000, and comes nearest to the part's volume.
-    fix, load, pressure, move, gravity
-        What holds and loads the part, as `planner.simulate` has it; without any the file has no
+    fix, load, moment, pressure, move, gravity
+        What holds and loads the part, as `LoadCase` has it; without any the file has no
         step. Each is also a set of nodes or faces.
     to_strain
         Strain up to which CalculiX' laws are to follow the palette's curves, within 2 % at rest and
@@ -242,10 +243,10 @@ def export(
         )
     if to_strain is not None:
         positive(to_strain, "`to_strain`")
-    told: dict[str, Any] = {
-        "fix": fix, "load": load, "pressure": pressure, "move": move, "gravity": gravity
-    }  # fmt: skip
-    is_loaded = any((fix, load, pressure, move)) or gravity is not None
+    case = LoadCase(
+        fix=fix, load=load, moment=moment, pressure=pressure, move=move, gravity=gravity
+    )
+    is_loaded = not case.is_empty
     if is_loaded and to == "vtu":
         raise ArgumentError("`to` vtu: loads and supports have no place in it; leave them out")
     solid = open_solid(source, material, unit, printer, palette, bodies)
@@ -278,13 +279,13 @@ def export(
                 "material": material, "unit": unit, "bodies": bodies, "printer": printer,
                 "palette": palette,
             }  # fmt: skip
-            to_strain, words = _reached(source, solid, **told, **given)
+            to_strain, words = _reached(source, solid, case, **given)
             notes = (*notes, words)
         laws = [_law(model, m, to, to_strain or np.inf) for m in levels.tolist()]
         on = None
         if is_loaded:
             surface = halve_long_edges(solid.surface, 0.5 * float(mesh.cell_mm.min()))[0]
-            on = (surface, read_conditions(surface, **told))
+            on = (surface, read_conditions(surface, case))
         else:
             notes = (*notes, "nothing holds or loads the part: the file has no *STEP; add one")
         written = _inp(mesh, of_cell, names, laws, moduli, solid.name, part_mm3, on)
@@ -418,14 +419,16 @@ def _law(model: CoefficientModel, coordinate: float, to: str, to_strain: float) 
     return replace(law, yeoh=fitted, to_strain=reached, is_short=reached < wanted)
 
 
-def _reached(source: object, solid: Solid, **options: Any) -> tuple[float, str]:
+def _reached(source: object, solid: Solid, case: LoadCase, **options: Any) -> tuple[float, str]:
     """Return the strain up to which laws matter under the loads given, and words on it."""
     cell_mm = COARSER * default_cell_mm(solid.surface)
     unknown = (
         "the strain that the part reaches is not known: laws go to the break, or give `to_strain`"
     )
     try:
-        found = simulate_part(source, cell_mm=cell_mm, steps=1, compare_cells=False, **options)
+        (found,) = simulate_part(
+            source, case, cell_mm=cell_mm, steps=1, compare_cells=False, **options
+        )
     except PlannerError as error:
         return np.inf, f"{unknown} ({error})"
     if found.steps.lost is not None:
@@ -520,7 +523,14 @@ def _inp(
     for number, force in enumerate(conditions.forces, start=1):
         faces = _faces(force.facets, facet, force.selector)
         remarks.append(f"LOAD{number}: {force.selector}")
-        forces[f"LOAD{number}"] = _spread(mesh, faces, np.array(force.force_N))
+        nodes, share = _spread(mesh, faces)
+        forces[f"LOAD{number}"] = nodes, share[:, None] * np.array(force.force_N)
+    for number, moment in enumerate(conditions.moments, start=1):
+        faces = _faces(moment.facets, facet, moment.selector)
+        remarks.append(f"MOMENT{number}: {moment.selector}")
+        nodes, share = _spread(mesh, faces)
+        pulls = couple(share, mesh.node_mm[nodes], np.array(moment.moment_N_mm))
+        forces[f"MOMENT{number}"] = nodes, pulls
     pressures = {}
     for number, push in enumerate(conditions.pressures, start=1):
         faces = _faces(push.facets, facet, push.selector)
@@ -563,12 +573,12 @@ def _nodes(mesh: Hexahedra, faces: IntArray) -> IntArray:
     return np.asarray(mesh.nodes[cell[:, None], FACE_NODES[face]])
 
 
-def _spread(mesh: Hexahedra, faces: IntArray, force: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Spread a force evenly over the area of faces, as their quadratic functions have it."""
+def _spread(mesh: Hexahedra, faces: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return nodes of faces and the share of each in their area, as quadratic functions have it."""
     edges = mesh.cell_mm
     area = np.prod(edges) / np.abs(mesh.outer_normal[faces] @ edges)
     # Of a face of eight nodes: -1/12 at corners, 1/3 at the middles of its edges.
     weight = np.repeat([[-1.0 / 12.0] * 4 + [1.0 / 3.0] * 4], len(faces), axis=0)
     nodes, at = np.unique(_nodes(mesh, faces), return_inverse=True)
     share = np.bincount(at.ravel(), weights=(weight * area[:, None]).ravel())
-    return nodes, share[:, None] / area.sum() * force
+    return nodes, share / area.sum()

@@ -6,17 +6,117 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from planner.errors import ArgumentError, did_you_mean
+from planner.errors import ArgumentError, FileError, did_you_mean
 from planner.fields.basic import unit_direction
+from planner.formats.files import read_file
 from planner.formats.tables import QUANTITY_UNITS, quantities_of, unit_factor
+from planner.formats.toml import decode_toml
 from planner.mesh.mesh import Mesh, Topology, connected, measure
 from planner.numerics import BoolArray, FloatArray, IntArray, Point
+from planner.palette import Palette
 
-__all__ = ["Conditions", "Force", "Pressure", "Support", "Watched", "read_conditions"]
+__all__ = [
+    "Conditions",
+    "LoadCase",
+    "couple",
+    "palette_densities",
+    "read_cases",
+    "read_conditions",
+    "refuse_held",
+    "watched_targets",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# A load case as a user writes it, in options or in a file.
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """What holds and loads a part, as a user writes it; each is a text or several.
+
+    Attributes
+    ----------
+    target
+        What `planner.design` is to reach; a simulation tells the displacements among them.
+    fix
+        Selectors of faces that do not move.
+    load
+        ``SELECTOR: fx,fy,fz UNIT``, the force on all of the faces together; its direction stays.
+    pressure
+        ``SELECTOR: p UNIT``, pushing on the material; it turns and grows with the faces.
+    move
+        ``SELECTOR: ux,uy,uz UNIT``; a component may be ``free``.
+    gravity
+        Where the part's weight pulls: ``-z``, or three numbers.
+    name
+        What results call the case.
+    moment
+        ``SELECTOR: mx,my,mz UNIT``, about the centroid of the faces: see `couple`.
+    watch
+        ``SELECTOR``: faces whose displacement is told; ``SELECTOR uz``: that along one axis.
+    """
+
+    target: Sequence[str] = ()
+    fix: Sequence[str] = ()
+    load: Sequence[str] = ()
+    pressure: Sequence[str] = ()
+    move: Sequence[str] = ()
+    gravity: str | Sequence[float] | None = None
+    name: str = ""
+    moment: Sequence[str] = ()
+    watch: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for key in _TEXTS:
+            given = getattr(self, key)
+            object.__setattr__(self, key, (given,) if isinstance(given, str) else tuple(given))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing holds or loads the part."""
+        given = (self.fix, self.load, self.moment, self.pressure, self.move)
+        return not any(given) and self.gravity is None
+
+
+_TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch")
+
+
+def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
+    """Read load cases from a TOML file: tables ``[[case]]`` with the fields of `LoadCase`.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is not such a file.
+    """
+    found = decode_toml(read_file(path), str(path))
+    tables = found.get("case")
+    if not isinstance(tables, list) or not tables or set(found) != {"case"}:
+        raise FileError(f"{path}: it needs tables [[case]], and nothing else")
+    known = (*_TEXTS, "gravity", "name")
+    for number, table in enumerate(tables, 1):
+        where = f"{path}: case {number}"
+        if not isinstance(table, dict):
+            raise FileError(f"{where}: it must be a table, [[case]]")
+        for key, value in table.items():
+            if key not in known:
+                hint = did_you_mean(key, known)
+                raise FileError(f"{where}: no such key {key!r}; {hint}it has {', '.join(known)}")
+            texts = value if isinstance(value, list) and key in _TEXTS else [value]
+            if not all(isinstance(text, str) for text in texts):
+                raise FileError(f"{where}: {key} must be text, or a list of texts")
+    return tuple(LoadCase(**table) for table in tables)
+
+
+# ------------------------------------------------------------------------------------------------
+# What a load case means on a part's surface.
+
 
 Displacement = tuple[float | None, float | None, float | None]
 
@@ -45,6 +145,15 @@ class Force:
 
 
 @dataclass(frozen=True, eq=False)
+class Moment:
+    """A moment of fixed direction, by tractions on faces at rest that add up to no force."""
+
+    selector: str
+    facets: BoolArray
+    moment_N_mm: Point
+
+
+@dataclass(frozen=True, eq=False)
 class Pressure:
     """A pressure on faces, against their outward normals; it turns and grows with them."""
 
@@ -55,10 +164,11 @@ class Pressure:
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """Faces whose displacement is told, and which carry nothing."""
+    """Faces whose displacement is told, along one axis or in its own direction."""
 
     selector: str
     facets: BoolArray
+    axis: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,18 +186,10 @@ class Conditions:
     pressures: tuple[Pressure, ...] = ()
     gravity: Point | None = None
     watched: tuple[Watched, ...] = ()
+    moments: tuple[Moment, ...] = ()
 
 
-def read_conditions(
-    surface: Mesh,
-    *,
-    fix: str | Sequence[str] = (),
-    load: str | Sequence[str] = (),
-    pressure: str | Sequence[str] = (),
-    move: str | Sequence[str] = (),
-    gravity: str | Sequence[float] | None = None,
-    watch: str | Sequence[str] = (),
-) -> Conditions:
+def read_conditions(surface: Mesh, case: LoadCase) -> Conditions:
     """Read loads and supports, and find the faces that each is on.
 
     A selector is one or more terms, joined by ``and``: ``x<1``, ``x>=3`` (faces whose middle
@@ -100,18 +202,6 @@ def read_conditions(
     ----------
     surface
         Closed, in mm, with faces small enough to be taken or left whole.
-    fix
-        Selectors of faces that do not move.
-    load
-        ``SELECTOR: fx,fy,fz UNIT``, the force on all of the faces together.
-    pressure
-        ``SELECTOR: p UNIT``, pushing on the material.
-    move
-        ``SELECTOR: ux,uy,uz UNIT``; a component may be ``free``.
-    gravity
-        Where the part's weight pulls: ``-z``, or three numbers.
-    watch
-        Selectors of faces whose displacement is told.
 
     Raises
     ------
@@ -120,19 +210,17 @@ def read_conditions(
         face or all, supports that contradict each other or leave a body free to move.
     """
     faces = _Faces(surface)
-    fix, load, pressure, move, watch = (
-        (texts,) if isinstance(texts, str) else tuple(texts)
-        for texts in (fix, load, pressure, move, watch)
-    )
-    held: list[tuple[str, str, Displacement]] = [("fix", text, (0.0, 0.0, 0.0)) for text in fix]
-    for text in move:
-        selector, parts, factor = _split("move", text, "length", 3)
+    held: list[tuple[str, str, Displacement]] = [
+        ("fix", text, (0.0, 0.0, 0.0)) for text in case.fix
+    ]
+    for text in case.move:
+        selector, parts, factor = _split("move", text, 3)
         x, y, z = (None if part is None else factor * part for part in parts)
         if x is None and y is None and z is None:
             raise ArgumentError(f"`move` {text}: all of it is free; leave it out")
         held.append(("move", selector, (x, y, z)))
-    given = {"fix": fix, "load": load, "pressure": pressure, "move": move, "watch": watch}
-    for option, texts in given.items():
+    for option in ("fix", "load", "moment", "pressure", "move"):
+        texts = getattr(case, option)
         plain = ["".join(text.split()) for text in texts]
         for at, text in enumerate(plain):
             if text in plain[:at]:
@@ -145,30 +233,84 @@ def read_conditions(
     supports = tuple(
         Support(selector.strip(), chosen(option, selector), by) for option, selector, by in held
     )
-    forces = []
-    for text in load:
-        selector, parts, factor = _split("load", text, "force", 3)
-        fx, fy, fz = (factor * _not_free(part, f"`load` {text}") for part in parts)
-        if not (fx or fy or fz):
-            raise ArgumentError(f"`load` {text}: a force of 0; give one, or leave it out")
-        forces.append(Force(selector, chosen("load", selector), (fx, fy, fz)))
-    pressures = []
-    for text in pressure:
-        selector, parts, factor = _split("pressure", text, "stress", 1)
-        if not (value := factor * _not_free(parts[0], f"`pressure` {text}")):
-            raise ArgumentError(f"`pressure` {text}: a pressure of 0; give one, or leave it out")
-        pressures.append(Pressure(selector, chosen("pressure", selector), value))
-    weight = None if gravity is None else _gravity(gravity)
-    if not (forces or pressures or weight or any(support.moves for support in supports)):
+
+    def loads(option: str, count: int) -> Iterator[tuple[str, BoolArray, list[float]]]:
+        for text in getattr(case, option):
+            selector, parts, factor = _split(option, text, count)
+            values = [factor * _not_free(part, f"`{option}` {text}") for part in parts]
+            if not any(values):
+                what = "force" if option == "load" else option
+                raise ArgumentError(f"`{option}` {text}: a {what} of 0; leave it out")
+            yield selector, chosen(option, selector), values
+
+    forces = tuple(Force(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("load", 3))
+    moments = tuple(Moment(s, facets, (x, y, z)) for s, facets, (x, y, z) in loads("moment", 3))
+    pressures = tuple(Pressure(s, facets, p) for s, facets, (p,) in loads("pressure", 1))
+    weight = None if case.gravity is None else _gravity(case.gravity)
+    moving = any(support.moves for support in supports)
+    if not (forces or moments or pressures or weight or moving):
         raise ArgumentError(
-            "nothing loads the part; give `load`, `pressure`, `move` or `gravity`, as in "
+            "nothing loads the part; give `load`, `moment`, `pressure`, `move` or `gravity`, as in "
             'load="x=min: 0,0,-0.5 N"'
         )
     _check_supports(faces, supports, [option for option, _, _ in held])
     for force in forces:
-        _check_carried(force, supports)
-    seen = tuple(Watched(text.strip(), chosen("watch", text)) for text in watch)
-    return Conditions(supports, tuple(forces), tuple(pressures), weight, seen)
+        along = [axis for axis in range(3) if force.force_N[axis]]
+        refuse_held(f"`load` {force.selector}", force.facets, along, supports)
+    for moment in moments:
+        refuse_held(f"`moment` {moment.selector}", moment.facets, range(3), supports)
+    watched = {}
+    for text in case.watch:
+        found = _WATCHED.fullmatch(text.strip())
+        selector, axis = (found[1], "xyz".index(found[2].casefold())) if found else (text, None)
+        key = (selector.strip(), axis)
+        if key not in watched:
+            watched[key] = Watched(selector.strip(), chosen("watch", selector), axis)
+    return Conditions(supports, forces, pressures, weight, tuple(watched.values()), moments)
+
+
+_WATCHED = re.compile(r"(.+?)\s+u([xyz])(?:\s*=.*)?", re.IGNORECASE)
+"""Faces and an axis, and what a target may say further: how far they are to move."""
+
+
+def watched_targets(case: LoadCase) -> tuple[str, ...]:
+    """Return the targets of a case that are displacements, as `LoadCase.watch` takes them."""
+    return tuple(text for text in case.target if _WATCHED.fullmatch(text.strip()))
+
+
+def couple(weight: FloatArray, place_mm: FloatArray, moment: FloatArray) -> FloatArray:
+    """Return forces at points that come to a moment, (3,), and to no force: (n, 3).
+
+    They are weight times ω × r, with r from the weighted centroid: the traction that is linear
+    over the faces, and of all that come to the moment the one of least square. ω follows from
+    ∫ r × (ω × r) = moment. On a plane face it is the linear stress of a bent beam's section, or
+    the shear in circles of a twisted round bar's.
+
+    Parameters
+    ----------
+    weight : (n,)
+        Area, or whatever sums over the points are to be weighted by.
+    place_mm : (n, 3)
+        Not all on a line.
+    """
+    arm = place_mm - weight @ place_mm / weight.sum()
+    square = np.einsum("n,ni,nj->ij", weight, arm, arm)
+    spin = np.linalg.solve(np.trace(square) * np.eye(3) - square, moment)
+    return np.asarray(weight[:, None] * np.cross(spin, arm))
+
+
+def palette_densities(palette: Palette, cases: Sequence[LoadCase]) -> tuple[FloatArray, FloatArray]:
+    """Return the coordinates of a palette's materials and their densities, g/cm³.
+
+    Raises
+    ------
+    ArgumentError
+        A case has gravity, and a density is not known.
+    """
+    densities = np.array([material.density_g_cm3 for material in palette.materials])
+    if not np.isfinite(densities).all() and any(case.gravity is not None for case in cases):
+        raise ArgumentError("`gravity`: the palette tells no density of a material; add it there")
+    return np.array([material.coordinate for material in palette.materials]), densities
 
 
 def _gravity(gravity: str | Sequence[float]) -> Point:
@@ -183,27 +325,22 @@ def _gravity(gravity: str | Sequence[float]) -> Point:
 
 
 _FIGURE = re.compile(r"\s*(free|[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
-_WRITTEN = MappingProxyType(
+_WRITTEN: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
-        "load": ("force", "x=min: 0,0,-0.5 N"),
-        "pressure": ("stress", "cavity: 20 kPa"),
-        "move": ("length", "z=max: 5,0,free mm"),
+        "load": ("force", "x=min: 0,0,-0.5 N", "N, mN, kN, lbf, kgf"),
+        "moment": ("moment", "x=min: 0,5,0 N mm", "N mm, mN mm, N cm, N m, lbf inch"),
+        "pressure": ("stress", "cavity: 20 kPa", "kPa, MPa, Pa, bar, psi"),
+        "move": ("length", "z=max: 5,0,free mm", "mm, um, cm, m, inch"),
     }
 )
-_ADVISED = MappingProxyType(
-    {
-        "force": ("N", "mN", "kN", "lbf", "kgf"),
-        "stress": ("kPa", "MPa", "Pa", "bar", "psi"),
-        "length": ("mm", "um", "cm", "m", "inch"),
-    }
-)
+"""By option: the quantity of its figures, an example, and units that are advised."""
+
+_MOMENT = re.compile(r"(.*(?:N|lbf|kgf))[\s·*]*(\S+)")
 
 
-def _split(
-    option: str, text: str, quantity: str, count: int
-) -> tuple[str, list[float | None], float]:
+def _split(option: str, text: str, count: int) -> tuple[str, list[float | None], float]:
     """Take a condition apart: its selector, its figures (None: free), and the unit's factor."""
-    where, example = f"`{option}` {text}", _WRITTEN[option][1]
+    where, (quantity, example, advised) = f"`{option}` {text}", _WRITTEN[option]
     selector, colon, figures = text.rpartition(":")
     words = [_FIGURE.fullmatch(word) for word in figures.split(",")]
     if not colon or not all(words):
@@ -215,23 +352,26 @@ def _split(
             f"{'figures, parted by commas' if count > 1 else 'figure'}, and a unit at the end, as "
             f"in {example!r}"
         )
-    advised = _ADVISED[quantity]
     if not (unit := found[-1][2]):
         raise ArgumentError(
             f"{where}: the unit is missing; write it behind the figures, as in {example!r}; there "
-            f"are {', '.join(advised)}"
+            f"are {advised}"
         )
-    if quantity not in (known := quantities_of(unit)):
-        kind = f", which is one of {' or '.join(sorted(known))}" if known else ""
-        hint = did_you_mean(unit, QUANTITY_UNITS[quantity])
+    product = _MOMENT.fullmatch(unit) if quantity == "moment" else None
+    each = dict(zip(("force", "length"), product.groups(), strict=True)) if product else {}
+    each = each or {quantity: unit}
+    if any(kind not in quantities_of(word) for kind, word in each.items()):
+        kinds = " or ".join(sorted(quantities_of(unit)))
+        which = f", which is one of {kinds}" if kinds else ""
+        hint = did_you_mean(unit, QUANTITY_UNITS.get(quantity, ()))
         raise ArgumentError(
-            f"{where}: {unit!r} is no unit of {quantity}{kind}; {hint}there are "
-            f"{', '.join(advised)}"
+            f"{where}: {unit!r} is no unit of {quantity}{which}; {hint}there are {advised}"
         )
     values = [None if w[1].casefold() == "free" else float(w[1]) for w in found]
     if not all(value is None or math.isfinite(value) for value in values):
         raise ArgumentError(f"{where}: figures must be finite")
-    return selector.strip(), values, unit_factor(quantity, unit, where=where)
+    factors = [unit_factor(kind, word, where=where) for kind, word in each.items()]
+    return selector.strip(), values, math.prod(factors)
 
 
 def _not_free(value: float | None, where: str) -> float:
@@ -574,13 +714,24 @@ def _named(basis: FloatArray) -> str:
     return " and ".join([*("xyz"[axis] for axis in axes), *rest])
 
 
-def _check_carried(force: Force, supports: Sequence[Support]) -> None:
-    """Refuse a force all of which goes into supports: it changes nothing."""
-    for axis, value in enumerate(force.force_N):
-        held = [s.facets for s in supports if s.displacement_mm[axis] is not None]
-        if value and not (held and np.logical_or.reduce(held)[force.facets].all()):
+def refuse_held(
+    where: str, facets: BoolArray, axes: Sequence[int], supports: Sequence[Support]
+) -> None:
+    """Refuse faces that supports wholly hold along axes: no load moves them, nothing is found.
+
+    Raises
+    ------
+    ArgumentError
+        Along each of the axes all faces have a support.
+    """
+    by: dict[str, None] = {}
+    for axis in axes:
+        held = [s for s in supports if s.displacement_mm[axis] is not None]
+        if not (held and np.logical_or.reduce([s.facets for s in held])[facets].all()):
             return
+        by |= {s.selector: None for s in held if (s.facets & facets).any()}
+    along = "" if len(axes) == 3 else f" along {' and '.join('xyz'[axis] for axis in axes)}"
     raise ArgumentError(
-        f"`load` {force.selector}: all of its faces are held along the force by supports, so that "
-        "it moves nothing; load other faces"
+        f"{where}: all of its faces are held{along} by supports ({', '.join(by)}), which give them "
+        "their displacement whatever the loads and materials are; name other faces"
     )

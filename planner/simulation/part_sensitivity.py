@@ -14,7 +14,7 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells, cut_cells
-from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.loads import Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.solid import (
@@ -88,9 +88,8 @@ def _cut(
 ) -> LoadedPart:
     edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
     cells = cut_cells(solid.surface, edge)
-    conditions = read_conditions(
-        cells.surface, fix=fix, move=[move] if move else [], load=[load] if load else []
-    )
+    case = LoadCase(fix=fix, move=[move] if move else [], load=[load] if load else [])
+    conditions = read_conditions(cells.surface, case)
     coordinate = solid.filling(cells.points_mm)
     return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
 

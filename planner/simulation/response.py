@@ -13,18 +13,17 @@ from planner.simulation.element import shape_functions
 from planner.simulation.part_fields import PartFields, fields_of, hats
 from planner.simulation.simulate import log_sds
 from planner.simulation.solid import (
-    Body,
     Equilibrium,
     FacetPoints,
     LostStabilityError,
     Mechanics,
     Progress,
+    spread,
 )
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
-    from planner.simulation.loads import Conditions
-    from planner.simulation.sparse_cholesky import Analysis, Factor
+    from planner.simulation.sparse_cholesky import Factor
 
 __all__ = [
     "CellAverage",
@@ -44,17 +43,20 @@ class Response:
     Attributes
     ----------
     kind
-        ``load``, ``move``, ``fix``, ``pressure`` or ``watch``.
+        ``load``, ``moment``, ``move``, ``fix``, ``pressure`` or ``watch``.
     displacement_mm : (steps, 3)
         Mean over the faces by their area at rest.
     force_N : (steps, 3)
         Of the load, or of the support on the part, in all.
     direction : (3,)
-        Of the force, of the motion given, or of the displacement at last.
+        Of the force or moment, of the motion given, of the axis watched, or of the displacement at
+        last.
     interval
         Of the figure that follows from the others at the last step, with the probability asked
-        for: of a load or watched faces the displacement along `direction`, mm; of a support that
-        moves its force, N. None of the others.
+        for: of a load or watched faces the displacement along `direction`, mm; of a moment the turn
+        about it, degrees; of a support that moves its force, N. None of the others.
+    moment_N_mm, turn_deg : (steps, 3)
+        Of a moment: that of its tractions on the faces as they are, and how far these have turned.
     """
 
     selector: str
@@ -63,6 +65,15 @@ class Response:
     force_N: FloatArray
     direction: FloatArray
     interval: tuple[float, float] | None
+    moment_N_mm: FloatArray | None = None
+    turn_deg: FloatArray | None = None
+
+    @property
+    def turned(self) -> dict[str, FloatArray]:
+        """What only a moment has, by name."""
+        if self.moment_N_mm is None or self.turn_deg is None:
+            return {}
+        return {"moment_N_mm": self.moment_N_mm, "turn_deg": self.turn_deg}
 
     @property
     def along_mm(self) -> FloatArray:
@@ -120,14 +131,11 @@ class LoadSteps:
 
 
 def respond(
-    body: Body,
-    conditions: "Conditions",
-    analysis: "Analysis",
+    mechanics: Mechanics,
     model: CoefficientModel,
     *,
     steps: int = 1,
     level: float = 0.95,
-    densities: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> LoadSteps:
     """Load a body step by step.
@@ -138,13 +146,10 @@ def respond(
         Equal steps of the load.
     level
         Probability that an interval holds what a print does.
-    densities : (Q,), optional
-        g/cm³ at the quadrature points, for gravity.
     progress
         Called at each iteration with the load's share, the iteration and the residual.
     """
-    mechanics = Mechanics(body, conditions, analysis, densities=densities)
-    cells = body.cells
+    cells = mechanics.body.cells
     at_vertices, _ = shape_functions(cells.vertex_local, cells.cell_mm)
     average = CellAverage(cells)
     states: list[Equilibrium] = [mechanics.at_rest()]
@@ -281,43 +286,56 @@ def _responses(
         return figure_interval(mechanics, last, factored, weights, figure, sds, normal)
 
     out = []
-    span: tuple[float, float] | None
 
     def moved(points: FacetPoints) -> FloatArray:
         return np.array([mechanics.mean(points, state.displacement_mm) for state in states])
 
-    for force in conditions.forces:
-        points = mechanics.points_of(force.facets)
-        given = np.array(force.force_N)
-        direction = given / np.linalg.norm(given)
+    span: tuple[float, float] | None
+
+    def add(
+        name: str, kind: str, points: FacetPoints, pulls: FloatArray, direction: FloatArray | None
+    ) -> None:
         where = moved(points)
-        figure = float(where[-1] @ direction)
-        span = interval(figure, mechanics.mean_weights(points, direction))
-        out.append(Response(force.selector, "load", where, shares * given, direction, span))
-    for k, support in enumerate(conditions.supports):
-        held = mechanics.held[k]
-        pull: FloatArray = reactions[:, k]
+        along = _unit(where[-1]) if direction is None else direction
         span = None
-        size = float(np.linalg.norm(held.target_mm))
-        if size > 0.0:
-            direction = held.target_mm / size
-            figure = float(pull[-1] @ direction)
-            span = interval(figure, mechanics.reaction_weights(k, direction))
-        else:
-            direction = _unit(pull[-1])
-        kind = "move" if size > 0.0 else "fix"
-        out.append(Response(support.selector, kind, moved(held.points), pull, direction, span))
+        if kind != "pressure":
+            weights = mechanics.mean_weights(points, along)
+            span = interval(float(where[-1] @ along), weights)
+        out.append(Response(name, kind, where, pulls, along, span))
+
+    for force in conditions.forces:
+        given = np.array(force.force_N)
+        points = mechanics.points_of(force.facets)
+        add(force.selector, "load", points, shares * given, _unit(given))
+    for moment in conditions.moments:
+        given = np.array(moment.moment_N_mm)
+        points, pulls = mechanics.couple(moment.facets, given)
+        arms = [mechanics.place_mm(points, state.displacement_mm) for state in states]
+        moments = np.array([np.cross(arm, pulls).sum(axis=0) for arm in arms])
+        turns = np.array([mechanics.turn_deg(moment.facets, s.displacement_mm) for s in states])
+        _, rates = mechanics.couple(moment.facets, _unit(given), last.displacement_mm)
+        weights = spread(mechanics.body.cells, points, np.degrees(rates))
+        out.append(Response(
+            moment.selector, "moment", moved(points), 0.0 * turns, _unit(given),
+            interval(float(turns[-1] @ _unit(given)), weights), shares * moments, turns,
+        ))  # fmt: skip
+    for k, support in enumerate(conditions.supports):
+        held, pull = mechanics.held[k], reactions[:, k]
+        moves = bool(held.target_mm.any())
+        along = _unit(held.target_mm if moves else pull[-1])
+        span = None
+        if moves:
+            span = interval(float(pull[-1] @ along), mechanics.reaction_weights(k, along))
+        kind = "move" if moves else "fix"
+        out.append(Response(support.selector, kind, moved(held.points), pull, along, span))
     for pressure, pushed in zip(conditions.pressures, mechanics.pushed, strict=True):
         push = np.array([mechanics.push(pushed, s.share, s.displacement_mm) for s in states])
-        where = moved(pushed.points)
-        direction = _unit(where[-1])
-        out.append(Response(pressure.selector, "pressure", where, push, direction, None))
+        add(pressure.selector, "pressure", pushed.points, push, None)
     for watched in conditions.watched:
-        points = mechanics.points_of(watched.facets)
-        where = moved(points)
-        direction = _unit(where[-1])
-        span = interval(float(where[-1] @ direction), mechanics.mean_weights(points, direction))
-        out.append(Response(watched.selector, "watch", where, 0.0 * where, direction, span))
+        axis, points = watched.axis, mechanics.points_of(watched.facets)
+        name = watched.selector if axis is None else f"{watched.selector} u{'xyz'[axis]}"
+        nothing = np.zeros((len(states), 3))
+        add(name, "watch", points, nothing, None if axis is None else np.eye(3)[axis])
     return out
 
 

@@ -2,11 +2,10 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -38,9 +37,15 @@ from planner.simulation.bar_solver import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from planner.simulation.part import PartSimulation
-
-__all__ = ["Simulation", "called", "loading_path", "log_sds", "simulate", "table_csv"]
+__all__ = [
+    "Simulation",
+    "called",
+    "loading_path",
+    "log_sds",
+    "simulate",
+    "simulate_bar",
+    "table_csv",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -474,15 +479,6 @@ def table_csv(columns: dict[str, FloatArray]) -> bytes:
 # What is to be pulled: a plan, a profile file, a material's coupon, or a bar as it is.
 
 
-class _Source(NamedTuple):
-    """A bar, and where it came from."""
-
-    name: str
-    bar: Bar
-    palette: Palette
-    notes: tuple[str, ...] = ()
-
-
 def _bar_of(
     source: object, palette: Palette, slices: int, width_mm: float, thickness_mm: float,
     gauge_mm: float,
@@ -509,24 +505,6 @@ def _bar_of(
     return source.id, coupon(
         source.coordinate, width_mm=width_mm, thickness_mm=thickness_mm, gauge_mm=gauge_mm
     )
-
-
-def _of_plan(
-    plan: Plan,
-    palette: str | Path | Palette | None,
-    printer: str | Printer | None,
-    slices: int,
-    between_mm: tuple[float, float] | None,
-) -> _Source:
-    chosen, notes = plan_palette(plan, palette, printer)
-    edges_mm, coordinate, area_mm2 = plan_sections(plan, chosen, slices=slices)
-    bar = bar_between(edges_mm, coordinate, area_mm2, between_mm)
-    if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
-        notes += (
-            "the part is wider than it is long along the gradient: sections do not stay plane, and "
-            "forces are a rough guide",
-        )
-    return _Source(plan.part.file, bar, chosen, notes)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -606,7 +584,7 @@ def _of_slices(
 
 
 # ------------------------------------------------------------------------------------------------
-# Pull a bar and see: planner.simulate.
+# Pull a bar and see: planner.simulate_bar; or load a whole part: planner.simulate.
 
 
 _UNKNOWN_RATE_PER_S = 0.01
@@ -614,108 +592,84 @@ _MOST_STRAIN = 10.0
 _MOST_STATES = 20_000_000  # slices times steps: half a GB
 
 
-_Conditions = str | Sequence[str]
-
-
-@overload
-def simulate(
-    source: str | Path | Plan | Material | Bar,
-    *,
-    to_strain: float | None = None,
-    rate_mm_s: float | None = None,
-    protocol: str = "monotonic",
-    steps: int | None = None,
-    cycles: int = 1,
-    hold_s: float = 100.0,
-    slices: int = 400,
-    between_mm: tuple[float, float] | None = None,
-    width_mm: float = 6.0,
-    thickness_mm: float = 4.0,
-    gauge_mm: float = 33.0,
-    level: float = 0.95,
-    printer: str | Printer | None = None,
-    palette: str | Path | Palette | None = None,
-) -> Simulation: ...
-
-
-@overload
-def simulate(
-    source: object,
-    *,
-    fix: _Conditions,
-    load: _Conditions = (),
-    pressure: _Conditions = (),
-    move: _Conditions = (),
-    gravity: str | Sequence[float] | None = None,
-    watch: _Conditions = (),
-    material: str | None = None,
-    cell_mm: float | None = None,
-    steps: int | None = None,
-    level: float = 0.95,
-    compare_cells: bool = True,
-    unit: str | None = None,
-    bodies: str | None = None,
-    printer: str | Printer | None = None,
-    palette: str | Path | Palette | None = None,
-    progress: Callable[[str], None] = lambda stage: None,
-) -> "PartSimulation": ...
-
-
-def simulate(
-    source: Any,
-    *,
-    to_strain: float | None = None,
-    rate_mm_s: float | None = None,
-    protocol: str = "monotonic",
-    steps: int | None = None,
-    cycles: int = 1,
-    hold_s: float = 100.0,
-    slices: int = 400,
-    between_mm: tuple[float, float] | None = None,
-    width_mm: float = 6.0,
-    thickness_mm: float = 4.0,
-    gauge_mm: float = 33.0,
-    fix: _Conditions = (),
-    load: _Conditions = (),
-    pressure: _Conditions = (),
-    move: _Conditions = (),
-    gravity: str | Sequence[float] | None = None,
-    watch: _Conditions = (),
-    material: str | None = None,
-    cell_mm: float | None = None,
-    compare_cells: bool = True,
-    unit: str | None = None,
-    bodies: str | None = None,
-    level: float = 0.95,
-    printer: str | Printer | None = None,
-    palette: str | Path | Palette | None = None,
-    progress: Callable[[str], None] = lambda stage: None,
-) -> "Simulation | PartSimulation":
+def simulate(source: Any, **options: Any) -> Any:
     """Pull a printed bar, or load a whole part where it is said how it is held and loaded.
-
-    A bar's sections share one force: what comes out is force against displacement, and the strain
-    along it. A whole part, under `fix`, `load`, `pressure`, `move` or `gravity`, is a solid that
-    may bend: what comes out is how each place of it moves and strains.
 
     Parameters
     ----------
     source
-        Of a bar: path of a plan.json, its folder or a profile (``.csv``); a material's name; or a
-        `Plan`, just made or read back, a `Material` or a `Bar`. Of a whole part: a plan, or a mesh
-        as `planner.grade` takes it.
+        As `simulate_bar` and `simulate_part` take it.
+    options
+        Those of `simulate_bar`; or the fields of one `LoadCase`, as ``fix`` and ``load``, and
+        options of `simulate_part`.
+
+    Returns
+    -------
+    Simulation or PartSimulation
+
+    Raises
+    ------
+    PlannerError
+        Bad input, with what to do about it.
+    TypeError
+        An option of the other of the two.
+
+    Examples
+    --------
+    >>> pulled = planner.simulate("FLX9760", to_strain=0.2)  # doctest: +SKIP
+    >>> bent = planner.simulate(
+    ...     "finger-graded", fix="x=max", load="x=min: 0,0,-0.5 N"
+    ... )  # doctest: +SKIP
+    """
+    from planner.simulation.loads import LoadCase
+    from planner.simulation.part import simulate_part
+
+    given = {f.name: options.pop(f.name) for f in fields(LoadCase) if f.name in options}
+    if not given:
+        return simulate_bar(source, **options)
+    return simulate_part(source, LoadCase(**given), **options)[0]
+
+
+def simulate_bar(
+    source: str | Path | Plan | Material | Bar,
+    *,
+    to_strain: float = 0.3,
+    rate_mm_s: float | None = None,
+    protocol: str = "monotonic",
+    steps: int = 100,
+    cycles: int = 1,
+    hold_s: float = 100.0,
+    slices: int = 400,
+    between_mm: tuple[float, float] | None = None,
+    width_mm: float = 6.0,
+    thickness_mm: float = 4.0,
+    gauge_mm: float = 33.0,
+    level: float = 0.95,
+    printer: str | Printer | None = None,
+    palette: str | Path | Palette | None = None,
+) -> Simulation:
+    """Pull a printed bar along its axis: slices across it share one force.
+
+    What comes out is force against displacement, and the strain along it.
+
+    Parameters
+    ----------
+    source
+        Path of a plan.json, its folder or a profile (``.csv``); a material's name; or a `Plan`,
+        just made or read back, a `Material` or a `Bar`.
     to_strain
-        Largest displacement over the bar's length at rest; 0.3 by default.
+        Largest displacement over the bar's length at rest.
     rate_mm_s
         Speed of the crosshead; by default the palette's reference strain rate times the length.
         The palette's laws are elastic, so it sets the times alone.
     protocol
         ``monotonic``, ``cyclic`` (up and down) or ``relaxation`` (held).
+    steps
+        Load steps of each leg.
     cycles
         Of the cyclic protocol.
     hold_s
         How long relaxation holds.
-    steps
-        Load steps of each leg, 100 by default; of a whole part 5.
     slices
         Slices over a plan's axis or a profile; a coupon is one.
     between_mm
@@ -723,39 +677,15 @@ def simulate(
     width_mm, thickness_mm, gauge_mm
         Size of a material's coupon, by default the narrow section of ASTM D638's type IV; width
         and thickness also of a profile that has none.
-    fix
-        Faces of a whole part that do not move, as ``"x=max"``; one or more selectors.
-    load
-        Forces, as ``"x=min: 0,0,-0.5 N"``: the whole force on the faces that the selector names.
-    pressure
-        Pressures, as ``"cavity: 20 kPa"``; they follow the surface.
-    move
-        Faces that are moved, as ``"z>102: 5,free,0 mm"``.
-    gravity
-        Where the part's weight pulls: ``-z``, or three numbers.
-    watch
-        Faces whose displacement is told beside those of the loaded ones.
-    material
-        Of a mesh, which has none of its own.
-    cell_mm
-        Edge of the cells that a whole part is cut into.
-    compare_cells
-        Whether larger cells tell how far figures depend on the cells.
-    unit
-        Unit of a mesh's figures; mm unless the file says otherwise.
-    bodies
-        What bodies of a mesh are whose winding does not tell, as `planner.grade` has it.
     level
         Probability that an interval holds what a print does.
     printer, palette
         By name, file or value; by default those of the plan, else the Connex3 and its own.
-    progress
-        Called with what is being done, of a whole part.
 
     Returns
     -------
-    Simulation or PartSimulation
-        Its ``ok`` is false when a print would break, or the strain or load is out of reach.
+    Simulation
+        Its ``ok`` is false when a print would break, or the strain is out of reach.
 
     Raises
     ------
@@ -764,49 +694,10 @@ def simulate(
 
     Examples
     --------
-    >>> result = planner.simulate("FLX9760", to_strain=0.2)  # doctest: +SKIP
+    >>> result = planner.simulate_bar("FLX9760", to_strain=0.2)  # doctest: +SKIP
     >>> round(float(result.force_N[-1]), 2)  # doctest: +SKIP
     8.42
-    >>> bent = planner.simulate(
-    ...     "finger-graded", fix="x=max", load="x=min: 0,0,-0.5 N"
-    ... )  # doctest: +SKIP
     """
-    conditions: dict[str, Any] = {
-        "fix": fix, "load": load, "pressure": pressure, "move": move, "gravity": gravity,
-    }  # fmt: skip
-    of_part: dict[str, Any] = {
-        "watch": watch,
-        "material": material,
-        "cell_mm": cell_mm,
-        "unit": unit,
-        "bodies": bodies,
-    }
-    of_bar: dict[str, tuple[Any, Any]] = {
-        "to_strain": (to_strain, None), "rate_mm_s": (rate_mm_s, None),
-        "protocol": (protocol, "monotonic"), "cycles": (cycles, 1), "hold_s": (hold_s, 100.0),
-        "slices": (slices, 400), "between_mm": (between_mm, None), "width_mm": (width_mm, 6.0),
-        "thickness_mm": (thickness_mm, 4.0), "gauge_mm": (gauge_mm, 33.0),
-    }  # fmt: skip
-    if any(given is not None and len(given) for given in conditions.values()):
-        for name, (given, default) in of_bar.items():
-            if given != default:
-                raise ArgumentError(
-                    f"`{name}` {given}: it is of a bar that is pulled along its axis, not of a "
-                    "whole part under `fix`, `load`, `pressure`, `move` or `gravity`; leave it out"
-                )
-        from planner.simulation.part import simulate_part
-
-        return simulate_part(
-            source, **conditions, **of_part, steps=5 if steps is None else steps, level=level,
-            compare_cells=compare_cells, printer=printer, palette=palette, progress=progress,
-        )  # fmt: skip
-    for name, given in of_part.items():
-        if given:
-            raise ArgumentError(
-                f"`{name}` {given}: it is of a whole part; say how that is held and loaded with "
-                "`fix` and `load`, `pressure`, `move` or `gravity`"
-            )
-    to_strain, steps = 0.3 if to_strain is None else to_strain, 100 if steps is None else steps
     if not 0.0 < to_strain <= _MOST_STRAIN:
         raise ArgumentError(
             f"`to_strain` {to_strain:g}: it must be above 0 and at most {_MOST_STRAIN:g}; strains "
@@ -814,20 +705,28 @@ def simulate(
         )
     if not 1 <= slices <= 10_000:
         raise ArgumentError(f"`slices` {slices}: it must be a whole number from 1 to 10000")
-    if isinstance(source, (str, Path)) and _is_plan(Path(source)):
-        source = read_plan(source)
+    path = source if isinstance(source, (str, Path)) else ""
+    if path and (Path(path).suffix.casefold() == ".json" or Path(path).is_dir()):
+        source = read_plan(path)
+    notes: tuple[str, ...] = ()
     if isinstance(source, Plan):
-        opened = _of_plan(source, palette, printer, slices, between_mm)
+        name = source.part.file
+        chosen, notes = plan_palette(source, palette, printer)
+        bar = bar_between(*plan_sections(source, chosen, slices=slices), between_mm)
+        if float(np.sqrt(bar.area_mm2.max())) > bar.gauge_mm:
+            notes += (
+                "the part is wider than it is long along the gradient: sections do not stay plane, "
+                "and forces are a rough guide",
+            )
     else:
         chosen = palette_of(palette, printer)
         name, whole = _bar_of(source, chosen, slices, width_mm, thickness_mm, gauge_mm)
-        part = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
-        opened = _Source(name, part, chosen)
-    bar = opened.bar
-    speed, notes = _rate(rate_mm_s, opened.palette, bar.gauge_mm)
+        bar = bar_between(whole.edges_mm, whole.coordinate, whole.area_mm2, between_mm)
+    speed, words = _rate(rate_mm_s, chosen, bar.gauge_mm)
+    notes += words
     if rate_mm_s is not None or protocol != "monotonic":
-        notes = (*notes, "the palette's laws are elastic: rate and time change no force")
-    path = loading_path(
+        notes += ("the palette's laws are elastic: rate and time change no force",)
+    way = loading_path(
         protocol,
         to_displacement_mm=to_strain * bar.gauge_mm,
         rate_mm_s=speed,
@@ -835,37 +734,33 @@ def simulate(
         cycles=cycles,
         hold_s=hold_s,
     )
-    states = len(path.time_s) * len(bar.coordinate)
+    states = len(way.time_s) * len(bar.coordinate)
     if states > _MOST_STATES:
         raise ArgumentError(
-            f"{len(bar.coordinate)} slices over {len(path.time_s)} steps make {states} states; up "
+            f"{len(bar.coordinate)} slices over {len(way.time_s)} steps make {states} states; up "
             "to 20 million are possible: take fewer `slices`, `steps` or `cycles`"
         )
-    model = CoefficientModel(opened.palette)
-    reached = _pull(bar, model, path.displacement_mm)
+    model = CoefficientModel(chosen)
+    reached = _pull(bar, model, way.displacement_mm)
     count = len(reached.force_N)
     return Simulation(
-        name=opened.name,
-        palette=opened.palette,
+        name=name,
+        palette=chosen,
         bar=bar,
         protocol=protocol,
         rate_mm_s=speed,
         to_strain=to_strain,
         level=level,
-        time_s=path.time_s[:count],
-        displacement_mm=path.displacement_mm[:count],
+        time_s=way.time_s[:count],
+        displacement_mm=way.displacement_mm[:count],
         force_N=reached.force_N,
         force_interval_N=_force_interval_N(bar, model, reached, level),
         strain=reached.strain,
         stress_MPa=reached.stress_MPa,
         break_strain=reached.break_strain,
-        findings=_break_findings(bar, model, path, reached),
-        notes=(*opened.notes, *notes, *_yield_notes(bar, model, reached)),
+        findings=_break_findings(bar, model, way, reached),
+        notes=(*notes, *_yield_notes(bar, model, reached)),
     )
-
-
-def _is_plan(path: Path) -> bool:
-    return path.suffix.casefold() == ".json" or path.is_dir()
 
 
 def _rate(

@@ -18,6 +18,7 @@ from planner.simulation.element import (
     pull,
     shape_functions,
 )
+from planner.simulation.loads import couple
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
@@ -32,6 +33,7 @@ __all__ = [
     "Mechanics",
     "Sensitivity",
     "facet_points",
+    "spread",
 ]
 
 
@@ -192,17 +194,21 @@ class Sensitivity(NamedTuple):
         d ln W' / dm there, at the strain there.
     bulk_over_m : (Q,)
         d ln κ / dm.
+    weight_over_m : (Q,)
+        Over m there, by the weight alone.
     """
 
     log_stress: FloatArray
     log_bulk: FloatArray
     over_m: FloatArray
     bulk_over_m: FloatArray
+    weight_over_m: FloatArray
 
     @property
     def coordinate(self) -> FloatArray:
         """Over the coordinate at each point, (Q,)."""
-        return self.log_stress * self.over_m + self.log_bulk * self.bulk_over_m
+        by_stiffness = self.log_stress * self.over_m + self.log_bulk * self.bulk_over_m
+        return by_stiffness + self.weight_over_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +222,8 @@ class Body:
     stabiliser_MPa : (n,), optional
         Shear modulus of each cell that scales its stabilisation; by default that of its mixture.
         A design keeps it while it varies the coordinate.
+    densities : ((k,), (k,)), optional
+        Coordinates of materials and their densities, g/cm³, for gravity.
     """
 
     cells: "CutCells"
@@ -223,6 +231,7 @@ class Body:
     coordinate: FloatArray
     poisson: float = POISSON
     stabiliser_MPa: FloatArray | None = None
+    densities: tuple[FloatArray, FloatArray] | None = None
 
     @cached_property
     def shear_modulus_MPa(self) -> FloatArray:
@@ -288,11 +297,12 @@ class Mechanics:
     ----------
     analysis
         Of the cells' matrix; another body on the same cells may share it.
-    densities : (Q,), optional
-        g/cm³ at the quadrature points, for gravity.
     like : Mechanics, optional
-        Of the same cells and conditions, with other materials: places of loads and supports, and
+        Of the same cells, with other materials or conditions: places of loads and supports, and
         memory, are shared; only one of both can be at work at a time.
+    rests
+        The last factor of the body at rest, by what holds it: shared by load cases, it serves the
+        first iteration of each, and all of one that is linear.
     """
 
     _matrices: FloatArray
@@ -303,11 +313,11 @@ class Mechanics:
         conditions: "Conditions",
         analysis: "Analysis",
         *,
-        densities: FloatArray | None = None,
         like: "Mechanics | None" = None,
+        rests: "dict[object, Factor] | None" = None,
     ) -> None:
         cells = body.cells
-        self.body, self.conditions, self.analysis = body, conditions, analysis
+        self.body, self.conditions, self.analysis, self.rests = body, conditions, analysis, rests
         below, share = body.table.places(body.coordinate)
         ratio = 2.0 * (1.0 + body.poisson) / (3.0 * (1.0 - 2.0 * body.poisson))
         self.bulk = ratio * body.shear_modulus_MPa
@@ -336,7 +346,7 @@ class Mechanics:
             np.ascontiguousarray(cells.cell_mm),
         )
         self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
-        self._build_loads(densities)
+        self._build_loads()
         self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
 
     def points_of(self, facets: BoolArray) -> FacetPoints:
@@ -346,7 +356,24 @@ class Mechanics:
             self._places[key] = facet_points(self.body.cells, facets)
         return self._places[key]
 
-    def _build_loads(self, densities: FloatArray | None) -> None:
+    def _carried(self, at: FacetPoints, nodal: FloatArray) -> FloatArray:
+        """Return at points of facets, (n, 3), what is given at the nodes, (N, 3)."""
+        nodes = self.body.cells.nodes[at.cell]
+        return np.asarray(np.einsum("na,nai->ni", at.shape, nodal[nodes]))
+
+    def place_mm(self, at: FacetPoints, u: FloatArray | float = 0.0) -> FloatArray:
+        """Return where points of facets are, (n, 3), displaced by `u`, (N, 3), or at rest."""
+        return self._carried(at, self.body.cells.node_mm + u)
+
+    def couple(
+        self, facets: BoolArray, moment: FloatArray, u: FloatArray | float = 0.0
+    ) -> tuple[FacetPoints, FloatArray]:
+        """Return the points of facets, and forces there that come to a moment (`loads.couple`)."""
+        at = self.points_of(facets)
+        size = np.linalg.norm(at.area_mm2, axis=1)
+        return at, couple(size, self.place_mm(at, u), moment)
+
+    def _build_loads(self) -> None:
         cells, conditions = self.body.cells, self.conditions
         self.forces: list[FloatArray] = []
         for force in conditions.forces:
@@ -355,8 +382,12 @@ class Mechanics:
             share = (size / size.sum())[:, None]
             self.forces.append(spread(cells, at, share * np.array(force.force_N)))
         self.dead = sum(self.forces, np.zeros((len(cells.node_mm), 3)))
-        if conditions.gravity is not None and densities is not None:
-            self.dead = self.dead + self._weight(densities, np.array(conditions.gravity))
+        for moment in conditions.moments:
+            couples = self.couple(moment.facets, np.array(moment.moment_N_mm))
+            self.dead = self.dead + spread(cells, *couples)
+        if conditions.gravity is not None and self.body.densities is not None:
+            density = np.interp(self.body.coordinate, *self.body.densities)
+            self.dead = self.dead + np.outer(self._weight @ density, conditions.gravity)
         self.pushed = [
             _Pushed(self.points_of(p.facets), p.pressure_MPa) for p in conditions.pressures
         ]
@@ -374,17 +405,28 @@ class Mechanics:
             springs = [(at.shape[a:b].T * stiffness[a:b]) @ at.shape[a:b] for a, b in ends]
             self.held.append(_Held(at, stiffness, springs, axes, target))
 
-    def _weight(self, densities: FloatArray, direction: FloatArray) -> FloatArray:
-        """Return the nodal forces of gravity, (N, 3)."""
+    @cached_property
+    def _weight(self) -> Any:
+        """Force at each node along gravity, N, of 1 g/cm³ at each point: sparse, (N, Q)."""
+        from scipy.sparse import csc_matrix
+
         cells = self.body.cells
-        total = np.zeros((len(cells.node_mm), 3))
-        share = cells.weights_mm3 * densities * 1e-6 * 9.80665  # g/cm³ mm³ = 1e-6 kg
-        for c in range(0, len(cells.nodes), 512):  # shape functions of some cells at a time
-            rows = slice(cells.offsets[c], cells.offsets[min(c + 512, len(cells.nodes))])
-            shape = shape_functions(cells.points[rows], cells.cell_mm)[0] * share[rows, None]
-            which = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))[rows]
-            np.add.at(total, cells.nodes[which], shape[:, :, None] * direction)
-        return total
+        # g/cm³ mm³ = 1e-6 kg
+        shape = shape_functions(cells.points, cells.cell_mm)[0] * 9.80665e-6
+        shape *= cells.weights_mm3[:, None]
+        nodes = cells.nodes[np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))]
+        ends = 27 * np.arange(len(nodes) + 1)
+        return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
+
+    def _weight_over_m(self, share: float, adjoint: FloatArray) -> FloatArray:
+        """Return the derivatives of a response over m at each point, (Q,), by weight alone."""
+        body, gravity = self.body, self.conditions.gravity
+        if gravity is None or body.densities is None:
+            return np.zeros(len(body.coordinate))
+        coordinate, density = body.densities
+        above = np.clip(np.searchsorted(coordinate, body.coordinate), 1, len(coordinate) - 1)
+        slope = (np.diff(density) / np.diff(coordinate))[above - 1]
+        return np.asarray(share * slope * (self._weight.T @ (adjoint @ np.array(gravity))))
 
     # -------------------------------------------------------------------------------------------
 
@@ -466,10 +508,42 @@ class Mechanics:
 
     def _reaction(self, held: _Held, share: float, u: FloatArray) -> FloatArray:
         """Return the force of a support on the body at each of its points, (n, 3)."""
-        place = np.einsum(
-            "na,nai->ni", held.points.shape, u[self.body.cells.nodes[held.points.cell]]
-        )
+        place = self._carried(held.points, u)
         return np.asarray(held.stiffness[:, None] * held.axes * (share * held.target_mm - place))
+
+    def _factored(self, into: "Factor | None", *, at_rest: bool) -> "Factor":
+        """Return the factor of the matrices; of the body at rest, the one that is kept."""
+        from planner.simulation.sparse_cholesky import factor
+
+        # A pressure has a stiffness of its own from the first.
+        rests = {} if self.rests is None or self.pushed else self.rests
+        supports = self.conditions.supports
+        key = tuple((s.facets.tobytes(), *(d is None for d in s.displacement_mm)) for s in supports)
+        if at_rest and key in rests:
+            return rests[key]
+        made = factor(self.analysis, self._matrices, into=None if into in rests.values() else into)
+        if at_rest:
+            rests.clear()
+            rests[key] = made
+        return made
+
+    def small(self, share: float) -> Equilibrium:
+        """Return what a small share of the load does, as if the body answered linearly.
+
+        Raises
+        ------
+        LostStabilityError
+            The stiffness at rest is not positive.
+        """
+        from planner.simulation.sparse_cholesky import NotPositiveDefinite
+
+        rest = self.at_rest()
+        residual, _ = self._assembled(rest, share)
+        try:
+            change = self._factored(None, at_rest=True).solve(residual.ravel())
+        except NotPositiveDefinite as failed:
+            raise LostStabilityError(0.0, self.body.cells.node_mm[failed.node]) from failed
+        return replace(rest, share=share, displacement_mm=change.reshape(-1, 3))
 
     # -------------------------------------------------------------------------------------------
 
@@ -483,7 +557,7 @@ class Mechanics:
         LostStabilityError
             The stiffness is not positive on the way, or the iteration does not settle.
         """
-        from planner.simulation.sparse_cholesky import NotPositiveDefinite, factor
+        from planner.simulation.sparse_cholesky import NotPositiveDefinite
 
         cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
@@ -496,7 +570,8 @@ class Mechanics:
             if progress is not None:
                 progress(share, iteration, error)
             try:
-                factored = factor(self.analysis, self._matrices, into=factored)
+                at_rest = iteration == 1 and not u.any()
+                factored = self._factored(factored, at_rest=at_rest)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
@@ -551,8 +626,7 @@ class Mechanics:
     def mean(self, points: FacetPoints, u: FloatArray) -> FloatArray:
         """Return the mean displacement of facets by area, (3,)."""
         size = np.linalg.norm(points.area_mm2, axis=1)
-        place = np.einsum("na,nai->ni", points.shape, u[self.body.cells.nodes[points.cell]])
-        return np.asarray(size @ place / size.sum())
+        return np.asarray(size @ self._carried(points, u) / size.sum())
 
     def mean_weights(self, points: FacetPoints, direction: FloatArray) -> FloatArray:
         """Return the nodal weights, (N, 3), of the mean displacement along a direction."""
@@ -573,6 +647,18 @@ class Mechanics:
         weights = np.zeros((len(cells.node_mm), 3))
         weights[cells.nodes[cell]] = shape[:, None] * direction
         return weights
+
+    def turn_deg(self, facets: BoolArray, u: FloatArray) -> FloatArray:
+        """Return how facets have turned, (3,): an axis, times the angle of the best fit."""
+        from scipy.spatial.transform import Rotation
+
+        at = self.points_of(facets)
+        size = np.linalg.norm(at.area_mm2, axis=1)
+        before, after = (
+            place - size @ place / size.sum() for place in (self.place_mm(at), self.place_mm(at, u))
+        )
+        found, _ = Rotation.align_vectors(after, before, weights=size)
+        return np.asarray(found.as_rotvec(degrees=True))
 
     def reactions(self, state: Equilibrium) -> list[FloatArray]:
         """Return the force of each support on the body, (3,) each."""
@@ -613,8 +699,9 @@ class Mechanics:
         gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
         rest = table.log_slope_MPa[:, 0, 0]
         return Sensitivity(
-            -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap
-        )
+            -seen.isochoric, -seen.volumetric, seen.over_m / gap, (rest[above] - rest[below]) / gap,
+            self._weight_over_m(state.share, adjoint),
+        )  # fmt: skip
 
     def nodal_forces(self, state: Equilibrium, stress: FloatArray) -> FloatArray:
         """Return the nodal forces, (N, 3), of second Piola-Kirchhoff stresses, (Q, 6)."""

@@ -23,11 +23,12 @@ from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnosis import read_diagnosis
 from planner.gap.virtual import read_design
 from planner.grading.profile import read_profile
-from planner.inverse_design.goals import read_cases, read_target
+from planner.inverse_design.goals import read_target
 from planner.materials.study import read_study
 from planner.printers import load_profile
 from planner.simulation.bar import read_profile as read_bar
 from planner.simulation.bar import read_profile_bar
+from planner.simulation.loads import read_cases
 from planner.simulation.part_response import PartResponse, encode_response, read_response
 
 __all__ = ["READERS", "Reader"]

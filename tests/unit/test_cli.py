@@ -336,3 +336,25 @@ def test_tolerance_is_a_number(graded: Path, capsys) -> None:
     for tolerance in ("-1", "nan", "inf"):
         assert run(["diff", "finger-graded", "finger-graded", f"--tolerance={tolerance}"]) == 2
         assert "--tolerance" in capsys.readouterr().err
+
+
+def test_sigterm_ends_a_compiled_loop_within_three_seconds() -> None:
+    """The loop, of days, never comes back to Python to hear of it."""
+    code = (
+        "import planner.cli as cli\n"
+        "from planner.numerics import kernel\n"
+        "@kernel\n"
+        "def spin(count):\n"
+        "    total = 0\n"
+        "    for i in range(count):\n"
+        "        total ^= i * i % 7\n"
+        "    return total\n"
+        "spin(10)\n"
+        "cli.run = lambda arguments: print('spins', flush=True) or spin(10**15)\n"
+        "cli.main()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as ran:
+        assert ran.stdout is not None
+        assert ran.stdout.readline() == "spins\n"
+        ran.terminate()
+        assert ran.wait(3.0) == 143

@@ -170,6 +170,22 @@ def test_loads_add_up(plan):
     assert found["*DENSITY"][0] == "1.125e-09"
 
 
+def test_a_moment_is_forces_at_nodes_that_add_up_to_none():
+    """About the middle of the faces, however their cells' edges are weighted."""
+    mesh = box(8.0, 4.0, 2.0)
+    given = {"to": "abaqus", "cell_mm": 1.0, "fix": ["x=min"], "material": "FLX9760"}
+    model = planner.export((mesh.vertices, mesh.faces), moment=["x=max: 1,2,3 N mm"], **given)
+    found = cards(model.data)
+    place = {int(row[0]): row[1:] for row in numbers(found["*NODE, NSET=NALL"])}
+    total, moment = np.zeros(3), np.zeros(3)
+    for node, axis, force in numbers(found["*CLOAD"]):
+        pull = force * np.eye(3)[int(axis) - 1]
+        total += pull
+        moment += np.cross(place[int(node)] - [8.0, 2.0, 1.0], pull)
+    np.testing.assert_allclose(total, 0.0, atol=1e-7)
+    np.testing.assert_allclose(moment, [1.0, 2.0, 3.0], atol=1e-6)
+
+
 def test_mixtures_of_dithered_cells_are_binned(plan):
     dithered = planner.grade(
         box(40.0, 8.0, 8.0), from_="Tango", to="FLX9770", axis="x", blend="dither"

@@ -9,7 +9,13 @@ from planner.errors import ArgumentError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.mesh import Mesh, weld
 from planner.mesh.part import make_part
-from planner.simulation.loads import Conditions, read_conditions
+from planner.simulation.loads import (
+    Conditions,
+    LoadCase,
+    couple,
+    read_conditions,
+    watched_targets,
+)
 
 FACES = np.array(
     [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
@@ -39,7 +45,7 @@ HOLLOW = mesh(box((0, 0, 0), (10, 10, 10)), box((2, 2, 2), (8, 8, 8))[:, ::-1])
 
 
 def read(surface: Mesh = BEAM, **given: object) -> Conditions:
-    return read_conditions(surface, **{"fix": ["x=min"], "gravity": "-z", **given})  # type: ignore[arg-type]
+    return read_conditions(surface, LoadCase(**{"fix": ["x=min"], "gravity": "-z", **given}))  # type: ignore[arg-type]
 
 
 def area_mm2(surface: Mesh, facets: np.ndarray) -> float:
@@ -132,7 +138,15 @@ def test_figures_are_taken_with_their_units(given: dict[str, list[str]], value: 
         ("load", "x=max: 0,0,0 N", "a force of 0"),
         ("load", "x=max: 0,free,1 N", "`move` alone takes 'free'"),
         ("load", "x=max: 0,0,1e999 N", "figures must be finite"),
-        ("load", "x=min: 0,0,1 N", "all of its faces are held along the force"),
+        ("load", "x=min: 0,0,1 N", "all of its faces are held along z by supports (x=min)"),
+        ("moment", "x=max: 0,0,1 mm", "'mm' is no unit of moment, which is one of length"),
+        (
+            "moment",
+            "x=max: 0,0,1 N",
+            "'N' is no unit of moment, which is one of force; there are N mm",
+        ),
+        ("moment", "x=max: 0,0,0 N mm", "a moment of 0"),
+        ("moment", "x=min: 0,0,1 N mm", "all of its faces are held by supports (x=min)"),
         ("pressure", "z=max: 20", "the unit is missing"),
         ("pressure", "z=max: 0 kPa", "a pressure of 0"),
         ("move", "x=max: free,free,free mm", "all of it is free"),
@@ -200,6 +214,54 @@ def test_a_tube_is_a_cavity_once_both_ends_are_capped() -> None:
     both = {"fix": ["x=max"], "move": ["x=min: 0,free,free mm"]}
     facets = read(tube, pressure=["cavity: 20 kPa"], **both).pressures[0].facets
     assert area_mm2(tube, facets) == pytest.approx(80.0)
+
+
+# --- moments
+
+
+def test_a_couple_is_the_moment_and_no_force() -> None:
+    """Of any selection: the traction is linear in the place, so that three figures fix it."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        weight, place = rng.random(9), rng.normal(size=(9, 3)) * [30.0, 3.0, 1.0] + 40.0
+        moment = rng.normal(size=3)
+        pulls = couple(weight, place, moment)
+        np.testing.assert_allclose(pulls.sum(axis=0), 0.0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(place, pulls).sum(axis=0), moment, rtol=1e-9)
+
+
+def test_a_couple_on_a_square_is_the_stress_of_a_beam() -> None:
+    """About an axis in the plane M z / I along the normal; about the normal, M r / (2 I) around."""
+    points, weight = np.polynomial.legendre.leggauss(4)
+    y, z = (2.0 * grid.ravel() for grid in np.meshgrid(points, points))  # a square of 4 mm
+    area = 4.0 * np.outer(weight, weight).ravel()
+    place = np.stack([np.full(16, 7.0), y, z], axis=1)
+    second = 4.0**4 / 12.0
+    bent = couple(area, place, np.array([0.0, 5.0, 0.0])) / area[:, None]
+    np.testing.assert_allclose(bent, np.outer(z, [5.0 / second, 0.0, 0.0]), atol=1e-12)
+    twisted = couple(area, place, np.array([5.0, 0.0, 0.0])) / area[:, None]
+    around = np.stack([0.0 * y, -z, y], axis=1) * 5.0 / (2.0 * second)
+    np.testing.assert_allclose(twisted, around, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("N mm", 1.0), ("Nm", 1e3), ("mN·m", 1.0), ("lbf inch", 112.9848)]
+)
+def test_a_moment_has_a_unit_of_force_and_one_of_length(unit: str, factor: float) -> None:
+    (moment,) = read(moment=f"x=max: 0,2,0 {unit}").moments
+    assert moment.moment_N_mm == pytest.approx((0.0, 2.0 * factor, 0.0), rel=1e-6)
+
+
+# --- what is watched
+
+
+def test_faces_are_watched_along_several_axes() -> None:
+    """What is said twice is told once; a target may stand there."""
+    seen = read(watch=["x=max", "x=max ux", "x=max uz = -3 mm", " x=max", "x=max"]).watched
+    assert [(w.selector, w.axis) for w in seen] == [("x=max", None), ("x=max", 0), ("x=max", 2)]
+    assert watched_targets(LoadCase(["x=max uz=-3 mm", "x=max fz=2 N", "shape: a.csv"])) == (
+        "x=max uz=-3 mm",
+    )
 
 
 # --- supports

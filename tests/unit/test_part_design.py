@@ -1,6 +1,7 @@
 """planner.design of a part: targets, limits, printed materials, files, bad input."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -146,10 +147,32 @@ def test_a_limit_of_slope_is_kept() -> None:
     assert np.abs(np.diff(np.log(even.moduli_MPa))).max() <= 0.1 * 10.0 * (1.0 + 1e-6)
 
 
+def test_two_figures_of_the_same_faces_are_aimed_at() -> None:
+    """A tip that bends by 8 mm comes nearer by 1.5 mm or less, which no profile changes much."""
+    free = design(load=LOAD, target="x=min uz=-8 mm", blend="dither")
+    seen = simulated(free, load=LOAD)
+    near = float(seen.steps.responses[0].displacement_mm[-1, 0])
+    made = design(load=LOAD, target=["x=min uz=-8 mm", f"x=min ux={near:.3f} mm"], blend="dither")
+    assert [row.target for row in made.reached] == ["x=min uz=-8 mm", f"x=min ux={near:.3f} mm"]
+    for row in made.reached:
+        assert row.continuous == pytest.approx(row.wanted, rel=0.01)
+
+
+def test_weight_and_a_moment_bend_a_part_as_wanted() -> None:
+    """What `planner.simulate` says of the plan agrees, with the weight of what is printed."""
+    loads = {"gravity": "-z", "moment": "x=min: 0,-1,0 N mm"}
+    made = design(**loads, target="x=min uz=-4 mm", blend="dither")
+    assert made.reached[0].printed == pytest.approx(-4.0, rel=0.01)
+    seen = simulated(made, **loads, watch="x=min uz")
+    watched = seen.steps.responses[-1]
+    assert watched.along_mm[-1] == pytest.approx(made.reached[0].printed, rel=1e-4)
+
+
 def test_what_is_out_of_reach_is_told_with_the_nearest() -> None:
     made = design(load=LOAD, from_="Tango", to="FLX9750", target="x=min uz=-0.5 mm")
     assert not made.ok
     assert "stiffest material that is allowed" in made.findings[0].message
+    assert re.search(r"mm is reached, \+\d+ %;", made.findings[0].message)
     assert made.reached[0].continuous < -0.5
 
 
@@ -198,7 +221,10 @@ def test_the_command_writes_the_plan_and_the_design(tmp_path: Path, capsys: Any)
         ({"knots": 1}, "from 2 to 40"),
         ({"prefer": "sofd"}, "did you mean"),
         ({"blend": "mix"}, "printed by nearest or by dither"),
-        ({"gravity": "-z"}, "keeps no account of weight"),
+        ({"target": "x=max uz=-1 mm"}, "all of its faces are held along z by supports (x=max)"),
+        ({"moment": "x=min: 0,1 N mm"}, "must be 3 figures"),
+        ({"cases": [planner.LoadCase(fix="x=max", load=LOAD)]}, "`target` is missing"),
+        ({"cell_mm": 0.05}, "the finest cells that fit are of"),
         ({"fix": ()}, "nothing holds the part"),
         ({"load": ()}, "nothing loads the part"),
         ({"from_": "Tangoo"}, "Tangoo"),
@@ -216,14 +242,14 @@ def test_bad_input_is_told_in_a_line(options: dict[str, Any], words: str) -> Non
     ("text", "words"),
     [
         ("", "needs tables [[case]]"),
-        ("[[case]]\nfix = 'x=max'\n", "target is missing"),
+        ("case = [1]\n", "must be a table"),
         ("[[case]]\ntarget = 'x=min uz=1 mm'\nlaod = 'x'\n", "did you mean load"),
         ("[[case]]\ntarget = 3\n", "must be text"),
         ("[[case\n", "not a TOML file"),
     ],
 )
 def test_case_files(tmp_path: Path, text: str, words: str) -> None:
-    from planner.inverse_design.goals import read_cases
+    from planner.simulation.loads import read_cases
 
     file = tmp_path / "cases.toml"
     file.write_text(text)

@@ -141,6 +141,138 @@ def test_a_graded_part_is_as_stiff_as_its_bar() -> None:
     assert whole.name == bar.name
 
 
+# --- moments, several cases, several figures
+
+
+LONG = ([40.0, 4.0, 4.0] * BOX, FACES)
+
+
+def test_a_moment_bends_and_twists_as_a_beam() -> None:
+    """M L / E I, and T L / (0.1406 G a⁴) (Timoshenko).
+
+    Cells of half the width are 1 % off in shear; the clamp takes a tenth of the width off the 40.
+    """
+    M = 0.02
+    case = planner.LoadCase(fix="x=min", moment=f"x=max: 0,{M},0 N mm")
+    twist = planner.LoadCase(fix="x=min", moment=f"x=max: {M},0,0 N mm")
+    results = planner.simulate_part(
+        LONG, [case, twist], material="FLX9760", cell_mm=2.0, steps=1, compare_cells=False
+    )
+    E = CoefficientModel(PALETTE).modulus_MPa(PALETTE.resolve("FLX9760").coordinate, 1e-4)
+    bent, twisted = (result.steps.responses[0] for result in results)
+    assert bent.turn_deg[-1, 1] == pytest.approx(np.degrees(M * 40 / (E * 4**4 / 12)), rel=0.01)
+    G = E / (2.0 * 1.49)
+    round_ = np.degrees(M * 40.0 / (0.1406 * G * 4.0**4))
+    assert twisted.turn_deg[-1, 0] == pytest.approx(round_, rel=0.02)
+    for response, result in zip((bent, twisted), results, strict=True):
+        assert response.moment_N_mm[-1] @ response.direction == pytest.approx(M, rel=0.01)
+        assert np.abs(result.steps.responses[1].force_N[-1]).max() < 1e-7  # a moment is no force
+        low, high = sorted(response.interval)
+        assert low < response.turn_deg[-1] @ response.direction < high
+    assert results[0].curve.x_label == "turn of x=max, °"
+    assert results[0].curve.y[-1] == pytest.approx(M, rel=0.01)
+
+
+def test_a_moments_interval_is_that_of_the_stiffness() -> None:
+    """A small turn goes with 1 / E of one material; so do its ends."""
+    result = simulate(LONG, fix="x=min", moment="x=max: 0,0.1,0 N mm", steps=1)
+    response = result.main
+    low, high = CoefficientModel(PALETTE).modulus_interval_MPa(
+        PALETTE.resolve("FLX9760").coordinate, 0.001
+    )
+    E = CoefficientModel(PALETTE).modulus_MPa(PALETTE.resolve("FLX9760").coordinate, 0.001)
+    figure = response.turn_deg[-1, 1]
+    assert response.interval == pytest.approx((figure * E / high, figure * E / low), rel=0.02)
+
+
+def test_what_a_turned_face_has_left_of_a_moment_is_told() -> None:
+    """Tractions that keep their direction have the cosine of the turn for their arm.
+
+    They stretch the end by 5 % besides: M z / (E I).
+    """
+    result = simulate(LONG, fix="x=min", moment="x=max: 0,1,0 N mm", steps=2)
+    response = result.main
+    turn = np.radians(response.turn_deg[-1, 1])
+    assert turn > 0.4
+    left = response.moment_N_mm[-1, 1]
+    assert left == pytest.approx(np.cos(turn), rel=0.05)
+    assert any(f"{left:.3g} of 1 N mm are left" in note for note in result.notes)
+
+
+HELD = {"fix": "x=min", "watch": "x>9 and x<11 uz"}
+CASES = [
+    planner.LoadCase(name="down", load="x=max: 0,0,-0.05 N", **HELD),
+    planner.LoadCase(name="pull", load="x=max: 0.5,0,0 N", target="x=max ux=1 mm", **HELD),
+]
+
+
+@pytest.fixture(scope="module")
+def both() -> tuple[planner.PartSimulation, ...]:
+    return planner.simulate_part(BAR, CASES, material="FLX9760", cell_mm=4.0, steps=2)
+
+
+def test_cases_together_are_each_alone(both: tuple[planner.PartSimulation, ...]) -> None:
+    """They share the factor of the body at rest, which is that of each: the same bytes."""
+    for case, one in zip(CASES, both, strict=True):
+        (alone,) = planner.simulate_part(BAR, case, material="FLX9760", cell_mm=4.0, steps=2)
+        assert one.json() == alone.json()
+    assert [one.case for one in both] == ["down", "pull"]
+    assert repr(both[1]).startswith("<PartSimulation part, pull: ")
+    assert [r.selector for r in both[1].steps.responses][2:] == ["x>9 and x<11 uz", "x=max ux"]
+
+
+def test_one_factor_serves_all_cases_of_a_body_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small loads, with which cells are compared, take one factor on each size of cells."""
+    from planner.simulation import sparse_cholesky
+
+    made: list[int] = []
+    factor = sparse_cholesky.factor
+
+    def counted(analysis: Any, *given: Any, **more: Any) -> Any:
+        made.append(len(analysis.order))
+        return factor(analysis, *given, **more)
+
+    monkeypatch.setattr(sparse_cholesky, "factor", counted)
+    cases = [planner.LoadCase(fix="x=min", load=f"x=max: 0,0,-{k} mN") for k in (1, 2, 3)]
+    results = planner.simulate_part(BAR, cases, material="FLX9760", cell_mm=4.0, steps=1)
+    fine, coarse = len(results[0].cells.node_mm), made[-1]
+    assert made.count(coarse) == 1
+    # One is for the first iteration of each, and for the comparison.
+    assert made.count(fine) == sum(result.steps.iterations for result in results) - 2
+
+
+def test_figures_of_the_same_faces_are_told_along_axes() -> None:
+    watch = ["x=max", "x=max ux", "x=max uz", "x=max uz"]
+    result = simulate(fix="x=min", load="x=max: 0,0,-0.05 N", watch=watch, steps=1)
+    load, _, free, ux, uz = result.steps.responses
+    np.testing.assert_array_equal(ux.direction, [1.0, 0.0, 0.0])
+    assert (free.selector, uz.selector) == ("x=max", "x=max uz")
+    assert uz.along_mm[-1] == load.displacement_mm[-1, 2]
+    assert sorted(uz.interval) == pytest.approx(sorted(-end for end in load.interval))
+
+
+@pytest.mark.parametrize(("watch", "says"), [
+    ("x=min", "`watch` x=min: all of its faces are held by supports (x=min)"),
+    ("x=min uz", "are held along z by supports (x=min)"),
+    ("x=max ux", "are held along x by supports (x=max)"),
+])  # fmt: skip
+def test_faces_whose_displacement_is_given_are_not_watched(watch: str, says: str) -> None:
+    with pytest.raises(ArgumentError, match=re.escape(says)):
+        simulate(fix="x=min", move="x=max: 1,free,free mm", watch=watch)
+
+
+def test_the_page_holds_all_cases(both: tuple[planner.PartSimulation, ...]) -> None:
+    page = planner.part_page(both).decode()
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])  # type: ignore[index]
+    assert [words.split(":")[0] for words in data["steps"]] == [
+        f"{case}, load {share}" for case in ("down", "pull") for share in ("0", "0.5", "1")
+    ]
+    assert [f'data-step="{k}"' in page for k in range(7)] == [True] * 6 + [False]
+    assert "Load curve: pull" in page
+    ids = re.findall(r' id="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+
+
 # --- findings
 
 
@@ -289,8 +421,8 @@ def test_the_command_writes_what_it_is_asked_for(bar_stl: Path, capsys: Any) -> 
         ("--load|x<0.0: 0,0,-1 N", "--load x<0.0 catches no face: the part's x goes from 0 to 20"),
         ("--pressure|cavity: 20 kPa", "the part has no cavity"),
         ("--load|x=max: 0,0,-1 N|--to-strain|0.1", "--to-strain 0.1: it is of a bar"),
-        ("--load|x=max: 0,0,-1 N|--between|1:2", "--between (1.0, 2.0): it is of a bar"),
-        ("--load|x=max: 0,0,-1 N|--field|f.csv", "--field: it is of a bar; --vtu has"),
+        ("--load|x=max: 0,0,-1 N|--between|1:2", "--between 1:2: it is of a bar"),
+        ("--load|x=max: 0,0,-1 N|--field|f.csv", "--field f.csv: it is of a bar"),
         ("--load|x=max: 0,0,-1 N|--cell|30", "--cell 30: the part is 20 x 4 x 4 mm"),
         ("--load|x=max: 0,0,-1 N|--cell|0", "--cell 0: it must be above 0"),
         ("--load|x=max: 0,0,-1 N|--steps|0", "--steps 0: it must be a whole number"),
@@ -311,7 +443,7 @@ def test_bad_input_of_the_command_is_told(
     ("text", "says"),
     [
         ("simulate bar.stl --material FLX9760", "--material FLX9760: it is of a whole part; say"),
-        ("simulate bar.stl --page a.html", "--page: it is of a whole part; give --fix and --load"),
+        ("simulate bar.stl --page a.html", "--page a.html: it is of a whole part; say"),
         ("simulate bar.stl", "say how a mesh is held and loaded with --fix and --load"),
         ("simulate bar.stl --gravity -z", "--material is missing"),
         ("simulate bar.stl --gravity -z --material FLX9760", "nothing holds the part"),
@@ -324,8 +456,74 @@ def test_a_bar_and_a_whole_part_are_told_apart(
     assert says in capsys.readouterr().err
 
 
+CASE_FILE = """
+[[case]]
+name = "down"
+fix = "x=min"
+load = "x=max: 0,0,-50 mN"
+target = "x=max uz=-1 mm"
+[[case]]
+fix = ["x=min"]
+gravity = "-z"
+moment = "x=max: 0,0.1,0 N mm"
+"""
+
+
+def test_the_command_takes_a_file_of_cases(bar_stl: Path, capsys: Any) -> None:
+    Path("cases.toml").write_text(CASE_FILE)
+    words = "simulate bar.stl --material FLX9760 --cell 4 --steps 1 --cases cases.toml"
+    assert command(f"{words} --json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [case["case"] for case in document["cases"]] == ["down", "case 2"]
+    assert [r["kind"] for r in document["cases"][1]["responses"]] == ["moment", "fix"]
+    files = "-o a.csv --figure a.svg --deformed a.stl --vtu a.vtu --page a.html"
+    assert command(f"{words} {files}") == 0
+    shown = capsys.readouterr().out
+    assert "bar.stl, down: " in shown
+    assert "bar.stl, case 2: " in shown
+    assert "x=max uz" in shown
+    assert re.search(r"moment +x=max +0 \S+ 0 ° +0 0\.\d+ 0 N mm", shown)
+    made = {path.name for path in Path().iterdir()} - {"bar.stl", "cases.toml"}
+    ends = ("csv", "svg", "stl", "vtu")
+    assert made == {"a.html", *(f"a-{k}.{end}" for k in (1, 2) for end in ends)}
+    assert "moment1_y_N_mm" in Path("a-2.csv").read_text().splitlines()[0]
+    assert command(f"{words} --figure a.svg") == 2  # a-1.svg is there
+    assert "a-1.svg" in capsys.readouterr().err
+    Path("cases.toml").write_text(CASE_FILE.replace('moment = "x=max', 'moment = "x=99'))
+    assert command(words) == 2
+    assert "case 2: --moment x=99 catches no face" in capsys.readouterr().err
+
+
+def test_cells_that_do_not_fit_are_refused_with_the_finest_that_do() -> None:
+    """Whatever their size; and what is advised is taken."""
+    from planner.grading.grade import open_part
+
+    surface = open_part(BAR, unit=None).part.mesh
+    for edge in (0.05, 0.01, 1e-4):
+        with pytest.raises(ArgumentError, match="the finest cells that fit are of") as told:
+            part.check_effort(surface, edge)
+        finest = float(re.search(r"fit are of (\S+) mm", str(told.value))[1])  # type: ignore[index]
+        assert re.match("about .* GB of memory and ", part.check_effort(surface, finest))
+
+
+def test_what_cells_take_is_foretold(samples: Path) -> None:
+    """Of walls of one to two cells: within a fifth of the cells, a third of the memory."""
+    from planner.grading.grade import open_part
+    from planner.simulation.cut_cells import cut_cells
+    from planner.simulation.sparse_cholesky import analyse
+
+    surface = open_part(samples / "finger.stl", unit=None).part.mesh
+    cells = cut_cells(surface, 3.0, columns_across=6)
+    analysis = analyse(cells.nodes, cells.node_mm)
+    needed = analysis.factor_bytes + analysis.work_bytes + 8 * 81**2 * len(cells.nodes)
+    found = part._effort(surface, np.array([3.0]), factors=1, solutions=1)
+    assert found[0][0] == pytest.approx(len(cells.nodes), rel=0.2)
+    assert found[1][0] == pytest.approx(3 * len(cells.node_mm), rel=0.2)
+    assert 0.95 < found[2][0] / needed < 1.35
+
+
 def test_more_memory_than_there_is_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both figures are of the analysis, before anything is factored."""
+    """It is foretold, before anything is cut."""
     read: Callable[..., str] = Path.read_text
 
     def text(path: Path, **options: Any) -> str:
@@ -333,7 +531,8 @@ def test_more_memory_than_there_is_is_not_taken(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(part.Path, "read_text", text)
     with pytest.raises(
-        ArgumentError, match=r"`cell_mm` 4: \d+ equations take .* GB of memory, and"
+        ArgumentError,
+        match=r"`cell_mm` 4: about \d+ equations take .* GB of memory, and .* none fit",
     ):
         simulate(fix="x=min", gravity="-z")
 

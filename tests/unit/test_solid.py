@@ -509,6 +509,29 @@ def test_a_figures_derivative_over_coordinates(beam, solved_beam):
     assert found == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=FIVE_DIGITS)
 
 
+def test_weight_has_its_share_in_a_figures_derivative(table):
+    """Where heavy is stiff as well: of a beam that hangs, one term lowers it, the other lifts."""
+    cells = lattice((12.0, 3.0, 3.0), (4, 1, 1))
+    along = places(cells)[:, 0]
+    end = on(cells, 0, 12.0)
+
+    def solved(by):
+        coordinate = 0.2 + 0.05 * along + by * np.sin(along)
+        dense = (table.coordinate, 1.0 + 50.0 * table.coordinate**2)
+        body = Body(cells, table, coordinate, densities=dense)
+        problem = mechanics(body, [(on(cells, 0, 0.0), (0.0, 0.0, 0.0))], gravity=(0.6, 0.0, -0.8))
+        return problem, *list(problem.follow([1.0]))[-1]
+
+    problem, state, factored = solved(0.0)
+    down = np.array([0.0, 0.0, 1.0])
+    weights = problem.mean_weights(problem.points_of(end), down)
+    found = problem.sensitivity(state, factored, weights)
+    ends = [mean(*solved(by)[:2], end)[2] for by in (1e-4, -1e-4)]
+    slope = (ends[0] - ends[1]) / 2e-4
+    assert found.coordinate @ np.sin(along) == pytest.approx(slope, rel=1e-4)
+    assert abs(found.weight_over_m @ np.sin(along)) > 0.1 * abs(slope)
+
+
 def test_a_figures_derivative_over_stiffness(beam, solved_beam):
     """Of ln W' and ln of the bulk modulus in all points at once; their sum is of ln modulus."""
     problem, state, factored = solved_beam
@@ -600,9 +623,9 @@ def test_forces_and_moments_are_in_balance(table):
     left, right = middle[:, 0] < low[0] + 2.0, middle[:, 0] > high[0] - 2.0
     under = (middle[:, 2] < low[2] + 2.0) & ~left & ~right
     problem = mechanics(
-        Body(cells, table, np.full(len(cells.points), 0.3)), [(left, (0.0, 0.0, 0.0))],
+        Body(cells, table, np.full(len(cells.points), 0.3),
+             densities=(np.array([0.0, 1.0]), np.array([1.1, 1.1]))), [(left, (0.0, 0.0, 0.0))],
         [(right, (0.1, 0.2, 0.3))], [(under, 0.02)], (0.0, 0.0, -1.0),
-        densities=np.full(len(cells.points), 1.1),
     )  # fmt: skip
     state = settled(problem)
     place = cells.node_mm + state.displacement_mm

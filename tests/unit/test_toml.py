@@ -4,9 +4,9 @@ import pytest
 
 from planner.errors import FileError, PaletteError
 from planner.formats.toml import decode_toml
-from planner.inverse_design.goals import read_cases
 from planner.palette import load_palette
 from planner.printers import load_profile
+from planner.simulation.loads import read_cases
 
 
 @pytest.mark.parametrize(
