@@ -19,7 +19,6 @@ __all__ = [
     "IntArray",
     "Point",
     "at_first_compilation",
-    "free_kernel",
     "inner_kernel",
     "kernel",
     "one_blas_thread",
@@ -60,10 +59,6 @@ def kernel(function: F) -> F:
     numpy does as well.
     """
     return _compiled(function, nogil=True)
-
-
-free_kernel = kernel
-"""The older name of `kernel`."""
 
 
 def inner_kernel(function: F) -> F:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from planner.errors import PaletteError
 from planner.materials.laws import Law, make_law, secant_modulus_MPa
 from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights, places_of
-from planner.numerics import BoolArray, FloatArray, IntArray, free_kernel, inner_kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
 from planner.simulation.part_response import PartResponse, force_factor
@@ -260,7 +260,7 @@ def _cubics_of(
 # each node's S from the ones before it.
 
 
-@free_kernel
+@kernel
 def _fill_instantaneous(
     stress: FloatArray, shares: FloatArray, keeps: FloatArray, adds: FloatArray,
     held: FloatArray, passing: FloatArray,
@@ -787,7 +787,7 @@ def _left_strain(table: FloatArray, share: float, largest: float) -> float:
     return min(share * value, 0.95 * largest)
 
 
-@free_kernel
+@kernel
 def _follow_path(
     tests: _Record, paths: _Record, all_slices: _Record, terms: _Record, all_relaxing: _Record,
     cubics: FloatArray, step: float, softening_table: FloatArray, set_table: FloatArray,
@@ -923,7 +923,7 @@ def _follow_path(
 # by. What grips and machine take of the travel is taken before.
 
 
-@free_kernel
+@kernel
 def _take_travel(tests: _Record, force_N: FloatArray, lost: FloatArray, slope: FloatArray) -> None:
     """Fill in what one test's grips and machine take of the travel, and its derivative, (T,)."""
     largest_N = 0.0

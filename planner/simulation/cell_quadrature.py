@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.numerics import BoolArray, FloatArray, free_kernel, inner_kernel, kernel
+from planner.numerics import BoolArray, FloatArray, inner_kernel, kernel
 from planner.simulation.material_columns import SampledMaterial, column_place
 
 __all__ = ["quadrature"]
@@ -123,7 +123,7 @@ def _gather(lines: Any, where: Any, layer: Any, cursor: Any, segments: Any) -> N
                         cursor[p] += 1
 
 
-@free_kernel
+@kernel
 def _measure(pieces: Any, p: Any, measure: Any) -> Any:
     # The discrete measure of a piece: x, y, z in its cell and weight; how many points.
     segments, begin, frame, width, voxels, share, index, rule = pieces
@@ -141,7 +141,7 @@ def _measure(pieces: Any, p: Any, measure: Any) -> Any:
     return n
 
 
-@free_kernel
+@kernel
 def _find(
     pieces: Any,
     first: Any,

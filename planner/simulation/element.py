@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from planner.materials.marlow import law_at
-from planner.numerics import FloatArray, IntArray, free_kernel, inner_kernel
+from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 
 __all__ = ["add_push", "advance", "assemble", "observe", "pull", "shape_functions"]
 
@@ -179,7 +179,7 @@ def _tangent_times(ci: Any, c: Any, d: Any, out: Any) -> None:
         out[k] += c[3] * inner
 
 
-@free_kernel
+@kernel
 def assemble(
     first: int, last: int,
     nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
@@ -291,7 +291,7 @@ def assemble(
                         force[3 * a + i] += hold * u[nodes[c, b], i]
 
 
-@free_kernel
+@kernel
 def advance(
     first: int, last: int,
     nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
@@ -361,7 +361,7 @@ def advance(
                     stress[at, k] = isos[q, k] + p * J * cis[q, k]
 
 
-@free_kernel
+@kernel
 def observe(
     first: int, last: int,
     nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
@@ -406,7 +406,7 @@ def observe(
             volumetric[q] = weights[q] * p * back / bulk[q]
 
 
-@free_kernel
+@kernel
 def pull(
     nodes: IntArray, offsets: IntArray, points: FloatArray, weights: FloatArray,
     cell_mm: FloatArray, u: FloatArray, stress: FloatArray, out: FloatArray,
@@ -425,7 +425,7 @@ def pull(
                         out[nodes[c, a], i] += first * gradient[a, m]
 
 
-@free_kernel
+@kernel
 def add_push(
     starts: IntArray, cell: IntArray, shape: FloatArray, gradient: FloatArray, turned: FloatArray,
     out: FloatArray,

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from planner.numerics import (
     FloatArray,
     IntArray,
-    free_kernel,
     inner_kernel,
     kernel,
     one_blas_thread,
@@ -511,7 +510,7 @@ def _aligned(size: int) -> FloatArray:
     return memory[skip : skip + size]
 
 
-@free_kernel
+@kernel
 def _factor_fronts(
     blas: IntArray, start: Int, end: Int, first: IntArray, rest_start: IntArray, above: IntArray,
     below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, place: IntArray,
@@ -628,7 +627,7 @@ def _add_update(
 # Solving
 
 
-@free_kernel
+@kernel
 def _solve(
     blas: IntArray, first: IntArray, rest: IntArray, rest_start: IntArray, panel_start: IntArray,
     columns: FloatArray, x: FloatArray, spare: FloatArray, many: Int,
