@@ -44,6 +44,11 @@ def part_volume(result: PartSimulation) -> bytes:
     bytes
         The file; the same for the same result.
 
+    Raises
+    ------
+    AttributeError
+        Not of a result of a whole part.
+
     Examples
     --------
     >>> bent = planner.simulate("bar", fix="x=min", gravity="-z")  # doctest: +SKIP

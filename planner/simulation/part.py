@@ -616,8 +616,8 @@ def simulate_part(
         A plan (a value, its plan.json or folder), or a mesh as `planner.grade` takes it.
     cases
         How it is held and loaded, once or several times.
-    material, unit
-        Of a mesh: what it is made of, and the unit of its figures if not mm or as the file says.
+    material, unit, bodies
+        Of a mesh: what it is made of; the others as `planner.grade` has them.
     cell_mm
         Edge of the cells that the part is cut into; about 2000 by default.
     steps

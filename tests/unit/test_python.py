@@ -30,6 +30,7 @@ OF_THE_COMMAND = {
     "tables",
     "deformed",
     "vtu",
+    "volume",
     "page",
     "as_json",
     "quiet",

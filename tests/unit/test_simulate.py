@@ -376,7 +376,7 @@ def test_json_is_one_document(capsys) -> None:
     [
         (["Tango", "-o", "curve.txt"], ".csv or .json"),
         (["Tango", "-o", "a.csv", "--field", "a.csv"], "each its own"),
-        (["Tango", "-o", "missing/a.csv"], "cannot be written"),
+        (["Tango", "-o", "missing/a.csv"], "there is no folder"),
         (["Tango", "--between", "3"], "START:STOP"),
         (["Tango", "--to-strain", "0"], "--to-strain"),
         (["nothing"], "no material 'nothing'"),
