@@ -206,10 +206,9 @@ def check_absent(path: str | Path, *, force: bool) -> None:
             raise OutputError(
                 f"{path}: exists already; replace it with `force`, or name another file"
             )
-        if not path.resolve().parent.is_dir():
-            raise OutputError(
-                f"{path}: there is no folder {path.resolve().parent}; create that first"
-            )
+        folder = (path.resolve() if path.is_symlink() else path).parent
+        if not folder.is_dir():
+            raise OutputError(f"{path}: there is no folder {folder}; create that first")
     except (OSError, RuntimeError) as error:
         raise OutputError(f"{path}: {_reason(error)}; choose another place") from error
 
