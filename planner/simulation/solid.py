@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.materials.marlow import MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
+from planner.simulation.cut_cells import triangle_points
 from planner.simulation.element import (
     add_push,
     advance,
@@ -57,10 +58,6 @@ standard deviation over half a cell (0.577 in a full one): flakes lock otherwise
 # The surface: places where supports hold and loads push, each in the cell whose material it bounds.
 
 
-_CORNERS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-"""Three points of a triangle, exact for squares: a quadratic displacement times a constant load."""
-
-
 class FacetPoints(NamedTuple):
     """Quadrature points of facets of the surface.
 
@@ -83,19 +80,13 @@ class FacetPoints(NamedTuple):
 
 def facet_points(cells: "CutCells", facets: BoolArray) -> FacetPoints:
     """Return the points of the facets that are marked, (F,), of the cells' surface."""
-    which = np.flatnonzero(facets)
-    corners = cells.surface.triangles[which]
-    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(area, axis=1)
-    which, corners, area, size = (v[size > 0.0] for v in (which, corners, area, size))
-    places = np.einsum("pc,fcx->fpx", _CORNERS, corners).reshape(-1, 3)
-    thirds = np.repeat(area / 3.0, 3, axis=0)
-    cell, local = cells.locate(places, -thirds / np.repeat(size / 3.0, 3)[:, None])
+    _, places, area = triangle_points(cells.surface.triangles[facets])
+    cell, local = cells.locate(places, -area / np.linalg.norm(area, axis=1, keepdims=True))
     order = np.argsort(cell, kind="stable")
     cell = cell[order]
     shape, gradient = shape_functions(local[order], cells.cell_mm)
     starts = np.append(np.flatnonzero(np.diff(cell, prepend=-1)), len(cell))
-    return FacetPoints(starts, cell, shape, gradient, thirds[order])
+    return FacetPoints(starts, cell, shape, gradient, area[order])
 
 
 def spread(cells: "CutCells", at: FacetPoints, forces: FloatArray) -> FloatArray:
@@ -132,6 +123,45 @@ class _Pushed(NamedTuple):
 
     points: FacetPoints
     pressure_MPa: float
+
+
+# ------------------------------------------------------------------------------------------------
+# Interfaces.
+
+
+import os
+_FULL=float(os.environ.get("KF","1e3"))
+_PROJ=float(os.environ.get("KP","0"))
+_RULE=os.environ.get("KR","soft")
+
+
+def _springs(body: "Body") -> FloatArray:
+    """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
+    cells, met = body.cells, body.cells.interface
+    pair = np.repeat(met.cells, np.diff(met.starts), axis=0)
+    shape = np.concatenate(
+        [
+            shape_functions(met.local[:, 0], cells.cell_mm)[0],
+            -shape_functions(met.local[:, 1], cells.cell_mm)[0],
+        ],
+        axis=1,
+    )
+    modulus = 3.0 * body.cell_shear_MPa[met.cells]
+    if _RULE == "soft": modulus = modulus.min(axis=1)
+    elif _RULE == "hard": modulus = modulus.max(axis=1)
+    else: modulus = 2/ (1/modulus).sum(axis=1)
+    size = float(cells.cell_mm.mean())
+    place = cells.index[pair[:, 0]] + 0.5 * (met.local[:, 0] + 1.0)
+    out = np.empty((len(met.cells), 54, 54))
+    for k, (a, b) in enumerate(zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)):
+        root = np.sqrt(met.area_mm2[a:b] )[:, None]
+        jump = root * shape[a:b]
+        plane = root * np.concatenate([np.ones((b - a, 1)), place[a:b] - place[a:b].mean(axis=0)], axis=1)
+        u, sv, _ = np.linalg.svd(plane, full_matrices=False)
+        u = u[:, sv > 0.05 * sv[0]]
+        mean = u.T @ jump
+        out[k] = modulus[k] / size * (_FULL * jump.T @ jump + _PROJ * mean.T @ mean)
+    return out
 
 
 # ------------------------------------------------------------------------------------------------
@@ -336,6 +366,7 @@ class Mechanics:
             np.ascontiguousarray(cells.cell_mm),
         )
         self._places: dict[bytes, FacetPoints] = {} if like is None else like._places
+        self.springs = _springs(body)
         self._build_loads(densities)
         self._matrices = np.empty((len(cells.nodes), 81, 81)) if like is None else like._matrices
 
@@ -426,6 +457,8 @@ class Mechanics:
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
+        linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
+        inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
         outer = share * self.dead
         for pushed in self.pushed:
             outer = outer + self._push(pushed, share, u, tangent=True)
@@ -496,7 +529,7 @@ class Mechanics:
             if progress is not None:
                 progress(share, iteration, error)
             try:
-                factored = factor(self.analysis, self._matrices, into=factored)
+                factored = factor(self.analysis, self._matrices, self.springs, into=factored)
             except NotPositiveDefinite as failed:
                 raise LostStabilityError(state.share, cells.node_mm[failed.node]) from failed
             change = factored.solve(residual.ravel()).reshape(-1, 3)
