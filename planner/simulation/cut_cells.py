@@ -286,6 +286,7 @@ def cut_cells(
     cell_mm: float,
     *,
     shells: Shells | None = None,
+    shift: float = 0.0,
     columns_across: int = COLUMNS_ACROSS,
     most_cells: int = 100_000,
     threads: int = 2,
@@ -300,6 +301,9 @@ def cut_cells(
         Wanted edge of a cell; the bounding box is divided evenly into cells no longer than that.
     shells
         What fills the surface, if it is of several materials.
+    shift
+        Share of a cell, 0 to 1, by which the lattice begins before the bounding box, which then
+        has one cell more along each axis.
     columns_across
         Columns of material sampled along an edge of a cell.
     most_cells
@@ -336,6 +340,9 @@ def cut_cells(
         raise _too_many(cell_mm, fewest, most_cells)
     cells = tuple(int(n) for n in counts)
     size = extent / counts
+    if shift:
+        low, counts = low - shift * size, counts + 1.0
+        cells, extent = tuple(int(n) for n in counts), counts * size
     each, touching = [mesh], None
     if shells is not None:
         each, touching = shells.each, _touching(shells, float(np.min(size)) / 2)

@@ -50,6 +50,10 @@ _STABILISER = 1e-4
 A linear field costs nothing, whatever the cut. A turned cantilever of one and a half cells'
 thickness is less than 1e-3 softer at 1e-6, and 3e-3 stiffer at 1e-3 (tests)."""
 
+_SLOPE = 1e-3
+"""Of it, against fields that are linear: a piece of one column does not resist all of them. A cell
+that is turned over is held by a millionth of what strains of a tenth take."""
+
 _SPREAD = 0.12
 """A pressure varies along an axis of a piece if its material spreads that much along it, as a
 standard deviation over half a cell (0.577 in a full one): flakes lock otherwise."""
@@ -130,8 +134,8 @@ class _Pushed(NamedTuple):
 
 
 import os
-_FULL=float(os.environ.get("KF","1e3"))
-_PROJ=float(os.environ.get("KP","0"))
+_FULL=float(os.environ.get("KF","3e1"))
+_PROJ=float(os.environ.get("KP","1e5"))
 _RULE=os.environ.get("KR","soft")
 
 
@@ -357,6 +361,7 @@ class Mechanics:
         i = np.arange(27)
         linear = np.stack([np.ones(27), i % 3 - 1.0, i // 3 % 3 - 1.0, i // 9 - 1.0], axis=1)
         self.roughness = np.eye(27) - linear @ np.linalg.pinv(linear)
+        self.roughness += _SLOPE * linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
         self.geometry = (
             np.ascontiguousarray(cells.nodes, dtype=np.int32),
