@@ -29,7 +29,6 @@ __all__ = [
     "Interface",
     "Shells",
     "cut_cells",
-    "triangle_points",
 ]
 
 
@@ -75,25 +74,8 @@ class Shells(NamedTuple):
         return [Mesh(self.mesh.vertices, self.mesh.faces[self.shell == k]) for k in range(count)]
 
 
-_CORNERS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-"""Three points of a triangle, exact for squares: a quadratic displacement times a constant load."""
-
-
-def triangle_points(triangles: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the quadrature points of triangles, (k, 3, 3), that have an area.
-
-    Returns
-    -------
-    triangle : (n,)
-        That each is of.
-    place_mm : (n, 3)
-    area_mm2 : (n, 3)
-        Vector along the triangle's normal.
-    """
-    area = 0.5 * np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    flat = np.flatnonzero(np.sum(area * area, axis=1) > 0.0)
-    places = np.einsum("pc,fcx->fpx", _CORNERS, triangles[flat]).reshape(-1, 3)
-    return np.repeat(flat, 3), places, np.repeat(area[flat] / 3.0, 3, axis=0)
+_ACROSS = 0.25
+"""Of a cell: triangles no longer than that have one point each at which what they couple is told."""
 
 
 class _Touching(NamedTuple):
@@ -112,9 +94,11 @@ def _touching(shells: Shells, longest_mm: float) -> _Touching:
     apart = (shells.shell[one] != shells.shell[other]) & ~repeats_index(faces[one])
     one, other = one[apart], other[apart]
     fine, of = halve_long_edges(Mesh(shells.mesh.vertices, faces[one]), longest_mm)
-    triangle, places, area = triangle_points(fine.triangles)
+    a, b, c = (fine.triangles[:, k] for k in range(3))
+    area = 0.5 * np.cross(b - a, c - a)
+    wide = np.sum(area * area, axis=1) > 0.0
     sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
-    return _Touching(sides[of[triangle]], places, area)
+    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide])
 
 
 class Interface(NamedTuple):
@@ -345,7 +329,7 @@ def cut_cells(
         cells, extent = tuple(int(n) for n in counts), counts * size
     each, touching = [mesh], None
     if shells is not None:
-        each, touching = shells.each, _touching(shells, float(np.min(size)) / 2)
+        each, touching = shells.each, _touching(shells, _ACROSS * float(np.min(size)))
     pieces = _pieces(sample(each, low, extent, cells, columns_across), low, size, touching)
     if not len(pieces.index):
         raise MeshError(
