@@ -147,10 +147,10 @@ class _Pushed(NamedTuple):
 # or linearly over an interface is held stiffly. What is left, curved over a cell, is held as softly
 # as accuracy allows: held stiffly at all places, an interface aslant in its cells locks.
 
-_STIFF, _SOFT = 1e5, 30.0
+_STIFF, _SOFT = 1e5, 20.0
 """Times the softer material's Young's modulus over a cell's edge. Numerical: layers aslant at
-contrast 950 are 4 % too stiff with 1e5 throughout; bonded ones, 0.3 of a cell thick, are 1 to 5 %
-too soft with 1 instead of 30, and 6 % with 1e3 throughout."""
+contrast 950 are 4 % too stiff with 1e5 throughout; bonded ones, 0.3 of a cell thick, are 9 % too
+soft with 1 instead of 20, and 6 % with 1e3 throughout."""
 
 _FLAT = 0.05
 """Of a cell: an interface that spreads less along an axis has no slope along it."""
@@ -160,8 +160,6 @@ def _springs(body: "Body") -> FloatArray:
     """Return the springs between the nodes of cells that meet, (m, 54, 54), N/mm."""
     cells, met = body.cells, body.cells.interface
     modulus = 2.0 * (1.0 + body.poisson) * body.cell_shear_MPa[met.cells].min(axis=1)
-    if body.stabiliser_MPa is not None:
-        modulus = 2.0 * (1.0 + body.poisson) * body.stabiliser_MPa[met.cells].min(axis=1)
     stiff = modulus / float(cells.cell_mm.mean())
     out = np.empty((len(met.cells), 54, 54))
     ends = zip(met.starts[:-1].tolist(), met.starts[1:].tolist(), strict=True)
@@ -171,7 +169,7 @@ def _springs(body: "Body") -> FloatArray:
         jump = root * np.concatenate([one, -other], axis=1)
         slope = met.local[a:b, 0] - met.local[a:b, 0].mean(axis=0)
         linear, size, _ = np.linalg.svd(root * np.column_stack([np.ones(b - a), slope]), False)
-        even = linear[:, size > _FLAT * size[0]].T @ jump
+        even = linear[:, : min(np.count_nonzero(size > _FLAT * size[0]), 3)].T @ jump
         out[k] = stiff[k] * (_SOFT * jump.T @ jump + _STIFF * even.T @ even)
     return out
 
