@@ -49,9 +49,9 @@ _STABILISER = 1e-4
 A linear field costs nothing, whatever the cut. A turned cantilever of one and a half cells'
 thickness is less than 1e-3 softer at 1e-6, and 3e-3 stiffer at 1e-3 (tests)."""
 
-_SLOPE = 1e-3
-"""Of it, against fields that are linear: a piece of one column does not resist all of them. A cell
-that is turned over is held by a millionth of what strains of a tenth take."""
+_SLOPE, _LINE = 1e-3, 1e-6
+"""Of it, against fields that are linear, where a piece has its points in a line or in a plane (the
+least variance over half a cell): it does not resist all of them."""
 
 _SPREAD = 0.12
 """A pressure varies along an axis of a piece if its material spreads that much along it, as a
@@ -282,21 +282,23 @@ class Body:
         return np.asarray(np.add.reduceat(self.cells.weights_mm3, self.cells.offsets[:-1]))
 
     @cached_property
-    def pressure_basis(self) -> FloatArray:
-        """Orthonormal over each cell's material: 1, and axes along which it spreads, (Q, 4)."""
+    def spread(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Variances of each cell's material, (n, 3), rising, their axes, and points from means."""
         cells = self.cells
         starts, counts = cells.offsets[:-1], np.diff(cells.offsets)
         volume = self.cell_mm3
         mean = np.add.reduceat(cells.weights_mm3[:, None] * cells.points, starts) / volume[:, None]
         away = cells.points - np.repeat(mean, counts, axis=0)
         square = cells.weights_mm3[:, None, None] * away[:, :, None] * away[:, None, :]
-        spread = np.add.reduceat(square, starts) / volume[:, None, None]
-        variance, axes = np.linalg.eigh(spread)
+        return *np.linalg.eigh(np.add.reduceat(square, starts) / volume[:, None, None]), away
+
+    @cached_property
+    def pressure_basis(self) -> FloatArray:
+        """Orthonormal over each cell's material: 1, and axes along which it spreads, (Q, 4)."""
+        variance, axes, away = self.spread
         scale = np.where(variance > _SPREAD**2, 1.0 / np.sqrt(np.maximum(variance, 1e-12)), 0.0)
-        turned = axes * scale[:, None, :]
-        basis = np.ones((len(cells.points), 4))
-        basis[:, 1:] = np.einsum("qi,qij->qj", away, np.repeat(turned, counts, axis=0))
-        return basis
+        turned = np.repeat(axes * scale[:, None, :], np.diff(self.cells.offsets), axis=0)
+        return np.column_stack([np.ones(len(away)), np.einsum("qi,qij->qj", away, turned)])
 
 
 def _onward(before: Equilibrium, state: Equilibrium, share: float) -> Equilibrium:
@@ -367,7 +369,9 @@ class Mechanics:
         i = np.arange(27)
         linear = np.stack([np.ones(27), i % 3 - 1.0, i // 3 % 3 - 1.0, i // 9 - 1.0], axis=1)
         self.roughness = np.eye(27) - linear @ np.linalg.pinv(linear)
-        self.roughness += _SLOPE * linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])
+        flat = np.flatnonzero(cut & (body.spread[0][:, 0] < _LINE))
+        hold = _SLOPE * self.stabiliser[flat, None, None]
+        self.flat = (flat, hold * (linear[:, 1:] @ np.linalg.pinv(linear[:, 1:])))
         self.table = (body.table.log_slope_MPa, body.table.step, below, share)
         self.geometry = (
             np.ascontiguousarray(cells.nodes, dtype=np.int32),
@@ -468,6 +472,10 @@ class Mechanics:
         )  # fmt: skip
         inner = _summed(cells.nodes, forces, len(cells.node_mm))
         size = float(np.sqrt(np.sum(forces * forces)))
+        flat, hold = self.flat
+        for axis in range(3):
+            self._matrices[flat, axis::3, axis::3] += hold
+        inner += _summed(cells.nodes[flat], hold @ u[cells.nodes[flat]], len(cells.node_mm))
         linked = cells.nodes[cells.interface.cells].reshape(-1, 54)
         inner += _summed(linked, self.springs @ u[linked], len(cells.node_mm))
         outer = share * self.dead
