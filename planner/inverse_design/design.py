@@ -29,7 +29,13 @@ from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
 from planner.simulation.loads import Conditions, LoadCase, palette_densities, read_conditions
-from planner.simulation.part import COARSER, check_effort, default_cell_mm, filling_along
+from planner.simulation.part import (
+    COARSER,
+    check_effort,
+    default_cell_mm,
+    filling_along,
+    open_solid,
+)
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Solved
@@ -331,21 +337,24 @@ def design(
     unknowns = Knots(knots, (low, high), model, at_strain)
     table = marlow_table(model, poisson=POISSON)
 
-    def problem_on(size_mm: float) -> tuple[ProfileProblem, FloatArray]:
-        progress(f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}")
-        cells = cut_cells(mesh, size_mm)
-        points = cells.points_mm
-        u = along.values(points + translation)
-        analysis = analyse(cells.nodes, cells.node_mm)
-        middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
-        body = Body(cells, table, middle, densities=densities)
-        body = replace(body, stabiliser_MPa=body.cell_shear_MPa)
-        made = []
+    def cases_on(body: "Body") -> "list[Case]":
+        cells, made = body.cells, []
+        analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
         for number, (case, (conditions, goals)) in enumerate(
             zip(cases, posed(cells.surface), strict=True)
         ):
             called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
             made.append(Case(called, cells, conditions, analysis, goals, body))
+        return made
+
+    def problem_on(size_mm: float) -> tuple[ProfileProblem, FloatArray]:
+        progress(f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}")
+        cells = cut_cells(mesh, size_mm)
+        points = cells.points_mm
+        u = along.values(points + translation)
+        middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
+        body = Body(cells, table, middle, densities=densities)
+        made = cases_on(replace(body, stabiliser_MPa=body.cell_shear_MPa))
         return ProfileProblem(
             unknowns, made, u, limits, ramp, prefer, span_mm / (knots - 1)
         ), points
@@ -382,8 +391,15 @@ def design(
     hard = np.array([goal.hard for goal in problem.goals])
 
     def solved_with(plan: Plan) -> "list[Solved]":
-        filling = filling_along(along, plan, chosen)(points)
-        return [case.solve(filling) for case in problem.cases]
+        solid = open_solid(plan, None, None, None, chosen)
+        if solid.shells is None:
+            filling = filling_along(along, plan, chosen)(points)
+            return [case.solve(filling) for case in problem.cases]
+        cells, filling = solid.cut(edge)
+        return [
+            case.solve(filling)
+            for case in cases_on(Body(cells, table, filling, densities=densities))
+        ]
 
     def printed(values: FloatArray) -> "tuple[Plan, list[Solved]]":
         profile = Profile(

@@ -1,20 +1,36 @@
 """Cells that a surface cuts from a Cartesian lattice, with positive quadrature in each."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import ArgumentError, MeshError, positive
 from planner.mesh.halve import halve_long_edges
-from planner.mesh.mesh import Mesh, connected, number_groups, unite
+from planner.mesh.mesh import (
+    Mesh,
+    connected,
+    number_groups,
+    order_rows,
+    repeats_index,
+    sorted_corners,
+    unite,
+)
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.material_columns import SampledMaterial, column_place, sample
 from planner.voxels.columns import MOST_VOXELS
 
-__all__ = ["COLUMNS_ACROSS", "FEWEST_ALONG", "MOST_CELLS", "CutCells", "cut_cells"]
+__all__ = [
+    "COLUMNS_ACROSS",
+    "FEWEST_ALONG",
+    "MOST_CELLS",
+    "CutCells",
+    "Interface",
+    "Shells",
+    "cut_cells",
+]
 
 
 COLUMNS_ACROSS = 24
@@ -38,6 +54,78 @@ _PLAIN_STEP = 1e-6
 
 
 # ------------------------------------------------------------------------------------------------
+# Materials that touch, and where they do.
+
+
+class Shells(NamedTuple):
+    """Closed surfaces, each of one material, that share the triangles between them.
+
+    Attributes
+    ----------
+    mesh
+        All of them on one set of vertices: triangles where two touch stand there twice, reversed.
+    shell : (F,) int32
+        Which shell each face bounds, from 0.
+    """
+
+    mesh: Mesh
+    shell: NDArray[np.int32]
+
+    @property
+    def each(self) -> list[Mesh]:
+        """The shells one by one."""
+        count = int(self.shell.max()) + 1
+        return [Mesh(self.mesh.vertices, self.mesh.faces[self.shell == k]) for k in range(count)]
+
+
+_ACROSS = 0.25
+"""Of a cell: triangles no longer than that have one point each at which what they couple is told."""
+
+
+class _Touching(NamedTuple):
+    """Points at which two shells touch."""
+
+    shells: NDArray[np.int32]  # (k, 2)
+    place_mm: FloatArray
+    area_mm2: FloatArray  # (k, 3), out of the first and into the second
+
+
+def _touching(shells: Shells, longest_mm: float) -> _Touching:
+    faces = shells.mesh.faces
+    order, starts = order_rows(*sorted_corners(faces))
+    pairs = starts[np.diff(starts, append=len(order)) == 2]
+    one, other = order[pairs], order[pairs + 1]
+    apart = (shells.shell[one] != shells.shell[other]) & ~repeats_index(faces[one])
+    one, other = one[apart], other[apart]
+    fine, of = halve_long_edges(Mesh(shells.mesh.vertices, faces[one]), longest_mm)
+    a, b, c = (fine.triangles[:, k] for k in range(3))
+    area = 0.5 * np.cross(b - a, c - a)
+    wide = np.sum(area * area, axis=1) > 0.0
+    sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
+    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide])
+
+
+class Interface(NamedTuple):
+    """Where cells of different materials meet.
+
+    Attributes
+    ----------
+    cells : (m, 2) int32
+        Pairs of cells.
+    starts : (m + 1,)
+        Pair k has the points ``starts[k]`` to ``starts[k + 1]``.
+    local : (k, 2, 3)
+        Places in both cells, in their own coordinates.
+    area_mm2 : (k,)
+    """
+
+    cells: NDArray[np.int32]
+    starts: IntArray
+    local: FloatArray
+    area_mm2: FloatArray
+
+
+# ------------------------------------------------------------------------------------------------
 # The cells of a part.
 
 
@@ -45,11 +133,12 @@ _PLAIN_STEP = 1e-6
 class CutCells:
     """Cartesian cells that a closed surface cuts, with positive quadrature over the material.
 
-    Each connected piece of material in a cell of the lattice is a cell here: where two walls stand
-    in one, it is there twice, with nodes of its own for each wall. Pieces of neighbouring cells
-    share the nodes of their common face exactly when material connects them through it, so that
-    one quadratic field runs through each body. A skin that lies on a face, thinner than the
-    columns hold together (0.06 of a cell), belongs to the piece on the face's other side.
+    Each connected piece of one material in a cell of the lattice is a cell here: where two walls
+    stand in one, it is there twice, with nodes of its own for each wall. Pieces of neighbouring
+    cells share the nodes of their common face exactly when material connects them through it, so
+    that one quadratic field runs through each body of a material. A skin that lies on a face,
+    thinner than the columns hold together (0.06 of a cell), belongs to the piece on the face's
+    other side.
 
     The quadrature is exact for polynomials of total degree 6 over a cut cell; in a full one it is
     Gauss's, of 27 points. Cut ones have 27 points as well, save the odd flat piece. Points lie in
@@ -69,6 +158,10 @@ class CutCells:
         Their places.
     body : (n,) int32
         Number of the connected body each cell belongs to.
+    shell : (n,) int32
+        The shell whose material fills each; 0 where none were given.
+    interface
+        Where cells of different shells meet.
     offsets : (n + 1,) int64
         Cell c has the quadrature points ``offsets[c]`` to ``offsets[c + 1]``.
     points : (Q, 3)
@@ -95,6 +188,8 @@ class CutCells:
     nodes: NDArray[np.int32]
     node_mm: FloatArray
     body: NDArray[np.int32]
+    shell: NDArray[np.int32]
+    interface: Interface
     offsets: NDArray[np.int64]
     points: FloatArray
     weights_mm3: FloatArray
@@ -143,29 +238,43 @@ class CutCells:
         local : (k, 3)
             In the cell's own coordinates: -1..1, and beyond where the piece goes on or is nearest.
         """
-        material = self.material
-        place = (points_mm - self.origin_mm) / self.cell_mm
-        counts = np.array(material.counts)
-        own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
-        step = material.frame[2]
-        target = points_mm - self.origin_mm + step * inward
-        target[:, 2] *= material.voxels / self.cell_mm[2]
-        cell = np.empty(len(points_mm), np.int32)
-        _nearest(
-            material.lines, material.frame, material.piece, np.array(counts),
-            self.cell_mm[2] / material.voxels, own, target, cell,
-        )  # fmt: skip
-        found = self.index[cell]
-        local = 2.0 * (place - found) - 1.0
-        inside = (found == own).all(axis=1)
-        local[inside] = np.clip(local[inside], -1.0, 1.0)
+        cell, local, _ = _located(
+            self.material, self.origin_mm, self.cell_mm, self.index, points_mm, inward
+        )
         return cell, local
+
+
+def _located(
+    material: SampledMaterial, origin_mm: FloatArray, cell_mm: FloatArray, index: IntArray,
+    points_mm: FloatArray, inward: FloatArray, shell: NDArray[np.int32] | None = None,
+) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+    """Find points as `CutCells.locate`, if given in shells; also how far their material is."""
+    place = (points_mm - origin_mm) / cell_mm
+    counts = np.array(material.counts)
+    own = np.clip(np.floor(place + _PLAIN_STEP * inward), 0, counts - 1).astype(np.int64)
+    step = material.frame[2]
+    target = points_mm - origin_mm + step * inward
+    target[:, 2] *= material.voxels / cell_mm[2]
+    if shell is None:
+        shell = np.full(len(own), -1, np.int32)
+    cell, away = np.empty(len(points_mm), np.int32), np.empty(len(points_mm))
+    _nearest(
+        material.lines, material.frame, material.piece, np.array(counts),
+        cell_mm[2] / material.voxels, own, target, material.shell, shell, cell, away,
+    )  # fmt: skip
+    found = index[cell]
+    local = 2.0 * (place - found) - 1.0
+    inside = (found == own).all(axis=1)
+    local[inside] = np.clip(local[inside], -1.0, 1.0)
+    return cell, local, away
 
 
 def cut_cells(
     mesh: Mesh,
     cell_mm: float,
     *,
+    shells: Shells | None = None,
+    shift: float = 0.0,
     columns_across: int = COLUMNS_ACROSS,
     most_cells: int = MOST_CELLS,
     threads: int = 2,
@@ -178,6 +287,11 @@ def cut_cells(
         Closed, outward surface.
     cell_mm
         Wanted edge of a cell; the bounding box is divided evenly into cells no longer than that.
+    shells
+        What fills the surface, if it is of several materials.
+    shift
+        Share of a cell, 0 to 1, by which the lattice begins before the bounding box, which then
+        has one cell more along each axis.
     columns_across
         Columns of material sampled along an edge of a cell.
     most_cells
@@ -213,21 +327,26 @@ def cut_cells(
     if fewest > most_cells:
         raise _too_many(cell_mm, fewest, most_cells)
     cells = tuple(int(n) for n in counts)
-    material = sample(mesh, low, extent, cells, columns_across)
-    pieces = _pieces(material, extent / counts)
+    size = extent / counts
+    if shift:
+        low, counts = low - shift * size, counts + 1.0
+        cells, extent = tuple(int(n) for n in counts), counts * size
+    each, touching = [mesh], None
+    if shells is not None:
+        each, touching = shells.each, _touching(shells, _ACROSS * float(np.min(size)))
+    pieces = _pieces(sample(each, low, extent, cells, columns_across), low, size, touching)
     if not len(pieces.index):
         raise MeshError(
             f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
-            f"than {material.frame[2]:.2g} mm; choose a smaller cell, or check the part's unit"
+            f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's unit"
         )
     if len(pieces.index) > most_cells:
         raise _too_many(cell_mm, len(pieces.index), most_cells)
-    size = extent / counts
     offsets, points, weights = quadrature(pieces.material, pieces.index, pieces.full, threads)
     surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     return CutCells(
         low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
-        offsets, points, weights * float(np.prod(size)), surface, triangle,
+        pieces.shell, pieces.interface, offsets, points, weights * float(np.prod(size)), surface, triangle,
         pieces.dropped * float(np.prod(size)), pieces.material,
     )  # fmt: skip
 
@@ -256,30 +375,42 @@ class _Pieces:
     nodes: NDArray[np.int32]
     node_place: NDArray[np.int32]  # in halves of a cell
     body: NDArray[np.int32]
+    shell: NDArray[np.int32]
+    interface: Interface
     full: BoolArray  # whether the piece is all of its cell, and nothing else
     dropped: float  # volume left out, in cells
 
 
-def _pieces(material: SampledMaterial, size: FloatArray) -> _Pieces:
+def _pieces(
+    material: SampledMaterial, low: FloatArray, size: FloatArray, touching: _Touching | None
+) -> _Pieces:
     parent = material.piece.copy()
-    _join_within(material.lines, parent)
+    _join_within(material.lines, material.shell, parent)
     piece = number_groups(parent)
     n = int(piece.max(initial=-1)) + 1
     filled, cell, ends = np.zeros(n, np.int64), np.zeros(n, np.int64), np.empty((n, 2, 3))
-    ends[:, 0], ends[:, 1] = np.inf, -np.inf
-    _fill(material.lines, material.frame, np.array(material.counts), piece, filled, cell, ends)
+    ends[:, 0], ends[:, 1], shell = np.inf, -np.inf, np.zeros(n, np.int32)
+    _fill(
+        material.lines, material.frame, np.array(material.counts), piece, material.shell,
+        filled, cell, ends, shell,
+    )  # fmt: skip
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
     last, pairs = np.full((n, 10), -1, np.int32), np.empty((0, 2), np.int32)
-    many = _pairs_across(material.lines, material.counts[1], piece, last.copy(), pairs)
+    across = (material.lines, material.shell, material.counts[1], piece)
+    many = _pairs_across(*across, last.copy(), pairs)
     pairs = np.empty((many, 2), np.int32)
-    _pairs_across(material.lines, material.counts[1], piece, last, pairs)
+    _pairs_across(*across, last, pairs)
     pairs = np.unique(pairs, axis=0)
-    body = connected(n, *pairs.T)
 
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
+    meet, local, area = _NOWHERE
+    if touching is not None:
+        told = replace(material, piece=into[piece])
+        meet, local, area = _meeting(told, low, size, place, touching)
+    body = connected(n, *np.concatenate([pairs, meet]).T)
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
     order = order[np.argsort(cell[order], kind="stable")]
@@ -294,13 +425,50 @@ def _pieces(material: SampledMaterial, size: FloatArray) -> _Pieces:
     full = (share == 1.0) & (np.bincount(into, minlength=n) == 1)
     dropped = float(np.sum(share[number[into] < 0]))
     told = replace(material, piece=number[into[piece]])
-    return _Pieces(told, index, nodes, node_place, bodies, full[order], dropped)
+    interface = _interface(number[meet], local, area)
+    return _Pieces(
+        told, index, nodes, node_place, bodies, shell[order], interface, full[order], dropped
+    )
+
+
+_NOWHERE = (np.empty((0, 2), np.int32), np.empty((0, 2, 3)), np.empty(0))
+
+_ASTRAY = 3.0
+# Spacings of columns: a shell that is farther from a point where it is said to touch is there so
+# thin that no column meets it.
+
+
+def _meeting(
+    material: SampledMaterial, low: FloatArray, size: FloatArray, place: IntArray,
+    touching: _Touching,
+) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:  # fmt: skip
+    """Return pieces on both sides of points where shells touch, (k, 2), places there, and areas."""
+    area = np.linalg.norm(touching.area_mm2, axis=1)
+    out = touching.area_mm2 / area[:, None]
+    (one, at_one, off_one), (other, at_other, off_other) = (
+        _located(material, low, size, place, touching.place_mm, way, touching.shells[:, side])
+        for side, way in ((0, -out), (1, out))
+    )
+    near = np.maximum(off_one, off_other) <= _ASTRAY * material.frame[2]
+    pairs, local = np.stack([one, other], axis=1), np.stack([at_one, at_other], axis=1)
+    return pairs[near], local[near], area[near]
+
+
+def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray) -> Interface:
+    """Put points of each pair of cells together; a cell of -1 is none."""
+    turn = np.argsort(pairs, axis=1)
+    pairs = np.take_along_axis(pairs, turn, axis=1)
+    local = np.take_along_axis(local, turn[:, :, None], axis=1)
+    order = np.lexsort(pairs.T[::-1])
+    order = order[pairs[order, 0] >= 0]
+    cells, starts = np.unique(pairs[order], axis=0, return_index=True)
+    return Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
 
 
 @kernel
-def _join_within(lines: Any, piece: Any) -> None:
+def _join_within(lines: Any, shell: Any, piece: Any) -> None:
     offsets, start, stop, first, foot, nu, voxels = lines
-    # Join segments of neighbouring columns that touch within a cell.
+    # Join segments of neighbouring columns, of one shell, that touch within a cell.
     for c in range(foot.size):
         for side in range(2):
             d = c + (nu if side else 1)
@@ -309,7 +477,7 @@ def _join_within(lines: Any, piece: Any) -> None:
             r, s = offsets[c], offsets[d]
             while r < offsets[c + 1] and s < offsets[d + 1]:
                 low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high:
+                if low < high and shell[r] == shell[s]:
                     for k in range(low // voxels, (high - 1) // voxels + 1):
                         one = first[r] + k - start[r] // voxels
                         unite(piece, one, first[s] + k - start[s] // voxels)
@@ -320,9 +488,9 @@ def _join_within(lines: Any, piece: Any) -> None:
 
 
 @kernel
-def _pairs_across(lines: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -> Any:
+def _pairs_across(lines: Any, shell: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -> Any:
     offsets, start, stop, first, foot, nu, voxels = lines
-    # Pairs of pieces that touch across cells, as many as there is room for; how many there are.
+    # Pairs of pieces of one shell that touch across cells, as many as there is room for; how many there are.
     # `last` is what each piece was paired with last on each side, which spares most repeats.
     n = 0
     for c in range(foot.size):
@@ -345,7 +513,7 @@ def _pairs_across(lines: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -
             r, s = offsets[c], offsets[d]
             while r < offsets[c + 1] and s < offsets[d + 1]:
                 low, high = max(start[r], start[s]), min(stop[r], stop[s])
-                if low < high:
+                if low < high and shell[r] == shell[s]:
                     for k in range(low // voxels, (high - 1) // voxels + 1):
                         p = piece[first[r] + k - start[r] // voxels]
                         q = piece[first[s] + k - start[s] // voxels]
@@ -363,10 +531,11 @@ def _pairs_across(lines: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -
 
 @kernel
 def _fill(
-    lines: Any, frame: Any, counts: Any, piece: Any, filled: Any, cell: Any, ends: Any
-) -> None:
+    lines: Any, frame: Any, counts: Any, piece: Any, shell: Any,
+    filled: Any, cell: Any, ends: Any, of: Any,
+) -> None:  # fmt: skip
     offsets, start, stop, first, foot, nu, voxels = lines
-    # How much of its cell each piece fills, which cell that is, and its bounds, in cells.
+    # How much of its cell each piece fills, which cell that is, its bounds, in cells, and shell.
     for c in range(foot.size):
         if foot[c] < 0:
             continue
@@ -376,6 +545,7 @@ def _fill(
                 p = piece[first[r] + k - start[r] // voxels]
                 low, high = max(start[r], k * voxels), min(stop[r], (k + 1) * voxels)
                 filled[p] += high - low
+                of[p] = shell[r]
                 cell[p] = foot[c] * counts[2] + k
                 ends[p, 0, 0], ends[p, 1, 0] = min(ends[p, 0, 0], x), max(ends[p, 1, 0], x)
                 ends[p, 0, 1], ends[p, 1, 1] = min(ends[p, 0, 1], y), max(ends[p, 1, 1], y)
@@ -477,11 +647,12 @@ def _inward(mesh: Mesh) -> FloatArray:
 
 @kernel
 def _nearest(
-    lines: Any, frame: Any, piece: Any, counts: Any, voxel_mm: Any, own: Any, target: Any, cell: Any
-) -> None:
+    lines: Any, frame: Any, piece: Any, counts: Any, voxel_mm: Any, own: Any, target: Any,
+    shell: Any, wanted: Any, cell: Any, distance: Any,
+) -> None:  # fmt: skip
     offsets, start, stop, first, foot, nu, voxels = lines
-    # The piece of the segment nearest to each target (x and y in mm, z in steps), in rings of
-    # columns about it. One in the point's own cell is preferred when it is nearer than the
+    # The piece of the segment nearest to each target (x and y in mm, z in steps), of the wanted
+    # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's own cell is preferred when it is nearer than the
     # nearest of all and a diagonal of the lattice.
     nv = foot.size // nu
     pitch = frame[2]
@@ -508,7 +679,7 @@ def _nearest(
                     across = pitch * pitch * ((i - u) ** 2 + (j - v) ** 2)
                     for r in range(offsets[c], offsets[c + 1]):
                         k0, k1 = start[r] // voxels, (stop[r] - 1) // voxels
-                        if piece[first[r]] < 0:
+                        if piece[first[r]] < 0 or (wanted[n] >= 0 and shell[r] != wanted[n]):
                             continue
                         at = min(max(z, start[r]), stop[r])
                         away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
@@ -520,4 +691,5 @@ def _nearest(
                             away = np.sqrt(across + ((z - at) * voxel_mm) ** 2)
                             if away < best_own:
                                 best_own, found_own = away, piece[first[r] + own[n, 2] - k0]
+        distance[n] = min(best, best_own)
         cell[n] = found_own if best_own <= best + slack else found

@@ -1,5 +1,6 @@
 """The material of a part as columns, cut into segments by the faces of a lattice of cells."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,8 @@ class SampledMaterial:
         Columns that stand in each.
     first : (runs,) int64
         First segment of each run; the others follow upwards, one a cell.
+    shell : (runs,) int32
+        Shell that each run is in.
     piece : (segments,) int32
         Cell (of `CutCells`) that each segment belongs to; -1 where it is dropped.
     """
@@ -55,6 +58,7 @@ class SampledMaterial:
     foot: NDArray[np.int32]
     per_foot: NDArray[np.int64]
     first: NDArray[np.int64]
+    shell: NDArray[np.int32]
     piece: NDArray[np.int32]
 
     @property
@@ -65,9 +69,9 @@ class SampledMaterial:
 
 
 def sample(
-    mesh: Mesh, low: FloatArray, extent: FloatArray, cells: tuple[int, ...], across: int
+    shells: Sequence[Mesh], low: FloatArray, extent: FloatArray, cells: tuple[int, ...], across: int
 ) -> SampledMaterial:
-    """Sample a closed surface.
+    """Sample closed surfaces that may touch, and do not overlap.
 
     Parameters
     ----------
@@ -81,12 +85,10 @@ def sample(
     Raises
     ------
     MeshError
-        The surface is open.
+        A surface is open.
     """
     golden = (1.0 + np.sqrt(5.0)) / 2.0
     cos, sin = 1.0 / np.sqrt(1.0 + golden**2), golden / np.sqrt(1.0 + golden**2)
-    x, y, z = (mesh.vertices - low).T
-    turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
     size = extent / cells
     pitch = float(min(size[:2])) / across
     # the lattice covers the turned bounding box, so that all footprints are whole
@@ -95,12 +97,17 @@ def sample(
     nu, nv = (int(np.ceil((b - a) / pitch)) for a, b in (u, v))
     voxels = (MOST_VOXELS - 1) // cells[2]
     grid = Grid((u[0], v[0], 0.0), (pitch, pitch, size[2] / voxels), (nu, nv, voxels * cells[2]))
-    columns = join(list(iterate_columns(turned, grid)))
-    if columns.faults.open_columns:
-        raise MeshError(
-            f"the surface is open: {columns.faults.open_columns} lines along z go in and do not "
-            "come out, or come out twice; repair the part first"
-        )
+    sampled = []
+    for mesh in shells:
+        x, y, z = (mesh.vertices - low).T
+        turned = Mesh(np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1), mesh.faces)
+        sampled.append(join(list(iterate_columns(turned, grid))))
+        if faults := sampled[-1].faults.open_columns:
+            raise MeshError(
+                f"the surface is open: {faults} lines along z go in and do not "
+                "come out, or come out twice; repair the part first"
+            )
+    columns, shell = _together(sampled)
     frame = np.array(
         [u[0] + pitch / 2, v[0] + pitch / 2, pitch, cos, sin, 1.0 / size[0], 1.0 / size[1]]
     )
@@ -112,7 +119,22 @@ def sample(
     first = np.append(0, np.cumsum(reach, dtype=np.int64))
     piece = np.arange(first[-1], dtype=np.int32)
     per_foot = np.bincount(foot[foot >= 0], minlength=cells[0] * cells[1])
-    return SampledMaterial(columns, cells, voxels, frame, foot, per_foot, first[:-1], piece)
+    return SampledMaterial(columns, cells, voxels, frame, foot, per_foot, first[:-1], shell, piece)
+
+
+def _together(sampled: Sequence[Columns]) -> tuple[Columns, NDArray[np.int32]]:
+    """Return the runs of all shells, rising in each column, and which shell each is of."""
+    each = [len(columns.start) for columns in sampled]
+    shell = np.repeat(np.arange(len(sampled), dtype=np.int32), each)
+    if len(sampled) == 1:
+        return sampled[0], shell
+    count = len(sampled[0].offsets) - 1
+    column = np.concatenate([np.repeat(np.arange(count), np.diff(c.offsets)) for c in sampled])
+    start, stop = (np.concatenate([getattr(c, end) for c in sampled]) for end in ("start", "stop"))
+    order = np.lexsort((start, column))
+    offsets = sum((c.offsets for c in sampled[1:]), sampled[0].offsets)
+    grid = sampled[0].grid
+    return Columns(grid, 0, offsets, start[order], stop[order]), shell[order]
 
 
 @inner_kernel

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,7 +27,7 @@ from planner.palette import Palette
 from planner.plan import Plan, Triangles, plan_file, read_plan, read_shells
 from planner.printers import Printer, palette_of
 from planner.simulation.bar import plan_palette, region_coordinates, united
-from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, cut_cells
+from planner.simulation.cut_cells import FEWEST_ALONG, MOST_CELLS, CutCells, Shells, cut_cells
 from planner.simulation.loads import (
     Conditions,
     LoadCase,
@@ -150,12 +150,15 @@ def _field(plan: Plan, placed: Mesh) -> Field | None:
     return build_field(text, Setting(placed, plan.part.translation_mm, pitch_mm))
 
 
+def _coordinates_by_file(plan: Plan, palette: Palette) -> dict[str, float]:
+    files = [region.file for region in plan.regions]
+    return dict(zip(files, region_coordinates(plan, palette).tolist(), strict=True))
+
+
 def _by_shells(plan: Plan, shells: Mapping[str, Triangles], palette: Palette) -> Filling:
     """Look up in which shell points are; those in none, by rounding, are in the nearest."""
     moved = np.array(plan.part.translation_mm)
-    of_file = dict(
-        zip([r.file for r in plan.regions], region_coordinates(plan, palette), strict=True)
-    )
+    of_file = _coordinates_by_file(plan, palette)
     meshes = {file: united({file: soup}) for file, soup in shells.items()}
     trees = {file: triangle_tree(mesh) for file, mesh in meshes.items()}
 
@@ -191,6 +194,8 @@ class Solid:
         The coordinate on the palette, (n,), at points (n, 3) mm.
     at_strain
         Working strain of the plan, up to which its moduli are secants.
+    shells, shell_coordinate
+        What fills it and with what, (shells,), where that is several materials, each in a region.
     """
 
     name: str
@@ -199,6 +204,15 @@ class Solid:
     palette: Palette
     notes: tuple[str, ...]
     at_strain: float = 0.1
+    shells: Shells | None = None
+    shell_coordinate: FloatArray | None = None
+
+    def cut(self, cell_mm: float, *, shift: float = 0.0) -> tuple[CutCells, FloatArray]:
+        """Return cells, as `cut_cells`, and the coordinate at their quadrature points."""
+        cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift)
+        if self.shell_coordinate is None:
+            return cells, self.filling(cells.points_mm)
+        return cells, np.repeat(self.shell_coordinate[cells.shell], np.diff(cells.offsets))
 
 
 def open_solid(
@@ -256,7 +270,15 @@ def open_solid(
     placed = _outer(shells)
     filling = _filling(source, shells, placed, chosen)
     surface, strain = _own(source, placed), source.stiffness.at_strain
-    return Solid(source.part.file, surface, filling, chosen, notes, strain)
+    made = Solid(source.part.file, surface, filling, chosen, notes, strain)
+    if (source.gradient.blend or {}).get("kind") in ("mix", "dither") or len(shells) == 1:
+        return made
+    whole = united(shells)
+    own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
+    shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
+    by_file = _coordinates_by_file(source, chosen)
+    coordinates = np.array([by_file[file] for file in shells])
+    return replace(made, shells=Shells(own, shell), shell_coordinate=coordinates)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -678,10 +700,10 @@ def simulate_part(
 
     def prepared(edge_mm: float) -> "list[Mechanics]":
         progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
-        cells = cut_cells(solid.surface, edge_mm)
-        body = Body(cells, table, solid.filling(cells.points_mm), densities=densities)
+        cells, coordinate = solid.cut(edge_mm)
+        body = Body(cells, table, coordinate, densities=densities)
         progress(f"ordering {3 * len(cells.node_mm)} equations")
-        analysis = analyse(cells.nodes, cells.node_mm)
+        analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
         needed = factors * analysis.factor_bytes + analysis.work_bytes
         needed += 8 * 81**2 * len(cells.nodes)
         check_effort(solid.surface, edge_mm, factors=factors, known_bytes=needed)

@@ -13,7 +13,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Palette
-from planner.simulation.cut_cells import CutCells, cut_cells
+from planner.simulation.cut_cells import CutCells
 from planner.simulation.loads import Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, Solid, open_solid
 from planner.simulation.part_response import PartResponse
@@ -87,10 +87,9 @@ def _cut(
     solid: Solid, fix: Sequence[str], move: str, load: str, cell_mm: float | None
 ) -> LoadedPart:
     edge = float(np.cbrt(solid.surface.volume_mm3 / _CELLS)) if cell_mm is None else cell_mm
-    cells = cut_cells(solid.surface, edge)
+    cells, coordinate = solid.cut(edge)
     case = LoadCase(fix=fix, move=[move] if move else [], load=[load] if load else [])
     conditions = read_conditions(cells.surface, case)
-    coordinate = solid.filling(cells.points_mm)
     return LoadedPart(Path(solid.name).stem, solid.surface, cells, coordinate, conditions)
 
 
@@ -136,7 +135,9 @@ def followed(
     """
     cells, conditions = part.cells, part.conditions
     body = Body(cells, table, part.coordinate if coordinate is None else coordinate)
-    mechanics = Mechanics(body, conditions, analyse(cells.nodes, cells.node_mm))
+    mechanics = Mechanics(
+        body, conditions, analyse(cells.nodes, cells.node_mm, cells.interface.cells)
+    )
     moving = [k for k, support in enumerate(conditions.supports) if support.moves]
     if moving:
         whole = np.array([u or 0.0 for u in conditions.supports[moving[0]].displacement_mm])

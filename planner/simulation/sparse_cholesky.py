@@ -83,9 +83,9 @@ class Analysis:
     side : (T,)
         At which end of the working memory the update stands.
     cells, cell_start
-        Cells of front t at `cell_start[t]:cell_start[t + 1]`.
-    place : (n, 27)
-        Of each cell's nodes in their front.
+        Cells of front t, and links by numbers above theirs, at `cell_start[t]:cell_start[t + 1]`.
+    place, begin
+        Of each one's nodes in their front, at `begin[c]:begin[c + 1]`.
     panel : (T + 1,)
         Where the columns of each front begin in the factor.
     tasks : (k, 2)
@@ -106,6 +106,7 @@ class Analysis:
     side: IntArray
     cells: IntArray
     cell_start: IntArray
+    begin: IntArray
     place: IntArray
     panel: IntArray
     tasks: IntArray
@@ -145,21 +146,29 @@ class Factor:
 # Analysis: halving, fronts and their sizes.
 
 
-def analyse(nodes: IntArray, node_mm: FloatArray) -> Analysis:
+def analyse(
+    nodes: IntArray, node_mm: FloatArray, links: IntArray = np.empty((0, 2), np.int32)
+) -> Analysis:
     """Order the nodes of a mesh so that little fills in, and foretell what factoring needs.
 
     Parameters
     ----------
     nodes : (n, 27)
-        Of each cell. Cells are coupled by the nodes they share and by nothing else.
+        Of each cell. Cells are coupled by the nodes they share, and by links.
+    links : (m, 2)
+        Pairs of cells whose nodes are coupled too.
     node_mm : (N, 3)
         Places, several nodes at one if need be; they only decide where to cut.
     """
-    cell_nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     count = len(node_mm)
-    middle = np.asarray(node_mm, dtype=np.float64)[cell_nodes].mean(axis=1)
+    middle = np.asarray(node_mm, dtype=np.float64)[nodes].mean(axis=1)
+    middle = np.concatenate([middle, middle[links].mean(axis=1)])
     ranks = np.stack([_ranks(middle[:, axis]) for axis in range(3)]).astype(np.int32)
-    cells, bounds, halves, depth, owner = _halved(cell_nodes, ranks, count, _CELLS_OF_A_LEAF)
+    sizes = np.repeat([27, 54], [len(nodes), len(links)])
+    begin = np.concatenate([[0], np.cumsum(sizes)])
+    members = np.concatenate([nodes.ravel(), nodes[links].ravel()]).astype(np.int32)
+    each = (members, begin)
+    cells, bounds, halves, depth, owner = _halved(*each, ranks, count, _CELLS_OF_A_LEAF)
     # The last front made comes first: halves before their cut.
     fronts = len(bounds)
     bounds, depth = bounds[::-1], depth[::-1]
@@ -173,7 +182,7 @@ def analyse(nodes: IntArray, node_mm: FloatArray) -> Analysis:
     leaf = below[:, 0] < 0
     cell_start = np.concatenate([[0], np.cumsum(np.where(leaf, bounds[:, 1] - bounds[:, 0], 0))])
     cells = np.concatenate([cells[a:b] for a, b in bounds[leaf]] or [cells])
-    rest, above, rest_start, place = _structure(cell_nodes, number, first, below, cells, cell_start)
+    rest, above, rest_start, place = _structure(*each, number, first, below, cells, cell_start)
 
     own = 3 * np.diff(first).astype(np.int64)
     update = (3 * np.diff(rest_start)) ** 2
@@ -186,8 +195,8 @@ def analyse(nodes: IntArray, node_mm: FloatArray) -> Analysis:
         work_bytes=8 * most,
         flops=float(flops.sum()),
         order=order, first=first, rest=rest, above=above, rest_start=rest_start, below=below,
-        side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, place=place,
-        panel=panel, tasks=tasks, work=work,
+        side=(depth % 2).astype(np.int32), cells=cells, cell_start=cell_start, begin=begin,
+        place=place, panel=panel, tasks=tasks, work=work,
     )  # fmt: skip
 
 
@@ -204,7 +213,7 @@ def _ranks(value: FloatArray) -> IntArray:
 
 @kernel
 def _halved(
-    nodes: NDArray[np.int32], ranks: NDArray[np.int32], count: int, most: int
+    nodes: NDArray[np.int32], begin: IntArray, ranks: NDArray[np.int32], count: int, most: int
 ) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
     """Halve the cells until heaps of at most so many are left.
 
@@ -225,7 +234,7 @@ def _halved(
     owner : (N,)
         Front that each node is eliminated in.
     """
-    n = nodes.shape[0]
+    n = len(begin) - 1
     cells = np.arange(n).astype(np.int32)
     bounds = np.zeros((2 * n + 1, 2), dtype=np.int64)
     halves = np.full((2 * n + 1, 2), -1, dtype=np.int64)
@@ -253,7 +262,7 @@ def _halved(
         met = 0
         for place in range(start, end):
             c = cells[place]
-            for node in nodes[c]:
+            for node in nodes[begin[c] : begin[c + 1]]:
                 if owner[node] >= 0:
                     continue
                 if seen[node] != t:
@@ -322,6 +331,7 @@ def _halved(
 @kernel
 def _structure(
     nodes: NDArray[np.int32],
+    begin: IntArray,
     number: NDArray[np.int32],
     first: NDArray[np.int32],
     below: IntArray,
@@ -337,10 +347,12 @@ def _structure(
     seen = np.full(len(number), -1, dtype=np.int64)
     where = np.empty(len(number), dtype=np.int32)
     for t in range(fronts):
-        begin, last, own = rest_start[t], first[t + 1], first[t + 1] - first[t]
-        at = begin
+        start, last, own = rest_start[t], first[t + 1], first[t + 1] - first[t]
+        at = start
         if below[t, 0] < 0:
-            needed = 27 * (cell_start[t + 1] - cell_start[t])
+            needed = np.int64(0)
+            for c in cells[cell_start[t] : cell_start[t + 1]]:
+                needed += begin[c + 1] - begin[c]
         else:
             needed = np.int64(0)
             for half in below[t]:
@@ -354,19 +366,19 @@ def _structure(
             above = more
         if below[t, 0] < 0:
             for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for node in nodes[c]:
+                for node in nodes[begin[c] : begin[c + 1]]:
                     e = number[node]
                     if e >= last and seen[e] != t:
                         seen[e] = t
                         rest[at] = e
                         at += 1
-            rest[begin:at] = np.sort(rest[begin:at])
-            for i in range(begin, at):
-                where[rest[i]] = own + i - begin
+            rest[start:at] = np.sort(rest[start:at])
+            for i in range(start, at):
+                where[rest[i]] = own + i - start
             for c in cells[cell_start[t] : cell_start[t + 1]]:
-                for a in range(27):
-                    e = number[nodes[c, a]]
-                    place[c, a] = where[e] if e >= last else e - first[t]
+                for a in range(begin[c], begin[c + 1]):
+                    e = number[nodes[a]]
+                    place[a] = where[e] if e >= last else e - first[t]
         else:
             i, j = rest_start[below[t, 0]], rest_start[below[t, 1]]
             end_i, end_j = rest_start[below[t, 0] + 1], rest_start[below[t, 1] + 1]
@@ -374,7 +386,7 @@ def _structure(
                 e = min(rest[i] if i < end_i else 2147483647, rest[j] if j < end_j else 2147483647)
                 if e >= last:
                     rest[at] = e
-                    position = own + at - begin
+                    position = own + at - start
                     at += 1
                 else:
                     position = np.int64(e - first[t])
@@ -437,6 +449,7 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
 def factor(
     analysis: Analysis,
     element_matrices: FloatArray,
+    springs: FloatArray = np.empty((0, 54, 54)),
     *,
     into: Factor | None = None,
     threads: int = _THREADS,
@@ -449,6 +462,8 @@ def factor(
     ----------
     element_matrices : (n, 81, 81)
         Of each cell, symmetric: row 3 a + axis is that of local node a.
+    springs : (m, 54, 54)
+        Of each link, alike along each axis: between the nodes of its cells, one after the other.
     into
         A factor of the same analysis that is needed no more: its memory is taken.
 
@@ -459,7 +474,7 @@ def factor(
     """
     a = analysis
     matrices = np.ascontiguousarray(element_matrices, dtype=np.float64)
-    assert matrices.shape == (len(a.place), 81, 81)
+    assert (len(matrices), matrices[0].size) == (len(a.begin) - 1 - len(springs), 81 * 81)
     columns = _aligned(int(a.panel[-1])) if into is None else into.columns
     updates: dict[int, FloatArray] = {}  # of tasks' last fronts, until the front above has them
     none = np.empty(0)
@@ -473,7 +488,8 @@ def factor(
         work = np.empty(a.work[task])
         pivot, at = _factor_fronts(
             blas_addresses(), start, end, a.first, a.rest_start, a.above, a.below, a.side, a.cells,
-            a.cell_start, a.place, a.panel, matrices, columns, work, outside[0], outside[1],
+            a.cell_start, a.begin, a.place, a.panel, matrices, springs, columns, work, outside[0],
+            outside[1],
         )  # fmt: skip
         size = 9 * int(a.rest_start[end] - a.rest_start[end - 1]) ** 2
         updates[end - 1] = work if len(work) == size else work[at : at + size].copy()
@@ -513,9 +529,9 @@ def _aligned(size: int) -> FloatArray:
 @kernel
 def _factor_fronts(
     blas: IntArray, start: Int, end: Int, first: IntArray, rest_start: IntArray, above: IntArray,
-    below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, place: IntArray,
-    panel_start: IntArray, matrices: FloatArray, columns: FloatArray, work: FloatArray,
-    outside_0: FloatArray, outside_1: FloatArray,
+    below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, begin: IntArray,
+    place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray, columns: FloatArray,
+    work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
 ) -> tuple[Int, Int]:  # fmt: skip
     """Factor fronts of one task, in order.
 
@@ -549,18 +565,22 @@ def _factor_fronts(
         for j in range(rest):
             update[j * rest + j - j % 3 : (j + 1) * rest] = 0.0
         for c in cells[cell_start[t] : cell_start[t + 1]]:
-            _add_cell(matrices[c], place[c], panel, rows, update, own, rest)
+            nodes = place[begin[c] : begin[c + 1]]
+            if c < len(matrices):
+                _add_cell(matrices[c], nodes, panel, rows, update, own, rest)
+            else:
+                _add_springs(springs[c - len(matrices)], nodes, panel, rows, update, own, rest)
         for k in range(2):
             half = below[t, k]
             if half < 0:
                 continue
-            nodes = rest_start[half + 1] - rest_start[half]
+            numbers = 9 * (rest_start[half + 1] - rest_start[half]) ** 2
             if half >= start:
-                given = work[where[half - start] : where[half - start] + 9 * nodes * nodes]
+                given = work[where[half - start] : where[half - start] + numbers]
                 if side[half] == 0:
-                    low -= 9 * nodes * nodes
+                    low -= numbers
                 else:
-                    high += 9 * nodes * nodes
+                    high += numbers
             elif k == 0:
                 given = outside_0
             else:
@@ -599,6 +619,23 @@ def _add_cell(
                     to, of = offset + 3 * place[a], 3 * a
                     for i in range(3):
                         into[to + i] += matrix[of + i, 3 * b + axis]
+
+
+@inner_kernel
+def _add_springs(
+    matrix: FloatArray, place: IntArray, panel: FloatArray, rows: Int, update: FloatArray,
+    own: Int, rest: Int,
+) -> None:  # fmt: skip
+    """Add a link's matrix, along each axis, to the lower triangle of its front."""
+    for b in range(54):
+        for axis in range(3):
+            column = np.int64(3 * place[b] + axis)
+            into, offset = (
+                (panel, column * rows) if column < own else (update, (column - own) * rest - own)
+            )
+            for a in range(54):
+                if place[a] >= place[b]:
+                    into[offset + 3 * place[a] + axis] += matrix[a, b]
 
 
 @inner_kernel

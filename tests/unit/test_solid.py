@@ -16,7 +16,7 @@ from planner.mesh.mesh import Mesh
 from planner.palette import LawParameters
 from planner.printers import palette_of
 from planner.simulation import solid
-from planner.simulation.cut_cells import cut_cells
+from planner.simulation.cut_cells import Interface, cut_cells
 from planner.simulation.loads import Conditions, Force, Pressure, Support
 from planner.simulation.response import CellAverage, figure_interval, log_stress_sds
 from planner.simulation.solid import Body, LostStabilityError, Mechanics, facet_points
@@ -44,6 +44,11 @@ def faces_of(size, counts):
     return Mesh(corners.reshape(-1, 3), np.concatenate([four[:, :3], four[:, [0, 2, 3]]]))
 
 
+NO_INTERFACE = Interface(
+    np.empty((0, 2), np.int32), np.zeros(1, np.int64), np.empty((0, 2, 3)), np.empty(0)
+)
+
+
 def lattice(size, counts):
     """A box of whole cells of any proportions, which `cut_cells` would make nearly cubes."""
     size, counts = np.array(size, float), np.array(counts)
@@ -65,7 +70,7 @@ def lattice(size, counts):
         nodes=np.ravel_multi_index(np.moveaxis(place, 2, 0), grid).astype(np.int32),
         node_mm=np.stack(np.indices(grid), -1).reshape(-1, 3) * cell / 2.0,
         points=np.tile(points, (len(index), 1)), weights_mm3=np.tile(weights, len(index)),
-        surface=faces_of(size, counts), locate=locate,
+        surface=faces_of(size, counts), locate=locate, interface=NO_INTERFACE,
     )  # fmt: skip
 
 
