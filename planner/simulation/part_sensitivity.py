@@ -135,7 +135,9 @@ def followed(
     """
     cells, conditions = part.cells, part.conditions
     body = Body(cells, table, part.coordinate if coordinate is None else coordinate)
-    mechanics = Mechanics(body, conditions, analyse(cells.nodes, cells.node_mm, cells.interface.cells))
+    mechanics = Mechanics(
+        body, conditions, analyse(cells.nodes, cells.node_mm, cells.interface.cells)
+    )
     moving = [k for k, support in enumerate(conditions.supports) if support.moves]
     if moving:
         whole = np.array([u or 0.0 for u in conditions.supports[moving[0]].displacement_mm])
