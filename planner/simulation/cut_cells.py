@@ -79,7 +79,7 @@ class Shells(NamedTuple):
 
 
 _ACROSS = 0.25
-"""Of a cell: triangles no longer than that have one point each at which what they couple is told."""
+"""Of a cell: triangles no longer than that have one point each, where both sides are coupled."""
 
 
 class _Touching(NamedTuple):
@@ -338,7 +338,8 @@ def cut_cells(
     if not len(pieces.index):
         raise MeshError(
             f"no material is found in the part at `cell_mm` {cell_mm:g}: its walls are thinner "
-            f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's unit"
+            f"than {pieces.material.frame[2]:.2g} mm; choose a smaller cell, or check the part's "
+            "unit"
         )
     if len(pieces.index) > most_cells:
         raise _too_many(cell_mm, len(pieces.index), most_cells)
@@ -346,8 +347,8 @@ def cut_cells(
     surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     return CutCells(
         low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
-        pieces.shell, pieces.interface, offsets, points, weights * float(np.prod(size)), surface, triangle,
-        pieces.dropped * float(np.prod(size)), pieces.material,
+        pieces.shell, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
+        triangle, pieces.dropped * float(np.prod(size)), pieces.material,
     )  # fmt: skip
 
 
@@ -490,7 +491,7 @@ def _join_within(lines: Any, shell: Any, piece: Any) -> None:
 @kernel
 def _pairs_across(lines: Any, shell: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -> Any:
     offsets, start, stop, first, foot, nu, voxels = lines
-    # Pairs of pieces of one shell that touch across cells, as many as there is room for; how many there are.
+    # Pairs of pieces of one shell that touch across cells, as many as there is room for; how many.
     # `last` is what each piece was paired with last on each side, which spares most repeats.
     n = 0
     for c in range(foot.size):
@@ -652,8 +653,8 @@ def _nearest(
 ) -> None:  # fmt: skip
     offsets, start, stop, first, foot, nu, voxels = lines
     # The piece of the segment nearest to each target (x and y in mm, z in steps), of the wanted
-    # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's own cell is preferred when it is nearer than the
-    # nearest of all and a diagonal of the lattice.
+    # shell or, with -1, of any, in rings of columns about it; and how far it is. One in the point's
+    # own cell is preferred when it is nearer than the nearest of all and a diagonal of the lattice.
     nv = foot.size // nu
     pitch = frame[2]
     slack = np.sqrt(2.0) * pitch

@@ -277,8 +277,8 @@ def open_solid(
     own = Mesh(whole.vertices - np.array(source.part.translation_mm), whole.faces)
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
     by_file = _coordinates_by_file(source, chosen)
-    coordinates = np.array([by_file[file] for file in shells])
-    return replace(made, shells=Shells(own, shell), shell_coordinate=coordinates)
+    filled = np.array([by_file[file] for file in shells])
+    return replace(made, shells=Shells(own, shell), shell_coordinate=filled)
 
 
 # ------------------------------------------------------------------------------------------------

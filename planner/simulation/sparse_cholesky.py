@@ -47,6 +47,9 @@ _THREADS = 2
 """Chosen: the last cut's front is one thread's, and updates of more tasks wait in memory."""
 
 
+_NO_LINKS, _NO_SPRINGS = np.empty((0, 2), np.int32), np.empty((0, 54, 54))
+
+
 class NotPositiveDefinite(Exception):  # noqa: N818 - it is an answer, no error
     """A pivot was not above 0: the body is not held, or not stable.
 
@@ -146,9 +149,7 @@ class Factor:
 # Analysis: halving, fronts and their sizes.
 
 
-def analyse(
-    nodes: IntArray, node_mm: FloatArray, links: IntArray = np.empty((0, 2), np.int32)
-) -> Analysis:
+def analyse(nodes: IntArray, node_mm: FloatArray, links: IntArray = _NO_LINKS) -> Analysis:
     """Order the nodes of a mesh so that little fills in, and foretell what factoring needs.
 
     Parameters
@@ -449,7 +450,7 @@ def _tasks(below: IntArray, update: IntArray, flops: FloatArray) -> tuple[IntArr
 def factor(
     analysis: Analysis,
     element_matrices: FloatArray,
-    springs: FloatArray = np.empty((0, 54, 54)),
+    springs: FloatArray = _NO_SPRINGS,
     *,
     into: Factor | None = None,
     threads: int = _THREADS,
@@ -530,8 +531,8 @@ def _aligned(size: int) -> FloatArray:
 def _factor_fronts(
     blas: IntArray, start: Int, end: Int, first: IntArray, rest_start: IntArray, above: IntArray,
     below: IntArray, side: IntArray, cells: IntArray, cell_start: IntArray, begin: IntArray,
-    place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray, columns: FloatArray,
-    work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
+    place: IntArray, panel_start: IntArray, matrices: FloatArray, springs: FloatArray,
+    columns: FloatArray, work: FloatArray, outside_0: FloatArray, outside_1: FloatArray,
 ) -> tuple[Int, Int]:  # fmt: skip
     """Factor fronts of one task, in order.
 
