@@ -737,8 +737,8 @@ def _notes(body: "Body") -> Iterator[str]:
     steep = cells.cell_volume_mm3 @ (change > _STEEP) / cells.volume_mm3
     if steep > 0.0:
         yield (
-            f"stiffness changes more than fourfold within cells that hold {100.0 * steep:.2g} % of "
-            "the part: figures may be off by more than 2 %; take smaller cells"
+            f"stiffness changes more than fourfold within cells that hold {100.0 * steep:.2g} % "
+            "of the part: figures may be off by more than 2 %; take smaller cells"
         )
     joined = cells.cell_volume_mm3 @ (cells.shares.max(axis=1) < 1.0) / cells.volume_mm3
     if joined > 0.0:
