@@ -66,16 +66,19 @@ class Shells(NamedTuple):
         All of them on one set of vertices: triangles where two touch stand there twice, reversed.
     shell : (F,) int32
         Which shell each face bounds, from 0.
+    modulus_MPa : (shells,)
+        Of their materials: those nearest to each other are joined where too many share a cell.
     """
 
     mesh: Mesh
     shell: NDArray[np.int32]
+    modulus_MPa: FloatArray
 
     @property
     def each(self) -> list[Mesh]:
         """The shells one by one."""
-        count = int(self.shell.max()) + 1
-        return [Mesh(self.mesh.vertices, self.mesh.faces[self.shell == k]) for k in range(count)]
+        vertices, faces = self.mesh.vertices, self.mesh.faces
+        return [Mesh(vertices, faces[self.shell == k]) for k in range(len(self.modulus_MPa))]
 
 
 _ACROSS = 0.25
@@ -88,6 +91,7 @@ class _Touching(NamedTuple):
     shells: NDArray[np.int32]  # (k, 2)
     place_mm: FloatArray
     area_mm2: FloatArray  # (k, 3), out of the first and into the second
+    modulus_MPa: FloatArray  # of each shell
 
 
 def _touching(shells: Shells, longest_mm: float) -> _Touching:
@@ -102,7 +106,7 @@ def _touching(shells: Shells, longest_mm: float) -> _Touching:
     area = 0.5 * np.cross(b - a, c - a)
     wide = np.sum(area * area, axis=1) > 0.0
     sides = np.stack([shells.shell[one], shells.shell[other]], axis=1)
-    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide])
+    return _Touching(sides[of[wide]], ((a + b + c) / 3.0)[wide], area[wide], shells.modulus_MPa)
 
 
 class Interface(NamedTuple):
@@ -158,8 +162,9 @@ class CutCells:
         Their places.
     body : (n,) int32
         Number of the connected body each cell belongs to.
-    shell : (n,) int32
-        The shell whose material fills each; 0 where none were given.
+    shares : (n, shells)
+        Of each cell's volume, that are of each shell: 1 of one, save where more than four materials
+        share a cell of the lattice. There those of nearest moduli that touch are joined.
     interface
         Where cells of different shells meet.
     offsets : (n + 1,) int64
@@ -188,7 +193,7 @@ class CutCells:
     nodes: NDArray[np.int32]
     node_mm: FloatArray
     body: NDArray[np.int32]
-    shell: NDArray[np.int32]
+    shares: FloatArray
     interface: Interface
     offsets: NDArray[np.int64]
     points: FloatArray
@@ -210,6 +215,11 @@ class CutCells:
         """Places of the quadrature points, (Q, 3)."""
         index = np.repeat(self.index, np.diff(self.offsets), axis=0)
         return self.origin_mm + (index + 0.5 * (self.points + 1.0)) * self.cell_mm
+
+    @property
+    def cell_volume_mm3(self) -> FloatArray:
+        """Volume of the material in each cell, (n,)."""
+        return np.asarray(np.add.reduceat(self.weights_mm3, self.offsets[:-1]))
 
     @property
     def volume_mm3(self) -> float:
@@ -347,7 +357,7 @@ def cut_cells(
     surface, triangle = halve_long_edges(mesh, float(np.min(size)) / 2)
     return CutCells(
         low, size, pieces.index, pieces.nodes, low + pieces.node_place * (size / 2), pieces.body,
-        pieces.shell, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
+        pieces.shares, pieces.interface, offsets, points, weights * float(np.prod(size)), surface,
         triangle, pieces.dropped * float(np.prod(size)), pieces.material,
     )  # fmt: skip
 
@@ -376,7 +386,7 @@ class _Pieces:
     nodes: NDArray[np.int32]
     node_place: NDArray[np.int32]  # in halves of a cell
     body: NDArray[np.int32]
-    shell: NDArray[np.int32]
+    shares: FloatArray
     interface: Interface
     full: BoolArray  # whether the piece is all of its cell, and nothing else
     dropped: float  # volume left out, in cells
@@ -411,6 +421,8 @@ def _pieces(
     if touching is not None:
         told = replace(material, piece=into[piece])
         meet, local, area = _meeting(told, low, size, place, touching)
+        joined = _join_nearest(meet, cell, shell, np.log(touching.modulus_MPa))
+        into, meet = joined[into], joined[meet]
     body = connected(n, *np.concatenate([pairs, meet]).T)
     kept = (into == np.arange(n)) & (np.bincount(body, share)[body] >= _NEARLY_NOTHING)
     order = np.flatnonzero(kept)
@@ -427,9 +439,31 @@ def _pieces(
     dropped = float(np.sum(share[number[into] < 0]))
     told = replace(material, piece=number[into[piece]])
     interface = _interface(number[meet], local, area)
-    return _Pieces(
-        told, index, nodes, node_place, bodies, shell[order], interface, full[order], dropped
-    )
+    shares = np.zeros((len(order) + 1, int(shell.max(initial=0)) + 1))
+    np.add.at(shares, (number[into], shell), share)
+    shares = shares[:-1] / shares[:-1].sum(axis=1, keepdims=True)
+    return _Pieces(told, index, nodes, node_place, bodies, shares, interface, full[order], dropped)
+
+
+_MOST_MATERIALS = 4
+"""In a cell of the lattice. Chosen: each has nodes of its own."""
+
+
+def _join_nearest(
+    meet: NDArray[np.int32], cell: IntArray, shell: NDArray[np.int32], log_modulus: FloatArray
+) -> NDArray[np.int32]:
+    """Tell which piece each is joined with: of a group of like moduli, where they touch."""
+    rank = np.argsort(np.argsort(log_modulus))
+    key, at = np.unique(cell * len(rank) + rank[shell], return_inverse=True)
+    of, modulus = key // len(rank), np.sort(log_modulus)[key % len(rank)]
+    gap = np.where(np.diff(of, prepend=-1) > 0, np.inf, np.diff(modulus, prepend=0.0))
+    widest = np.lexsort((-gap, of))
+    nth = np.empty(len(key), np.int64)
+    nth[widest] = np.arange(len(key)) - np.searchsorted(of, of)
+    group = np.cumsum(nth < _MOST_MATERIALS)[at]
+    pairs = meet[group[meet[:, 0]] == group[meet[:, 1]]]
+    parent = connected(len(cell), *pairs.T)
+    return np.unique(parent, return_index=True)[1].astype(np.int32)[parent]
 
 
 _NOWHERE = (np.empty((0, 2), np.int32), np.empty((0, 2, 3)), np.empty(0))
@@ -461,7 +495,7 @@ def _interface(pairs: NDArray[np.int32], local: FloatArray, area_mm2: FloatArray
     pairs = np.take_along_axis(pairs, turn, axis=1)
     local = np.take_along_axis(local, turn[:, :, None], axis=1)
     order = np.lexsort(pairs.T[::-1])
-    order = order[pairs[order, 0] >= 0]
+    order = order[(pairs[order, 0] >= 0) & (pairs[order, 0] < pairs[order, 1])]
     cells, starts = np.unique(pairs[order], axis=0, return_index=True)
     return Interface(cells, np.append(starts, len(order)), local[order], area_mm2[order])
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     # The solver is loaded when a part is solved, and not before its input is known to be sound.
     from planner.simulation.response import LoadSteps, Response
-    from planner.simulation.solid import Mechanics
+    from planner.simulation.solid import Body, Mechanics
     from planner.simulation.sparse_cholesky import Factor
 
 __all__ = [
@@ -210,9 +210,13 @@ class Solid:
     def cut(self, cell_mm: float, *, shift: float = 0.0) -> tuple[CutCells, FloatArray]:
         """Return cells, as `cut_cells`, and the coordinate at their quadrature points."""
         cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift)
-        if self.shell_coordinate is None:
+        if self.shells is None or self.shell_coordinate is None:
             return cells, self.filling(cells.points_mm)
-        return cells, np.repeat(self.shell_coordinate[cells.shell], np.diff(cells.offsets))
+        # What is joined has the mixture whose modulus is the geometric mean.
+        by_modulus = np.argsort(self.shells.modulus_MPa)
+        log = np.log(self.shells.modulus_MPa)
+        each = np.interp(cells.shares @ log, log[by_modulus], self.shell_coordinate[by_modulus])
+        return cells, np.repeat(each, np.diff(cells.offsets))
 
 
 def open_solid(
@@ -278,7 +282,8 @@ def open_solid(
     shell = np.repeat(np.arange(len(shells), dtype=np.int32), [len(s) for s in shells.values()])
     by_file = _coordinates_by_file(source, chosen)
     filled = np.array([by_file[file] for file in shells])
-    return replace(made, shells=Shells(own, shell), shell_coordinate=filled)
+    modulus = CoefficientModel(chosen).modulus_MPa(filled, strain)
+    return replace(made, shells=Shells(own, shell, modulus), shell_coordinate=filled)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -743,7 +748,7 @@ def simulate_part(
             level=level,
             discretisation=change,
             findings=tuple(_findings(reached, solid.filling, model, f"{name}: " if name else "")),
-            notes=(*solid.notes, *_notes(cells), *_moment_notes(reached, one.conditions)),
+            notes=(*solid.notes, *_notes(solved[0].body), *_moment_notes(reached, one.conditions)),
             case=name,
         )
         for one, reached, change, name in zip(solved, found, compared, names, strict=True)
@@ -847,7 +852,13 @@ def _moment_notes(steps: "LoadSteps", on: Conditions) -> Iterator[str]:
             )
 
 
-def _notes(cells: CutCells) -> Iterator[str]:
+_STEEP = float(np.log(4.0))
+"""Change of ln(modulus) over a cell from which it is told. Numerical: beams graded 950:1 over 10 and
+over 4 cells, where it is 0.7 and 1.7 a cell, are off by 0.7 and 1.7 %."""
+
+
+def _notes(body: "Body") -> Iterator[str]:
+    cells = body.cells
     thick_mm = 2.0 * cells.surface.volume_mm3 / cells.surface.area_mm2  # of a sheet, exactly
     if float(cells.cell_mm.max()) > thick_mm:
         # The finger, 2.5 mm on average: cells of 2 mm are right within 3 %, of 3 mm 19 % stiff.
@@ -864,5 +875,20 @@ def _notes(cells: CutCells) -> Iterator[str]:
         f"strains are means over neighbouring cells of {edges} mm; at clamped edges and sharp "
         "corners they are higher"
     )
+    starts, log = cells.offsets[:-1], np.log(body.shear_modulus_MPa)
+    change = np.maximum.reduceat(log, starts) - np.minimum.reduceat(log, starts)
+    steep = cells.cell_volume_mm3 @ (change > _STEEP) / cells.volume_mm3
+    if steep > 0.0:
+        yield (
+            f"stiffness changes more than fourfold within cells that hold {100.0 * steep:.2g} % "
+            "of the part: figures may be off by more than 2 %; take smaller cells"
+        )
+    joined = cells.cell_volume_mm3 @ (cells.shares.max(axis=1) < 1.0) / cells.volume_mm3
+    if joined > 0.0:
+        yield (
+            f"{100.0 * joined:.2g} % of the part stands where more than four materials share a "
+            "cell; those of like modulus are joined there, into their geometric mean: smaller "
+            "cells tell them apart"
+        )
     if cells.dropped_mm3 > 0.0:
         yield f"{cells.dropped_mm3:.2g} mm3 of specks that hang on nothing are left out"

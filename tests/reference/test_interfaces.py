@@ -42,7 +42,9 @@ def shells_of(corners, material):
     vertices = corners.reshape(-1, 3)
     stay = faces[cancel_opposite(faces)]
     used, stay = compact(stay, len(vertices))
-    return Shells(Mesh(vertices, faces), shell), Mesh(vertices[used], stay)
+    return Shells(Mesh(vertices, faces), shell, np.arange(1.0, count + 1.0)), Mesh(
+        vertices[used], stay
+    )
 
 
 def laws(moduli, poisson=0.49):
@@ -58,7 +60,7 @@ def laws(moduli, poisson=0.49):
 def solved(shells, surface, moduli, cell_mm, conditions, *, poisson=0.49, shift=0.0):
     """The mechanics and the equilibrium under conditions, a function of the cells."""
     cells = cut_cells(surface, cell_mm, shells=shells, shift=shift)
-    coordinate = np.repeat(cells.shell.astype(float), np.diff(cells.offsets))
+    coordinate = np.repeat(cells.shares.argmax(axis=1).astype(float), np.diff(cells.offsets))
     body = Body(cells, laws(moduli, poisson), coordinate, poisson)
     analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
     problem = Mechanics(body, conditions(cells.surface), analysis)
