@@ -312,7 +312,8 @@ def _simplex(error: Callable[[FloatArray], float], first: FloatArray) -> "Optimi
     limit = 200 * first.size
     return minimize(
         error,
-        first,
+        # So many steps part from the last bit on, in which processors differ.
+        np.array([float(f"{number:.9g}") for number in first]),
         method="Nelder-Mead",
         options={"xatol": 1e-4, "fatol": 1e-4, "maxiter": limit, "maxfev": limit},
     )
@@ -330,14 +331,14 @@ def _pooled(curves: Sequence[LiteralCurve], degree: int) -> Callable[[FloatArray
     down = _LN2 - up / 2.0
 
     def error(numbers: FloatArray) -> float:
-        c = (powers @ numbers.reshape(6, degree + 1).T)[which].T
+        c = np.einsum("km,cm->kc", powers, numbers.reshape(6, degree + 1))[which].T
         residual = -measured
         # A simplex may stray to where a power overflows: an infinite error, which it leaves.
         with np.errstate(over="ignore", invalid="ignore"):
             for factor, exponent in (c[0:2], c[2:4], c[4:6]):
                 bracket = np.exp(exponent * up) - 0.5 * np.exp(exponent * down)
                 residual = residual + factor * bracket
-            total = float(residual @ residual)
+            total = float(np.square(residual).sum())
         return total if math.isfinite(total) else math.inf
 
     return error

@@ -86,4 +86,4 @@ def test_an_output_that_cannot_be_written(
 ) -> None:
     code, _, err = run(capsys, STUDY, "-o", tmp_path / "none" / "out.csv")
     assert code == 2
-    assert "cannot be written" in err
+    assert "there is no folder" in err
