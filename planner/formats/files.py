@@ -48,15 +48,23 @@ def read_file(path: str | Path, *, advice: str = "", error: type[FileError] = Fi
         if not stat.S_ISREG(found.st_mode):
             what = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
             raise error(f"{path}: is {what}, not a file{then}")
-        if found.st_size > free_memory_bytes():
+        if _HELD * found.st_size > free_memory_bytes():
             raise MemoryError
         return Path(path).read_bytes()
     except (OSError, ValueError) as refused:  # ValueError: a zero byte in the name
         reason = getattr(refused, "strerror", None) or refused
         raise error(f"{path}: cannot be read ({reason}){then}") from refused
     except MemoryError as refused:
-        size = f"{found.st_size / 1e9:.3g} GB"
-        raise error(f"{path}: holds {size}, more than the free memory; divide it") from refused
+        size, free = found.st_size / 1e9, free_memory_bytes() / 1e9
+        raise error(
+            f"{path}: holds {size:.3g} GB, too much for the {free:.3g} GB of memory that are free; "
+            "take a smaller file"
+        ) from refused
+
+
+_HELD = 2.5
+"""Times a file's size: its bytes, and the corners of a binary STL in double precision. Other kinds
+take more; what then does not fit is told by the command."""
 
 
 def free_memory_bytes() -> float:
