@@ -43,7 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal cannot show is shown escaped, not a reason to stop.
             stream.reconfigure(errors="backslashreplace")
-    sys.exit(run(arguments))
+    try:
+        code = run(arguments)
+    except KeyboardInterrupt:  # before the command begins, or after it is done
+        code = TERMINATED if _told_to_end else INTERRUPTED
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -421,25 +421,32 @@ def design(
 
     plan, solved = printed(best.values)
     tried += 1
-    shift, kept = 0.0, (best.values, plan)
     missed = offs(solved)[hard]
-    # One offset of the whole profile: what is printed changes in steps, so that a secant may
-    # jump; brackets close in on the step that comes nearest.
-    trail = [(0.0, float(_signed(missed, best.slopes[hard])))]
-    least = float(np.abs(missed).max(initial=0.0))
-    while len(missed) and least > 0.2 * tolerance and len(trail) < 7:
-        shift = _next_shift(trail, best.slopes[hard])
-        values = np.clip(best.values + shift, 0.0, 1.0)
-        if shift in [s for s, _ in trail] or np.array_equal(values, kept[0]):
+    least, kept = float(np.abs(missed).max(initial=0.0)), (best.values, plan, missed)
+    # One offset of the whole profile; brackets close in where a secant may jump.
+    base, way = best.values, np.ones(knots)
+    trail = [_Try(0.0, _signed(missed, best.slopes[hard], way), plan)]
+    for _ in range(8 if len(missed) else 0):
+        if least <= 0.2 * tolerance:
+            break
+        jumped = None if limits.slope is not None else _jump(trail)
+        if jumped is not None:
+            # What is printed steps there, as a cut passes a wall: the others move, it does not.
+            base = kept[0]
+            way = (np.abs(unknowns.positions - jumped) >= 1.0 / (knots - 1)).astype(np.float64)
+            trail = [_Try(0.0, _signed(kept[2], best.slopes[hard], way), kept[1])]
+        shift = _next_shift(trail)
+        values = np.clip(base + shift * way, 0.0, 1.0)
+        if shift in [t.shift for t in trail] or np.array_equal(values, kept[0]):
             break
         progress(f"printed materials: off by {percent(least)}")
         plan, solved = printed(values)
         tried += 1
-        now = offs(solved)[hard]
-        trail.append((shift, float(_signed(now, best.slopes[hard]))))
-        if float(np.abs(now).max()) < least:
-            least, kept = float(np.abs(now).max()), (values, plan)
-    values, chosen_plan = kept
+        missed = offs(solved)[hard]
+        trail.append(_Try(shift, _signed(missed, best.slopes[hard], way), plan))
+        if float(np.abs(missed).max()) < least:
+            least, kept = float(np.abs(missed).max()), (values, plan, missed)
+    values, chosen_plan, _ = kept
     if chosen_plan is not plan:  # an earlier try was the nearest
         plan, solved = chosen_plan, solved_with(chosen_plan)
 
@@ -483,22 +490,52 @@ def _off(goal: Functional, figure: float) -> float:
     return figure / goal.scale
 
 
-def _signed(missed: FloatArray, slopes: FloatArray) -> float:
-    """Return the least-squares part of the misses that a shift of all knots can mend."""
-    along = slopes.sum(axis=1)
+class _Try(NamedTuple):
+    shift: float
+    miss: float  # in shifts
+    plan: Plan
+
+
+def _signed(missed: FloatArray, slopes: FloatArray, way: FloatArray) -> float:
+    """Return the least-squares part of the misses that a shift of knots by `way` can mend."""
+    along = slopes @ way
     return float(missed @ along / max(float(along @ along), 1e-300)) if len(missed) else 0.0
 
 
-def _next_shift(trail: Sequence[tuple[float, float]], slopes: FloatArray) -> float:
-    """Return the next offset to try: by the slope, then within the narrowest bracket."""
-    above = [t for t in trail if t[1] > 0.0]
-    below = [t for t in trail if t[1] <= 0.0]
+def _bracket(trail: Sequence[_Try]) -> tuple[_Try, _Try] | None:
+    above = [t for t in trail if t.miss > 0.0]
+    below = [t for t in trail if t.miss <= 0.0]
     if above and below:
-        a, b = min(above, key=lambda t: t[1]), max(below, key=lambda t: t[1])
-        share = a[1] / (a[1] - b[1])
-        return a[0] + min(max(share, 0.2), 0.8) * (b[0] - a[0])
-    at, miss = trail[-1]  # further the same way, by a little more than the slope says
-    return at - 1.2 * miss
+        return min(above, key=lambda t: t.miss), max(below, key=lambda t: t.miss)
+    return None
+
+
+_STEEP = 2.0
+"""Times the slope, from which a change is taken for a step. Numerical."""
+
+
+def _jump(trail: Sequence[_Try]) -> float | None:
+    """Return the cut, as a field value, that jumps within the bracket, if what is printed does."""
+    within = _bracket(trail)
+    if within is None:
+        return None
+    a, b = within
+    if abs(a.miss - b.miss) < _STEEP * abs(a.shift - b.shift):
+        return None
+    cuts, others = ({r.material: r.field[1] for r in t.plan.regions[:-1]} for t in (a, b))
+    moved = {m: abs(cuts[m] - others[m]) for m in cuts.keys() & others.keys()}
+    return cuts[max(moved, key=lambda m: moved[m])] if moved else None
+
+
+def _next_shift(trail: Sequence[_Try]) -> float:
+    """Return the next offset to try: by the slope, then within the narrowest bracket."""
+    within = _bracket(trail)
+    if within:
+        a, b = within
+        share = a.miss / (a.miss - b.miss)
+        return a.shift + min(max(share, 0.2), 0.8) * (b.shift - a.shift)
+    last = trail[-1]  # further the same way, by a little more than the slope says
+    return last.shift - 1.2 * last.miss
 
 
 def _intervals(
