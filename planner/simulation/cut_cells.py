@@ -407,14 +407,9 @@ def _pieces(
     )  # fmt: skip
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
-    last, pairs = np.full((n, 10), -1, np.int32), np.empty((0, 2), np.int32)
-    across = (material.lines, material.shell, material.counts[1], piece)
-    many = _pairs_across(*across, last.copy(), pairs)
-    pairs = np.empty((many, 2), np.int32)
-    _pairs_across(*across, last, pairs)
-    pairs = np.unique(pairs, axis=0)
-
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
+    pairs = _touch_across(material, piece, np.zeros(3))
+    firm = _without_skins(n, pairs, _touch_across(material, piece, thin))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
@@ -430,8 +425,7 @@ def _pieces(
     number = np.full(n, -1, np.int32)
     number[order] = np.arange(len(order))
     own = np.arange(27 * n, dtype=np.int32)
-    pairs = np.unique(into[pairs], axis=0)
-    _join_nodes(pairs, place, own)
+    _join_nodes(np.unique(into[firm], axis=0), place, own)
     index = place[order].astype(np.int32)
     nodes, node_place = _number_nodes(number_groups(own).reshape(n, 27)[order], index)
     bodies = np.unique(body[order], return_inverse=True)[1].astype(np.int32)
@@ -522,19 +516,61 @@ def _join_within(lines: Any, shell: Any, piece: Any) -> None:
                     s += 1
 
 
+def _touch_across(
+    material: SampledMaterial, piece: NDArray[np.int32], margin: FloatArray
+) -> NDArray[np.int32]:
+    """Find pairs of pieces of one shell that touch across a face, away from its edges.
+
+    Parameters
+    ----------
+    margin : (3,)
+        How far from the edges, in cells.
+    """
+    last = np.full((int(piece.max(initial=-1)) + 1, 10), -1, np.int32)
+    pairs = np.empty((0, 2), np.int32)
+    across = (material.lines, material.frame, material.shell, material.counts[1], piece, margin)
+    many = _pairs_across(*across, last.copy(), pairs)
+    pairs = np.empty((many, 2), np.int32)
+    _pairs_across(*across, last, pairs)
+    return np.unique(pairs, axis=0)
+
+
+def _without_skins(n: int, pairs: NDArray[np.int32], firm: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Leave out pairs that touch only in a skin along an edge, and beyond that edge firmly.
+
+    Where the ground of a gap lies just above a face of the lattice, two walls on it touch across
+    the next face in a skin: with nodes in common, the gap could not open as far as the cells are
+    high. What the skin lies on joins them.
+    """
+    from scipy.sparse import coo_array
+
+    ends = np.concatenate([firm, firm[:, ::-1]])
+    beside = coo_array((np.ones(len(ends), np.float32), tuple(ends.T)), (n, n)).tocsr()
+    is_firm = np.isin(pairs @ np.array([n, 1]), firm @ np.array([n, 1]))
+    loose = pairs[~is_firm]
+    around = (beside[loose[:, 0]] @ beside).multiply(beside[loose[:, 1]]).sum(axis=1) > 0
+    return np.concatenate([firm, loose[~around]])
+
+
 @kernel
-def _pairs_across(lines: Any, shell: Any, cells_y: Any, piece: Any, last: Any, pairs: Any) -> Any:
+def _pairs_across(
+    lines: Any, frame: Any, shell: Any, cells_y: Any, piece: Any, margin: Any, last: Any,
+    pairs: Any,
+) -> Any:  # fmt: skip
     offsets, start, stop, first, foot, nu, voxels = lines
     # Pairs of pieces of one shell that touch across cells, as many as there is room for; how many.
     # `last` is what each piece was paired with last on each side, which spares most repeats.
-    n = 0
+    n, flat = 0, int(margin[2] * voxels)
     for c in range(foot.size):
         if foot[c] < 0:
             continue
+        x, y = column_place(frame, nu, c)
+        off_x = margin[0] <= x - np.floor(x) <= 1.0 - margin[0]
+        off_y = margin[1] <= y - np.floor(y) <= 1.0 - margin[1]
         for r in range(offsets[c], offsets[c + 1]):
             for s in range(first[r], first[r] + (stop[r] - 1) // voxels - start[r] // voxels):
                 p, q = piece[s], piece[s + 1]
-                if last[p, 9] != q:
+                if off_x and off_y and last[p, 9] != q:
                     last[p, 9] = q
                     if n < pairs.shape[0]:
                         pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)
@@ -544,7 +580,10 @@ def _pairs_across(lines: Any, shell: Any, cells_y: Any, piece: Any, last: Any, p
             if d >= foot.size or (not side and d % nu == 0) or foot[d] < 0 or foot[d] == foot[c]:
                 continue
             dx = foot[d] // cells_y - foot[c] // cells_y
-            way = 3 * dx + foot[d] % cells_y - foot[c] % cells_y + 4
+            dy = foot[d] % cells_y - foot[c] % cells_y
+            way = 3 * dx + dy + 4
+            if (dx == 0 and not off_x) or (dy == 0 and not off_y):
+                continue
             r, s = offsets[c], offsets[d]
             while r < offsets[c + 1] and s < offsets[d + 1]:
                 low, high = max(start[r], start[s]), min(stop[r], stop[s])
@@ -552,7 +591,8 @@ def _pairs_across(lines: Any, shell: Any, cells_y: Any, piece: Any, last: Any, p
                     for k in range(low // voxels, (high - 1) // voxels + 1):
                         p = piece[first[r] + k - start[r] // voxels]
                         q = piece[first[s] + k - start[s] // voxels]
-                        if last[p, way] != q:
+                        away = high > k * voxels + flat and low < (k + 1) * voxels - flat
+                        if away and last[p, way] != q:
                             last[p, way] = q
                             if n < pairs.shape[0]:
                                 pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)

@@ -189,6 +189,16 @@ def test_two_walls_in_a_cell_are_two_pieces_joined_at_the_bottom_only():
     assert not left[cells.vertex_cell[high & ~of_left]].any()
 
 
+@pytest.mark.parametrize("bottom", [1.98, 2.0, 2.02])
+def test_walls_on_a_ground_beside_a_face_of_the_lattice_are_joined_by_the_ground(bottom):
+    """Also where a skin of the ground touches across the face between the walls."""
+    cells = cut_cells(walls(gap=1.6, bottom=bottom), 2.0)  # 2 x 4 x 4 cells, 1.3 mm wide
+    assert len(cells.index) == 2 * 4 * 4
+    left = cells.index[:, 0] == 0
+    shared = np.intersect1d(cells.nodes[left], cells.nodes[~left])
+    assert cells.node_mm[shared, 2].max() == 2.0
+
+
 def test_bodies_apart_share_nothing_and_are_numbered():
     cells = cut_cells(united(box((4, 4, 4)), box((4, 4, 4), low=(4.3, 0, 0))), 2.0)
     assert cells.body.max() == 1

@@ -426,7 +426,7 @@ def test_the_command_writes_what_it_is_asked_for(bar_stl: Path, capsys: Any) -> 
         "farthest",
         "the whole load",
         "largest strain over elongation at break:",
-        "cells of 6 mm give figures",
+        "as two solutions in cells of 6 mm tell",
     ):
         assert words in shown.out
     assert "the palette's laws are of tension" in shown.err
