@@ -94,6 +94,31 @@ def test_an_interval_of_an_even_pull_is_the_materials_own(pulled: planner.PartSi
     np.testing.assert_allclose(got, np.log(np.array([low, high]) / modulus), rtol=0.02)
 
 
+LAYERS = [(0, "Vero"), (0.3, "Vero"), (0.3, "Tango"), (0.6, "Tango"), (0.6, "Vero"), (1, "Vero")]
+
+
+@pytest.mark.parametrize(
+    ("sides", "cell_mm", "gradient"),
+    [
+        ((20.0, 4.0, 4.0), 2.5, {"axis": "z", "profile": LAYERS, "snap_mm": 0}),
+        ((20.0, 3.0, 3.0), 2.0, {"axis": "x", "from_": "Vero", "to": "Tango"}),
+    ],
+)
+def test_the_error_that_is_told_is_that_of_the_cells(
+    sides: tuple[float, ...], cell_mm: float, gradient: dict[str, Any]
+) -> None:
+    """At least what half the cells differ by, and not 5 times it: layers, and a gradient."""
+    plan = planner.grade((np.array(sides) * BOX, FACES), **gradient)
+    bending = {"fix": "x=min", "load": "x=max: 0,0,-0.001 N", "steps": 1}
+    found = planner.simulate(plan, cell_mm=cell_mm, **bending)
+    finer = planner.simulate(plan, cell_mm=cell_mm / 2, compare_cells=False, **bending)
+    assert found.discretisation is not None
+    assert found.main is not None
+    assert finer.main is not None
+    error = abs(finer.main.along_mm[-1] / found.main.along_mm[-1] - 1.0)
+    assert error <= found.discretisation.largest <= 5.0 * error
+
+
 def test_cells_of_another_size_pull_alike(pulled: planner.PartSimulation) -> None:
     """The field is linear, which cells of any size hold; supports yield by 1e-4 of a cell."""
     assert pulled.discretisation is not None
