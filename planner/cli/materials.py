@@ -15,7 +15,9 @@ from planner.cli.output import (
     ComparedWith,
     Force,
     GaugeMm,
+    LoadingMode,
     MaterialName,
+    NumberBlocks,
     PaletteName,
     PrinterName,
     Quiet,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
+    from planner.materials.study import ReadRecord
 
 # ------------------------------------------------------------------------------------------------
 # planner printers.
@@ -303,6 +306,8 @@ def characterise(
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
+    mode: LoadingMode = None,
+    blocks: NumberBlocks = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -343,6 +348,8 @@ def characterise(
         gauge_mm=gauge_mm,
         columns=split_columns(columns),
         unit_of=unit_of or (),
+        mode=mode,
+        blocks=blocks,
         printer=printer,
         palette=palette,
         compare=compare,
@@ -355,6 +362,7 @@ def characterise(
     if as_json:
         print_document(encode_document(found.document()))
     elif not quiet:
+        _print_records(found.records)
         tell_notes((*found.notes, *_corrections(found.materials)))
         _tables(found.materials)
         for one in found.materials:
@@ -365,6 +373,34 @@ def characterise(
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1
+
+
+def _print_records(records: "Sequence[ReadRecord]") -> None:
+    from planner.cli.output import format_number, print_table
+
+    def size(value: float | None, where: str) -> str:
+        return "-" if value is None else f"{format_number(value, 4)} ({where})"
+
+    print_table(
+        ["file", "specimen", "material", "mode", "columns", "length mm", "section mm2", "rows",
+         "not used"],
+        [
+            [
+                f"{one.file}, {one.sheet}" if one.sheet else one.file,
+                one.specimen,
+                one.material,
+                one.mode,
+                "; ".join(one.columns.values()),
+                size(one.gauge_mm, one.gauge_from),
+                size(one.area_mm2, one.area_from),
+                str(one.rows),
+                f"all: {one.left_out}" if one.left_out else "; ".join(one.unused) or "-",
+            ]
+            for one in records
+        ],
+        title="What was read",
+        right=["rows"],
+    )  # fmt: skip
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
@@ -463,6 +499,8 @@ def fit(
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
+    mode: LoadingMode = None,
+    blocks: NumberBlocks = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -513,6 +551,8 @@ def fit(
             gauge_mm=gauge_mm,
             columns=split_columns(columns),
             unit_of=unit_of or (),
+            mode=mode,
+            blocks=blocks,
             printer=printer,
             palette=palette,
             compare=compare,

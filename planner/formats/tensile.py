@@ -2,28 +2,34 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import unicodedata
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import FileError
+from planner.errors import ArgumentError, FileError
+from planner.formats.files import read_file
 from planner.formats.headings import (
     HeadedColumn,
     Heading,
     column_of,
     head_text,
     is_speed,
+    marked_specimen,
+    mode_of,
     parse_heading,
     size_of,
+    split_value,
 )
 from planner.formats.tables import (
     LARGEST_FIGURE,
     LONGEST_HEADING,
     TextRow,
+    decode_text,
     finite_numbers,
     is_unit,
     number,
@@ -33,12 +39,14 @@ from planner.formats.tables import (
     split_rows,
     unit_factor,
 )
+from planner.formats.workbook import is_workbook, read_sheets
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
     "SPECIMEN_COLUMNS",
     "SPECIMEN_TEXTS",
     "ListedSpecimen",
+    "NoRecordError",
     "SpecimenConditions",
     "TensileTable",
     "is_specimens_file",
@@ -48,51 +56,908 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# What stands above a record's columns: machine, specimen sizes, speed, units.
+# What a test's file holds once its columns have planner's names and units.
 
 
-_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+)\s*(\S+)")
+@dataclass(frozen=True, slots=True, eq=False)
+class TensileTable:
+    """One specimen's record.
+
+    Attributes
+    ----------
+    file
+        Name of the file, without folder.
+    columns
+        Arrays of one length by name: time_s, displacement_mm, force_N, strain, stress_MPa,
+        true_strain, true_stress_MPa; whichever the file has.
+    factors
+        By column: what the numbers in the file were multiplied by.
+    lines
+        Line number of each row in the file, for messages.
+    specimen
+        The specimen that the file names, or "".
+    metadata
+        What the file says beside the columns: width_mm, thickness_mm, diameter_mm, area_mm2,
+        gauge_mm, rate_mm_s (numbers), material, specimen, mode (texts); whichever it has.
+    without_unit
+        Columns whose header gave no unit, so that one was assumed.
+    notes
+        What was assumed or left out in reading.
+    sheet
+        Of a workbook, else "".
+    headings
+        By column: its heading in the file.
+    unused
+        Headings of the record's other columns.
+    sources
+        By size: where the file says it.
+    unclear
+        By size: the readings of which the file does not say which one holds.
+    """
+
+    file: str
+    columns: Mapping[str, FloatArray]
+    factors: Mapping[str, float]
+    lines: IntArray
+    specimen: str
+    metadata: Mapping[str, float | str]
+    without_unit: frozenset[str]
+    notes: tuple[str, ...]
+    sheet: str = ""
+    headings: Mapping[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
+    unclear: Mapping[str, str] = field(default_factory=dict)
 
 
-def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str, float | str]:
-    """Read the sizes, speed and names in the head of a file: "Width (mm);6" and the like.
+# ------------------------------------------------------------------------------------------------
+# Read a test's file, whatever machine wrote it.
+#
+# One way for all: a file is sheets, a sheet is a grid of cells (of a text, by the separator that
+# makes headings of it). A row that names a load and a length heads a block of numbers; units
+# stand in it, below it or in the sheet's head. Its columns are one record, or several side by
+# side; its rows are one specimen's, or a column tells several apart. Blocks of one name go on
+# with one another. Sizes are looked for in all cells that are no columns of numbers.
 
-    Bluehill writes "Dimension : Width","6.00","mm"; the group in front is left away. Two speeds
-    that differ (of a preload and of the test) leave the speed unknown.
+
+_SEPARATORS = ("\t", ";", ",", "  ", " ")
+_LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
+_LOADS = {"force", "stress", "true stress"}
+_BLOCKS = ("join", "apart")
+
+
+class NoRecordError(FileError):
+    """A file without any table that could be a record of a test."""
+
+
+_FEWEST_ROWS = 3
+"""Of a record beside others: two points are a line, and a table of results has fewer."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """A sheet's cells, and the separator by which its numbers are read (see `number`)."""
+
+    where: str
+    sheet: str
+    separator: str
+    rows: list[TextRow]
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Headings with the numbers below them: `start` is the first row above that belongs to it."""
+
+    start: int
+    place: int
+    headings: list[Heading | None]
+    rows: list[int]
+    skipped: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """The columns of one specimen in one block."""
+
+    name: str
+    grid: _Grid
+    block: _Block
+    columns: Mapping[str, FloatArray]
+    used: Mapping[str, HeadedColumn]
+    lines: list[int]
+    unused: tuple[str, ...]
+    notes: tuple[str, ...]
+    in_column: bool
+
+
+def read_tensile(
+    path: str | Path,
+    *,
+    columns: Sequence[str] | None = None,
+    blocks: str | None = None,
+    option: str = "",
+) -> tuple[TensileTable, ...]:
+    """Read the records in a file, one a specimen.
+
+    Parameters
+    ----------
+    columns
+        Headings in place of the file's own, by position ("force_N", "Load (lbf)"; "-" leaves a
+        column out), for a file without headings or without units. Given again, they head the
+        record beside.
+    blocks
+        Of blocks of numbers in one sheet that nothing names: "join" reads them as one record,
+        "apart" as specimens. None: as their time tells.
+    option
+        What a user gives `columns` by, for messages; "" where there is no such option.
+
+    Returns
+    -------
+    tables
+        In order of appearance: those of a column `specimen`, of blocks, side by side, of sheets.
 
     Raises
     ------
     FileError
-        A size in an unknown unit.
+        No columns that are understood, an unknown unit, a cell that is no number, or blocks that
+        may be one record or several; the message names file, line and column.
     """
-    found: dict[str, float | str] = {}
-    speeds: set[float] = set()
-    for line, row in rows:
-        cells = row
-        alone = row and not any(row[1:]) and len(row[0]) <= LONGEST_HEADING
-        single = _ONE_CELL.fullmatch(row[0]) if alone else None
-        if single is not None:  # "Width: 6.00 mm"
-            cells = list(single.groups())
-        if len(cells) < 2 or not cells[0] or not cells[1]:
+    path = Path(path)
+    if blocks not in (None, *_BLOCKS):
+        raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
+    data = read_file(path, advice="give the path of a file of tests")
+    by_position = None if columns is None else _by_position(columns)
+    grids: list[_Grid] = []
+    pieces: list[_Piece] = []
+    notes: list[str] = []
+    missed: dict[int, str] = {}
+    for sheet, text, rows in _sheets(data, path):
+        where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
+        grid, found = _best_grid(where, sheet, text, rows, by_position)
+        grids.append(grid)
+        if found:
+            own = _pieces(grid, found, by_position is not None, option, notes)
+            pieces += _joined(own, blocks, notes)
+        else:
+            missed[len(grids) - 1] = _not_understood(grid, option, by_position)
+    if not pieces:
+        longest = max(missed, key=lambda n: _count_numbers(grids[n]), default=None)
+        if longest is None:
+            raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
+        few = _count_numbers(grids[longest]) < _FEWEST_ROWS
+        raise (NoRecordError if few else FileError)(f"{grids[longest].where}{missed[longest]}")
+    fewest = min(len(piece.lines) for piece in pieces)
+    for at, said in missed.items():
+        if _count_numbers(grids[at]) >= fewest:
+            raise FileError(f"{grids[at].where}{said}; other sheets of the file are understood")
+        notes.append(f"{grids[at].where}: no record of a test")
+    return _tables(path, pieces, grids, notes)
+
+
+def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]:
+    """Yield each sheet: its name, its text where it is one, and its rows where it is none."""
+    if is_workbook(data):
+        for name, rows in read_sheets(data, path.name):
+            yield name or path.name, "", list(enumerate(rows, start=1))
+    else:
+        yield "", decode_text(data, path), []
+
+
+def _best_grid(
+    where: str,
+    sheet: str,
+    text: str,
+    rows: list[TextRow],
+    by_position: list[Heading | None] | None,
+) -> tuple[_Grid, list[_Block]]:
+    """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
+    tried: list[_Grid] = []
+    for separator in _SEPARATORS if text else (";",):
+        if text and separator not in text and by_position is None:
             continue
-        name = head_text(cells[0])
-        if name is not None:
-            found[name] = cells[1]
-            continue
-        value = number(cells[1], separator)
-        size, unit = size_of(cells[0])
-        speed, _ = is_speed(cells[0])
-        unit = unit or (cells[2].strip("()[] ") if len(cells) > 2 else "")
-        if value is None or not unit:
-            continue
-        if size is not None:
-            factor = unit_factor("length", unit, where=f"{where}, line {line}, {cells[0]!r}")
-            found[size] = value * factor
-        elif speed and (per_second := _mm_s(unit)) is not None:
-            speeds.add(value * per_second)
-    if len(speeds) == 1:
-        found["rate_mm_s"] = speeds.pop()
+        cells = split_rows(text, separator) if text else rows
+        if separator == " " and by_position is None:
+            cells = _with_headings_of_words(cells)
+        grid = _Grid(where, sheet, _decimals(cells, separator), cells)
+        found = _blocks(grid, by_position)
+        if any(block.rows for block in found):
+            return grid, [block for block in found if block.rows]
+        if found:
+            raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
+        tried.append(grid)
+    tried = tried or [_Grid(where, sheet, ";", split_rows(text, ";"))]
+    return max(tried, key=lambda grid: len((_nearest(grid) or (0, []))[1])), []
+
+
+def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
+    """Put words between blanks together to headings: "Time Axial Force" are two."""
+    found: list[TextRow] = []
+    for line, words in rows:
+        cells: list[str] = []
+        at = 0
+        while at < len(words):
+            ends = range(min(len(words), at + 5), at + 1, -1) if words[at][:1].isalpha() else ()
+            end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
+            cells.append(" ".join(words[at:end]))
+            at = end
+        found.append((line, cells))
     return found
+
+
+def _decimals(rows: Sequence[TextRow], separator: str) -> str:
+    """Return the separator by which numbers are read (see `number`).
+
+    Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
+    thousands tells, where no number has a dot.
+    """
+    if separator != ",":
+        return separator
+    cells = [cell for _, row in rows for cell in row if cell[:1].isdigit() or cell[:1] in "+-,."]
+    if any("." in cell and number(cell, separator) is not None for cell in cells):
+        return separator
+    return ";" if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else separator
+
+
+_DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
+
+
+# ------------------------------------------------------------------------------------------------
+# Blocks: headings, and the numbers below.
+
+
+def _suffice(headings: Iterable[Heading | None]) -> bool:
+    meanings = {h.meaning for h in headings if h is not None}
+    return bool(meanings & _LENGTHS and meanings & _LOADS)
+
+
+def _headings(cells: Sequence[str]) -> list[Heading | None] | None:
+    """Return the headings in a row that names a load and a length; None of any other row."""
+    if sum(map(bool, cells)) < 2:
+        return None
+    found = [parse_heading(cell) if cell and not _is_figure(cell) else None for cell in cells]
+    return found if _suffice(found) else None
+
+
+def _is_figure(cell: str) -> bool:
+    return cell[0].isdigit() or (cell[0] in "+-.," and cell[1:2].isdigit())
+
+
+def _blocks(grid: _Grid, by_position: list[Heading | None] | None) -> list[_Block]:
+    rows, found = grid.rows, list[_Block]()
+    headings = by_position
+    start = at = 0
+    while at < len(rows):
+        own = _headings(rows[at][1]) if by_position is None else None
+        place = at
+        if own is not None:
+            headings, at = _with_units_below(own, grid, at + 1)
+            found.append(_Block(start, place, headings, []))
+        elif headings is None:
+            at += 1
+            continue
+        data, at = _numbers_below(grid, headings, at, own is not None)
+        if data and own is not None:
+            found[-1].rows.extend(data)
+        elif len(data) >= (_FEWEST_ROWS if found else 1):
+            found.append(_Block(start, data[0], headings, data))
+        if data:
+            start = at
+    return found
+
+
+def _with_units_below(
+    headings: list[Heading | None], grid: _Grid, at: int
+) -> tuple[list[Heading | None], int]:
+    """Return headings with the units that stand in a row below, and the row behind it."""
+    for below in range(at, min(at + 3, len(grid.rows))):
+        cells = grid.rows[below][1]
+        if not any(cells):
+            continue
+        units = [cell.strip("()[]{} ") for cell in cells] + [""] * len(headings)
+        if any(number(unit, grid.separator) is not None for unit in units if unit != "1"):
+            break
+        known = [
+            bool(unit) and (is_unit(unit) or cell[0] in "([")
+            for unit, cell in zip(units, cells, strict=False)
+        ]
+        under = [k for k, h in zip(known, headings, strict=False) if h is not None]
+        if not any(under) or all(unit.isdigit() for unit in units if unit):
+            continue
+        return [
+            Heading(h.text, h.meaning, unit, h.tag, h.compressed)
+            if h is not None and unit and not is_unit(h.unit or "") else h
+            for h, unit in zip(headings, units, strict=False)
+        ], below + 1  # fmt: skip
+    return headings, at
+
+
+def _numbers_below(
+    grid: _Grid, headings: list[Heading | None], at: int, headed: bool
+) -> tuple[list[int], int]:
+    """Return the rows of numbers from `at` on, and the row behind them.
+
+    Between headings and numbers texts may stand. A row of numbers and words is taken for one of
+    the record while no blank line came before it, so that a damaged cell is told, not dropped.
+    """
+    wanted = [i for i, h in enumerate(headings) if h is not None and h.meaning != "specimen"]
+    rows = grid.rows
+    found: list[int] = []
+    gap = False
+    while at < len(rows):
+        cells = rows[at][1]
+        filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
+        figures = sum(number(cell, grid.separator) is not None for cell in filled)
+        if not any(cells):
+            gap = True
+        elif figures == 0:
+            if found or not headed or _headings(cells) is not None:
+                return found, at if found or headed else at + 1
+        elif not found and figures < (2 if headed else len(wanted)):
+            return found, at + 1
+        elif gap and figures < len(filled) and figures < 2:
+            return found, at
+        else:
+            found.append(at)
+            gap = False
+        at += 1
+    return found, at
+
+
+# ------------------------------------------------------------------------------------------------
+# Pieces: of a block the columns and rows of one specimen.
+
+
+def _pieces(
+    grid: _Grid, blocks: Sequence[_Block], by_position: bool, option: str, notes: list[str]
+) -> list[_Piece]:
+    found: list[_Piece] = []
+    for block in blocks:
+        units = _mark10_units(grid.rows[: block.place], where=grid.where)
+        headings, told = _with_mark10_units(block.headings, units, grid.where)
+        groups = _groups(grid, block, headings)
+        marked = _marked(grid, block)
+        for name, places in groups:
+            label = name if len(groups) > 1 else ""
+            label = f"{marked} {label}" if marked and label and marked != label else label or marked
+            found += _split(grid, block, headings, places, label, told, by_position, option)
+    rows: dict[int, int] = {}
+    for piece in found:
+        rows[id(piece.block)] = max(rows.get(id(piece.block), 0), len(piece.lines))
+    poor = {b for b, n in rows.items() if n < _FEWEST_ROWS and max(rows.values()) >= _FEWEST_ROWS}
+    for piece in found:
+        if id(piece.block) in poor:
+            notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
+    return [piece for piece in found if id(piece.block) not in poor]
+
+
+def _groups(
+    grid: _Grid, block: _Block, headings: Sequence[Heading | None]
+) -> list[tuple[str, list[int]]]:
+    """Return the columns of each record that stands in a block, with its name.
+
+    A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
+    then headings that come again.
+    """
+    known = [i for i, h in enumerate(headings) if h is not None]
+    above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
+    choices: list[dict[int, str]] = []
+    for cells in above:
+        last, names = "", dict[int, str]()
+        for i in range(known[-1] + 1):
+            last = cells[i] if i < len(cells) and cells[i] else last
+            names[i] = last
+        choices.append(names)
+    choices.append({i: headings[i].tag for i in known})  # type: ignore[union-attr]
+    for names in choices:
+        by_name: dict[str, list[int]] = {}
+        for i in known:
+            by_name.setdefault(names[i], []).append(i)
+        shared = [] if "" not in by_name or len(by_name) < 3 else by_name.pop("")
+        whole = [
+            (name, sorted([*shared, *places]))
+            for name, places in by_name.items()
+            if name and _suffice(headings[i] for i in [*shared, *places])
+        ]
+        if len(whole) > 1 and len(whole) == len(by_name):
+            return [(" ".join(name.split()), places) for name, places in whole]
+    walked: list[list[int]] = [[]]
+    for i in known:
+        heading = headings[i]
+        again = any(_same(heading, headings[j]) for j in walked[-1])
+        if again and _suffice(headings[j] for j in walked[-1]):
+            walked.append([])
+        walked[-1].append(i)
+    whole_groups = [places for places in walked if _suffice(headings[i] for i in places)]
+    if len(whole_groups) < 2:
+        return [("", known)]
+    time = next((i for i in whole_groups[0] if _is(headings[i], "time")), None)
+    return [
+        (str(n), places if time is None or any(_is(headings[i], "time") for i in places)
+         else [time, *places])
+        for n, places in enumerate(whole_groups, start=1)
+    ]  # fmt: skip
+
+
+def _is(heading: Heading | None, meaning: str) -> bool:
+    return heading is not None and heading.meaning == meaning
+
+
+def _same(one: Heading | None, other: Heading | None) -> bool:
+    if one is None or other is None or one.meaning != other.meaning:
+        return False
+    plain = [re.sub(r"[\s\d._#-]+", "", h.text.casefold()) for h in (one, other)]
+    return plain[0] == plain[1] and one.unit == other.unit
+
+
+def _marked(grid: _Grid, block: _Block) -> str:
+    """Return the specimen that is named above a block and below the one before, or ""."""
+    found = ""
+    for _, cells in grid.rows[block.start : block.place]:
+        filled = [cell for cell in cells if cell]
+        if not filled:
+            continue
+        if len(filled) > 1 and head_text(filled[0]) == "specimen":
+            found = filled[1]
+        elif (mark := marked_specimen(" ".join(filled[:2]))) is not None and len(filled) < 3:
+            found = mark
+    return found
+
+
+def _split(
+    grid: _Grid,
+    block: _Block,
+    headings: Sequence[Heading | None],
+    places: Sequence[int],
+    label: str,
+    told: Sequence[str],
+    by_position: bool,
+    option: str,
+) -> list[_Piece]:
+    """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
+    where, rows = grid.where, grid.rows
+    loads = [i for i in places if headings[i].meaning in _LOADS | _LENGTHS]  # type: ignore[union-attr]
+    lined = [r for r in block.rows if any(i < len(rows[r][1]) and rows[r][1][i] for i in loads)]
+    if not lined:
+        return []
+    used, notes = _used_columns(grid, headings, places, lined, by_position, option)
+    cells = {m.name: _column(grid, lined, i) for i, m in used.items()}
+    lines = [rows[r][0] for r in lined]
+    values: dict[str, FloatArray] = {}
+    for m in used.values():
+        text = cells[m.name]
+        short = next((n for n, cell in enumerate(text) if cell is None), None)
+        if short is not None:
+            raise FileError(
+                f"{where}, line {lines[short]}: {len(rows[lined[short]][1])} cells where the "
+                f"headings have {len(headings)}; complete or remove the line"
+            )
+        full = [cell or "" for cell in text]
+        if m.name == "time_s":
+            full = [_seconds(cell) for cell in full]
+        try:
+            values[m.name] = finite_numbers(
+                full, lines, grid.separator, where, m.heading.text, m.factor
+            )
+        except FileError as error:
+            if m.name != "time_s" or any(number(c, grid.separator) is not None for c in full):
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+    if "stretch" in values:
+        values.setdefault("strain", values.pop("stretch") - 1.0)
+    taken = {i for i, m in used.items() if m.name in values or m.name == "stretch"}
+    unused = [
+        cell
+        for i, cell in enumerate(rows[block.place][1])
+        if cell and block.rows and block.place not in block.rows and i not in taken
+        and (i in places or headings[i : i + 1] in ([None], []))
+        and any(i < len(rows[r][1]) and rows[r][1][i] for r in lined[:1])
+    ]  # fmt: skip
+    named = next((i for i in places if _is(headings[i], "specimen")), None)
+    groups: dict[str, list[int]] = {}
+    last = ""
+    for at, r in enumerate(lined):
+        last = last if named is None else (_cell(rows[r][1], named) or last)
+        groups.setdefault(last, []).append(at)
+    by_name = {m.name: m for m in used.values() if m.name in values or m.name == "stretch"}
+    return [
+        _Piece(
+            name or label,
+            grid,
+            block,
+            {column: array[at] for column, array in values.items()},
+            by_name,
+            [lines[n] for n in at],
+            tuple(c for c in unused if not _is(parse_heading(c), "specimen")),
+            (*told, *notes),
+            bool(name),
+        )
+        for name, at in groups.items()
+    ]
+
+
+def _cell(cells: Sequence[str], at: int) -> str:
+    return cells[at] if at < len(cells) else ""
+
+
+def _column(grid: _Grid, rows: Sequence[int], at: int) -> list[str | None]:
+    return [cells[at] if at < len(cells := grid.rows[r][1]) else None for r in rows]
+
+
+_CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
+
+
+def _seconds(cell: str) -> str:
+    """Return a time of the form 0:01:02.5 in seconds; any other cell as it is."""
+    clock = _CLOCK.fullmatch(cell)
+    if clock is None:
+        return cell
+    seconds = 3600.0 * int(clock[1] or 0) + 60.0 * int(clock[2]) + float(clock[3].replace(",", "."))
+    return f"{seconds:.15g}"
+
+
+def _used_columns(
+    grid: _Grid,
+    headings: Sequence[Heading | None],
+    places: Sequence[int],
+    lined: Sequence[int],
+    by_position: bool,
+    option: str,
+) -> tuple[dict[int, HeadedColumn], list[str]]:
+    """Return the columns that serve, by place: of each canonical name the first.
+
+    A crosshead's absolute position serves only where nothing else tells the travel, an
+    extensometer goes before the crosshead; a column with gaps, or one that never moves, behind
+    the others.
+    """
+    where, notes = grid.where, list[str]()
+    found: dict[int, HeadedColumn] = {}
+
+    def rank(i: int) -> tuple[bool, bool, bool]:
+        heading = headings[i]
+        cells = _column(grid, lined, i)
+        poor = len(set(cells)) < 2 or not all(cells)
+        measured = heading is not None and heading.meaning in ("elongation", "strain")
+        return poor, _is(heading, "position"), not measured
+
+    for i in sorted(places, key=rank):
+        heading = headings[i]
+        if heading is None or heading.meaning == "specimen":
+            continue
+        try:
+            column = column_of(heading, where=where)
+        except FileError as error:
+            if heading.meaning in ("elongation", "position") and _suffice(
+                h for j in places if j != i and (h := headings[j]) is not None and h.unit
+            ):
+                notes.append(f"{error}; it is left out")
+                continue
+            if heading.meaning != "time" and heading.unit is None and not by_position:
+                example = _example(headings, [h.unit or "" if h else "" for h in headings])
+                raise FileError(f"{error}, or {_advice(option, example)}") from error
+            if heading.meaning != "time":
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+            continue
+        same = next((j for j, m in found.items() if m.name == column.name), None)
+        if same is None:
+            found[i] = column
+            continue
+        notes.append(
+            f"{where}: column {heading.text!r} left out; {column.name} is read from "
+            f"{found[same].heading.text!r}"
+        )
+        if column.name in ("force_N", "stress_MPa"):
+            _refuse_two_loads(grid, lined, (same, found[same]), (i, column), headings, option)
+    return {i: found[i] for i in sorted(found)}, notes
+
+
+def _refuse_two_loads(
+    grid: _Grid,
+    lined: Sequence[int],
+    one: tuple[int, HeadedColumn],
+    other: tuple[int, HeadedColumn],
+    headings: Sequence[Heading | None],
+    option: str,
+) -> None:
+    """Refuse two loads over one length that differ: two load cells, or two specimens."""
+    arrays = []
+    for i, column in (one, other):
+        numbers = [number(cell or "", grid.separator) for cell in _column(grid, lined, i)]
+        if None in numbers:
+            return
+        arrays.append(column.factor * np.array(numbers, dtype=np.float64))
+    span = float(np.ptp(arrays[0]))
+    if float(np.max(np.abs(arrays[0] - arrays[1]))) <= _SAME_LOAD * span:
+        return
+    examples = []
+    for left_out in ((other[0],), (one[0],), ()):
+        kept = [None if i in left_out else h for i, h in enumerate(headings)]
+        examples.append(_example(kept, [h.unit or "" if h else "" for h in kept], twice=True))
+    said = (
+        f"{grid.where}: {one[1].heading.text!r} and {other[1].heading.text!r} are two loads over "
+        "one length, of two load cells or of two specimens"
+    )
+    if not option:
+        raise FileError(f"{said}; keep one in the file")
+    raise FileError(
+        f"{said}; take one of them by {option} {examples[0]} or {option} {examples[1]}, or read "
+        f"two specimens by {option} {examples[2]}"
+    )
+
+
+_SAME_LOAD = 0.02
+"""Of the range: one load in two units or from two channels, rounded differently."""
+
+
+# ------------------------------------------------------------------------------------------------
+# Blocks that go on with one another, and those that are specimens.
+
+
+def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> list[_Piece]:
+    """Join the pieces of one specimen; those that nothing names go on in time, or are asked about.
+
+    Raises
+    ------
+    FileError
+        Blocks that may be one record or several.
+    """
+    found: list[_Piece] = []
+    unnamed = [piece for piece in pieces if not piece.name]
+    apart = blocks == "apart" and len(unnamed) > 1
+    for number_, piece in enumerate(pieces, start=1):
+        if apart and not piece.name:
+            piece = replace(piece, name=str(number_))
+        before = next((k for k, p in enumerate(found) if p.name == piece.name), None)
+        if before is None:
+            found.append(piece)
+            continue
+        last = found[before]
+        if blocks != "join" and not _goes_on(last, piece):
+            who = f"specimen {piece.name}" if piece.name else "the block"
+            raise FileError(
+                f"{piece.grid.where}: {who} that ends on line {last.lines[-1]} starts again on "
+                f"line {piece.lines[0]}, and nothing names another; give --blocks apart if they "
+                "are specimens, or --blocks join if they are one record"
+            )
+        found[before] = _put_together(last, piece, notes)
+    return found
+
+
+def _goes_on(one: _Piece, next_: _Piece) -> bool:
+    """Say whether a piece's time and length go on where those of the one before ended."""
+    both = [piece.columns.get("time_s") for piece in (one, next_)]
+    if both[0] is not None and both[1] is not None and both[1][0] < both[0][-1]:
+        return False
+    names = [c for c in one.columns if c in next_.columns and c in _LENGTH_COLUMNS]
+    if not names:
+        return False
+    values, starts = one.columns[names[0]], next_.columns[names[0]][0]
+    return bool(abs(starts - values[-1]) <= abs(starts - values[0]))
+
+
+_LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
+
+
+def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
+    names = [c for c in one.columns if c in next_.columns]
+    lost = [c for c in {**one.columns, **next_.columns} if c not in names]
+    if lost:
+        notes.append(
+            f"{one.grid.where}: {', '.join(lost)} is not in all blocks of the record; left out"
+        )
+    return replace(
+        one,
+        columns={c: np.concatenate([one.columns[c], next_.columns[c]]) for c in names},
+        lines=[*one.lines, *next_.lines],
+    )
+
+
+def _tables(
+    path: Path, pieces: list[_Piece], grids: Sequence[_Grid], notes: Sequence[str]
+) -> tuple[TensileTable, ...]:
+    """Return pieces as records, each under a name of its own, with what the file says of it."""
+    sheets = {piece.grid.sheet for piece in pieces}
+    names = [piece.name for piece in pieces]
+    if len(pieces) == 1 and not pieces[0].in_column:
+        names = [""]  # a label in the head; the file's name tells specimens apart
+    if len(sheets) > 1:
+        names = [
+            name
+            if name and names.count(name) == 1
+            else " ".join(filter(None, (p.grid.sheet, name)))
+            for name, p in zip(names, pieces, strict=True)
+        ]
+    found = []
+    said = [size for grid in grids for size in _said_sizes(grid, pieces)]
+    for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
+        if names.count(name) > 1:
+            raise FileError(
+                f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
+                "a name of its own"
+            )
+        metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
+        ends = [m.heading for m in piece.used.values() if m.heading.meaning in _LOADS | _LENGTHS]
+        if any(h.compressed for h in ends):
+            metadata.setdefault("mode", "compression")
+        behind = _behind(piece, pieces)
+        found.append(
+            TensileTable(
+                file=path.name,
+                columns=MappingProxyType(dict(piece.columns)),
+                factors=MappingProxyType({m.name: m.factor for m in piece.used.values()}),
+                lines=np.array(piece.lines, dtype=np.int64),
+                specimen=name or str(metadata.get("specimen", "")),
+                metadata=MappingProxyType(metadata),
+                without_unit=frozenset(
+                    m.name for m in piece.used.values() if m.heading.unit is None
+                )
+                - {"stretch"},
+                notes=(*piece.notes, *behind, *notes),
+                sheet=piece.grid.sheet,
+                headings=MappingProxyType({m.name: _written(m) for m in piece.used.values()}),
+                unused=piece.unused,
+                sources=MappingProxyType(sources),
+                unclear=MappingProxyType(unclear),
+            )
+        )
+    return tuple(found)
+
+
+def _written(column: HeadedColumn) -> str:
+    heading = column.heading
+    unit = heading.unit or ""
+    return heading.text if not unit or unit in heading.text else f"{heading.text} ({unit})"
+
+
+def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
+    """Say from which line on a sheet holds something that is no part of its last record."""
+    here = [p for p in pieces if p.grid is piece.grid]
+    last = max(p.lines[-1] for p in here)
+    rest = [line for line, cells in piece.grid.rows if line > last and any(cells)]
+    if piece is not here[-1] or not rest:
+        return []
+    return [f"{piece.grid.where}: what stands from line {rest[0]} on is no part of the record"]
+
+
+# ------------------------------------------------------------------------------------------------
+# What stands beside the columns: sizes, speed, names, modes.
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """A size that a sheet says: one value, or one a specimen with its label ("" where none)."""
+
+    grid: _Grid
+    row: int
+    key: str
+    name: str
+    values: tuple[tuple[str, float | str], ...]
+
+
+_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+\s*\S+)")
+_NEAR = 30
+_BESIDE = 200
+"""Rows of numbers beside which sizes are looked for; programs write them at the top."""
+
+
+def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> list[_Said]:
+    data: dict[int, int] = {}
+    for piece in pieces:
+        if piece.grid is grid:
+            width = 1 + max(i for i, h in enumerate(piece.block.headings) if h is not None)
+            for row in (piece.block.place, *piece.block.rows):
+                data[row] = max(width, data.get(row, 0))
+    found: list[_Said] = []
+    for row, (_, cells) in enumerate(grid.rows):
+        first = data.get(row, 0)
+        if first and (row - min(data) > _BESIDE or first >= len(cells)):
+            continue
+        for at in range(first, len(cells)):
+            cell = cells[at]
+            if cell and not _is_figure(cell):
+                found += _said_at(grid, row, at)
+    return found
+
+
+def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
+    """Yield what one cell says together with its neighbours: to its right, or below it."""
+    cells = grid.rows[row][1]
+    cell = cells[at]
+    single = _ONE_CELL.fullmatch(cell) if len(cell) <= LONGEST_HEADING else None
+    if single is not None:  # "Width: 6.00 mm"
+        key, right = single[1], [single[2]]
+    else:
+        key, right = cell, [c for c in cells[at + 1 :] if c]
+    text = head_text(key)
+    if text is not None and right and not _is_head_cell(right[0]):
+        yield _Said(grid, row, key, text, (("", right[0]),))
+    size, unit = size_of(key)
+    speed, speed_unit = is_speed(key)
+    if size is None and not speed:
+        return
+    name = size or "rate_mm_s"
+    figures: list[tuple[str, float]] = []
+    for column, value in enumerate(right):
+        split = split_value(value, grid.separator)
+        if split is None:
+            bare = value.strip("()[] ")
+            if column <= 1 and not unit and (speed or _factor(name, bare) is not None):
+                unit = bare
+                continue
+            break
+        figures.append((_label_above(grid, row, at + 1 + column), split[0]))
+        unit = unit or split[1]
+    if not figures:
+        figures, unit = _figures_below(grid, row, at, unit)
+    factor = _factor(name, unit or speed_unit)
+    if factor is None and unit and figures and size is not None and len(figures) == 1:
+        raise FileError(
+            f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
+            f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
+        )
+    if factor is not None and figures:
+        yield _Said(grid, row, key, name, tuple((label, v * factor) for label, v in figures))
+
+
+def _is_head_cell(cell: str) -> bool:
+    return head_text(cell) is not None or size_of(cell)[0] is not None
+
+
+def _factor(name: str, unit: str) -> float | None:
+    """Return the factor of a unit to that of a size; None where it is none of that kind."""
+    if name == "rate_mm_s":
+        return _mm_s(unit)
+    plain = unicodedata.normalize("NFKC", unit).replace("^", "").strip()
+    if name == "area_mm2":
+        plain, square = plain[:-1], plain[-1:]
+        if square != "2":
+            return None
+    if "length" not in quantities_of(plain):
+        return None
+    return unit_factor("length", plain, where=name) ** (2 if name == "area_mm2" else 1)
+
+
+def _label_above(grid: _Grid, row: int, at: int) -> str:
+    """Return the specimen that heads a column of figures: the row of names near it."""
+    near = range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows)))
+    for cells in (grid.rows[other][1] for other in near if other != row):
+        if cells and cells[0] and head_text(cells[0]) == "specimen" and _cell(cells, at):
+            return str(cells[at])
+    return ""
+
+
+def _figures_below(
+    grid: _Grid, row: int, at: int, unit: str
+) -> tuple[list[tuple[str, float]], str]:
+    """Return the figures below a cell of a table of results, by specimen, and their unit."""
+    heads = grid.rows[row][1]
+    named = next((i for i, c in enumerate(heads) if c and head_text(c) == "specimen"), 0)
+    figures: list[tuple[str, float]] = []
+    for _, cells in grid.rows[row + 1 : row + 1 + _BESIDE]:
+        cell = _cell(cells, at)
+        value = None if not cell else split_value(cell, grid.separator)
+        if value is None:
+            bare = cell.strip("()[] ")
+            if figures or (
+                bare and (unit or (not is_unit(bare) and _factor("area_mm2", bare) is None))
+            ):
+                break
+            unit = unit or bare
+            if not any(cells):
+                break
+            continue
+        label = _cell(cells, named) if named != at else ""
+        if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
+            break
+        figures.append((label, value[0]))
+        unit = unit or value[1]
+    return figures, unit
+
+
+_STATISTIC = re.compile(
+    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|std.*|standard.*|coefficient.*|cv|"
+    r"n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
+)
 
 
 def _mm_s(unit: str) -> float | None:
@@ -101,6 +966,85 @@ def _mm_s(unit: str) -> float | None:
     if "length" not in quantities_of(length) or "time" not in quantities_of(time):
         return None
     return unit_factor("length", length, where=unit) / unit_factor("time", time, where=unit)
+
+
+_LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
+
+
+def _metadata(
+    piece: _Piece, name: str, place: int, pieces: Sequence[_Piece], said: Sequence[_Said]
+) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
+    """Return what a file says of one record, where it says so, and what it leaves unclear."""
+    scopes: tuple[list[_Said], list[_Said], list[_Said]] = ([], [], [])
+    for one in said:
+        if one.grid is not piece.grid:
+            scopes[2].append(one)
+        elif piece.block.start <= one.row <= (piece.block.rows or [0])[-1]:
+            scopes[0].append(one)
+        elif one.row < min(p.block.place for p in pieces if p.grid is piece.grid) or (
+            len(one.values) > 1
+        ):
+            scopes[1].append(one)
+    found: dict[str, float | str] = {}
+    sources: dict[str, str] = {}
+    unclear: dict[str, str] = {}
+    for scope in scopes:
+        by_name: dict[str, list[tuple[_Said, float | str]]] = {}
+        for one in scope:
+            value = _value_for(one, name or piece.name, place, len(pieces))
+            if value is not None:
+                by_name.setdefault(one.name, []).append((one, value))
+            elif one.name not in found:
+                readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
+                unclear.setdefault(one.name, f"{_place(one)} gives {readings} of specimens")
+        for size, readings_ in by_name.items():
+            values = {v for _, v in readings_}
+            if size in found:
+                continue
+            if len(values) > 1 and not isinstance(readings_[0][1], str):
+                told = " and ".join(f"{v:g} ({_place(one)})" for one, v in readings_)
+                unclear.setdefault(size, told)
+                continue
+            one, value = readings_[-1]
+            found[size] = value
+            unclear.pop(size, None)
+            sources[size] = _place(one)
+    for size in _LENGTH_RANKS:
+        known = found.pop(size, None), sources.pop(size, ""), unclear.pop(size, None)
+        if "gauge_mm" in found or "gauge_mm" in unclear:
+            continue
+        if known[0] is not None:
+            found["gauge_mm"], sources["gauge_mm"] = known[0], known[1]
+        elif known[2] is not None:
+            unclear["gauge_mm"] = known[2]
+    if isinstance(found.get("mode"), str):
+        mode = mode_of(str(found.pop("mode")))
+        if mode is not None:
+            found["mode"] = mode
+    return found, sources, unclear
+
+
+def _place(one: _Said) -> str:
+    sheet = f"sheet {one.grid.sheet!r}, " if one.grid.sheet else ""
+    return f"{sheet}line {one.grid.rows[one.row][0]}, {one.key!r}"
+
+
+def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | None:
+    """Return the value that holds for a specimen: by its name, else by its place."""
+    if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
+        return one.values[0][1]
+    plain = _plain_name(name)
+    named = [value for label, value in one.values if plain and _plain_name(label) == plain]
+    if len(named) == 1:
+        return named[0]
+    if len(one.values) == count:
+        return one.values[place][1]
+    values = {value for _, value in one.values}
+    return one.values[0][1] if len(values) == 1 else None
+
+
+def _plain_name(name: str) -> str:
+    return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
 
 def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
@@ -134,241 +1078,55 @@ def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
     return found
 
 
-# ------------------------------------------------------------------------------------------------
-# What a tensile file holds once its columns have planner's names and units.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TensileTable:
-    """One specimen's record.
-
-    Attributes
-    ----------
-    file
-        Name of the file, without folder.
-    columns
-        Arrays of one length by name: time_s, displacement_mm, force_N, strain, stress_MPa,
-        true_strain, true_stress_MPa; whichever the file has.
-    factors
-        By column: what the numbers in the file were multiplied by.
-    lines
-        Line number of each row in the file, for messages.
-    specimen
-        The specimen that the file names, or "".
-    metadata
-        What the file's head says: width_mm, thickness_mm, gauge_mm, rate_mm_s (numbers),
-        material (text); whichever it has.
-    without_unit
-        Columns whose header gave no unit, so that one was assumed.
-    notes
-        What was assumed or left out in reading.
-    """
-
-    file: str
-    columns: Mapping[str, FloatArray]
-    factors: Mapping[str, float]
-    lines: IntArray
-    specimen: str
-    metadata: Mapping[str, float | str]
-    without_unit: frozenset[str]
-    notes: tuple[str, ...]
-
-
-# ------------------------------------------------------------------------------------------------
-# Read a tensile file: generic CSV, Mark-10 MESURgauge or Instron Bluehill.
-#
-# One way for all: the head is whatever stands above the first row of headings that names a load
-# and a length; a row of bare units below the headings (Bluehill) or units in the head (MESURgauge)
-# fill what the headings leave open.
-
-
-_SEPARATORS = ("\t", ";", ",", " ")
-_LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
-_LOADS = {"force", "stress", "true stress"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    separator: str
-    headings: list[Heading | None]
-    head: list[TextRow]
-    body: list[TextRow]
-
-
-def read_tensile(
-    path: str | Path, *, columns: Sequence[str] | None = None, option: str = ""
-) -> tuple[TensileTable, ...]:
-    """Read the records in a file, one a specimen.
-
-    Parameters
-    ----------
-    columns
-        Headings in place of the file's own, by position ("force_N", "Load (lbf)"; "-" leaves a
-        column out), for a file without headings or without units.
-    option
-        What a user gives `columns` by, for messages; "" where there is no such option.
-
-    Returns
-    -------
-    tables
-        One, or as many as a column `specimen` tells apart, in order of appearance.
-
-    Raises
-    ------
-    FileError
-        No columns that are understood, an unknown unit, or a cell that is no number; the message
-        names file, line and column.
-    """
-    path = Path(path)
-    where = path.name
-    layout = _layout(read_text(path), where, columns, option)
-    head = _metadata(layout.head, layout.separator, where=where)
-    headings, notes = _with_mark10_units(layout, where)
-    _refuse_side_by_side(headings, where, option)
-    meanings: dict[int, HeadedColumn] = {}
-    # A crosshead's absolute position serves only where nothing else tells the travel.
-    for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
-        heading = headings[index]
-        if heading is None or heading.meaning == "specimen":
-            continue
-        try:
-            meaning = column_of(heading, where=where)
-        except FileError as error:
-            if heading.meaning != "time" and heading.unit is None and columns is None:
-                example = _example(headings, [h.unit or "" if h else "" for h in headings])
-                raise FileError(f"{error}, or {_by_position(option, example)}") from error
-            if heading.meaning != "time":
-                raise
-            notes.append(f"{error}; time is optional and is left out")
-            continue
-        same = next((m for m in meanings.values() if m.name == meaning.name), None)
-        if same is None:
-            meanings[index] = meaning
-        else:
-            notes.append(
-                f"{where}: column {heading.text!r} left out; {meaning.name} is read from "
-                f"{same.heading.text!r}"
-            )
-    rows, ended = _data_rows(layout, set(meanings), where)
-    if not rows:
-        raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
-    if ended is not None:
-        notes.append(f"{where}: what stands from line {ended} on is no part of the record")
-    lines = [line for line, _ in rows]
-    values = {
-        m.name: finite_numbers(
-            [c[i] for _, c in rows], lines, layout.separator, where, m.heading.text, m.factor
-        )
-        for i, m in meanings.items()
-    }
-    without_unit = {m.name for m in meanings.values() if m.heading.unit is None}
-    if "stretch" in values:
-        values.setdefault("strain", values.pop("stretch") - 1.0)
-        without_unit.discard("stretch")
-    named = next((i for i, h in enumerate(headings) if _is(h, "specimen")), None)
-    groups: dict[str, list[int]] = {}
-    for position, (_, cells) in enumerate(rows):
-        groups.setdefault("" if named is None else cells[named], []).append(position)
-    return tuple(
-        TensileTable(
-            file=where,
-            columns=MappingProxyType({name: array[at] for name, array in values.items()}),
-            factors=MappingProxyType({m.name: m.factor for m in meanings.values()}),
-            lines=np.array(lines, dtype=np.int64)[at],
-            specimen=specimen or str(head.get("specimen", "")),
-            metadata=MappingProxyType(head),
-            without_unit=frozenset(without_unit),
-            notes=tuple(notes),
-        )
-        for specimen, at in groups.items()
-    )
-
-
-def _refuse_side_by_side(headings: Sequence[Heading | None], where: str, option: str) -> None:
-    """Refuse a file whose load and length stand in it again under the same headings.
-
-    Raises
-    ------
-    FileError
-        Records side by side; the message says how to read one of them.
-    """
-    texts = [h.text if h is not None else "" for h in headings]
-    again = [h for i, h in enumerate(headings) if h is not None and h.text in texts[:i]]
-    if not _suffice(again):
-        return
-    second = texts.index(again[0].text, texts.index(again[0].text) + 1)
-    said = (
-        f"{where}: records stand side by side ({again[0].text!r} heads columns "
-        f"{texts.index(again[0].text) + 1} and {second + 1}); export one file a specimen"
-    )
-    if not option:
-        raise FileError(said)
-    block = headings[second : second + len(set(texts))]
-    example = _example(block, [h.unit or "" if h is not None else "" for h in block])
-    raise FileError(
-        f"{said}, or copy the file for each and read its record by position: the second by "
-        f"{option} {'-,' * second}{example}"
-    )
-
-
-def _is(heading: Heading | None, meaning: str) -> bool:
-    return heading is not None and heading.meaning == meaning
-
-
-def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None], list[str]]:
-    units = _mark10_units(layout.head, where=where)
-    headings: list[Heading | None] = [
-        Heading(h.text, h.meaning, units[h.meaning])
+def _with_mark10_units(
+    headings: list[Heading | None], units: Mapping[str, str], where: str
+) -> tuple[list[Heading | None], list[str]]:
+    filled: list[Heading | None] = [
+        replace(h, unit=units[h.meaning])
         if h is not None and h.unit is None and h.meaning in units
         else h
-        for h in layout.headings
+        for h in headings
     ]
-    if headings == layout.headings:
+    if filled == headings:
         return headings, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    return headings, [f"{where}: a MESURgauge file, {stated} by its head"]
+    return filled, [f"{where}: a MESURgauge file, {stated} by its head"]
 
 
-def _layout(text: str, name: str, columns: Sequence[str] | None, option: str) -> _Layout:
-    if columns is not None:
-        return _layout_by_position(text, name, columns)
-    for separator in _SEPARATORS[:3]:
-        rows = split_rows(text, separator)
-        for place, (_, cells) in enumerate(rows):
-            headings = [parse_heading(cell) if cell else None for cell in cells]
-            if not _suffice(headings):
-                continue
-            body = rows[place + 1 :]
-            if body and _is_unit_row(body[0][1], separator):
-                headings = _with_units(headings, body[0][1])
-                body = body[1:]
-            return _Layout(_decimals(body, separator), headings, rows[:place], body)
-    raise FileError(f"{name}{_not_understood(text, option)}")
+# ------------------------------------------------------------------------------------------------
+# Where headings are not understood: which ones, and by which others the file can be read.
 
 
-def _suffice(headings: Sequence[Heading | None]) -> bool:
-    meanings = {h.meaning for h in headings if h is not None}
-    return bool(meanings & _LENGTHS and meanings & _LOADS)
+def _by_position(columns: Sequence[str]) -> list[Heading | None]:
+    headings: list[Heading | None] = []
+    for column in columns:
+        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
+        if heading is None and column.strip() not in ("", "-"):
+            raise FileError(
+                f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
+                "stretch, stress_MPa, specimen, or '-' for a column to leave out"
+            )
+        headings.append(heading)
+    if not _suffice(headings):
+        raise FileError(
+            f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
+            "(displacement_mm, strain, stretch)"
+        )
+    return headings
 
 
-def _decimals(body: Sequence[TextRow], separator: str) -> str:
-    """Return the separator by which numbers are read (see `number`).
-
-    Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
-    thousands tells, where no cell has a dot.
-    """
-    cells = [cell for _, row in body for cell in row if cell]
-    if separator != "," or any("." in cell for cell in cells):
-        return separator
-    return ";" if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else separator
+def _count_numbers(grid: _Grid) -> int:
+    """Return how many rows of a sheet hold two numbers or more."""
+    return sum(
+        sum(bool(c) and number(c, grid.separator) is not None for c in cells) > 1
+        for _, cells in grid.rows
+    )
 
 
-_DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
-
-
-def _not_understood(text: str, option: str) -> str:
-    """Say which headings are not understood, and by which others the file can be read."""
-    found = _nearest(text)
+def _not_understood(grid: _Grid, option: str, by_position: list[Heading | None] | None) -> str:
+    if by_position is not None:
+        return f": no row with {len(by_position)} columns of numbers; check the columns"
+    found = _nearest(grid)
     if found is None:
         return (
             ": no row of headings with a load (force, load, stress) and a length (displacement, "
@@ -392,10 +1150,10 @@ def _not_understood(text: str, option: str) -> str:
     example = _example(headings, units)
     if not _suffice([parse_heading(name) for name in example.split(",")]):
         return f"{said}; export what is missing too"
-    return f"{said}; {_by_position(option, example)}"
+    return f"{said}; {_advice(option, example)}"
 
 
-def _by_position(option: str, example: str) -> str:
+def _advice(option: str, example: str) -> str:
     if not option:
         return f"head the columns {example}"
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
@@ -410,10 +1168,13 @@ _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "str
              "strain": "strain_"}  # fmt: skip
 
 
-def _example(headings: Sequence[Heading | None], units: Sequence[str]) -> str:
+def _example(
+    headings: Sequence[Heading | None], units: Sequence[str], *, twice: bool = False
+) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
-    Where units tell nothing, the first columns that are left stand for what is missing.
+    Where units tell nothing, the first columns that are left stand for what is missing. `twice`
+    keeps a quantity that comes again.
     """
     names: list[str] = []
     for heading, unit in zip(headings, units, strict=True):
@@ -424,11 +1185,12 @@ def _example(headings: Sequence[Heading | None], units: Sequence[str]) -> str:
             name = f"{name}_{unit}" if unit else _BARE.get(name, name)
         elif heading is not None:
             name = "specimen"
-        elif len(kinds) == 1:
+        elif len(kinds) == 1 and not twice:
             name = _EXAMPLES[next(iter(kinds))] + unit
         else:
             name = "-"
-        names.append("-" if name != "-" and _meaning_of(name) in map(_meaning_of, names) else name)
+        again = name != "-" and _meaning_of(name) in map(_meaning_of, names)
+        names.append("-" if again and not twice else name)
     for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
         if meanings.isdisjoint(map(_meaning_of, names)) and "-" in names:
             names[names.index("-")] = wanted
@@ -444,104 +1206,37 @@ def _meaning_of(name: str) -> str | None:
     return None if heading is None else heading.meaning
 
 
-def _nearest(text: str) -> tuple[int, list[str], list[Heading | None], list[str]] | None:
+def _nearest(grid: _Grid) -> tuple[int, list[str], list[Heading | None], list[str]] | None:
     """Return the row that comes nearest to one of headings: line, cells, headings and units.
 
-    The row above the first row of numbers, or above a row of units there; the separator is that
-    by which it has most cells.
+    The row above the first row of numbers, or above a row of units there.
     """
-    best: tuple[int, list[str], list[Heading | None], list[str]] | None = None
-    for separator in _SEPARATORS[:3]:
-        rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
-        for place, (_, cells) in enumerate(rows):
-            filled = [cell for cell in cells if cell]
-            numbers = sum(number(cell, separator) is not None for cell in filled)
-            # A specimen's name may stand beside them; a size in the head is one number alone.
-            if place and numbers > 1 and 2 * numbers >= len(filled):
-                break
-        else:
-            continue
-        has_units = place > 1 and _is_unit_row(rows[place - 1][1], separator)
-        line, names = rows[place - 1 - has_units]
-        headings = [parse_heading(cell) if cell else None for cell in names]
-        below = rows[place - 1][1] if has_units else []
-        units = [
-            unit if is_unit(unit := (h.unit or "") if h else _unit_at_end(n)) else
-            (below[i].strip("()[] ") if i < len(below) else "")
-            for i, (n, h) in enumerate(zip(names, headings, strict=True))
-        ]  # fmt: skip
-        if best is None or len(names) > len(best[1]):
-            best = line, names, headings, units
-    return best
+    rows = [(line, cells) for line, cells in grid.rows if any(cells)]
+    for place, (_, cells) in enumerate(rows):
+        filled = [cell for cell in cells if cell]
+        numbers = sum(number(cell, grid.separator) is not None for cell in filled)
+        # A specimen's name may stand beside them; a size in the head is one number alone.
+        if place and numbers > 1 and 2 * numbers >= len(filled):
+            break
+    else:
+        return None
+    has_units = place > 1 and all(
+        is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in rows[place - 1][1] if cell
+    )
+    line, names = rows[place - 1 - has_units]
+    headings = [parse_heading(cell) if cell else None for cell in names]
+    below = rows[place - 1][1] if has_units else []
+    units = [
+        unit if is_unit(unit := (h.unit or "") if h else _unit_at_end(n)) else
+        (below[i].strip("()[] ") if i < len(below) else "")
+        for i, (n, h) in enumerate(zip(names, headings, strict=True))
+    ]  # fmt: skip
+    return line, names, headings, units
 
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
     return name.rstrip(")] ").replace("_", " ").replace("(", " ").replace("[", " ").split(" ")[-1]
-
-
-def _layout_by_position(text: str, name: str, columns: Sequence[str]) -> _Layout:
-    headings: list[Heading | None] = []
-    for column in columns:
-        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
-        if heading is None and column.strip() not in ("", "-"):
-            raise FileError(
-                f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
-                "stretch, stress_MPa, specimen, or '-' for a column to leave out"
-            )
-        headings.append(heading)
-    if not _suffice(headings):
-        raise FileError(
-            f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
-            "(displacement_mm, strain, stretch)"
-        )
-    for separator in _SEPARATORS:
-        rows = split_rows(text, separator)
-        decimals = _decimals(rows, separator)
-        for place, (_, cells) in enumerate(rows):
-            filled = [number(c, decimals) for c in cells[: len(columns)]]
-            wanted = [v for v, h in zip(filled, headings, strict=False)
-                      if h is not None and h.meaning != "specimen"]  # fmt: skip
-            if len(filled) == len(columns) and None not in wanted:
-                return _Layout(decimals, headings, rows[:place], rows[place:])
-    raise FileError(f"{name}: no row with {len(columns)} columns of numbers; check the columns")
-
-
-def _is_unit_row(cells: list[str], separator: str) -> bool:
-    filled = [cell for cell in cells if cell]
-    return bool(filled) and all(
-        number(cell, separator) is None and (is_unit(cell.strip("()[]")) or cell[0] in "([")
-        for cell in filled
-    )
-
-
-def _with_units(headings: list[Heading | None], units: list[str]) -> list[Heading | None]:
-    padded = units + [""] * (len(headings) - len(units))
-    return [
-        h if h is None or h.unit is not None or not unit.strip("()[] ")
-        else Heading(h.text, h.meaning, unit.strip("()[] "))
-        for h, unit in zip(headings, padded, strict=False)
-    ]  # fmt: skip
-
-
-def _data_rows(layout: _Layout, wanted: set[int], where: str) -> tuple[list[TextRow], int | None]:
-    """Rows of the record, and the line of whatever follows it below a blank line."""
-    rows: list[TextRow] = []
-    blank = False
-    for line, cells in layout.body:
-        if not any(cells):
-            blank = bool(rows)
-            continue
-        if blank and number(cells[0], layout.separator) is None:
-            return rows, line
-        if len(cells) <= max(wanted):
-            raise FileError(
-                f"{where}, line {line}: {len(cells)} cells where the headings have "
-                f"{len(layout.headings)}; complete or remove the line"
-            )
-        blank = False
-        rows.append((line, cells))
-    return rows, None
 
 
 # ------------------------------------------------------------------------------------------------
