@@ -376,31 +376,42 @@ def characterise(
 
 
 def _print_records(records: "Sequence[ReadRecord]") -> None:
-    from planner.cli.output import format_number, print_table
+    """Say what was read; columns and places of sizes, alike in many records, by their number."""
+    from planner.cli.output import format_number, print_table, say
 
-    def size(value: float | None, where: str) -> str:
-        return "-" if value is None else f"{format_number(value, 4)} ({where})"
-
-    print_table(
-        ["file", "specimen", "material", "mode", "columns", "length mm", "section mm2", "rows",
-         "not used"],
-        [
+    columns: dict[str, int] = {}
+    places: dict[str, int] = {}
+    rows = []
+    for one in records:
+        unused = f"; not used: {', '.join(one.unused)}" if one.unused else ""
+        headed = columns.setdefault(", ".join(one.columns.values()) + unused, len(columns) + 1)
+        sizes = [
+            "-" if value is None
+            else f"{format_number(value, 4)} [{places.setdefault(where, len(places) + 1)}]"
+            for value, where in ((one.gauge_mm, one.gauge_from), (one.area_mm2, one.area_from))
+        ]  # fmt: skip
+        rows.append(
             [
                 f"{one.file}, {one.sheet}" if one.sheet else one.file,
                 one.specimen,
                 one.material,
-                one.mode,
-                "; ".join(one.columns.values()),
-                size(one.gauge_mm, one.gauge_from),
-                size(one.area_mm2, one.area_from),
+                f"left out: {one.left_out}" if one.left_out else one.mode,
+                f"({headed})",
+                *sizes,
                 str(one.rows),
-                f"all: {one.left_out}" if one.left_out else "; ".join(one.unused) or "-",
             ]
-            for one in records
-        ],
+        )
+    sizes = ["length mm", "section mm2", "rows"]
+    print_table(
+        ["file", "specimen", "material", "mode", "columns", *sizes],
+        rows,
         title="What was read",
-        right=["rows"],
-    )  # fmt: skip
+        right=sizes,
+    )
+    for text, number in columns.items():
+        say(f"({number}): {text}")
+    for text, number in places.items():
+        say(f"[{number}]: {text}")
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:

@@ -260,7 +260,7 @@ _SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
 _JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
 _SPACED = re.compile(r"(.+)\s(\S+)")
 _NUMBERED = re.compile(
-    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:{_SPECIMEN}\s*)?[A-Za-z]{{0,3}}-?\d+)|(?P<number>\d+))",
+    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:{_SPECIMEN}\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|(?P<number>\d+))",
     re.IGNORECASE,
 )
 _TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)

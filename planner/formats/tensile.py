@@ -35,7 +35,6 @@ from planner.formats.tables import (
     number,
     quantities_of,
     read_rows,
-    read_text,
     split_rows,
     unit_factor,
 )
@@ -262,7 +261,9 @@ def _best_grid(
         found = _blocks(grid, by_position)
         if any(block.rows for block in found):
             return grid, [block for block in found if block.rows]
-        if found:
+        if found and separator.strip() and not text:
+            return grid, []
+        if found and separator.strip():
             raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
         tried.append(grid)
     tried = tried or [_Grid(where, sheet, ";", split_rows(text, ";"))]
@@ -270,18 +271,32 @@ def _best_grid(
 
 
 def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
-    """Put words between blanks together to headings: "Time Axial Force" are two."""
+    """Put words between blanks together to headings: "Time Axial Force" are two.
+
+    As few words as make a heading, or as many, whichever gives as many as there are columns below.
+    """
     found: list[TextRow] = []
-    for line, words in rows:
-        cells: list[str] = []
-        at = 0
-        while at < len(words):
-            ends = range(min(len(words), at + 5), at + 1, -1) if words[at][:1].isalpha() else ()
-            end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
-            cells.append(" ".join(words[at:end]))
-            at = end
-        found.append((line, cells))
+    for place, (line, words) in enumerate(rows):
+        below = next((len(cells) for _, cells in rows[place + 1 :] if any(cells)), 0)
+        choices = [words] if len(words) == below or len(words) > _MOST_WORDS else [
+            _headings_of(words, step) for step in (1, -1)
+        ]  # fmt: skip
+        found.append((line, next((c for c in choices if len(c) == below), words)))
     return found
+
+
+_MOST_WORDS = 60
+
+
+def _headings_of(words: Sequence[str], step: int) -> list[str]:
+    cells: list[str] = []
+    at = 0
+    while at < len(words):
+        ends = range(at + 1, min(len(words), at + 5) + 1)[::step]
+        end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
+        cells.append(" ".join(words[at:end]))
+        at = end
+    return cells
 
 
 def _decimals(rows: Sequence[TextRow], separator: str) -> str:
@@ -417,8 +432,9 @@ def _pieces(
         groups = _groups(grid, block, headings)
         marked = _marked(grid, block)
         for name, places in groups:
-            label = name if len(groups) > 1 else ""
-            label = f"{marked} {label}" if marked and label and marked != label else label or marked
+            label = name if len(groups) > 1 else marked
+            if len(groups) > 1 and len(blocks) > 1 and marked:
+                label = f"{marked} {name}"
             found += _split(grid, block, headings, places, label, told, by_position, option)
     rows: dict[int, int] = {}
     for piece in found:
@@ -448,33 +464,34 @@ def _groups(
             names[i] = last
         choices.append(names)
     choices.append({i: headings[i].tag for i in known})  # type: ignore[union-attr]
+    loads = {i for i in known if headings[i].meaning in _LOADS}  # type: ignore[union-attr]
     for names in choices:
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[i], []).append(i)
-        shared = [] if "" not in by_name or len(by_name) < 3 else by_name.pop("")
-        whole = [
-            (name, sorted([*shared, *places]))
-            for name, places in by_name.items()
-            if name and _suffice(headings[i] for i in [*shared, *places])
-        ]
-        if len(whole) > 1 and len(whole) == len(by_name):
-            return [(" ".join(name.split()), places) for name, places in whole]
+        nameless = by_name.get("", [])
+        shared = [] if _suffice(headings[i] for i in nameless) else by_name.pop("", [])
+        if len(by_name) > 1 and all(
+            _suffice(headings[i] for i in [*shared, *places]) for places in by_name.values()
+        ):
+            return [
+                (" ".join(name.split()) if "" not in by_name else str(n), sorted(shared + places))
+                for n, (name, places) in enumerate(by_name.items(), start=1)
+            ]
     walked: list[list[int]] = [[]]
     for i in known:
-        heading = headings[i]
-        again = any(_same(heading, headings[j]) for j in walked[-1])
+        again = any(_same(headings[i], headings[j]) for j in walked[-1])
         if again and _suffice(headings[j] for j in walked[-1]):
             walked.append([])
         walked[-1].append(i)
-    whole_groups = [places for places in walked if _suffice(headings[i] for i in places)]
-    if len(whole_groups) < 2:
+    whole = [places for places in walked if _suffice(headings[i] for i in places)]
+    if len(whole) < 2 or not loads <= {i for places in whole for i in places}:
         return [("", known)]
-    time = next((i for i in whole_groups[0] if _is(headings[i], "time")), None)
+    time = next((i for i in whole[0] if _is(headings[i], "time")), None)
     return [
         (str(n), places if time is None or any(_is(headings[i], "time") for i in places)
          else [time, *places])
-        for n, places in enumerate(whole_groups, start=1)
+        for n, places in enumerate(whole, start=1)
     ]  # fmt: skip
 
 
@@ -553,6 +570,8 @@ def _split(
         and any(i < len(rows[r][1]) and rows[r][1][i] for r in lined[:1])
     ]  # fmt: skip
     named = next((i for i in places if _is(headings[i], "specimen")), None)
+    if named is not None and len({*_column(grid, lined, named)}) == len(lined) >= _FEWEST_ROWS:
+        named = None  # it counts rows
     groups: dict[str, list[int]] = {}
     last = ""
     for at, r in enumerate(lined):
@@ -567,7 +586,7 @@ def _split(
             {column: array[at] for column, array in values.items()},
             by_name,
             [lines[n] for n in at],
-            tuple(c for c in unused if not _is(parse_heading(c), "specimen")),
+            tuple(c for c in unused if not _is(parse_heading(c), "specimen") and not size_of(c)[0]),
             (*told, *notes),
             bool(name),
         )
@@ -623,6 +642,8 @@ def _used_columns(
         heading = headings[i]
         if heading is None or heading.meaning == "specimen":
             continue
+        if heading.meaning == "time" and _CLOCK.fullmatch(_cell(grid.rows[lined[0]][1], i)):
+            heading = replace(heading, unit="s")
         try:
             column = column_of(heading, where=where)
         except FileError as error:
@@ -776,6 +797,8 @@ def _tables(
                 "a name of its own"
             )
         metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
+        if name:
+            metadata.pop("specimen", None)
         ends = [m.heading for m in piece.used.values() if m.heading.meaning in _LOADS | _LENGTHS]
         if any(h.compressed for h in ends):
             metadata.setdefault("mode", "compression")
@@ -845,7 +868,7 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> list[_Said]:
     for piece in pieces:
         if piece.grid is grid:
             width = 1 + max(i for i, h in enumerate(piece.block.headings) if h is not None)
-            for row in (piece.block.place, *piece.block.rows):
+            for row in piece.block.rows:
                 data[row] = max(width, data.get(row, 0))
     found: list[_Said] = []
     for row, (_, cells) in enumerate(grid.rows):
@@ -933,7 +956,7 @@ def _figures_below(
     heads = grid.rows[row][1]
     named = next((i for i, c in enumerate(heads) if c and head_text(c) == "specimen"), 0)
     figures: list[tuple[str, float]] = []
-    for _, cells in grid.rows[row + 1 : row + 1 + _BESIDE]:
+    for _, cells in grid.rows[row + 1 :]:
         cell = _cell(cells, at)
         value = None if not cell else split_value(cell, grid.separator)
         if value is None:
@@ -949,7 +972,9 @@ def _figures_below(
         label = _cell(cells, named) if named != at else ""
         if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
             break
-        figures.append((label, value[0]))
+        label = label or (figures[-1][0] if figures else "")
+        if (label, value[0]) not in figures[-1:]:
+            figures.append((label, value[0]))
         unit = unit or value[1]
     return figures, unit
 
@@ -1034,9 +1059,9 @@ def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | N
     if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
         return one.values[0][1]
     plain = _plain_name(name)
-    named = [value for label, value in one.values if plain and _plain_name(label) == plain]
+    named = {value for label, value in one.values if plain and _plain_name(label) == plain}
     if len(named) == 1:
-        return named[0]
+        return next(iter(named))
     if len(one.values) == count:
         return one.values[place][1]
     values = {value for _, value in one.values}
@@ -1426,7 +1451,10 @@ class ListedSpecimen(SpecimenConditions):
 
 def is_specimens_file(path: str | Path) -> bool:
     """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
-    first = read_text(Path(path)).lstrip("\n").splitlines()[0]
+    data = read_file(path, advice="give the path of a file of tests")
+    if is_workbook(data):
+        return False
+    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
     return any(
         "specimen" in cells and not _MADE_OF.isdisjoint(cells)
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")

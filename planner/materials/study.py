@@ -816,11 +816,16 @@ def _named(found: Sequence[_Record]) -> dict[str, _Record]:
     FileError
         Two of one name all the same.
     """
+    paths = {record.path for record in found}
+    stems, files = [p.stem for p in paths], [p.name for p in paths]
     names = [r.row.specimen if r.row else _specimen_name(r.path, r.table) for r in found]
     records: dict[str, _Record] = {}
     for name, record in zip(names, found, strict=True):
-        if names.count(name) > 1 and record.row is None and record.table.specimen == name:
-            name = f"{record.path.stem} {name}"
+        if names.count(name) > 1 and record.row is None:
+            file = record.path.stem
+            if stems.count(file) > 1 and files.count(record.path.name) == 1:
+                file = record.path.name
+            name = f"{file} {name}" if record.table.specimen == name else file
         if name in records:
             raise FileError(
                 f"{record.path.name}: specimen {name!r} was read from {records[name].path.name} "
