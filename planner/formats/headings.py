@@ -3,9 +3,11 @@
 import functools
 import math
 import re
+import tomllib
 import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 from planner.errors import FileError
@@ -27,206 +29,8 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# The terms. A line a language (English, German, French, Spanish, Italian, Japanese, Chinese), as
-# Zwick testXpert, Instron Bluehill, Shimadzu Trapezium, MTS TestSuite and others write them.
-# Accents and case do not matter, nor do the qualifiers below.
+# The terms are data, in terms.toml; here stand the words and signs around them.
 
-
-_TERMS = {
-    "time": """
-        time, elapsed time, test time, total time, running time, timestamp
-        zeit, prüfzeit, pruefzeit, testzeit, versuchszeit, messzeit, zeitstempel
-        temps, temps écoulé, temps d'essai, durée
-        tiempo, tiempo transcurrido, tiempo de ensayo
-        tempo, tempo trascorso, tempo di prova
-        時間, 経過時間, 試験時間
-        时间, 试验时间, 测试时间""",
-    "force": """
-        force, load, axial load cell, load cell force, load cell reading
-        kraft, last, prüfkraft, pruefkraft, kraftaufnehmer
-        charge, effort
-        carga, fuerza
-        carico, forza
-        試験力, 荷重, 力, 試験荷重
-        力, 试验力, 负荷, 载荷, 荷重, 拉力, 力值, 荷载""",
-    "displacement": """
-        displacement, disp, extension, travel, crosshead, stroke, distance, deflection,
-        crosshead displacement, crosshead extension, crosshead travel, crosshead stroke,
-        machine extension, actuator displacement, actuator travel, ram travel
-        weg, prüfweg, traversenweg, maschinenweg, kolbenweg, verschiebung, verlängerung,
-        verlaengerung, längenänderung, laengenaenderung, standardwegaufnehmer, wegaufnehmer, hub
-        déplacement, déplacement traverse, déplacement de la traverse, course
-        extensión, desplazamiento, desplazamiento del cabezal, desplazamiento de la cruceta,
-        desplazamiento del travesaño, carrera, recorrido
-        estensione, spostamento, spostamento traversa, spostamento della traversa, corsa
-        ストローク, 変位, クロスヘッド変位, クロスヘッド移動量, 移動量
-        位移, 行程, 横梁位移, 夹头位移, 十字头位移""",
-    "position": """
-        position, crosshead position, absolute crosshead travel, crosshead absolute,
-        crosshead travel absolute, grip to grip separation, grip separation,
-        crosshead separation
-        traversenposition, traversenweg absolut, traverse abs, traverse absolut, werkzeugabstand
-        position traverse, position de la traverse, traverse absolue, course traverse absolue,
-        écartement entre outils
-        posición, posición del cabezal
-        posizione, posizione traversa
-        位置, クロスヘッド位置
-        横梁位置""",
-    "elongation": """
-        elongation, deformation, deform, extensometer, ext, lvdt, extensometer travel,
-        extensometer extension, clip gauge
-        dehnung, verformung, längung, dehnungsaufnehmer
-        allongement, élongation, déformation, extensomètre
-        alargamiento, elongación, deformación, extensómetro
-        allungamento, deformazione, estensometro
-        伸び, 変形量, 伸び計, 変形, 伸度
-        伸长, 伸长量, 变形, 变形量, 引伸计""",
-    "strain": """
-        strain, ε, stroke strain, e11, exx, eyy, percentage strain, percent strain
-        feindehnung
-        déformation relative
-        deformación unitaria
-        deformazione unitaria
-        ひずみ, 歪み, 歪, 伸び率, ストロークひずみ
-        应变, 伸长率, 延伸率, 变形率""",
-    "stress": """
-        stress, σ, sigma
-        spannung
-        contrainte
-        esfuerzo, tensión
-        sforzo, tensione, sollecitazione
-        応力
-        应力, 强度""",
-    "stretch": """
-        stretch, stretch ratio, lambda, λ""",
-    "true strain": """
-        true strain
-        wahre dehnung
-        déformation vraie
-        deformación verdadera, deformación real
-        deformazione vera
-        真ひずみ
-        真应变, 真实应变""",
-    "true stress": """
-        true stress
-        wahre spannung
-        contrainte vraie
-        esfuerzo verdadero, esfuerzo real
-        tensione vera, sforzo vero
-        真応力
-        真应力, 真实应力""",
-    "specimen": """
-        specimen, specimen id, specimen no, specimen number, specimen name, specimen label,
-        specimen designation, sample, sample id, sample name, sample no
-        probe, probekörper, prüfling, probennummer, probenname, proben-nr, proben nr
-        éprouvette, échantillon, n° éprouvette, désignation éprouvette
-        probeta, muestra
-        provino, campione
-        試験片, 試験片名, 試料, 試料名
-        试样, 试样编号, 试样号, 试样名称, 样品, 样品编号, 试件""",
-}
-"""Of a column. `position` counts from anywhere; `elongation` is a length or a strain, by its unit:
-languages name both alike."""
-
-_SIZES = {
-    "width_mm": """
-        width, b0
-        breite, probenbreite
-        largeur
-        anchura, ancho
-        larghezza
-        幅, 試験片幅
-        宽度, 宽, 试样宽度""",
-    "thickness_mm": """
-        thickness, a0
-        dicke, probendicke
-        épaisseur
-        espesor, grosor
-        spessore
-        厚さ, 厚み, 試験片厚さ
-        厚度, 厚, 试样厚度""",
-    "diameter_mm": """
-        diameter, d0
-        durchmesser, probendurchmesser
-        diamètre
-        diámetro
-        diametro
-        直径
-        直径, 试样直径""",
-    "area_mm2": """
-        area, cross section, cross-section, cross sectional area, cross-sectional area,
-        result crosssection, s0, initial area, section area
-        querschnitt, querschnittsfläche, probenquerschnitt, anfangsquerschnitt
-        section, section initiale, surface
-        área, sección, sección transversal
-        area della sezione, sezione, sezione iniziale
-        断面積
-        面积, 横截面积, 截面积, 原始横截面积""",
-    "gauge_mm": """
-        gauge length, gage length, gauge, l0, l0 sw, initial length, initial gauge length,
-        extensometer gauge length, extensometer gage length, gage length standard travel
-        messlänge, anfangsmesslänge, messlaenge, standardweg ab
-        longueur initiale, longueur de référence, longueur utile, base de mesure
-        longitud inicial, longitud de referencia, longitud calibrada, longitud de medida
-        lunghezza iniziale, lunghezza di riferimento, lunghezza utile, tratto utile
-        標点距離, 標点間距離, ゲージ長
-        标距, 原始标距, 标距长度, 试样标距""",
-    "length_mm": """
-        length
-        länge, probenlänge
-        longueur
-        longitud
-        lunghezza
-        長さ
-        长度, 平行长度""",
-    "grip_mm": """
-        grip separation, grip to grip separation, grip distance, initial grip separation,
-        grip to grip separation at the start position, clamping length
-        einspannlänge, werkzeugabstand, klemmlänge
-        distance entre mors, écartement entre outils
-        distancia entre mordazas
-        distanza tra le pinze, distanza tra gli afferraggi
-        つかみ具間距離, チャック間距離
-        夹具间距, 夹距""",
-}
-"""Of the specimen, outside the columns. Of the last three the first that is there is the length
-that travel is divided by."""
-
-_TEXTS = {
-    "material": """material, werkstoff, matériau, materiale, 材料, 材質, material name, specimen
-        material, 材料名称""",
-    "specimen": """
-        specimen label, specimen name, specimen id, specimen designation, sample name, sample id,
-        name, probenbezeichnung, probenname, probenkennung, nom de l'éprouvette,
-        désignation éprouvette, nombre de la probeta, nome del provino, 試験片名, 名前, 試験片番号,
-        试样编号, 试样名称, 试样号, specimen number, specimen no, sample no, specimen, sample,
-        specimen identifier""",
-    "mode": """
-        test type, type of test, test mode, loading mode, versuchsart, prüfart, type d'essai,
-        tipo de ensayo, tipo di prova, 試験種類, 試験モード, 试验类型""",
-}
-
-_SPEEDS = """
-    speed, rate, crosshead speed, test speed, testing speed, crosshead rate
-    geschwindigkeit, prüfgeschwindigkeit, pruefgeschwindigkeit, traversengeschwindigkeit
-    vitesse, vitesse d'essai, vitesse de la traverse
-    velocidad, velocidad de ensayo, velocidad del cabezal
-    velocità, velocità di prova, velocità della traversa
-    試験速度, 速度
-    试验速度, 拉伸速度"""
-"""Of the crosshead during the test; that of a preload has another name."""
-
-_MODES = {
-    "tension": """tension, tensile, uniaxial, uniaxial tension, pulled, ut, zug, zugversuch,
-        traction, tracción, trazione, 引張, 拉伸, tensile test""",
-    "compression": """compression, compressive, compressed, uniaxial compression, pushed, uc,
-        druck, druckversuch, compresión, compressione, 圧縮, 压缩, compression test""",
-    "planar": """planar, planar tension, pure shear, ps, reiner schub, cisaillement pur,
-        平面拉伸, 純せん断""",
-    "equibiaxial": """equibiaxial, equi-biaxial, equibiaxial tension, equal biaxial,
-        equibiaxial extension, et, eb, äquibiaxial, équibiaxial, équibiaxiale, 等二軸, 等双轴""",
-}
-"""How a specimen was loaded."""
 
 _SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
 _SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
@@ -282,20 +86,18 @@ def _folded(text: str) -> str:
     return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-def _meanings(table: Mapping[str, str]) -> Mapping[str, str]:
-    return {
+_TERMS = tomllib.loads(Path(__file__).with_name("terms.toml").read_text(encoding="utf-8"))
+_MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
+    {
         _folded(term): meaning
-        for meaning, terms in table.items()
+        for meaning, terms in _TERMS[table].items()
         for term in re.split(r",|\n", terms)
         if term.strip()
     }
-
-
-_MEANING, _SIZE, _TEXT = _meanings(_TERMS), _meanings(_SIZES), _meanings(_TEXTS)
-_MODE = _meanings(_MODES)
-MODES = tuple(_MODES)
+    for table in ("columns", "sizes", "texts", "speeds", "modes")
+)
+MODES = tuple(_TERMS["modes"])
 """The ways of loading that are told apart."""
-_SPEED = frozenset(_meanings({"speed": _SPEEDS}))
 
 
 def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
@@ -534,7 +336,8 @@ def head_text(cell: str) -> str | None:
 
 def mode_of(text: str) -> str | None:
     """Return how a specimen was loaded, as its words tell: a key of `_MODES`, or None."""
-    return _MODE.get(_folded(text))
+    mode: str | None = _MODE.get(_folded(text))
+    return mode
 
 
 def marked_specimen(cell: str) -> str | None:

@@ -429,7 +429,7 @@ def _pieces(
     for block in blocks:
         units = _mark10_units(grid.rows[: block.place], where=grid.where)
         headings, told = _with_mark10_units(block.headings, units, grid.where)
-        groups = _groups(grid, block, headings)
+        groups = _groups(grid, block, headings, by_position)
         marked = _marked(grid, block)
         for name, places in groups:
             label = name if len(groups) > 1 else marked
@@ -447,7 +447,7 @@ def _pieces(
 
 
 def _groups(
-    grid: _Grid, block: _Block, headings: Sequence[Heading | None]
+    grid: _Grid, block: _Block, headings: Sequence[Heading | None], by_position: bool
 ) -> list[tuple[str, list[int]]]:
     """Return the columns of each record that stands in a block, with its name.
 
@@ -464,13 +464,16 @@ def _groups(
             names[i] = last
         choices.append(names)
     choices.append({i: headings[i].tag for i in known})  # type: ignore[union-attr]
-    loads = {i for i in known if headings[i].meaning in _LOADS}  # type: ignore[union-attr]
     for names in choices:
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[i], []).append(i)
         nameless = by_name.get("", [])
         shared = [] if _suffice(headings[i] for i in nameless) else by_name.pop("", [])
+        if any(
+            len(name) < 2 and not _suffice(headings[i] for i in at) for name, at in by_name.items()
+        ):
+            continue  # "Force 1" and "Force 2" may be load cells
         if len(by_name) > 1 and all(
             _suffice(headings[i] for i in [*shared, *places]) for places in by_name.values()
         ):
@@ -484,15 +487,17 @@ def _groups(
         if again and _suffice(headings[j] for j in walked[-1]):
             walked.append([])
         walked[-1].append(i)
-    whole = [places for places in walked if _suffice(headings[i] for i in places)]
-    if len(whole) < 2 or not loads <= {i for places in whole for i in places}:
-        return [("", known)]
-    time = next((i for i in whole[0] if _is(headings[i], "time")), None)
-    return [
-        (str(n), places if time is None or any(_is(headings[i], "time") for i in places)
-         else [time, *places])
-        for n, places in enumerate(whole, start=1)
+    # What comes once, as time does, belongs to all; a length too where a person headed the columns.
+    kinds = {"time"} | (_LENGTHS if by_position else set())
+    once = [i for i in walked[0] if headings[i].meaning in kinds]  # type: ignore[union-attr]
+    whole = [walked[0]] + [
+        places if all(any(_same(headings[i], headings[j]) for j in places) for i in once)
+        else [*once, *places]
+        for places in walked[1:]
     ]  # fmt: skip
+    if len(whole) < 2 or not all(_suffice(headings[i] for i in places) for places in whole):
+        return [("", known)]
+    return [(str(n), places) for n, places in enumerate(whole, start=1)]
 
 
 def _is(heading: Heading | None, meaning: str) -> bool:

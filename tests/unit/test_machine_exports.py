@@ -222,7 +222,8 @@ WORDS = {
     "force": ["Force (N)", "Kraft [N]", "Standard force\nN", "Charge (N)", "Carga [N]", "試験力(N)",
               "力(N)", "C_1_Force[N]", "Load N", "Axial Force (N)", "force_N"],
     "travel": ["Extension (mm)", "Weg [mm]", "Course (mm)", "位移(mm)", "ストローク(mm)",
-               "LVDT [mm]", "Crosshead (mm)", "displacement_mm", "Strain (Ext 1) [mm]", "Spostamento [mm]"],
+               "LVDT [mm]", "Crosshead (mm)", "displacement_mm", "Strain (Ext 1) [mm]",
+               "Spostamento [mm]"],
     "time": ["Time (s)", "Zeit [s]", "Temps (s)", "时间(s)", "", "時間(sec)"],
     "other": ["", "Index", "Temperatur [°C]", "Remark", "Width change (mm)"],
 }  # fmt: skip
