@@ -86,7 +86,9 @@ def _folded(text: str) -> str:
     return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-_TERMS = tomllib.loads(Path(__file__).with_name("terms.toml").read_text(encoding="utf-8"))
+_TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
+    Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
+)
 _MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
     {
         _folded(term): meaning
@@ -335,9 +337,8 @@ def head_text(cell: str) -> str | None:
 
 
 def mode_of(text: str) -> str | None:
-    """Return how a specimen was loaded, as its words tell: a key of `_MODES`, or None."""
-    mode: str | None = _MODE.get(_folded(text))
-    return mode
+    """Return how a specimen was loaded, as its words tell: one of `MODES`, or None."""
+    return _MODE.get(_folded(text))
 
 
 def marked_specimen(cell: str) -> str | None:

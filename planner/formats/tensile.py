@@ -167,6 +167,7 @@ class _Piece:
     unused: tuple[str, ...]
     notes: tuple[str, ...]
     in_column: bool
+    texts: Mapping[str, str]
 
 
 def read_tensile(
@@ -267,7 +268,11 @@ def _best_grid(
             raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
         tried.append(grid)
     tried = tried or [_Grid(where, sheet, ";", split_rows(text, ";"))]
-    return max(tried, key=lambda grid: len((_nearest(grid) or (0, []))[1])), []
+    widths = [len((_nearest(grid) or (0, []))[1]) for grid in tried]
+    by_words = [
+        n if grid.separator.strip() and n > 1 else 0 for n, grid in zip(widths, tried, strict=True)
+    ]
+    return tried[int(np.argmax(by_words if any(by_words) else widths))], []
 
 
 def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
@@ -401,21 +406,38 @@ def _numbers_below(
     while at < len(rows):
         cells = rows[at][1]
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
-        figures = sum(number(cell, grid.separator) is not None for cell in filled)
+        words = [cell for cell in filled if number(cell, grid.separator) is None]
         if not any(cells):
             gap = True
-        elif figures == 0:
+        elif len(words) == len(filled):
             if found or not headed or _headings(cells) is not None:
                 return found, at if found or headed else at + 1
-        elif not found and figures < (2 if headed else len(wanted)):
+        elif not found and len(filled) - len(words) < (2 if headed else len(wanted)):
             return found, at + 1
-        elif gap and figures < len(filled) and figures < 2:
+        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, at):
             return found, at
         else:
             found.append(at)
             gap = False
         at += 1
     return found, at
+
+
+_WORD = re.compile(r"[^\W\d_]{3}")
+
+
+def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
+    """Say whether a row of numbers and words begins what follows a record, as a table of results.
+
+    No row of numbers alone comes before the next one of words alone.
+    """
+    for _, cells in grid.rows[at + 1 :]:
+        numbers = [number(_cell(cells, i), grid.separator) is not None for i in wanted]
+        if all(numbers):
+            return False
+        if any(cells) and not any(numbers):
+            return True
+    return True
 
 
 # ------------------------------------------------------------------------------------------------
@@ -514,7 +536,7 @@ def _same(one: Heading | None, other: Heading | None) -> bool:
 def _marked(grid: _Grid, block: _Block) -> str:
     """Return the specimen that is named above a block and below the one before, or ""."""
     found = ""
-    for _, cells in grid.rows[block.start : block.place]:
+    for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if not filled:
             continue
@@ -582,6 +604,11 @@ def _split(
     for at, r in enumerate(lined):
         last = last if named is None else (_cell(rows[r][1], named) or last)
         groups.setdefault(last, []).append(at)
+    texts = {
+        i: what
+        for i, cell in enumerate(rows[block.place][1])
+        if cell and (what := head_text(cell)) in ("material", "mode")
+    }
     by_name = {m.name: m for m in used.values() if m.name in values or m.name == "stretch"}
     return [
         _Piece(
@@ -594,6 +621,7 @@ def _split(
             tuple(c for c in unused if not _is(parse_heading(c), "specimen") and not size_of(c)[0]),
             (*told, *notes),
             bool(name),
+            {what: _cell(rows[lined[at[0]]][1], i) for i, what in texts.items()},
         )
         for name, at in groups.items()
     ]
@@ -635,11 +663,20 @@ def _used_columns(
     """
     where, notes = grid.where, list[str]()
     found: dict[int, HeadedColumn] = {}
+    cells = {i: _column(grid, lined, i) for i in places}
+    places = [i for i in places if any(cells[i])]
+    full = [headings[i] for i in places if "" not in cells[i]]
+    if _suffice(full):
+        notes += [
+            f"{where}: column {h.text!r} has empty cells; it is left out"
+            for i in places
+            if (h := headings[i]) is not None and h not in full and h.meaning != "specimen"
+        ]
+        places = [i for i in places if headings[i] in full or _is(headings[i], "specimen")]
 
     def rank(i: int) -> tuple[bool, bool, bool]:
         heading = headings[i]
-        cells = _column(grid, lined, i)
-        poor = len(set(cells)) < 2 or not all(cells)
+        poor = len(set(cells[i])) < 2
         measured = heading is not None and heading.meaning in ("elongation", "strain")
         return poor, _is(heading, "position"), not measured
 
@@ -647,7 +684,7 @@ def _used_columns(
         heading = headings[i]
         if heading is None or heading.meaning == "specimen":
             continue
-        if heading.meaning == "time" and _CLOCK.fullmatch(_cell(grid.rows[lined[0]][1], i)):
+        if heading.meaning == "time" and _CLOCK.fullmatch(cells[i][0] or ""):
             heading = replace(heading, unit="s")
         try:
             column = column_of(heading, where=where)
@@ -804,6 +841,7 @@ def _tables(
         metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
         if name:
             metadata.pop("specimen", None)
+        metadata |= piece.texts
         ends = [m.heading for m in piece.used.values() if m.heading.meaning in _LOADS | _LENGTHS]
         if any(h.compressed for h in ends):
             metadata.setdefault("mode", "compression")
@@ -1461,7 +1499,7 @@ def is_specimens_file(path: str | Path) -> bool:
         return False
     first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
     return any(
-        "specimen" in cells and not _MADE_OF.isdisjoint(cells)
+        "specimen" in cells and not _MADE_OF.isdisjoint(cells) and _headings(cells) is None
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
     )
 

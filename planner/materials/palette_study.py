@@ -126,6 +126,7 @@ class Characterisation:
             "schema": 1,
             "records": [
                 {one.name: getattr(record, one.name) for one in fields(record)}
+                | {"columns": dict(record.columns)}
                 for record in self.records
             ],
             "materials": [_characteristics_document(m) for m in self.materials],

@@ -508,19 +508,8 @@ def _cross_check(
 
 
 _SPECIMENS = "specimens.csv"
-_SUFFIXES = (
-    ".csv",
-    ".txt",
-    ".log",
-    ".tsv",
-    ".dat",
-    ".asc",
-    ".tra",
-    ".xlsx",
-    ".xlsm",
-    ".xls",
-    ".ods",
-)
+_SUFFIXES = (".csv", ".txt", ".log", ".tsv", ".dat", ".asc", ".tra", ".lvm",
+             ".xlsx", ".xlsm", ".xls", ".ods")  # fmt: skip
 _NO_RECORDS = {"fields.csv", "materials.csv"}
 """Strains along bars beside the curves of a campaign, and what planner itself writes."""
 
@@ -796,16 +785,18 @@ def _said_mode(record: _Record, given: str | None) -> str:
     row = record.row
     if given is not None and mode_of(given) is None:
         raise ArgumentError(f"mode is {given!r}; it must be one of {', '.join(MODES)}")
-    said = ""
+    said, where = str(record.table.metadata.get("mode", "")), record.table.file
     if row is not None:
         columns = [v for k, v in row.covariates.items() if k.casefold() == "mode"]
-        said = next(filter(None, (*columns, row.mode)), "")
-        if said and mode_of(said) is None:
-            raise FileError(
-                f"{_SPECIMENS}, specimen {row.specimen}: mode is {said!r}; it must be one of "
-                f"{', '.join(MODES)}, or empty"
-            )
-    return mode_of(said or given or str(record.table.metadata.get("mode", ""))) or ""
+        of_row = next(filter(None, (*columns, row.mode)), "")
+        said, where = of_row or given or said, _SPECIMENS if of_row else where
+    said = said if row is not None else given or said
+    if said and mode_of(said) is None:
+        raise FileError(
+            f"{where}, specimen {row.specimen if row else record.table.specimen}: mode is "
+            f"{said!r}; it must be one of {', '.join(MODES)}, or empty"
+        )
+    return mode_of(said) or ""
 
 
 def _named(found: Sequence[_Record]) -> dict[str, _Record]:
