@@ -19,7 +19,7 @@ __all__ = [
     "Heading",
     "column_of",
     "head_text",
-    "is_speed",
+    "is_of_crosshead",
     "marked_specimen",
     "mode_of",
     "parse_heading",
@@ -41,7 +41,7 @@ _BEFORE = re.compile(
 )
 _BEHIND = re.compile(
     r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|ingegneristica|"
-    r"absolute?|eprouvette|specimen|probe|provino|probeta|"
+    r"absolute?|eprouvette|specimen|probe|provino|probeta|from preload|ab vorkraft|"
     r"(?:de|en|a|por|di|in) (?:traction|traccion|tension|trazione|compression|compresion|"
     r"compressione))$"
 )
@@ -72,8 +72,9 @@ _SYMBOL = re.compile(r"(.+) [abdhls]\s?[0o]")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
 
 _MARK = re.compile(
-    rf"{_SPECIMEN}\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*"
-    r"(?:[.:#=_-]+\s*(?P<said>.{1,60})|(?P<number>[\w.-]*\d[\w.-]*))",
+    rf"[#*%\s]*(?:{_SPECIMEN}|(?P<test>test|prüfung|versuch|essai|ensayo|prova))"
+    r"\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*(?:(?(test)[.#]|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    r"(?P<number>[\w.-]*\d[\w.-]*))",
     re.IGNORECASE,
 )
 
@@ -186,8 +187,10 @@ def parse_heading(text: str) -> Heading | None:
     if len(text) > LONGEST_HEADING:
         return None
     plain = " ".join(unicodedata.normalize("NFKC", text).split())
-    brackets = _BRACKET.findall(plain)
-    name = " ".join(_BRACKET.sub(" ", plain).split()) or plain
+    brackets, name = list[str](), plain
+    while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
+        brackets, name = inner + brackets, _BRACKET.sub(" ", name)
+    name = " ".join(name.split()) or plain
     found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
     if found is None:
         return None
@@ -286,11 +289,11 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     if len(cell) > LONGEST_HEADING:
         return
     plain = " ".join(unicodedata.normalize("NFKC", cell).split()).rstrip(" :=")
-    unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b) or "/" in b), "")
+    unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
     for pattern in () if unit else (_SUFFIXED, _JOINED, _SPACED):
         match = pattern.fullmatch(name)
-        if match and (is_unit(match[2]) or _is_area(match[2])) and not match[2].isdigit():
+        if match and is_unit(match[2]) and not match[2].isdigit():
             name, unit = match[1], match[2]
             break
     yield name, unit
@@ -305,27 +308,29 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
             yield part, unit
 
 
-def _is_area(unit: str) -> bool:
-    return unicodedata.normalize("NFKC", unit).replace("^", "")[:-1] in ("mm", "cm", "in", "m")
-
-
 def size_of(cell: str) -> tuple[str | None, str]:
-    """Return the size that a cell beside the columns names, as width_mm, and its unit or ""."""
+    """Return the size that a cell beside the columns names, and its unit or "".
+
+    A size as width_mm, or rate_mm_s, the crosshead's speed.
+    """
     unit = ""
     for name, unit in _names(cell):
-        if (size := _looked_up(name, _SIZE)) is not None:
+        numbered = _NUMBERED.fullmatch(_folded(name))
+        speed = _SPEED.get(_folded(name)) or _SPEED.get(numbered[1] if numbered else "")
+        if (size := _looked_up(name, _SIZE) or speed) is not None:
             return size, unit
     return None, unit
 
 
-def is_speed(cell: str) -> tuple[bool, str]:
-    """Say whether a cell of the head names the crosshead's speed, and give its unit or ""."""
-    unit = ""
-    for name, unit in _names(cell):
-        numbered = _NUMBERED.fullmatch(_folded(name))
-        if _folded(name) in _SPEED or (numbered is not None and numbered[1] in _SPEED):
-            return True, unit
-    return False, unit
+def is_of_crosshead(heading: str) -> bool:
+    """Say whether a column is the machine's own way, which a nearer sensor's goes before."""
+    return _CROSSHEAD.search(_folded(heading)) is not None
+
+
+_CROSSHEAD = re.compile(
+    r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
+    r"クロスヘット|横梁|夹头|十字头"
+)
 
 
 def head_text(cell: str) -> str | None:

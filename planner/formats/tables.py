@@ -332,12 +332,15 @@ _FOLDED = {
     }
     for quantity, units in QUANTITY_UNITS.items()
 }
+_LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
+_FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
+_FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
 
 
 def _find(quantity: str, unit: str) -> float | None:
     # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
     unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
-    factor = QUANTITY_UNITS[quantity].get(unit)
+    factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 
 
@@ -347,9 +350,9 @@ def is_unit(text: str) -> bool:
 
 
 def quantities_of(unit: str) -> frozenset[str]:
-    """Return the keys of `QUANTITY_UNITS` that have a unit; none of an empty text."""
+    """Return what has a unit: keys of `QUANTITY_UNITS`, "area", "speed"; none of an empty text."""
     unit = unit.strip()
-    return frozenset(q for q in QUANTITY_UNITS if unit and _find(q, unit) is not None)
+    return frozenset(q for q in _FOLDED if unit and _find(q, unit) is not None)
 
 
 def unit_factor(quantity: str, unit: str, *, where: str) -> float:
@@ -358,7 +361,7 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     Parameters
     ----------
     quantity
-        A key of `QUANTITY_UNITS`.
+        A key of `QUANTITY_UNITS`, "area" or "speed".
     unit
         As the file writes it; case is ignored, save between mN and MN.
     where
@@ -371,7 +374,7 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     """
     factor = _find(quantity, unit.strip())
     if factor is None:
-        known = ", ".join(repr(u) for u in QUANTITY_UNITS[quantity] if u.isascii() and u)
+        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
         raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
     return factor
 

@@ -2,7 +2,6 @@
 
 import math
 import re
-import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from planner.formats.headings import (
     Heading,
     column_of,
     head_text,
-    is_speed,
+    is_of_crosshead,
     marked_specimen,
     mode_of,
     parse_heading,
@@ -119,9 +118,10 @@ class TensileTable:
 # with one another. Sizes are looked for in all cells that are no columns of numbers.
 
 
-_SEPARATORS = ("\t", ";", ",", "  ", " ")
+_SEPARATORS = ("\t", ";", ",", "|", "  ", " ")
 _LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
 _LOADS = {"force", "stress", "true stress"}
+_LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
 _BLOCKS = ("join", "apart")
 
 
@@ -142,6 +142,13 @@ class _Grid:
     separator: str
     rows: list[TextRow]
 
+    def number(self, cell: str) -> float | None:
+        return number(cell, self.separator)
+
+
+_Headings = Sequence[Heading]
+"""A row's; of a cell that is not understood the meaning is ""."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Block:
@@ -149,20 +156,19 @@ class _Block:
 
     start: int
     place: int
-    headings: list[Heading | None]
+    headings: _Headings
     rows: list[int]
-    skipped: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """The columns of one specimen in one block."""
+    """The columns of one specimen in one block; `texts` are those of material and mode."""
 
     name: str
     grid: _Grid
     block: _Block
     columns: Mapping[str, FloatArray]
-    used: Mapping[str, HeadedColumn]
+    used: Sequence[HeadedColumn]
     lines: list[int]
     unused: tuple[str, ...]
     notes: tuple[str, ...]
@@ -207,31 +213,26 @@ def read_tensile(
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
     data = read_file(path, advice="give the path of a file of tests")
     by_position = None if columns is None else _by_position(columns)
-    grids: list[_Grid] = []
-    pieces: list[_Piece] = []
-    notes: list[str] = []
-    missed: dict[int, str] = {}
+    grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
     for sheet, text, rows in _sheets(data, path):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
         grid, found = _best_grid(where, sheet, text, rows, by_position)
-        grids.append(grid)
-        if found:
-            own = _pieces(grid, found, by_position is not None, option, notes)
-            pieces += _joined(own, blocks, notes)
-        else:
-            missed[len(grids) - 1] = _not_understood(grid, option, by_position)
+        (grids if found else missed).append(grid)
+        own = _pieces(grid, found, by_position is not None, option, notes)
+        pieces += _joined(own, blocks, notes)
+    if not (grids or missed):
+        raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
     if not pieces:
-        longest = max(missed, key=lambda n: _count_numbers(grids[n]), default=None)
-        if longest is None:
-            raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
-        few = _count_numbers(grids[longest]) < _FEWEST_ROWS
-        raise (NoRecordError if few else FileError)(f"{grids[longest].where}{missed[longest]}")
+        longest = max(missed, key=_count_numbers)
+        few = _count_numbers(longest) < _FEWEST_ROWS
+        raise (NoRecordError if few else FileError)(_not_understood(longest, option, by_position))
     fewest = min(len(piece.lines) for piece in pieces)
-    for at, said in missed.items():
-        if _count_numbers(grids[at]) >= fewest:
-            raise FileError(f"{grids[at].where}{said}; other sheets of the file are understood")
-        notes.append(f"{grids[at].where}: no record of a test")
-    return _tables(path, pieces, grids, notes)
+    for grid in missed:
+        if _count_numbers(grid) >= fewest:
+            said = _not_understood(grid, option, by_position)
+            raise FileError(f"{said}; other sheets of the file are understood")
+        notes.append(f"{grid.where}: no record of a test")
+    return _tables(path, pieces, [*grids, *missed], notes)
 
 
 def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]:
@@ -244,17 +245,12 @@ def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]
 
 
 def _best_grid(
-    where: str,
-    sheet: str,
-    text: str,
-    rows: list[TextRow],
-    by_position: list[Heading | None] | None,
+    where: str, sheet: str, text: str, rows: list[TextRow], by_position: _Headings | None
 ) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    for separator in _SEPARATORS if text else (";",):
-        if text and separator not in text and by_position is None:
-            continue
+    separators = [s for s in _SEPARATORS if s in text or by_position] if text else []
+    for separator in separators or [";"]:
         cells = split_rows(text, separator) if text else rows
         if separator == " " and by_position is None:
             cells = _with_headings_of_words(cells)
@@ -262,17 +258,15 @@ def _best_grid(
         found = _blocks(grid, by_position)
         if any(block.rows for block in found):
             return grid, [block for block in found if block.rows]
-        if found and separator.strip() and not text:
-            return grid, []
-        if found and separator.strip():
+        if found and text and separator.strip():
             raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
         tried.append(grid)
-    tried = tried or [_Grid(where, sheet, ";", split_rows(text, ";"))]
-    widths = [len((_nearest(grid) or (0, []))[1]) for grid in tried]
-    by_words = [
-        n if grid.separator.strip() and n > 1 else 0 for n, grid in zip(widths, tried, strict=True)
-    ]
-    return tried[int(np.argmax(by_words if any(by_words) else widths))], []
+
+    def nearness(grid: _Grid) -> tuple[int, int]:
+        width = len(_nearest(grid)[1])
+        return width if grid.separator.strip() and width > 1 else 0, width
+
+    return max(tried, key=nearness), []
 
 
 def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
@@ -283,9 +277,8 @@ def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
     found: list[TextRow] = []
     for place, (line, words) in enumerate(rows):
         below = next((len(cells) for _, cells in rows[place + 1 :] if any(cells)), 0)
-        choices = [words] if len(words) == below or len(words) > _MOST_WORDS else [
-            _headings_of(words, step) for step in (1, -1)
-        ]  # fmt: skip
+        few = len(words) <= _MOST_WORDS and len(words) != below
+        choices = [_put_together_words(words, step) for step in (1, -1)] if few else []
         found.append((line, next((c for c in choices if len(c) == below), words)))
     return found
 
@@ -293,7 +286,7 @@ def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
 _MOST_WORDS = 60
 
 
-def _headings_of(words: Sequence[str], step: int) -> list[str]:
+def _put_together_words(words: Sequence[str], step: int) -> list[str]:
     cells: list[str] = []
     at = 0
     while at < len(words):
@@ -325,24 +318,28 @@ _DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
 # Blocks: headings, and the numbers below.
 
 
-def _suffice(headings: Iterable[Heading | None]) -> bool:
-    meanings = {h.meaning for h in headings if h is not None}
+def _suffice(headings: Iterable[Heading]) -> bool:
+    meanings = {heading.meaning for heading in headings}
     return bool(meanings & _LENGTHS and meanings & _LOADS)
 
 
-def _headings(cells: Sequence[str]) -> list[Heading | None] | None:
+def _headings(cells: Sequence[str]) -> _Headings | None:
     """Return the headings in a row that names a load and a length; None of any other row."""
     if sum(map(bool, cells)) < 2:
         return None
-    found = [parse_heading(cell) if cell and not _is_figure(cell) else None for cell in cells]
+    found = [_heading("" if _is_figure(cell) else cell) for cell in cells]
     return found if _suffice(found) else None
 
 
+def _heading(cell: str) -> Heading:
+    return parse_heading(cell) or Heading(cell, "", None)
+
+
 def _is_figure(cell: str) -> bool:
-    return cell[0].isdigit() or (cell[0] in "+-.," and cell[1:2].isdigit())
+    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
 
 
-def _blocks(grid: _Grid, by_position: list[Heading | None] | None) -> list[_Block]:
+def _blocks(grid: _Grid, by_position: _Headings | None) -> list[_Block]:
     rows, found = grid.rows, list[_Block]()
     headings = by_position
     start = at = 0
@@ -350,7 +347,7 @@ def _blocks(grid: _Grid, by_position: list[Heading | None] | None) -> list[_Bloc
         own = _headings(rows[at][1]) if by_position is None else None
         place = at
         if own is not None:
-            headings, at = _with_units_below(own, grid, at + 1)
+            headings, at = _with_units(own, grid, at)
             found.append(_Block(start, place, headings, []))
         elif headings is None:
             at += 1
@@ -365,62 +362,68 @@ def _blocks(grid: _Grid, by_position: list[Heading | None] | None) -> list[_Bloc
     return found
 
 
-def _with_units_below(
-    headings: list[Heading | None], grid: _Grid, at: int
-) -> tuple[list[Heading | None], int]:
-    """Return headings with the units that stand in a row below, and the row behind it."""
-    for below in range(at, min(at + 3, len(grid.rows))):
-        cells = grid.rows[below][1]
-        if not any(cells):
-            continue
-        units = [cell.strip("()[]{} ") for cell in cells] + [""] * len(headings)
-        if any(number(unit, grid.separator) is not None for unit in units if unit != "1"):
+def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, int]:
+    """Return headings with the units that stand in a row of their own, and the row behind.
+
+    The row is below, or, in what LabVIEW writes, above and says so.
+    """
+    for row in range(place + 1, min(place + 4, len(grid.rows))):
+        cells = grid.rows[row][1]
+        if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
             break
+        units = [cell.strip("()[]{} ") for cell in cells]
         known = [
-            bool(unit) and (is_unit(unit) or cell[0] in "([")
-            for unit, cell in zip(units, cells, strict=False)
+            h.meaning and unit and (is_unit(unit) or cell[0] in "([")
+            for h, unit, cell in zip(headings, units, cells, strict=False)
         ]
-        under = [k for k, h in zip(known, headings, strict=False) if h is not None]
-        if not any(under) or all(unit.isdigit() for unit in units if unit):
-            continue
-        return [
-            Heading(h.text, h.meaning, unit, h.tag, h.compressed)
-            if h is not None and unit and not is_unit(h.unit or "") else h
-            for h, unit in zip(headings, units, strict=False)
-        ], below + 1  # fmt: skip
-    return headings, at
+        if any(known) and not all(unit.isdigit() for unit in units if unit):
+            return _in_units(headings, units), row + 1
+    for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
+        if cells and _UNITS.search(cells[0]):
+            return _in_units(headings, cells), place + 1
+    return headings, place + 1
+
+
+_UNITS = re.compile(r"\bunit|_unit_|einheit|unité|unidad|unità|単位|单位", re.IGNORECASE)
+
+
+def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
+    return [
+        replace(h, unit=_cell(units, i)) if _cell(units, i) and not is_unit(h.unit or "") else h
+        for i, h in enumerate(headings)
+    ]
 
 
 def _numbers_below(
-    grid: _Grid, headings: list[Heading | None], at: int, headed: bool
+    grid: _Grid, headings: _Headings, at: int, headed: bool
 ) -> tuple[list[int], int]:
     """Return the rows of numbers from `at` on, and the row behind them.
 
     Between headings and numbers texts may stand. A row of numbers and words is taken for one of
-    the record while no blank line came before it, so that a damaged cell is told, not dropped.
+    the record while no blank line came before it, so that a damaged cell is told, not dropped; so
+    is a row that has a specimen's name alone.
     """
-    wanted = [i for i, h in enumerate(headings) if h is not None and h.meaning != "specimen"]
-    rows = grid.rows
+    wanted = [i for i, h in enumerate(headings) if h.meaning not in ("", "specimen")]
+    named = [i for i, h in enumerate(headings) if h.meaning == "specimen"]
     found: list[int] = []
     gap = False
-    while at < len(rows):
-        cells = rows[at][1]
+    for place in range(at, len(grid.rows)):
+        cells = grid.rows[place][1]
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
-        words = [cell for cell in filled if number(cell, grid.separator) is None]
+        words = [cell for cell in filled if grid.number(cell) is None]
         if not any(cells):
             gap = True
-        elif len(words) == len(filled):
+        elif len(words) == len(filled) and not (found and any(_cell(cells, i) for i in named)):
             if found or not headed or _headings(cells) is not None:
-                return found, at if found or headed else at + 1
+                return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < (2 if headed else len(wanted)):
-            return found, at + 1
-        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, at):
-            return found, at
+            return found, place + 1
+        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, place):
+            return found, place
         else:
-            found.append(at)
+            found.append(place)
             gap = False
-        at += 1
-    return found, at
+    return found, len(grid.rows)
 
 
 _WORD = re.compile(r"[^\W\d_]{3}")
@@ -432,7 +435,7 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
     No row of numbers alone comes before the next one of words alone.
     """
     for _, cells in grid.rows[at + 1 :]:
-        numbers = [number(_cell(cells, i), grid.separator) is not None for i in wanted]
+        numbers = [grid.number(_cell(cells, i)) is not None for i in wanted]
         if all(numbers):
             return False
         if any(cells) and not any(numbers):
@@ -449,88 +452,85 @@ def _pieces(
 ) -> list[_Piece]:
     found: list[_Piece] = []
     for block in blocks:
-        units = _mark10_units(grid.rows[: block.place], where=grid.where)
-        headings, told = _with_mark10_units(block.headings, units, grid.where)
+        headings, told = _with_mark10_units(block.headings, grid, block.place)
         groups = _groups(grid, block, headings, by_position)
         marked = _marked(grid, block)
+        longer = [r for r in block.rows if any(grid.rows[r][1][len(headings) :])]
+        if grid.separator == "," and not by_position and 2 * len(longer) > len(block.rows):
+            line, cells = grid.rows[longer[0]]
+            raise FileError(
+                f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
+                f"{len(headings)}; a decimal comma needs quotes, or semicolons between the cells"
+            )
         for name, places in groups:
-            label = name if len(groups) > 1 else marked
-            if len(groups) > 1 and len(blocks) > 1 and marked:
-                label = f"{marked} {name}"
+            several = name if len(blocks) == 1 else f"{marked} {name}".strip()
+            label = marked if len(groups) == 1 else several
             found += _split(grid, block, headings, places, label, told, by_position, option)
-    rows: dict[int, int] = {}
-    for piece in found:
-        rows[id(piece.block)] = max(rows.get(id(piece.block), 0), len(piece.lines))
-    poor = {b for b, n in rows.items() if n < _FEWEST_ROWS and max(rows.values()) >= _FEWEST_ROWS}
-    for piece in found:
-        if id(piece.block) in poor:
-            notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
-    return [piece for piece in found if id(piece.block) not in poor]
+    rows = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
+    poor = {at for at, n in rows.items() if n < _FEWEST_ROWS <= max(rows.values())}
+    notes += [
+        f"{grid.where}: line {piece.lines[0]} is no part of a record"
+        for piece in found
+        if piece.block.place in poor
+    ]
+    return [piece for piece in found if piece.block.place not in poor]
 
 
 def _groups(
-    grid: _Grid, block: _Block, headings: Sequence[Heading | None], by_position: bool
+    grid: _Grid, block: _Block, headings: _Headings, by_position: bool
 ) -> list[tuple[str, list[int]]]:
     """Return the columns of each record that stands in a block, with its name.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
     then headings that come again.
     """
-    known = [i for i, h in enumerate(headings) if h is not None]
+
+    def whole(places: Iterable[int]) -> bool:
+        return _suffice(headings[i] for i in places)
+
+    known = [i for i, h in enumerate(headings) if h.meaning]
     above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
-    choices: list[dict[int, str]] = []
-    for cells in above:
-        last, names = "", dict[int, str]()
-        for i in range(known[-1] + 1):
-            last = cells[i] if i < len(cells) and cells[i] else last
-            names[i] = last
-        choices.append(names)
-    choices.append({i: headings[i].tag for i in known})  # type: ignore[union-attr]
-    for names in choices:
+    for names in (
+        *(_carried([*cells, ""]) for cells in above),
+        [h.tag for h in headings],
+    ):
         by_name: dict[str, list[int]] = {}
         for i in known:
-            by_name.setdefault(names[i], []).append(i)
-        nameless = by_name.get("", [])
-        shared = [] if _suffice(headings[i] for i in nameless) else by_name.pop("", [])
-        if any(
-            len(name) < 2 and not _suffice(headings[i] for i in at) for name, at in by_name.items()
-        ):
+            by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
+        shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
+        if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
             continue  # "Force 1" and "Force 2" may be load cells
-        if len(by_name) > 1 and all(
-            _suffice(headings[i] for i in [*shared, *places]) for places in by_name.values()
-        ):
+        if len(by_name) > 1 and all(whole([*shared, *places]) for places in by_name.values()):
             return [
                 (" ".join(name.split()) if "" not in by_name else str(n), sorted(shared + places))
                 for n, (name, places) in enumerate(by_name.items(), start=1)
             ]
     walked: list[list[int]] = [[]]
     for i in known:
-        again = any(_same(headings[i], headings[j]) for j in walked[-1])
-        if again and _suffice(headings[j] for j in walked[-1]):
+        if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
             walked.append([])
         walked[-1].append(i)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
     kinds = {"time"} | (_LENGTHS if by_position else set())
-    once = [i for i in walked[0] if headings[i].meaning in kinds]  # type: ignore[union-attr]
-    whole = [walked[0]] + [
-        places if all(any(_same(headings[i], headings[j]) for j in places) for i in once)
-        else [*once, *places]
-        for places in walked[1:]
+    once = [
+        i for i in walked[0] if headings[i].meaning in kinds
+        and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
     ]  # fmt: skip
-    if len(whole) < 2 or not all(_suffice(headings[i] for i in places) for places in whole):
+    found = [walked[0], *([*once, *places] for places in walked[1:])]
+    if len(found) < 2 or not all(map(whole, found)):
         return [("", known)]
-    return [(str(n), places) for n, places in enumerate(whole, start=1)]
+    return [(str(n), places) for n, places in enumerate(found, start=1)]
 
 
-def _is(heading: Heading | None, meaning: str) -> bool:
-    return heading is not None and heading.meaning == meaning
+def _carried(cells: Iterable[str]) -> list[str]:
+    """Return cells, an empty one as the one before it."""
+    last = ""
+    return [last := cell or last for cell in cells]
 
 
-def _same(one: Heading | None, other: Heading | None) -> bool:
-    if one is None or other is None or one.meaning != other.meaning:
-        return False
+def _same(one: Heading, other: Heading) -> bool:
     plain = [re.sub(r"[\s\d._#-]+", "", h.text.casefold()) for h in (one, other)]
-    return plain[0] == plain[1] and one.unit == other.unit
+    return (one.meaning, one.unit, plain[0]) == (other.meaning, other.unit, plain[1])
 
 
 def _marked(grid: _Grid, block: _Block) -> str:
@@ -538,11 +538,9 @@ def _marked(grid: _Grid, block: _Block) -> str:
     found = ""
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
-        if not filled:
-            continue
         if len(filled) > 1 and head_text(filled[0]) == "specimen":
             found = filled[1]
-        elif (mark := marked_specimen(" ".join(filled[:2]))) is not None and len(filled) < 3:
+        elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
     return found
 
@@ -550,7 +548,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
 def _split(
     grid: _Grid,
     block: _Block,
-    headings: Sequence[Heading | None],
+    headings: _Headings,
     places: Sequence[int],
     label: str,
     told: Sequence[str],
@@ -559,69 +557,73 @@ def _split(
 ) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
     where, rows = grid.where, grid.rows
-    loads = [i for i in places if headings[i].meaning in _LOADS | _LENGTHS]  # type: ignore[union-attr]
-    lined = [r for r in block.rows if any(i < len(rows[r][1]) and rows[r][1][i] for i in loads)]
+    named = next((i for i in places if headings[i].meaning == "specimen"), None)
+    alone = len(places) == sum(bool(h.meaning) for h in headings)
+    filled = [
+        i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
+    ]
+    lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
     if not lined:
         return []
     used, notes = _used_columns(grid, headings, places, lined, by_position, option)
-    cells = {m.name: _column(grid, lined, i) for i, m in used.items()}
     lines = [rows[r][0] for r in lined]
     values: dict[str, FloatArray] = {}
-    for m in used.values():
-        text = cells[m.name]
-        short = next((n for n, cell in enumerate(text) if cell is None), None)
-        if short is not None:
-            raise FileError(
-                f"{where}, line {lines[short]}: {len(rows[lined[short]][1])} cells where the "
-                f"headings have {len(headings)}; complete or remove the line"
-            )
-        full = [cell or "" for cell in text]
-        if m.name == "time_s":
-            full = [_seconds(cell) for cell in full]
+    for i, column in used.items():
+        for r in lined:
+            if i >= (count := len(rows[r][1])):
+                raise FileError(
+                    f"{where}, line {rows[r][0]}: {count} cells where the headings have "
+                    f"{len(headings)}; complete or remove the line"
+                )
+        cells = [rows[r][1][i] for r in lined]
+        is_time, text = column.name == "time_s", column.heading.text
+        cells = [_seconds(cell) for cell in cells] if is_time else cells
         try:
-            values[m.name] = finite_numbers(
-                full, lines, grid.separator, where, m.heading.text, m.factor
+            values[column.name] = finite_numbers(
+                cells, lines, grid.separator, where, text, column.factor
             )
         except FileError as error:
-            if m.name != "time_s" or any(number(c, grid.separator) is not None for c in full):
+            if not is_time or any(grid.number(cell) is not None for cell in cells):
                 raise
             notes.append(f"{error}; time is optional and is left out")
+    kept = {i: column for i, column in used.items() if column.name in values}
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
-    taken = {i for i, m in used.items() if m.name in values or m.name == "stretch"}
-    unused = [
-        cell
-        for i, cell in enumerate(rows[block.place][1])
-        if cell and block.rows and block.place not in block.rows and i not in taken
-        and (i in places or headings[i : i + 1] in ([None], []))
-        and any(i < len(rows[r][1]) and rows[r][1][i] for r in lined[:1])
-    ]  # fmt: skip
-    named = next((i for i in places if _is(headings[i], "specimen")), None)
-    if named is not None and len({*_column(grid, lined, named)}) == len(lined) >= _FEWEST_ROWS:
+    heads = rows[block.place][1] if block.place not in block.rows else []
+    texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
+    texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
+    unused = tuple(
+        cell for i, cell in enumerate(heads)
+        if cell and i not in (*kept, *texts.values(), named) and size_of(cell)[0] is None
+        and (i in places or not headings[i].meaning) and _cell(rows[lined[0]][1], i)
+    )  # fmt: skip
+
+    def column_of_words(i: int) -> list[str]:
+        return [_cell(rows[r][1], i) for r in lined]
+
+    if named is not None and len({*column_of_words(named)}) == len(lined) >= _FEWEST_ROWS:
         named = None  # it counts rows
+    if named is not None and not alone and len(lined) > _FEWEST_ROWS:
+        names = _carried(column_of_words(named))
+        named = named if min(map(names.count, names)) >= _FEWEST_ROWS else None  # a list beside
+    if named is None:  # several materials, or modes, are several specimens
+        named = next((i for i in texts.values() if len({*column_of_words(i)} - {""}) > 1), None)
     groups: dict[str, list[int]] = {}
-    last = ""
-    for at, r in enumerate(lined):
-        last = last if named is None else (_cell(rows[r][1], named) or last)
-        groups.setdefault(last, []).append(at)
-    texts = {
-        i: what
-        for i, cell in enumerate(rows[block.place][1])
-        if cell and (what := head_text(cell)) in ("material", "mode")
-    }
-    by_name = {m.name: m for m in used.values() if m.name in values or m.name == "stretch"}
+    words = [""] * len(lined) if named is None else column_of_words(named)
+    for at, name in enumerate(_carried(words)):
+        groups.setdefault(name, []).append(at)
     return [
         _Piece(
             name or label,
             grid,
             block,
             {column: array[at] for column, array in values.items()},
-            by_name,
+            tuple(kept.values()),
             [lines[n] for n in at],
-            tuple(c for c in unused if not _is(parse_heading(c), "specimen") and not size_of(c)[0]),
+            unused,
             (*told, *notes),
             bool(name),
-            {what: _cell(rows[lined[at[0]]][1], i) for i, what in texts.items()},
+            {what: _cell(rows[lined[at[0]]][1], i) for what, i in texts.items() if what},
         )
         for name, at in groups.items()
     ]
@@ -629,10 +631,6 @@ def _split(
 
 def _cell(cells: Sequence[str], at: int) -> str:
     return cells[at] if at < len(cells) else ""
-
-
-def _column(grid: _Grid, rows: Sequence[int], at: int) -> list[str | None]:
-    return [cells[at] if at < len(cells := grid.rows[r][1]) else None for r in rows]
 
 
 _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
@@ -649,7 +647,7 @@ def _seconds(cell: str) -> str:
 
 def _used_columns(
     grid: _Grid,
-    headings: Sequence[Heading | None],
+    headings: _Headings,
     places: Sequence[int],
     lined: Sequence[int],
     by_position: bool,
@@ -658,48 +656,51 @@ def _used_columns(
     """Return the columns that serve, by place: of each canonical name the first.
 
     A crosshead's absolute position serves only where nothing else tells the travel, an
-    extensometer goes before the crosshead; a column with gaps, or one that never moves, behind
-    the others.
+    extensometer goes before the crosshead; one that never moves goes behind the others. A column
+    with gaps is left out where the others suffice.
+
+    Raises
+    ------
+    FileError
+        A column without a unit, or two of one kind that differ.
     """
     where, notes = grid.where, list[str]()
     found: dict[int, HeadedColumn] = {}
-    cells = {i: _column(grid, lined, i) for i in places}
-    places = [i for i in places if any(cells[i])]
-    full = [headings[i] for i in places if "" not in cells[i]]
-    if _suffice(full):
+    cells = {
+        i: [row[i] if i < len(row) else None for row in (grid.rows[r][1] for r in lined)]
+        for i in places
+        if headings[i].meaning != "specimen"
+    }
+    cells = {i: column for i, column in cells.items() if any(column)}
+    if _suffice(headings[i] for i, column in cells.items() if "" not in column):
         notes += [
-            f"{where}: column {h.text!r} has empty cells; it is left out"
-            for i in places
-            if (h := headings[i]) is not None and h not in full and h.meaning != "specimen"
+            f"{where}: column {headings[i].text!r} has empty cells; it is left out"
+            for i, column in cells.items()
+            if "" in column
         ]
-        places = [i for i in places if headings[i] in full or _is(headings[i], "specimen")]
+        cells = {i: column for i, column in cells.items() if "" not in column}
 
-    def rank(i: int) -> tuple[bool, bool, bool]:
-        heading = headings[i]
-        poor = len(set(cells[i])) < 2
-        measured = heading is not None and heading.meaning in ("elongation", "strain")
-        return poor, _is(heading, "position"), not measured
+    def rank(i: int) -> tuple[bool, bool, bool, bool]:
+        meaning, of_crosshead = headings[i].meaning, is_of_crosshead(headings[i].text)
+        unmeasured = meaning not in ("elongation", "strain")
+        return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
-    for i in sorted(places, key=rank):
+    doubles: list[tuple[int, int, float]] = []
+    for i in sorted(cells, key=rank):
         heading = headings[i]
-        if heading is None or heading.meaning == "specimen":
-            continue
-        if heading.meaning == "time" and _CLOCK.fullmatch(cells[i][0] or ""):
+        is_time = heading.meaning == "time"
+        if is_time and _CLOCK.fullmatch(cells[i][0] or ""):
             heading = replace(heading, unit="s")
         try:
             column = column_of(heading, where=where)
         except FileError as error:
-            if heading.meaning in ("elongation", "position") and _suffice(
-                h for j in places if j != i and (h := headings[j]) is not None and h.unit
-            ):
-                notes.append(f"{error}; it is left out")
-                continue
-            if heading.meaning != "time" and heading.unit is None and not by_position:
-                example = _example(headings, [h.unit or "" if h else "" for h in headings])
+            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            if not is_time and not (heading.meaning in ("elongation", "position") and others):
+                if heading.unit is not None or by_position:
+                    raise
+                example = _example(headings, [h.unit or "" for h in headings])
                 raise FileError(f"{error}, or {_advice(option, example)}") from error
-            if heading.meaning != "time":
-                raise
-            notes.append(f"{error}; time is optional and is left out")
+            notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
             continue
         same = next((j for j, m in found.items() if m.name == column.name), None)
         if same is None:
@@ -709,46 +710,47 @@ def _used_columns(
             f"{where}: column {heading.text!r} left out; {column.name} is read from "
             f"{found[same].heading.text!r}"
         )
-        if column.name in ("force_N", "stress_MPa"):
-            _refuse_two_loads(grid, lined, (same, found[same]), (i, column), headings, option)
+        if rank(i) == rank(same) and not is_time:
+            doubles.append((same, i, column.factor))
+    strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
+    for one, other, factor in doubles:
+        if not (strains and found[one].name == "displacement_mm"):
+            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings, option)
     return {i: found[i] for i in sorted(found)}, notes
 
 
-def _refuse_two_loads(
+def _refuse_two(
     grid: _Grid,
     lined: Sequence[int],
-    one: tuple[int, HeadedColumn],
-    other: tuple[int, HeadedColumn],
-    headings: Sequence[Heading | None],
+    factors: Mapping[int, float],
+    headings: _Headings,
     option: str,
 ) -> None:
-    """Refuse two loads over one length that differ: two load cells, or two specimens."""
-    arrays = []
-    for i, column in (one, other):
-        numbers = [number(cell or "", grid.separator) for cell in _column(grid, lined, i)]
-        if None in numbers:
-            return
-        arrays.append(column.factor * np.array(numbers, dtype=np.float64))
-    span = float(np.ptp(arrays[0]))
-    if float(np.max(np.abs(arrays[0] - arrays[1]))) <= _SAME_LOAD * span:
-        return
-    examples = []
-    for left_out in ((other[0],), (one[0],), ()):
-        kept = [None if i in left_out else h for i, h in enumerate(headings)]
-        examples.append(_example(kept, [h.unit or "" if h else "" for h in kept], twice=True))
-    said = (
-        f"{grid.where}: {one[1].heading.text!r} and {other[1].heading.text!r} are two loads over "
-        "one length, of two load cells or of two specimens"
+    """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
+    one, other = (
+        factor * np.array([grid.number(_cell(grid.rows[r][1], i)) for r in lined], dtype=np.float64)
+        for i, factor in factors.items()
     )
+    is_load = any(headings[i].meaning in _LOADS for i in factors)
+    if not is_load:
+        one, other = one - one[0], other - other[0]
+    if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
+        return
+    first, second = (headings[i].text for i in factors)
+    said = f"{grid.where}: {first!r} and {second!r} are two "
+    said += "loads over one length" if is_load else "lengths of one record"
+    said += ", of two load cells or of two specimens" if is_load else ", of two sensors"
     if not option:
         raise FileError(f"{said}; keep one in the file")
-    raise FileError(
-        f"{said}; take one of them by {option} {examples[0]} or {option} {examples[1]}, or read "
-        f"two specimens by {option} {examples[2]}"
-    )
+    examples = []
+    for left_out in [*reversed(factors), None][: 3 if is_load else 2]:
+        kept = [Heading("", "", None) if i == left_out else h for i, h in enumerate(headings)]
+        examples.append(f"{option} {_example(kept, [h.unit or '' for h in kept], twice=True)}")
+    both = f", or read two specimens by {examples[2]}" if is_load else ""
+    raise FileError(f"{said}; take one of them by {examples[0]} or {examples[1]}{both}")
 
 
-_SAME_LOAD = 0.02
+_SAME = 0.02
 """Of the range: one load in two units or from two channels, rounded differently."""
 
 
@@ -764,41 +766,30 @@ def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> l
     FileError
         Blocks that may be one record or several.
     """
-    found: list[_Piece] = []
-    unnamed = [piece for piece in pieces if not piece.name]
-    apart = blocks == "apart" and len(unnamed) > 1
-    for number_, piece in enumerate(pieces, start=1):
-        if apart and not piece.name:
-            piece = replace(piece, name=str(number_))
-        before = next((k for k, p in enumerate(found) if p.name == piece.name), None)
-        if before is None:
-            found.append(piece)
-            continue
-        last = found[before]
-        if blocks != "join" and not _goes_on(last, piece):
-            who = f"specimen {piece.name}" if piece.name else "the block"
+    found: dict[str, _Piece] = {}
+    for count, piece in enumerate(pieces, start=1):
+        name = piece.name
+        if blocks == "apart" and not name and len(pieces) > 1:
+            name, piece = str(count), replace(piece, name=str(count))
+        last = found.get(name)
+        if last is not None and blocks != "join" and not _goes_on(last, piece):
+            who = f"specimen {name}" if name else "the block"
             raise FileError(
                 f"{piece.grid.where}: {who} that ends on line {last.lines[-1]} starts again on "
                 f"line {piece.lines[0]}, and nothing names another; give --blocks apart if they "
                 "are specimens, or --blocks join if they are one record"
             )
-        found[before] = _put_together(last, piece, notes)
-    return found
+        found[name] = piece if last is None else _put_together(last, piece, notes)
+    return [*found.values()]
 
 
 def _goes_on(one: _Piece, next_: _Piece) -> bool:
     """Say whether a piece's time and length go on where those of the one before ended."""
-    both = [piece.columns.get("time_s") for piece in (one, next_)]
-    if both[0] is not None and both[1] is not None and both[1][0] < both[0][-1]:
+    a, b = one.columns, next_.columns
+    if "time_s" in a and "time_s" in b and b["time_s"][0] < a["time_s"][-1]:
         return False
-    names = [c for c in one.columns if c in next_.columns and c in _LENGTH_COLUMNS]
-    if not names:
-        return False
-    values, starts = one.columns[names[0]], next_.columns[names[0]][0]
-    return bool(abs(starts - values[-1]) <= abs(starts - values[0]))
-
-
-_LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
+    name = next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)
+    return name is not None and bool(abs(b[name][0] - a[name][-1]) <= abs(b[name][0] - a[name][0]))
 
 
 def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
@@ -819,16 +810,13 @@ def _tables(
     path: Path, pieces: list[_Piece], grids: Sequence[_Grid], notes: Sequence[str]
 ) -> tuple[TensileTable, ...]:
     """Return pieces as records, each under a name of its own, with what the file says of it."""
-    sheets = {piece.grid.sheet for piece in pieces}
     names = [piece.name for piece in pieces]
     if len(pieces) == 1 and not pieces[0].in_column:
         names = [""]  # a label in the head; the file's name tells specimens apart
-    if len(sheets) > 1:
+    if len({piece.grid.sheet for piece in pieces}) > 1:
         names = [
-            name
-            if name and names.count(name) == 1
-            else " ".join(filter(None, (p.grid.sheet, name)))
-            for name, p in zip(names, pieces, strict=True)
+            name if name and names.count(name) == 1 else f"{piece.grid.sheet} {name}".strip()
+            for name, piece in zip(names, pieces, strict=True)
         ]
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
@@ -842,37 +830,31 @@ def _tables(
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
-        ends = [m.heading for m in piece.used.values() if m.heading.meaning in _LOADS | _LENGTHS]
-        if any(h.compressed for h in ends):
+        if any(m.heading.compressed for m in piece.used if m.name != "time_s"):
             metadata.setdefault("mode", "compression")
-        behind = _behind(piece, pieces)
         found.append(
             TensileTable(
-                file=path.name,
-                columns=MappingProxyType(dict(piece.columns)),
-                factors=MappingProxyType({m.name: m.factor for m in piece.used.values()}),
-                lines=np.array(piece.lines, dtype=np.int64),
-                specimen=name or str(metadata.get("specimen", "")),
-                metadata=MappingProxyType(metadata),
-                without_unit=frozenset(
-                    m.name for m in piece.used.values() if m.heading.unit is None
-                )
-                - {"stretch"},
-                notes=(*piece.notes, *behind, *notes),
-                sheet=piece.grid.sheet,
-                headings=MappingProxyType({m.name: _written(m) for m in piece.used.values()}),
-                unused=piece.unused,
-                sources=MappingProxyType(sources),
-                unclear=MappingProxyType(unclear),
+                path.name,
+                MappingProxyType(dict(piece.columns)),
+                MappingProxyType({m.name: m.factor for m in piece.used}),
+                np.array(piece.lines, dtype=np.int64),
+                name or str(metadata.get("specimen", "")),
+                MappingProxyType(metadata),
+                frozenset(m.name for m in piece.used if m.heading.unit is None) - {"stretch"},
+                (*piece.notes, *_behind(piece, pieces), *notes),
+                piece.grid.sheet,
+                MappingProxyType({m.name: _written(m.heading) for m in piece.used}),
+                piece.unused,
+                MappingProxyType(sources),
+                MappingProxyType(unclear),
             )
         )
     return tuple(found)
 
 
-def _written(column: HeadedColumn) -> str:
-    heading = column.heading
+def _written(heading: Heading) -> str:
     unit = heading.unit or ""
-    return heading.text if not unit or unit in heading.text else f"{heading.text} ({unit})"
+    return heading.text if unit in heading.text else f"{heading.text} ({unit})"
 
 
 def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
@@ -880,9 +862,8 @@ def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
     here = [p for p in pieces if p.grid is piece.grid]
     last = max(p.lines[-1] for p in here)
     rest = [line for line, cells in piece.grid.rows if line > last and any(cells)]
-    if piece is not here[-1] or not rest:
-        return []
-    return [f"{piece.grid.where}: what stands from line {rest[0]} on is no part of the record"]
+    said = f"{piece.grid.where}: what stands from line {min(rest, default=0)} on is no part of the"
+    return [f"{said} record"] if piece is here[-1] and rest else []
 
 
 # ------------------------------------------------------------------------------------------------
@@ -891,13 +872,17 @@ def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """A size that a sheet says: one value, or one a specimen with its label ("" where none)."""
+    """What a sheet says: one value, or one a specimen with its label ("" where none)."""
 
     grid: _Grid
     row: int
     key: str
     name: str
     values: tuple[tuple[str, float | str], ...]
+
+    def place(self) -> str:
+        sheet = f"sheet {self.grid.sheet!r}, " if self.grid.sheet else ""
+        return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
 
 _ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+\s*\S+)")
@@ -906,81 +891,60 @@ _BESIDE = 200
 """Rows of numbers beside which sizes are looked for; programs write them at the top."""
 
 
-def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> list[_Said]:
+def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
+    """Yield what all cells say that are not in a record's columns."""
     data: dict[int, int] = {}
-    for piece in pieces:
-        if piece.grid is grid:
-            width = 1 + max(i for i, h in enumerate(piece.block.headings) if h is not None)
-            for row in piece.block.rows:
-                data[row] = max(width, data.get(row, 0))
-    found: list[_Said] = []
+    for piece in (p for p in pieces if p.grid is grid):
+        width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
+        data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
     for row, (_, cells) in enumerate(grid.rows):
-        first = data.get(row, 0)
-        if first and (row - min(data) > _BESIDE or first >= len(cells)):
+        if row in data and row - min(data) > _BESIDE:
             continue
-        for at in range(first, len(cells)):
-            cell = cells[at]
-            if cell and not _is_figure(cell):
-                found += _said_at(grid, row, at)
-    return found
+        for at in range(data.get(row, 0), len(cells)):
+            if cells[at] and not _is_figure(cells[at]):
+                yield from _said_at(grid, row, at)
 
 
 def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     """Yield what one cell says together with its neighbours: to its right, or below it."""
     cells = grid.rows[row][1]
-    cell = cells[at]
-    single = _ONE_CELL.fullmatch(cell) if len(cell) <= LONGEST_HEADING else None
+    key, right = cells[at], [c for c in cells[at + 1 :] if c]
+    single = _ONE_CELL.fullmatch(key) if len(key) <= LONGEST_HEADING else None
     if single is not None:  # "Width: 6.00 mm"
         key, right = single[1], [single[2]]
-    else:
-        key, right = cell, [c for c in cells[at + 1 :] if c]
     text = head_text(key)
-    if text is not None and right and not _is_head_cell(right[0]):
+    if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
     size, unit = size_of(key)
-    speed, speed_unit = is_speed(key)
-    if size is None and not speed:
+    if size is None:
         return
-    name = size or "rate_mm_s"
     figures: list[tuple[str, float]] = []
-    for column, value in enumerate(right):
+    for column, value in enumerate(right, start=at + 1):
         split = split_value(value, grid.separator)
-        if split is None:
-            bare = value.strip("()[] ")
-            if column <= 1 and not unit and (speed or _factor(name, bare) is not None):
-                unit = bare
-                continue
+        if split is not None:
+            figures.append((_label_above(grid, row, column), split[0]))
+            unit = unit or split[1]
+        elif column < at + 3 and not unit and _factor(size, value) is not None:
+            unit = value
+        else:
             break
-        figures.append((_label_above(grid, row, at + 1 + column), split[0]))
-        unit = unit or split[1]
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
-    factor = _factor(name, unit or speed_unit)
-    if factor is None and unit and figures and size is not None and len(figures) == 1:
+    factor = _factor(size, unit)
+    if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
         raise FileError(
             f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
             f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
         )
     if factor is not None and figures:
-        yield _Said(grid, row, key, name, tuple((label, v * factor) for label, v in figures))
+        yield _Said(grid, row, key, size, tuple((label, v * factor) for label, v in figures))
 
 
-def _is_head_cell(cell: str) -> bool:
-    return head_text(cell) is not None or size_of(cell)[0] is not None
-
-
-def _factor(name: str, unit: str) -> float | None:
+def _factor(size: str, unit: str) -> float | None:
     """Return the factor of a unit to that of a size; None where it is none of that kind."""
-    if name == "rate_mm_s":
-        return _mm_s(unit)
-    plain = unicodedata.normalize("NFKC", unit).replace("^", "").strip()
-    if name == "area_mm2":
-        plain, square = plain[:-1], plain[-1:]
-        if square != "2":
-            return None
-    if "length" not in quantities_of(plain):
-        return None
-    return unit_factor("length", plain, where=name) ** (2 if name == "area_mm2" else 1)
+    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
+    unit = unit.strip("()[] ")
+    return unit_factor(quantity, unit, where="") if quantity in quantities_of(unit) else None
 
 
 def _label_above(grid: _Grid, row: int, at: int) -> str:
@@ -988,7 +952,7 @@ def _label_above(grid: _Grid, row: int, at: int) -> str:
     near = range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows)))
     for cells in (grid.rows[other][1] for other in near if other != row):
         if cells and cells[0] and head_text(cells[0]) == "specimen" and _cell(cells, at):
-            return str(cells[at])
+            return cells[at]
     return ""
 
 
@@ -996,21 +960,16 @@ def _figures_below(
     grid: _Grid, row: int, at: int, unit: str
 ) -> tuple[list[tuple[str, float]], str]:
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
-    heads = grid.rows[row][1]
-    named = next((i for i, c in enumerate(heads) if c and head_text(c) == "specimen"), 0)
+    named = next((i for i, c in enumerate(grid.rows[row][1]) if head_text(c) == "specimen"), 0)
     figures: list[tuple[str, float]] = []
     for _, cells in grid.rows[row + 1 :]:
         cell = _cell(cells, at)
-        value = None if not cell else split_value(cell, grid.separator)
+        value = split_value(cell, grid.separator)
         if value is None:
             bare = cell.strip("()[] ")
-            if figures or (
-                bare and (unit or (not is_unit(bare) and _factor("area_mm2", bare) is None))
-            ):
+            if figures or not any(cells) or (bare and (unit or not is_unit(bare))):
                 break
-            unit = unit or bare
-            if not any(cells):
-                break
+            unit = bare
             continue
         label = _cell(cells, named) if named != at else ""
         if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
@@ -1028,95 +987,76 @@ _STATISTIC = re.compile(
 )
 
 
-def _mm_s(unit: str) -> float | None:
-    """Return the mm/s in a unit of speed such as mm/min; None of any other unit."""
-    length, _, time = unit.partition("/")
-    if "length" not in quantities_of(length) or "time" not in quantities_of(time):
-        return None
-    return unit_factor("length", length, where=unit) / unit_factor("time", time, where=unit)
-
-
 _LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
 
 
 def _metadata(
     piece: _Piece, name: str, place: int, pieces: Sequence[_Piece], said: Sequence[_Said]
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
-    """Return what a file says of one record, where it says so, and what it leaves unclear."""
-    scopes: tuple[list[_Said], list[_Said], list[_Said]] = ([], [], [])
+    """Return what a file says of one record, where it says so, and what it leaves unclear.
+
+    What stands in the record's block goes before what stands above all, and that before what
+    other sheets say.
+    """
+    first = min(p.block.place for p in pieces if p.grid is piece.grid)
+    scopes: tuple[list[_Said], ...] = ([], [], [])
     for one in said:
         if one.grid is not piece.grid:
             scopes[2].append(one)
-        elif piece.block.start <= one.row <= (piece.block.rows or [0])[-1]:
+        elif piece.block.start <= one.row <= piece.block.rows[-1]:
             scopes[0].append(one)
-        elif one.row < min(p.block.place for p in pieces if p.grid is piece.grid) or (
-            len(one.values) > 1
-        ):
+        elif one.row < first or len(one.values) > 1:
             scopes[1].append(one)
-    found: dict[str, float | str] = {}
-    sources: dict[str, str] = {}
-    unclear: dict[str, str] = {}
+    found: dict[str, tuple[float | str | None, str]] = {}
     for scope in scopes:
-        by_name: dict[str, list[tuple[_Said, float | str]]] = {}
+        here: dict[str, dict[float | str | None, str]] = {}
         for one in scope:
             value = _value_for(one, name or piece.name, place, len(pieces))
+            of = here.setdefault(one.name, {})
             if value is not None:
-                by_name.setdefault(one.name, []).append((one, value))
-            elif one.name not in found:
+                of.pop(value, None)  # the last place of a value is told
+                of[value] = one.place()
+            else:
                 readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
-                unclear.setdefault(one.name, f"{_place(one)} gives {readings} of specimens")
-        for size, readings_ in by_name.items():
-            values = {v for _, v in readings_}
-            if size in found:
+                of[None] = f"{one.place()} gives {readings} of specimens"
+        for size, values in here.items():
+            known = [(v, at) for v, at in values.items() if v is not None]
+            if found.get(size, (None, ""))[0] is not None:
                 continue
-            if len(values) > 1 and not isinstance(readings_[0][1], str):
-                told = " and ".join(f"{v:g} ({_place(one)})" for one, v in readings_)
-                unclear.setdefault(size, told)
-                continue
-            one, value = readings_[-1]
-            found[size] = value
-            unclear.pop(size, None)
-            sources[size] = _place(one)
-    for size in _LENGTH_RANKS:
-        known = found.pop(size, None), sources.pop(size, ""), unclear.pop(size, None)
-        if "gauge_mm" in found or "gauge_mm" in unclear:
-            continue
-        if known[0] is not None:
-            found["gauge_mm"], sources["gauge_mm"] = known[0], known[1]
-        elif known[2] is not None:
-            unclear["gauge_mm"] = known[2]
-    if isinstance(found.get("mode"), str):
-        mode = mode_of(str(found.pop("mode")))
-        if mode is not None:
-            found["mode"] = mode
-    return found, sources, unclear
-
-
-def _place(one: _Said) -> str:
-    sheet = f"sheet {one.grid.sheet!r}, " if one.grid.sheet else ""
-    return f"{sheet}line {one.grid.rows[one.row][0]}, {one.key!r}"
+            if len(known) > 1 and isinstance(known[0][0], float):
+                found[size] = None, " and ".join(f"{v:g} ({at})" for v, at in known)
+            elif known or size not in found:
+                found[size] = known[-1] if known else (None, values[None])
+    ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
+    if ranked:
+        found["gauge_mm"] = ranked[0]
+    if mode_of(str(found.get("mode", ("",))[0])) is None:
+        found.pop("mode", None)  # "Test type: QA" is another matter
+    values_ = {size: value for size, (value, _) in found.items() if value is not None}
+    sources = {size: at for size, (_, at) in found.items() if size in values_}
+    return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
 
 
 def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | None:
     """Return the value that holds for a specimen: by its name, else by its place."""
+    values = {value for _, value in one.values}
     if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
         return one.values[0][1]
     plain = _plain_name(name)
     named = {value for label, value in one.values if plain and _plain_name(label) == plain}
     if len(named) == 1:
-        return next(iter(named))
+        return named.pop()
     if len(one.values) == count:
         return one.values[place][1]
-    values = {value for _, value in one.values}
-    return one.values[0][1] if len(values) == 1 else None
+    return values.pop() if len(values) == 1 else None
 
 
 def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
 
-def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
-    """Return the units that a Mark-10 MESURgauge file states above its columns.
+def _with_mark10_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, list[str]]:
+    """Return headings with the units that a Mark-10 MESURgauge file states above its columns.
 
     The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
     the columns are Reading, Load, Travel and Time without units, time in seconds.
@@ -1126,55 +1066,43 @@ def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
     FileError
         The head names load units that are two different ones.
     """
-    found: dict[str, str] = {}
-    keys = {"units": "force", "unit": "force", "load unit": "force", "load units": "force",
-            "travel unit": "displacement", "travel units": "displacement"}  # fmt: skip
-    for line, cells in rows:
-        text = " ".join(cell for cell in cells if cell)
-        key, colon, value = text.partition(":")
-        meaning = keys.get(key.strip().casefold())
-        if not colon or meaning is None or not value.strip():
-            continue
-        unit = value.strip().strip("()[]")
-        if found.setdefault(meaning, unit) != unit:
+    units: dict[str, str] = {}
+    for line, cells in grid.rows[:place]:
+        key, _, value = " ".join(cell for cell in cells if cell).partition(":")
+        meaning = _MARK10.get(key.strip().casefold().removesuffix("s"))
+        unit = value.strip(" ()[]")
+        if meaning and unit and units.setdefault(meaning, unit) != unit:
             raise FileError(
-                f"{where}, line {line}: unit of {meaning} is {unit!r} here and "
-                f"{found[meaning]!r} above; keep the right one"
+                f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
+                f"{units[meaning]!r} above; keep the right one"
             )
-    if found:
-        found["time"] = "s"
-    return found
-
-
-def _with_mark10_units(
-    headings: list[Heading | None], units: Mapping[str, str], where: str
-) -> tuple[list[Heading | None], list[str]]:
-    filled: list[Heading | None] = [
-        replace(h, unit=units[h.meaning])
-        if h is not None and h.unit is None and h.meaning in units
-        else h
+    if units:
+        units["time"] = "s"
+    filled = [
+        replace(h, unit=units[h.meaning]) if h.unit is None and h.meaning in units else h
         for h in headings
     ]
-    if filled == headings:
+    if filled == [*headings]:
         return headings, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    return filled, [f"{where}: a MESURgauge file, {stated} by its head"]
+    return filled, [f"{grid.where}: a MESURgauge file, {stated} by its head"]
+
+
+_MARK10 = {"unit": "force", "load unit": "force", "travel unit": "displacement"}
 
 
 # ------------------------------------------------------------------------------------------------
 # Where headings are not understood: which ones, and by which others the file can be read.
 
 
-def _by_position(columns: Sequence[str]) -> list[Heading | None]:
-    headings: list[Heading | None] = []
-    for column in columns:
-        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
-        if heading is None and column.strip() not in ("", "-"):
+def _by_position(columns: Sequence[str]) -> _Headings:
+    headings = [_heading("" if c.strip() == "-" else c.strip()) for c in columns]
+    for heading in headings:
+        if heading.text and not heading.meaning:
             raise FileError(
-                f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
-                "stretch, stress_MPa, specimen, or '-' for a column to leave out"
+                f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
+                "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-        headings.append(heading)
     if not _suffice(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
@@ -1186,39 +1114,41 @@ def _by_position(columns: Sequence[str]) -> list[Heading | None]:
 def _count_numbers(grid: _Grid) -> int:
     """Return how many rows of a sheet hold two numbers or more."""
     return sum(
-        sum(bool(c) and number(c, grid.separator) is not None for c in cells) > 1
-        for _, cells in grid.rows
+        sum(grid.number(cell) is not None for cell in cells if cell) > 1 for _, cells in grid.rows
     )
 
 
-def _not_understood(grid: _Grid, option: str, by_position: list[Heading | None] | None) -> str:
+def _not_understood(grid: _Grid, option: str, by_position: _Headings | None) -> str:
     if by_position is not None:
-        return f": no row with {len(by_position)} columns of numbers; check the columns"
-    found = _nearest(grid)
-    if found is None:
+        return f"{grid.where}: no row with {len(by_position)} columns of numbers; check the columns"
+    line, names, units = _nearest(grid)
+    if not names:
         return (
-            ": no row of headings with a load (force, load, stress) and a length (displacement, "
-            "extension, travel, strain, stretch) above columns of numbers; export the raw data, "
-            "headed as 'time_s,displacement_mm,force_N'"
+            f"{grid.where}: no row of headings with a load (force, load, stress) and a length "
+            "(displacement, extension, travel, strain, stretch) above columns of numbers; export "
+            "the raw data, headed as 'time_s,displacement_mm,force_N'"
         )
-    line, names, headings, units = found
-    known = [f"{h.text!r} as {h.meaning}" for h in headings if h is not None]
-    unknown = [_quoted(n) for n, h in zip(names, headings, strict=True) if h is None and n]
-    meanings = {h.meaning for h in headings if h is not None}
+    headings = [_heading(name) for name in names]
+    known = [f"{h.text!r} as {h.meaning}" for h in headings if h.meaning]
+    unknown = [
+        repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
+    ]
     missing = [
         what
-        for what, kinds in (("load (force or stress)", _LOADS), ("length (travel or strain)",
-                                                                 _LENGTHS))
-        if not meanings & kinds
+        for what, kinds in _SOUGHT.items()
+        if kinds.isdisjoint(h.meaning for h in headings)
     ]  # fmt: skip
     said = (
-        f", line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
+        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
     example = _example(headings, units)
-    if not _suffice([parse_heading(name) for name in example.split(",")]):
+    if not _suffice(map(_heading, example.split(","))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(option, example)}"
+
+
+_SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
 
 
 def _advice(option: str, example: str) -> str:
@@ -1228,17 +1158,11 @@ def _advice(option: str, example: str) -> str:
     return f"name the columns by position, for example {option} {example}{left_out}"
 
 
-def _quoted(name: str) -> str:
-    return repr(name if len(name) <= 30 else f"{name[:27]}...")
-
-
 _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "stress": "stress_",
              "strain": "strain_"}  # fmt: skip
 
 
-def _example(
-    headings: Sequence[Heading | None], units: Sequence[str], *, twice: bool = False
-) -> str:
+def _example(headings: _Headings, units: Sequence[str], *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
     Where units tell nothing, the first columns that are left stand for what is missing. `twice`
@@ -1247,20 +1171,21 @@ def _example(
     names: list[str] = []
     for heading, unit in zip(headings, units, strict=True):
         kinds = quantities_of(unit)
-        if heading is not None and heading.meaning != "specimen":
+        if heading.meaning == "specimen":
+            name = "specimen"
+        elif heading.meaning:
             name = heading.meaning.replace(" ", "_")
             name = {"position": "displacement", "elongation": "displacement"}.get(name, name)
             name = f"{name}_{unit}" if unit else _BARE.get(name, name)
-        elif heading is not None:
-            name = "specimen"
-        elif len(kinds) == 1 and not twice:
-            name = _EXAMPLES[next(iter(kinds))] + unit
         else:
-            name = "-"
-        again = name != "-" and _meaning_of(name) in map(_meaning_of, names)
+            name = (
+                _EXAMPLES.get(min(kinds, default=""), "-") if len(kinds) == 1 and not twice else "-"
+            )
+            name += unit if name != "-" else ""
+        again = name != "-" and _heading(name).meaning in [_heading(n).meaning for n in names]
         names.append("-" if again and not twice else name)
     for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
-        if meanings.isdisjoint(map(_meaning_of, names)) and "-" in names:
+        if meanings.isdisjoint(_heading(name).meaning for name in names) and "-" in names:
             names[names.index("-")] = wanted
     return ",".join(names)
 
@@ -1269,42 +1194,35 @@ _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm"
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 
 
-def _meaning_of(name: str) -> str | None:
-    heading = parse_heading(name)
-    return None if heading is None else heading.meaning
+def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
+    """Return the row that comes nearest to one of headings: line, cells and units.
 
-
-def _nearest(grid: _Grid) -> tuple[int, list[str], list[Heading | None], list[str]] | None:
-    """Return the row that comes nearest to one of headings: line, cells, headings and units.
-
-    The row above the first row of numbers, or above a row of units there.
+    The row above the first row of numbers, or above a row of units there; no cells where there is
+    none.
     """
     rows = [(line, cells) for line, cells in grid.rows if any(cells)]
     for place, (_, cells) in enumerate(rows):
         filled = [cell for cell in cells if cell]
-        numbers = sum(number(cell, grid.separator) is not None for cell in filled)
+        numbers = sum(grid.number(cell) is not None for cell in filled)
         # A specimen's name may stand beside them; a size in the head is one number alone.
         if place and numbers > 1 and 2 * numbers >= len(filled):
             break
     else:
-        return None
-    has_units = place > 1 and all(
-        is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in rows[place - 1][1] if cell
-    )
-    line, names = rows[place - 1 - has_units]
-    headings = [parse_heading(cell) if cell else None for cell in names]
-    below = rows[place - 1][1] if has_units else []
-    units = [
-        unit if is_unit(unit := (h.unit or "") if h else _unit_at_end(n)) else
-        (below[i].strip("()[] ") if i < len(below) else "")
-        for i, (n, h) in enumerate(zip(names, headings, strict=True))
+        return 0, (), ()
+    below = rows[place - 1][1] if place > 1 else []
+    if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
+        below = []
+    line, names = rows[place - 1 - bool(below)]
+    units = [_heading(n).unit if _heading(n).meaning else _unit_at_end(n) for n in names]
+    return line, names, [
+        unit if unit and is_unit(unit) else _cell(below, i).strip("()[] ")
+        for i, unit in enumerate(units)
     ]  # fmt: skip
-    return line, names, headings, units
 
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
-    return name.rstrip(")] ").replace("_", " ").replace("(", " ").replace("[", " ").split(" ")[-1]
+    return re.split(r"[\s_(\[]", name.rstrip(")] "))[-1]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -669,7 +669,8 @@ def read_study(
             if own or path.stem in rows or not (rows or poor):
                 raise
             notes.append(Caution(f"{error}; left out"))
-            unlisted += [path.name] if path.name not in _NO_RECORDS else []
+            if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
+                unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
         for table in tables:
             row_of_table = _row(table, path, own, rows)

@@ -8,7 +8,7 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError
-from planner.formats.headings import is_speed, parse_heading, size_of
+from planner.formats.headings import parse_heading, size_of
 from planner.formats.tables import number
 from planner.formats.tensile import read_tensile
 
@@ -245,7 +245,7 @@ def test_the_table_in_the_docs_is_understood() -> None:
                 assert found is not None, term
                 assert found.meaning in ("strain", "elongation"), term
             elif what == "crosshead speed":
-                assert is_speed(term)[0], term
+                assert size_of(term)[0] == "rate_mm_s", term
             else:
                 # A bare "Length" serves where nothing calls itself a gauge length.
                 assert (size_of(term)[0] or "").replace("length", "gauge") == sizes[what], term
