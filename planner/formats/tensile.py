@@ -133,21 +133,23 @@ _FEWEST_ROWS = 3
 """Of a record beside others: two points are a line, and a table of results has fewer."""
 
 
+_Headings = Sequence[Heading]
+"""A row's; of a cell that is not understood the meaning is ""."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """A sheet's cells, and the separator by which its numbers are read (see `number`)."""
+    """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read."""
 
     where: str
     sheet: str
     separator: str
     rows: list[TextRow]
+    by_position: _Headings | None
+    option: str
 
     def number(self, cell: str) -> float | None:
         return number(cell, self.separator)
-
-
-_Headings = Sequence[Heading]
-"""A row's; of a cell that is not understood the meaning is ""."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,20 +218,19 @@ def read_tensile(
     grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
     for sheet, text, rows in _sheets(data, path):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
-        grid, found = _best_grid(where, sheet, text, rows, by_position)
+        grid, found = _best_grid(_Grid(where, sheet, "", rows, by_position, option), text)
         (grids if found else missed).append(grid)
-        own = _pieces(grid, found, by_position is not None, option, notes)
-        pieces += _joined(own, blocks, notes)
+        pieces += _joined(_pieces(grid, found, notes), blocks, notes)
     if not (grids or missed):
         raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
     if not pieces:
         longest = max(missed, key=_count_numbers)
         few = _count_numbers(longest) < _FEWEST_ROWS
-        raise (NoRecordError if few else FileError)(_not_understood(longest, option, by_position))
+        raise (NoRecordError if few else FileError)(_not_understood(longest))
     fewest = min(len(piece.lines) for piece in pieces)
     for grid in missed:
         if _count_numbers(grid) >= fewest:
-            said = _not_understood(grid, option, by_position)
+            said = _not_understood(grid)
             raise FileError(f"{said}; other sheets of the file are understood")
         notes.append(f"{grid.where}: no record of a test")
     return _tables(path, pieces, [*grids, *missed], notes)
@@ -244,22 +245,22 @@ def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]
         yield "", decode_text(data, path), []
 
 
-def _best_grid(
-    where: str, sheet: str, text: str, rows: list[TextRow], by_position: _Headings | None
-) -> tuple[_Grid, list[_Block]]:
+def _best_grid(sheet: _Grid, text: str) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    separators = [s for s in _SEPARATORS if s in text or by_position] if text else []
+    separators = [s for s in _SEPARATORS if s in text or sheet.by_position] if text else []
     for separator in separators or [";"]:
-        cells = split_rows(text, separator) if text else rows
-        if separator == " " and by_position is None:
+        cells = split_rows(text, separator) if text else sheet.rows
+        if separator == " " and sheet.by_position is None:
             cells = _with_headings_of_words(cells)
-        grid = _Grid(where, sheet, _decimals(cells, separator), cells)
-        found = _blocks(grid, by_position)
+        grid = replace(sheet, separator=_decimals(cells, separator), rows=cells)
+        found = _blocks(grid)
         if any(block.rows for block in found):
             return grid, [block for block in found if block.rows]
         if found and text and separator.strip():
-            raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
+            raise FileError(
+                f"{grid.where}: headings but no numbers below them; export the raw data too"
+            )
         tried.append(grid)
 
     def nearness(grid: _Grid) -> tuple[int, int]:
@@ -339,12 +340,12 @@ def _is_figure(cell: str) -> bool:
     return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
 
 
-def _blocks(grid: _Grid, by_position: _Headings | None) -> list[_Block]:
+def _blocks(grid: _Grid) -> list[_Block]:
     rows, found = grid.rows, list[_Block]()
-    headings = by_position
+    headings = grid.by_position
     start = at = 0
     while at < len(rows):
-        own = _headings(rows[at][1]) if by_position is None else None
+        own = _headings(rows[at][1]) if grid.by_position is None else None
         place = at
         if own is not None:
             headings, at = _with_units(own, grid, at)
@@ -447,16 +448,14 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 # Pieces: of a block the columns and rows of one specimen.
 
 
-def _pieces(
-    grid: _Grid, blocks: Sequence[_Block], by_position: bool, option: str, notes: list[str]
-) -> list[_Piece]:
+def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
     found: list[_Piece] = []
     for block in blocks:
         headings, told = _with_mark10_units(block.headings, grid, block.place)
-        groups = _groups(grid, block, headings, by_position)
+        groups = _groups(grid, block, headings)
         marked = _marked(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(headings) :])]
-        if grid.separator == "," and not by_position and 2 * len(longer) > len(block.rows):
+        if grid.separator == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
             line, cells = grid.rows[longer[0]]
             raise FileError(
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
@@ -465,7 +464,7 @@ def _pieces(
         for name, places in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
-            found += _split(grid, block, headings, places, label, told, by_position, option)
+            found += _split(grid, block, headings, places, label, told)
     rows = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
     poor = {at for at, n in rows.items() if n < _FEWEST_ROWS <= max(rows.values())}
     notes += [
@@ -476,9 +475,7 @@ def _pieces(
     return [piece for piece in found if piece.block.place not in poor]
 
 
-def _groups(
-    grid: _Grid, block: _Block, headings: _Headings, by_position: bool
-) -> list[tuple[str, list[int]]]:
+def _groups(grid: _Grid, block: _Block, headings: _Headings) -> list[tuple[str, list[int]]]:
     """Return the columns of each record that stands in a block, with its name.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
@@ -511,7 +508,7 @@ def _groups(
             walked.append([])
         walked[-1].append(i)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
-    kinds = {"time"} | (_LENGTHS if by_position else set())
+    kinds = {"time"} | (_LENGTHS if grid.by_position else set())
     once = [
         i for i in walked[0] if headings[i].meaning in kinds
         and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
@@ -552,8 +549,6 @@ def _split(
     places: Sequence[int],
     label: str,
     told: Sequence[str],
-    by_position: bool,
-    option: str,
 ) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
     where, rows = grid.where, grid.rows
@@ -565,7 +560,7 @@ def _split(
     lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
     if not lined:
         return []
-    used, notes = _used_columns(grid, headings, places, lined, by_position, option)
+    used, notes = _used_columns(grid, headings, places, lined)
     lines = [rows[r][0] for r in lined]
     values: dict[str, FloatArray] = {}
     for i, column in used.items():
@@ -646,12 +641,7 @@ def _seconds(cell: str) -> str:
 
 
 def _used_columns(
-    grid: _Grid,
-    headings: _Headings,
-    places: Sequence[int],
-    lined: Sequence[int],
-    by_position: bool,
-    option: str,
+    grid: _Grid, headings: _Headings, places: Sequence[int], lined: Sequence[int]
 ) -> tuple[dict[int, HeadedColumn], list[str]]:
     """Return the columns that serve, by place: of each canonical name the first.
 
@@ -696,10 +686,10 @@ def _used_columns(
         except FileError as error:
             others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if not is_time and not (heading.meaning in ("elongation", "position") and others):
-                if heading.unit is not None or by_position:
+                if heading.unit is not None or grid.by_position:
                     raise
-                example = _example(headings, [h.unit or "" for h in headings])
-                raise FileError(f"{error}, or {_advice(option, example)}") from error
+                example = _example(headings)
+                raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
             notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
             continue
         same = next((j for j, m in found.items() if m.name == column.name), None)
@@ -715,16 +705,12 @@ def _used_columns(
     strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
     for one, other, factor in doubles:
         if not (strains and found[one].name == "displacement_mm"):
-            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings, option)
+            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
     return {i: found[i] for i in sorted(found)}, notes
 
 
 def _refuse_two(
-    grid: _Grid,
-    lined: Sequence[int],
-    factors: Mapping[int, float],
-    headings: _Headings,
-    option: str,
+    grid: _Grid, lined: Sequence[int], factors: Mapping[int, float], headings: _Headings
 ) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
     one, other = (
@@ -737,15 +723,15 @@ def _refuse_two(
     if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
         return
     first, second = (headings[i].text for i in factors)
-    said = f"{grid.where}: {first!r} and {second!r} are two "
-    said += "loads over one length" if is_load else "lengths of one record"
-    said += ", of two load cells or of two specimens" if is_load else ", of two sensors"
-    if not option:
+    what = "loads over one length, of two load cells or of two specimens"
+    what = what if is_load else "lengths of one record, of two sensors"
+    said = f"{grid.where}: {first!r} and {second!r} are two {what}"
+    if not grid.option:
         raise FileError(f"{said}; keep one in the file")
     examples = []
-    for left_out in [*reversed(factors), None][: 3 if is_load else 2]:
+    for left_out in (*reversed(factors), None):
         kept = [Heading("", "", None) if i == left_out else h for i, h in enumerate(headings)]
-        examples.append(f"{option} {_example(kept, [h.unit or '' for h in kept], twice=True)}")
+        examples.append(f"{grid.option} {_example(kept, twice=True)}")
     both = f", or read two specimens by {examples[2]}" if is_load else ""
     raise FileError(f"{said}; take one of them by {examples[0]} or {examples[1]}{both}")
 
@@ -1118,9 +1104,10 @@ def _count_numbers(grid: _Grid) -> int:
     )
 
 
-def _not_understood(grid: _Grid, option: str, by_position: _Headings | None) -> str:
-    if by_position is not None:
-        return f"{grid.where}: no row with {len(by_position)} columns of numbers; check the columns"
+def _not_understood(grid: _Grid) -> str:
+    if grid.by_position is not None:
+        count = len(grid.by_position)
+        return f"{grid.where}: no row with {count} columns of numbers; check the columns"
     line, names, units = _nearest(grid)
     if not names:
         return (
@@ -1142,10 +1129,10 @@ def _not_understood(grid: _Grid, option: str, by_position: _Headings | None) -> 
         f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
-    example = _example(headings, units)
+    example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
     if not _suffice(map(_heading, example.split(","))):
         return f"{said}; export what is missing too"
-    return f"{said}; {_advice(option, example)}"
+    return f"{said}; {_advice(grid.option, example)}"
 
 
 _SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
@@ -1162,34 +1149,35 @@ _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "str
              "strain": "strain_"}  # fmt: skip
 
 
-def _example(headings: _Headings, units: Sequence[str], *, twice: bool = False) -> str:
+def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
     Where units tell nothing, the first columns that are left stand for what is missing. `twice`
     keeps a quantity that comes again.
     """
-    names: list[str] = []
-    for heading, unit in zip(headings, units, strict=True):
+    names, meant = list[str](), list[str]()
+    for heading in headings:
+        unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
         kinds = quantities_of(unit)
-        if heading.meaning == "specimen":
-            name = "specimen"
-        elif heading.meaning:
-            name = heading.meaning.replace(" ", "_")
-            name = {"position": "displacement", "elongation": "displacement"}.get(name, name)
-            name = f"{name}_{unit}" if unit else _BARE.get(name, name)
-        else:
-            name = (
-                _EXAMPLES.get(min(kinds, default=""), "-") if len(kinds) == 1 and not twice else "-"
-            )
-            name += unit if name != "-" else ""
-        again = name != "-" and _heading(name).meaning in [_heading(n).meaning for n in names]
-        names.append("-" if again and not twice else name)
+        if not name and len(kinds) == 1 and not twice:
+            name = _BY_KIND.get(min(kinds), "")
+        if not name or (name in meant and not twice):
+            names.append("-")
+            continue
+        meant.append(name)
+        bare = name.replace(" ", "_")
+        names.append(f"{bare}_{unit}" if unit and name != "specimen" else _BARE.get(bare, bare))
     for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
-        if meanings.isdisjoint(_heading(name).meaning for name in names) and "-" in names:
+        if meanings.isdisjoint(meant) and "-" in names:
             names[names.index("-")] = wanted
     return ",".join(names)
 
 
+_ALIKE = {"position": "displacement", "elongation": "displacement"}
+_BY_KIND = {
+    "length": "displacement",
+    **{kind: kind for kind in ("time", "force", "stress", "strain")},
+}
 _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm",
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 

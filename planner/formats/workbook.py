@@ -1,9 +1,9 @@
 """Workbooks (XLSX, XLS, ODS) as sheets of cells, read by calamine once their size is known."""
 
 import datetime
+import functools
 import io
 import re
-from collections.abc import Iterator
 
 from planner.errors import FileError
 from planner.formats.archive import unpacked
@@ -16,9 +16,6 @@ columns; what holds more takes gigabytes as cells."""
 
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _PLACE = re.compile(rb'\sr="([A-Z]{0,3})(\d{1,7})"')
-_REPEATS = re.compile(
-    rb"<table:table[ >]|<table:table-row\b([^>]*)>|<table:(?:covered-)?table-cell\b([^>]*)>"
-)
 _TIMES = re.compile(rb'number-(?:rows|columns)-repeated="(\d{1,9})"')
 
 Sheet = tuple[str, list[list[str]]]
@@ -91,35 +88,28 @@ def _check_size(data: bytes, name: str) -> None:
     for member, content in members.items():
         if member.startswith("xl/worksheets/") and _xlsx_cells(content) > MOST_CELLS:
             raise _too_many(f"{name}, {member}")
-    if any(cells > MOST_CELLS for cells in _ods_cells(members.get("content.xml", b""))):
-        raise _too_many(name)
+    for table in re.split(rb"<table:table[ >]", members.get("content.xml", b""))[1:]:
+        if _ods_cells(table) > MOST_CELLS:
+            raise _too_many(name)
 
 
 def _xlsx_cells(content: bytes) -> int:
-    rows, columns = 1, 1
-    for letters, digits in set(_PLACE.findall(content)):
-        rows = max(rows, int(digits))
-        column = 0
-        for letter in letters:
-            column = 26 * column + letter - 64
-        columns = max(columns, column)
-    return rows * columns
+    places = _PLACE.findall(content)
+    rows = max((int(digits) for _, digits in places), default=1)
+    letters = max((letters for letters, _ in places), key=lambda of: (len(of), of), default=b"A")
+    return rows * functools.reduce(lambda number, letter: 26 * number + letter - 64, letters, 0)
 
 
-def _ods_cells(content: bytes) -> Iterator[int]:
-    """Yield the cells of each table's rectangle; repeats of empty cells at its ends take none."""
-    row = row_times = column = rows = columns = 0
-    for match in _REPEATS.finditer(content):
-        if match[1] is None and match[2] is None:
-            yield rows * columns
-            row = row_times = column = rows = columns = 0
-            continue
-        found = _TIMES.search(match[1] if match[1] is not None else match[2])
-        times = int(found[1]) if found else 1
-        if match[1] is not None:
-            row, row_times, column = row + row_times, times, 0
-            continue
-        column += times
-        if b"value" in match[2] or not match[2].rstrip().endswith(b"/"):
-            rows, columns = max(rows, row + row_times), max(columns, column)
-    yield rows * columns
+def _ods_cells(table: bytes) -> int:
+    """Return the cells of a table's rectangle; repeats of empty cells at its ends take none."""
+    rows = [(_times(row.partition(b">")[0]), row) for row in table.split(b"<table:table-row")[1:]]
+    while rows and b"value" not in rows[-1][1]:
+        rows.pop()
+    ends = [row.find(b">", row.rfind(b"value")) for _, row in rows]
+    cells = [row[:end].split(b"table-cell")[1:] for (_, row), end in zip(rows, ends, strict=True)]
+    return sum(times for times, _ in rows) * max((sum(map(_times, c)) for c in cells), default=0)
+
+
+def _times(element: bytes) -> int:
+    found = _TIMES.search(element)
+    return int(found[1]) if found else 1

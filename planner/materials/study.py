@@ -235,16 +235,6 @@ def _states_no_strain_unit(table: TensileTable) -> bool:
     return used in table.columns and used in table.without_unit
 
 
-_HEAD_WORDS = {
-    "area_mm2": "a section of {:.4g} mm2",
-    "diameter_mm": "a diameter of {:.4g} mm",
-    "width_mm": "a width of {:.4g} mm",
-    "thickness_mm": "a thickness of {:.4g} mm",
-    "gauge_mm": "a gauge length of {:.4g} mm",
-    "rate_mm_s": "a crosshead speed of {:.4g} mm/s",
-}
-
-
 def _dimensions_of(
     specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
@@ -255,8 +245,7 @@ def _dimensions_of(
 
     def stated(name: str, of: str) -> float | None:
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
-            value = None if source is None else getattr(source, name, None)
-            if value is not None:
+            if (value := getattr(source, name, None)) is not None:
                 sources[of] = where
                 return float(value)
         return None
@@ -265,7 +254,7 @@ def _dimensions_of(
         value = head.get(name)
         if not isinstance(value, float) or not value > 0.0:
             return None
-        from_head.append(_HEAD_WORDS[name].format(value))
+        from_head.append(f"{name} {value:.4g}")
         sources[of] = table.sources.get(name, "")
         return value
 
@@ -676,11 +665,8 @@ def read_study(
             row_of_table = _row(table, path, own, rows)
             record = _Record(path, table, row_of_table, len(tables) > 1)
             if rows and row_of_table is None:
-                said = (
-                    "not named in"
-                    if not own and not table.specimen
-                    else (f"specimen {table.specimen} has no row with this file in")
-                )
+                what = f"specimen {table.specimen} has no row with this file"
+                said = f"{what} in" if own or table.specimen else "not named in"
                 notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
                 record = replace(record, left_out=f"no row in {_SPECIMENS}")
                 unlisted += [path.name] if path.name not in unlisted else []
