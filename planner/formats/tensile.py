@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -451,20 +452,20 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
     found: list[_Piece] = []
     for block in blocks:
-        headings, told = _with_mark10_units(block.headings, grid, block.place)
-        groups = _groups(grid, block, headings)
+        block, told = _with_mark10_units(grid, block)
+        groups = _groups(grid, block)
         marked = _marked(grid, block)
-        longer = [r for r in block.rows if any(grid.rows[r][1][len(headings) :])]
+        longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
         if grid.separator == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
             line, cells = grid.rows[longer[0]]
             raise FileError(
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
-                f"{len(headings)}; a decimal comma needs quotes, or semicolons between the cells"
+                f"{len(block.headings)}; a decimal comma needs quotes, or semicolons between cells"
             )
         for name, places in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
-            found += _split(grid, block, headings, places, label, told)
+            found += _split(grid, block, places, label, told)
     rows = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
     poor = {at for at, n in rows.items() if n < _FEWEST_ROWS <= max(rows.values())}
     notes += [
@@ -475,7 +476,7 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
     return [piece for piece in found if piece.block.place not in poor]
 
 
-def _groups(grid: _Grid, block: _Block, headings: _Headings) -> list[tuple[str, list[int]]]:
+def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
     """Return the columns of each record that stands in a block, with its name.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
@@ -485,6 +486,7 @@ def _groups(grid: _Grid, block: _Block, headings: _Headings) -> list[tuple[str, 
     def whole(places: Iterable[int]) -> bool:
         return _suffice(headings[i] for i in places)
 
+    headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
     above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
     for names in (
@@ -543,15 +545,10 @@ def _marked(grid: _Grid, block: _Block) -> str:
 
 
 def _split(
-    grid: _Grid,
-    block: _Block,
-    headings: _Headings,
-    places: Sequence[int],
-    label: str,
-    told: Sequence[str],
+    grid: _Grid, block: _Block, places: Sequence[int], label: str, told: Sequence[str]
 ) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
-    where, rows = grid.where, grid.rows
+    where, rows, headings = grid.where, grid.rows, block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
     alone = len(places) == sum(bool(h.meaning) for h in headings)
     filled = [
@@ -564,13 +561,7 @@ def _split(
     lines = [rows[r][0] for r in lined]
     values: dict[str, FloatArray] = {}
     for i, column in used.items():
-        for r in lined:
-            if i >= (count := len(rows[r][1])):
-                raise FileError(
-                    f"{where}, line {rows[r][0]}: {count} cells where the headings have "
-                    f"{len(headings)}; complete or remove the line"
-                )
-        cells = [rows[r][1][i] for r in lined]
+        cells = [_cell(rows[r][1], i) for r in lined]
         is_time, text = column.name == "time_s", column.heading.text
         cells = [_seconds(cell) for cell in cells] if is_time else cells
         try:
@@ -593,35 +584,28 @@ def _split(
         and (i in places or not headings[i].meaning) and _cell(rows[lined[0]][1], i)
     )  # fmt: skip
 
-    def column_of_words(i: int) -> list[str]:
-        return [_cell(rows[r][1], i) for r in lined]
+    def words(i: int) -> list[str]:
+        return _carried(_cell(rows[r][1], i) for r in lined)
 
-    if named is not None and len({*column_of_words(named)}) == len(lined) >= _FEWEST_ROWS:
-        named = None  # it counts rows
-    if named is not None and not alone and len(lined) > _FEWEST_ROWS:
-        names = _carried(column_of_words(named))
-        named = named if min(map(names.count, names)) >= _FEWEST_ROWS else None  # a list beside
+    if named is not None:
+        names = words(named)
+        counts = len(set(names)) == len(lined)
+        # Else a list of specimens beside their records.
+        if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
+            named = None
     if named is None:  # several materials, or modes, are several specimens
-        named = next((i for i in texts.values() if len({*column_of_words(i)} - {""}) > 1), None)
+        named = next((i for i in texts.values() if len({*words(i)} - {""}) > 1), None)
     groups: dict[str, list[int]] = {}
-    words = [""] * len(lined) if named is None else column_of_words(named)
-    for at, name in enumerate(_carried(words)):
+    for at, name in enumerate([""] * len(lined) if named is None else words(named)):
         groups.setdefault(name, []).append(at)
     return [
         _Piece(
-            name or label,
-            grid,
-            block,
-            {column: array[at] for column, array in values.items()},
-            tuple(kept.values()),
-            [lines[n] for n in at],
-            unused,
-            (*told, *notes),
-            bool(name),
+            name or label, grid, block, {column: array[at] for column, array in values.items()},
+            tuple(kept.values()), [lines[n] for n in at], unused, (*told, *notes), bool(name),
             {what: _cell(rows[lined[at[0]]][1], i) for what, i in texts.items() if what},
         )
         for name, at in groups.items()
-    ]
+    ]  # fmt: skip
 
 
 def _cell(cells: Sequence[str], at: int) -> str:
@@ -657,7 +641,7 @@ def _used_columns(
     where, notes = grid.where, list[str]()
     found: dict[int, HeadedColumn] = {}
     cells = {
-        i: [row[i] if i < len(row) else None for row in (grid.rows[r][1] for r in lined)]
+        i: [_cell(grid.rows[r][1], i) for r in lined]
         for i in places
         if headings[i].meaning != "specimen"
     }
@@ -679,7 +663,7 @@ def _used_columns(
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
-        if is_time and _CLOCK.fullmatch(cells[i][0] or ""):
+        if is_time and _CLOCK.fullmatch(cells[i][0]):
             heading = replace(heading, unit="s")
         try:
             column = column_of(heading, where=where)
@@ -820,27 +804,22 @@ def _tables(
             metadata.setdefault("mode", "compression")
         found.append(
             TensileTable(
-                path.name,
-                MappingProxyType(dict(piece.columns)),
+                path.name, MappingProxyType(dict(piece.columns)),
                 MappingProxyType({m.name: m.factor for m in piece.used}),
-                np.array(piece.lines, dtype=np.int64),
-                name or str(metadata.get("specimen", "")),
+                np.array(piece.lines, dtype=np.int64), name or str(metadata.get("specimen", "")),
                 MappingProxyType(metadata),
                 frozenset(m.name for m in piece.used if m.heading.unit is None) - {"stretch"},
-                (*piece.notes, *_behind(piece, pieces), *notes),
-                piece.grid.sheet,
-                MappingProxyType({m.name: _written(m.heading) for m in piece.used}),
-                piece.unused,
-                MappingProxyType(sources),
-                MappingProxyType(unclear),
+                (*piece.notes, *_behind(piece, pieces), *notes), piece.grid.sheet,
+                MappingProxyType({m.name: _written(m.heading) for m in piece.used}), piece.unused,
+                MappingProxyType(sources), MappingProxyType(unclear),
             )
-        )
+        )  # fmt: skip
     return tuple(found)
 
 
 def _written(heading: Heading) -> str:
-    unit = heading.unit or ""
-    return heading.text if unit in heading.text else f"{heading.text} ({unit})"
+    inside = heading.unit is None or _heading(heading.text).unit == heading.unit
+    return heading.text if inside else f"{heading.text} ({heading.unit})"
 
 
 def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
@@ -1041,8 +1020,8 @@ def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
 
-def _with_mark10_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, list[str]]:
-    """Return headings with the units that a Mark-10 MESURgauge file states above its columns.
+def _with_mark10_units(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
+    """Return a block with the units that a Mark-10 MESURgauge file states above its columns.
 
     The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
     the columns are Reading, Load, Travel and Time without units, time in seconds.
@@ -1053,7 +1032,7 @@ def _with_mark10_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_H
         The head names load units that are two different ones.
     """
     units: dict[str, str] = {}
-    for line, cells in grid.rows[:place]:
+    for line, cells in grid.rows[: block.place]:
         key, _, value = " ".join(cell for cell in cells if cell).partition(":")
         meaning = _MARK10.get(key.strip().casefold().removesuffix("s"))
         unit = value.strip(" ()[]")
@@ -1066,12 +1045,13 @@ def _with_mark10_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_H
         units["time"] = "s"
     filled = [
         replace(h, unit=units[h.meaning]) if h.unit is None and h.meaning in units else h
-        for h in headings
+        for h in block.headings
     ]
-    if filled == [*headings]:
-        return headings, []
+    if filled == [*block.headings]:
+        return block, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    return filled, [f"{grid.where}: a MESURgauge file, {stated} by its head"]
+    told = f"{grid.where}: a MESURgauge file, {stated} by its head"
+    return replace(block, headings=filled), [told]
 
 
 _MARK10 = {"unit": "force", "load unit": "force", "travel unit": "displacement"}

@@ -243,10 +243,13 @@ def _dimensions_of(
     from_head: list[str] = []
     sources: dict[str, str] = {}
 
+    def told(of: str, where: str) -> None:
+        sources[of] = " x ".join(filter(None, (sources.get(of), where)))
+
     def stated(name: str, of: str) -> float | None:
         for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
             if (value := getattr(source, name, None)) is not None:
-                sources[of] = where
+                told(of, where)
                 return float(value)
         return None
 
@@ -255,7 +258,7 @@ def _dimensions_of(
         if not isinstance(value, float) or not value > 0.0:
             return None
         from_head.append(f"{name} {value:.4g}")
-        sources[of] = table.sources.get(name, "")
+        told(of, table.sources.get(name, ""))
         return value
 
     area = None if specimen is None else specimen.area_mm2
@@ -988,7 +991,8 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     for name, record in records.items():
         named = str(record.table.metadata.get("material", ""))
         known[name] = record.row.material if record.row else given or named
-        counts = record.in_company and _ORDINAL.fullmatch(record.table.specimen)
+        called = record.table.specimen
+        counts = record.in_company and (_ORDINAL.fullmatch(called) or mode_of(called))
         told_by[name] = record.path.stem if counts else name
     unknown = [name for name in records if not known[name]]
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))

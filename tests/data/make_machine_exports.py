@@ -1,11 +1,12 @@
 """Write the folder machine_exports: what testing machines export, imitated layout by layout.
 
 The specimens are made up, the layouts, words and encodings are those of the machines. Run by hand
-(`python tests/data/make_machine_exports.py`); workbooks take openpyxl, xlwt and odfpy.
+(`python tests/data/make_machine_exports.py`); XLSX and XLS take openpyxl and xlwt.
 """
 
 import io
 import itertools
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,31 @@ def texts() -> dict[str, tuple[str, str]]:
             "Area,12,mm^2", "Gauge length (mm),25",
             "Time [Clock] (s),Load (5 kN cell) [N],Strain (Extensometer 1) [mm],Note",
             [f"{x}," for x in lines(1, "{t},{f},{d}")])),
+        # LabVIEW, with units above the headings; brackets within brackets.
+        "labview.lvm": ("utf-8", text(
+            "LabVIEW Measurement\t", "Separator\tTab", "Width\t6\tmm", "Thickness\t2\tmm",
+            "Gauge length\t25\tmm", "Time\t10:00:00.1", "***End_of_Header***\t", "\t",
+            "Channels\t2\t\t", "Y_Unit_Label\tN\tmm\t", "X_Dimension\tTime\tTime\t",
+            "Delta_X\t0.1\t0.1\t", "***End_of_Header***\t\t\t",
+            "X_Value\tForce\tDisplacement\tComment",
+            [f"{x}\t" for x in lines(1, "{t}\t{f}\t{d}")])),
+        "wavematrix.csv": ("utf-8", text(
+            '"Width (mm)",6', '"Thickness (mm)",2', '"Gauge length (mm)",25', "",
+            '"Total Time (s)","Total Cycles","Step","Total Cycle Count(8800 (0,1) Waveform)",'
+            '"Position(8800 (0,1):Position) (mm)","Load(8800 (0,1):Load) (kN)"',
+            lines(1, "{t},0,1,0,{d},{f}", f=1e3))),
+        "hounsfield_de.txt": ("cp1252", text(
+            [row for n in (1, 2) for row in
+             (f"Prüfung Nr. {n}", "Breite: 6,00 mm", "Dicke: 2,00 mm", "Messlänge: 25,0 mm",
+              "Kraft/N\tWeg/mm", *lines(n, "{f}\t{d}", comma=True), "")])),
+        "ibertest.txt": ("cp1252", text(
+            "Ancho|6,0|mm", "Espesor|2,0|mm", "Longitud inicial|25,0|mm", "",
+            "Tiempo (seg.)|Fuerza (daN)|Desplaz. (mm)|Extens. (mm)",
+            [f"{x}|0" for x in lines(1, "{t}|{f}|{d}", comma=True, f=10.0)])),
+        "startposition.TRA": ("cp1252", text(
+            '"Probendicke a0";2,00;"mm"', '"Probenbreite b0";6,00;"mm"',
+            '"Einspannlänge bei Startposition";25,00;"mm"',
+            '"Weg ab Vorkraft";"Kraft"', '"mm";"N"', lines(1, "{d};{f}", comma=True))),
         # Spreadsheets of people: wide, by pandas, in two rows of headings.
         "wide_pandas.csv": ("utf-8", text(
             "strain,stress (MPa),strain.1,stress (MPa).1,strain.2,stress (MPa).2",
@@ -266,7 +292,34 @@ def workbooks() -> dict[str, Sheets]:
         ]
         for n in (1, 2)
     }  # fmt: skip
+    series: Sheets = {
+        "Results": [
+            ["", "Specimen ID", "a0", "b0", "L0", "Fmax", "εB"],
+            ["", "", "mm", "mm", "mm", "N", "%"],
+            *([f"Specimen {n}", f"A{n}", THICKNESS_MM, WIDTH_MM, GAUGE_MM, 9.9, 80]
+              for n in (1, 2, 3)),
+        ],
+        "Statistics": [["Series", "a0", "b0", "L0"], ["n = 3", "mm", "mm", "mm"],
+                       ["x", 2, 6, 25], ["s", 0.1, 0.1, 0.1], ["ν [%]", 1, 1, 1]],
+        "Values Series": [
+            ["Specimen 1", "", "", "Specimen 2", "", "", "Specimen 3", "", ""],
+            ["Test time", "Strain", "Standard force"] * 3, ["s", "mm", "N"] * 3,
+            *([cell for row in rows for cell in row] for rows in
+              itertools.zip_longest(*(cells(n, 0, 2, 1) for n in (1, 2, 3)), fillvalue=[""] * 3)),
+        ],
+    }  # fmt: skip
+    listed: Sheets = {
+        "Sheet1": [
+            ["Specimen", "Width (mm)", "Thickness (mm)", "Gauge length (mm)",
+             *["", "Time (s)", "Force (N)", "Disp (mm)"] * 2],
+            *([*([f"S{at + 1}", WIDTH_MM, THICKNESS_MM, GAUGE_MM] if at < 2 else [""] * 4),
+               *(cell for row in rows for cell in ("", *row))]
+              for at, rows in enumerate(itertools.zip_longest(
+                  cells(1, 0, 1, 2), cells(2, 0, 1, 2), fillvalue=[""] * 3))),
+        ],
+    }  # fmt: skip
     return {
+        "testxpert_series.xlsx": series, "listed_beside.xlsx": listed,
         "testxpert_en.xlsx": english, "testxpert_de.xlsx": german, "dion7.xlsx": dion,
         "remarks.xlsx": remarks, "utm_zh.xlsx": chinese,
         "testxpert_en.xls": english, "testxpert_de.ods": german,
@@ -301,31 +354,38 @@ def _xls(sheets: Sheets) -> bytes:
     return data.getvalue()
 
 
-def _ods(sheets: Sheets) -> bytes:
-    from odf.opendocument import OpenDocumentSpreadsheet
-    from odf.table import Table, TableCell, TableRow
-    from odf.text import P
-
-    book = OpenDocumentSpreadsheet()
-    for name, rows in sheets.items():
-        table = Table(name=name)
-        for row in rows:
-            line = TableRow()
-            for cell in row:
-                if isinstance(cell, str):
-                    made = TableCell(valuetype="string")
-                    made.addElement(P(text=cell))
-                else:
-                    made = TableCell(valuetype="float", value=cell)
-                line.addElement(made)
-            table.addElement(line)
-        book.spreadsheet.addElement(table)
+def ods(sheets: Sheets) -> bytes:
+    """Return a workbook of OpenDocument with these sheets."""
+    of = "urn:oasis:names:tc:opendocument:xmlns:"
+    spaces = "".join(f' xmlns:{k}="{of}{k}:1.0"' for k in ("office", "table", "text"))
+    tables = "".join(
+        f'<table:table table:name="{name}">'
+        + "".join(
+            f"<table:table-row>{''.join(map(_ods_cell, row))}</table:table-row>" for row in rows
+        )
+        + "</table:table>"
+        for name, rows in sheets.items()
+    )
+    inside = f"<office:body><office:spreadsheet>{tables}</office:spreadsheet></office:body>"
     data = io.BytesIO()
-    book.save(data)
+    with zipfile.ZipFile(data, "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr(
+            "content.xml", f"<office:document-content{spaces}>{inside}</office:document-content>"
+        )
     return data.getvalue()
 
 
-WRITERS: dict[str, Callable[[Sheets], bytes]] = {".xlsx": _xlsx, ".xls": _xls, ".ods": _ods}
+def _ods_cell(cell: Any) -> str:
+    if isinstance(cell, str):
+        value = f'"string"><text:p>{cell}</text:p></table:table-cell>'
+    else:
+        value = f'"float" office:value="{cell}"/>'
+    return f"<table:table-cell office:value-type={value}"
+
+
+WRITERS: dict[str, Callable[[Sheets], bytes]] = {".xlsx": _xlsx, ".xls": _xls, ".ods": ods}
 
 
 def main() -> None:

@@ -42,7 +42,8 @@ SPECIMENS = {
     "utm_zh.txt": 1, "galdabini_it.csv": 1, "lloyd_clock.csv": 1, "tinius_olsen.txt": 1,
     "admet.csv": 1, "mark10.txt": 1, "testxpert_en.xlsx": 1, "testxpert_de.xlsx": 3,
     "dion7.xlsx": 1, "remarks.xlsx": 1, "utm_zh.xlsx": 2, "testxpert_en.xls": 1,
-    "testxpert_de.ods": 3,
+    "testxpert_de.ods": 3, "labview.lvm": 1, "wavematrix.csv": 1, "hounsfield_de.txt": 2,
+    "ibertest.txt": 1, "startposition.TRA": 1, "testxpert_series.xlsx": 3, "listed_beside.xlsx": 2,
 }  # fmt: skip
 WITHOUT_SIZES = {"mark10.txt"}
 NO_SIZES_NEEDED = {"wide_pandas.csv", "wide_two_rows.csv", "wide_prefixes.csv"}
@@ -148,6 +149,74 @@ def test_two_loads_over_one_travel_stop_and_each_reading_works(tmp_path: Path) -
     assert peaks == [[0.5], [1.0], [0.5, 1.0]]
 
 
+def test_two_strains_that_differ_stop_and_each_reading_works(tmp_path: Path) -> None:
+    """Along and across, as a camera has them: which is along, nothing tells."""
+    path = tmp_path / "a.csv"
+    e = np.linspace(0.0, 0.5, 20)
+    rows = "".join(f"{-0.4 * x:.6f},{x:.6f},{2 * x:.6f}\n" for x in e)
+    path.write_text("exx (mm/mm),eyy (mm/mm),Stress (MPa)\n" + rows, encoding="utf-8")
+    with pytest.raises(FileError, match="two lengths of one record, of two sensors") as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns (\S+)", str(caught.value))
+    ends = [
+        float(read_tensile(path, columns=one.split(","))[0].columns["strain"][-1])
+        for one in examples
+    ]
+    assert ends == [-0.2, 0.5]
+
+
+def test_the_crosshead_goes_behind_a_nearer_sensor_wherever_it_stands(tmp_path: Path) -> None:
+    near, far = "Standardweg [mm]", "Traversenweg [mm]"
+    rows = [row.split(";") for row in MADE.lines(1, "{d};{f}")]
+    for heads in ((near, far), (far, near)):
+        travel = [{near: d, far: f"{1.1 * float(d):.9g}", "f": f} for d, f in rows]
+        body = ["{};{};{}".format(*(one[key] for key in (*heads, "f"))) for one in travel]
+        text = "\n".join([";".join((*heads, "Kraft [N]")), *body])
+        (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+        (table,) = read_tensile(tmp_path / "a.csv")
+        assert table.headings["displacement_mm"] == near
+        assert table.unused == (far,)
+        # 1e-8: nine digits in the file.
+        assert table.columns["displacement_mm"][-1] == pytest.approx(20.0, rel=1e-8)
+
+
+def test_decimal_commas_between_commas_are_told(tmp_path: Path) -> None:
+    rows = "\n".join(MADE.lines(1, "{f},{d}", comma=True))
+    (tmp_path / "a.csv").write_text("Kraft (N),Weg (mm)\n" + rows, encoding="utf-8")
+    with pytest.raises(FileError, match=r"4 cells where the headings have 2; a decimal comma"):
+        read_tensile(tmp_path / "a.csv")
+
+
+def test_a_row_with_a_name_alone_is_told(tmp_path: Path) -> None:
+    rows = MADE.lines(1, "A,{e},{s}")
+    rows[5] = "A,,"
+    (tmp_path / "a.csv").write_text("specimen,strain,stress (MPa)\n" + "\n".join(rows))
+    with pytest.raises(FileError, match=r"line 7, column 'strain': '' is no finite number"):
+        read_tensile(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("head", ["mode", "specimen,mode"])
+def test_modes_in_one_file_are_specimens_of_one_material(tmp_path: Path, head: str) -> None:
+    names = [("a1,uniaxial", "a2,planar"), ("uniaxial", "planar")][head == "mode"]
+    rows = [row for n, name in enumerate(names, 1) for row in MADE.lines(n, name + ",{e},{s}")]
+    (tmp_path / "a.csv").write_text(f"{head},strain (mm/mm),stress (MPa)\n" + "\n".join(rows))
+    study = read_study([tmp_path / "a.csv"], material="M")
+    assert [record.mode for record in study.records] == ["tension", "planar"]
+    assert [record.rows for record in study.records] == [MADE.points(1), MADE.points(2)]
+
+
+def test_an_unknown_mode_in_a_column_is_refused(tmp_path: Path) -> None:
+    rows = "\n".join(MADE.lines(1, "bending,{e},{s}"))
+    (tmp_path / "a.csv").write_text("mode,strain (mm/mm),stress (MPa)\n" + rows)
+    with pytest.raises(FileError, match="mode is 'bending'; it must be one of tension"):
+        read_study([tmp_path / "a.csv"])
+    rows = "\n".join(MADE.lines(1, "{e},{s}"))
+    (tmp_path / "a.csv").write_text("strain (mm/mm),stress (MPa)\n" + rows)
+    (tmp_path / "specimens.csv").write_text("specimen,material,file,mode\na,A,a.csv,bending\n")
+    with pytest.raises(FileError, match=r"specimens\.csv, specimen a: mode is 'bending'"):
+        read_study([tmp_path])
+
+
 def test_what_has_no_row_in_the_list_is_a_finding(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -163,17 +232,10 @@ def test_what_has_no_row_in_the_list_is_a_finding(
 
 def test_a_sheet_that_is_not_understood_is_no_silent_loss(tmp_path: Path) -> None:
     sheets = MADE.workbooks()["testxpert_de.xlsx"]
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    for name, rows in sheets.items():
-        sheet = book.create_sheet(name)
-        for row in rows:
-            sheet.append(row)
-    book["Probe 2"]["A2"] = "Sila"
-    book["Probe 2"]["B2"] = "Posun"
-    book.save(tmp_path / "a.xlsx")
+    sheets["Probe 2"][1] = ["Sila", "Posun", ""]
+    (tmp_path / "a.ods").write_bytes(MADE.ods(sheets))
     with pytest.raises(FileError, match=r"sheet 'Probe 2', line \d: no heading.*'Sila', 'Posun'"):
-        read_tensile(tmp_path / "a.xlsx", option="--columns")
+        read_tensile(tmp_path / "a.ods", option="--columns")
 
 
 # ------------------------------------------------------------------------------------------------
