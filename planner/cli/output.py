@@ -451,7 +451,7 @@ MeshBodies = Annotated[
 TensileFiles = Annotated[
     list[Path],
     Argument(
-        help="Tensile files (CSV, Mark-10 MESURgauge, Instron Bluehill), or folders of them; a "
+        help="Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
         "specimens.csv among or beside them is used."
     ),
 ]

@@ -74,7 +74,7 @@ _SYMBOL = re.compile(r"(.+) [abdhls]\s?[0o]")
 _MARK = re.compile(
     rf"[#*%\s]*(?:{_SPECIMEN}|(?P<test>test|prüfung|versuch|essai|ensayo|prova))"
     r"\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*(?:(?(test)[.#]|[.:#=_-])+\s*(?P<said>.{1,60})|"
-    r"(?P<number>[\w.-]*\d[\w.-]*))",
+    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
     re.IGNORECASE,
 )
 

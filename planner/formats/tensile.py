@@ -357,7 +357,7 @@ def _blocks(grid: _Grid) -> list[_Block]:
         data, at = _numbers_below(grid, headings, at, own is not None)
         if data and own is not None:
             found[-1].rows.extend(data)
-        elif len(data) >= (_FEWEST_ROWS if found else 1):
+        elif data:
             found.append(_Block(start, data[0], headings, data))
         if data:
             start = at
@@ -415,7 +415,7 @@ def _numbers_below(
         words = [cell for cell in filled if grid.number(cell) is None]
         if not any(cells):
             gap = True
-        elif len(words) == len(filled) and not (found and any(_cell(cells, i) for i in named)):
+        elif words == filled and (filled or not found or not any(_cell(cells, i) for i in named)):
             if found or not headed or _headings(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < (2 if headed else len(wanted)):
@@ -466,14 +466,15 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
             found += _split(grid, block, places, label, told)
-    rows = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
-    poor = {at for at, n in rows.items() if n < _FEWEST_ROWS <= max(rows.values())}
-    notes += [
-        f"{grid.where}: line {piece.lines[0]} is no part of a record"
-        for piece in found
-        if piece.block.place in poor
-    ]
-    return [piece for piece in found if piece.block.place not in poor]
+    longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
+    kept: list[_Piece] = []
+    for piece in found:
+        poor = longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values())
+        if poor and not any(p.name == piece.name and _goes_on(p, piece) for p in kept[-1:]):
+            notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
+        else:
+            kept.append(piece)
+    return kept
 
 
 def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
@@ -538,7 +539,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if len(filled) > 1 and head_text(filled[0]) == "specimen":
-            found = filled[1]
+            found = found if _heading(filled[1]).meaning else filled[1]
         elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
     return found
@@ -561,7 +562,13 @@ def _split(
     lines = [rows[r][0] for r in lined]
     values: dict[str, FloatArray] = {}
     for i, column in used.items():
-        cells = [_cell(rows[r][1], i) for r in lined]
+        line, short = next((rows[r] for r in lined if len(rows[r][1]) <= i), (0, []))
+        if line:
+            raise FileError(
+                f"{where}, line {line}: {len(short)} cells where the headings have "
+                f"{len(headings)}; complete or remove the line"
+            )
+        cells = [rows[r][1][i] for r in lined]
         is_time, text = column.name == "time_s", column.heading.text
         cells = [_seconds(cell) for cell in cells] if is_time else cells
         try:
@@ -759,7 +766,14 @@ def _goes_on(one: _Piece, next_: _Piece) -> bool:
     if "time_s" in a and "time_s" in b and b["time_s"][0] < a["time_s"][-1]:
         return False
     name = next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)
-    return name is not None and bool(abs(b[name][0] - a[name][-1]) <= abs(b[name][0] - a[name][0]))
+    if name is None:
+        return False
+    ends, span = b[name][0] - a[name][[0, -1]], float(np.ptp([*a[name], *b[name]]))
+    return bool(abs(ends[1]) <= min(abs(ends[0]), _STEP * span))
+
+
+_STEP = 0.25
+"""Of the range of both: by how much a record in blocks goes on from one to the next at most."""
 
 
 def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
@@ -895,6 +909,8 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
             break
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
+    if figures and not unit and row + 1 < len(grid.rows):
+        unit = _cell(grid.rows[row + 1][1], at + 1)
     factor = _factor(size, unit)
     if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
         raise FileError(

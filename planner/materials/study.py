@@ -182,7 +182,8 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
     if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
-            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv"
+            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv; of "
+            "several specimens below one another, head the column of their names 'specimen'"
         )
     bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
     fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
