@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
@@ -277,12 +278,13 @@ def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
     As few words as make a heading, or as many, whichever gives as many as there are columns below.
     """
     found: list[TextRow] = []
-    for place, (line, words) in enumerate(rows):
-        below = next((len(cells) for _, cells in rows[place + 1 :] if any(cells)), 0)
+    below = 0
+    for line, words in reversed(rows):
         few = len(words) <= _MOST_WORDS and len(words) != below
         choices = [_put_together_words(words, step) for step in (1, -1)] if few else []
         found.append((line, next((c for c in choices if len(c) == below), words)))
-    return found
+        below = len(words) if any(words) else below
+    return found[::-1]
 
 
 _MOST_WORDS = 60
@@ -436,7 +438,7 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
     No row of numbers alone comes before the next one of words alone.
     """
-    for _, cells in grid.rows[at + 1 :]:
+    for _, cells in islice(grid.rows, at + 1, None):
         numbers = [grid.number(_cell(cells, i)) is not None for i in wanted]
         if all(numbers):
             return False
@@ -839,10 +841,10 @@ def _written(heading: Heading) -> str:
 def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
     """Say from which line on a sheet holds something that is no part of its last record."""
     here = [p for p in pieces if p.grid is piece.grid]
-    last = max(p.lines[-1] for p in here)
-    rest = [line for line, cells in piece.grid.rows if line > last and any(cells)]
-    said = f"{piece.grid.where}: what stands from line {min(rest, default=0)} on is no part of the"
-    return [f"{said} record"] if piece is here[-1] and rest else []
+    last = max(p.lines[-1] for p in here) if piece is here[-1] else math.inf
+    rest = next((line for line, cells in piece.grid.rows if line > last and any(cells)), None)
+    said = f"{piece.grid.where}: what stands from line {rest} on is no part of the record"
+    return [] if rest is None else [said]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -876,8 +878,9 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     for piece in (p for p in pieces if p.grid is grid):
         width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
         data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
+    beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
-        if row in data and row - min(data) > _BESIDE:
+        if row in data and row > beside:
             continue
         for at in range(data.get(row, 0), len(cells)):
             if cells[at] and not _is_figure(cells[at]):
