@@ -853,7 +853,7 @@ def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """What a sheet says: one value, or one a specimen with its label ("" where none)."""
+    """What a sheet says: one value, or one a specimen with its label; none without a unit."""
 
     grid: _Grid
     row: int
@@ -913,15 +913,17 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):
-        unit = _cell(grid.rows[row + 1][1], at + 1)
+        below = _cell(grid.rows[row + 1][1], at + 1)
+        unit = below if _factor(size, below) is not None else ""
     factor = _factor(size, unit)
     if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
         raise FileError(
             f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
             f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
         )
-    if factor is not None and figures:
-        yield _Said(grid, row, key, size, tuple((label, v * factor) for label, v in figures))
+    if figures and (factor is not None or not unit):
+        values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
+        yield _Said(grid, row, key, size, values)
 
 
 def _factor(size: str, unit: str) -> float | None:
@@ -1002,7 +1004,8 @@ def _metadata(
                 of[value] = one.place()
             else:
                 readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
-                of[None] = f"{one.place()} gives {readings} of specimens"
+                gives = f"gives {readings} of specimens" if one.values else "without a unit"
+                of[None] = f"{one.place()} {gives}"
         for size, values in here.items():
             known = [(v, at) for v, at in values.items() if v is not None]
             if found.get(size, (None, ""))[0] is not None:

@@ -773,19 +773,17 @@ def _said_mode(record: _Record, given: str | None) -> str:
     FileError, ArgumentError
         A way of loading that there is not.
     """
-    row = record.row
+    row, table = record.row, record.table
+    columns = {} if row is None else {k.casefold(): v for k, v in row.covariates.items()}
+    of_row = columns.get("mode") or (row.mode if row else "")
     if given is not None and mode_of(given) is None:
         raise ArgumentError(f"mode is {given!r}; it must be one of {', '.join(MODES)}")
-    said, where = str(record.table.metadata.get("mode", "")), record.table.file
-    if row is not None:
-        columns = [v for k, v in row.covariates.items() if k.casefold() == "mode"]
-        of_row = next(filter(None, (*columns, row.mode)), "")
-        said, where = of_row or given or said, _SPECIMENS if of_row else where
-    said = said if row is not None else given or said
+    said = of_row or given or str(table.metadata.get("mode", ""))
     if said and mode_of(said) is None:
         raise FileError(
-            f"{where}, specimen {row.specimen if row else record.table.specimen}: mode is "
-            f"{said!r}; it must be one of {', '.join(MODES)}, or empty"
+            f"{_SPECIMENS if of_row else table.file}, specimen "
+            f"{row.specimen if row else table.specimen}: mode is {said!r}; it must be one of "
+            f"{', '.join(MODES)}, or empty"
         )
     return mode_of(said) or ""
 

@@ -187,6 +187,22 @@ def test_decimal_commas_between_commas_are_told(tmp_path: Path) -> None:
         read_tensile(tmp_path / "a.csv")
 
 
+def test_a_size_without_a_unit_is_told_where_it_is_missing(tmp_path: Path) -> None:
+    head = "Width,6\nThickness,2,mm\nGauge length,25,mm\n\nForce (N),Travel (mm)\n"
+    (tmp_path / "a.csv").write_text(head + "\n".join(MADE.lines(1, "{f},{d}")))
+    with pytest.raises(FileError, match=r"section is unknown.*line 1, 'Width' without a unit"):
+        read_study([tmp_path / "a.csv"])
+    check(read_study([tmp_path / "a.csv"], width_mm=6.0), 1)
+
+
+@pytest.mark.parametrize("cut", [8, 30, 31, 32])
+def test_a_record_that_goes_on_behind_a_remark_keeps_its_end(tmp_path: Path, cut: int) -> None:
+    rows = MADE.lines(1, "{e},{s}")
+    rows.insert(cut, "--- paused ---")
+    (tmp_path / "a.csv").write_text("strain (mm/mm),stress (MPa)\n" + "\n".join(rows))
+    check(read_study([tmp_path / "a.csv"]), 1)
+
+
 def test_a_row_with_a_name_alone_is_told(tmp_path: Path) -> None:
     rows = MADE.lines(1, "A,{e},{s}")
     rows[5] = "A,,"
