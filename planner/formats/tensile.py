@@ -753,13 +753,19 @@ def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> l
         last = found.get(name)
         if last is not None and blocks != "join" and not _goes_on(last, piece):
             who = f"specimen {name}" if name else "the block"
+            advice = _ASKED[bool(piece.grid.option)]
             raise FileError(
                 f"{piece.grid.where}: {who} that ends on line {last.lines[-1]} starts again on "
-                f"line {piece.lines[0]}, and nothing names another; give --blocks apart if they "
-                "are specimens, or --blocks join if they are one record"
+                f"line {piece.lines[0]}, and nothing names another; {advice}"
             )
         found[name] = piece if last is None else _put_together(last, piece, notes)
     return [*found.values()]
+
+
+_ASKED = (
+    "write 'Specimen' and its name above each, or give each a file",
+    "give --blocks apart if they are specimens, or --blocks join if they are one record",
+)
 
 
 def _goes_on(one: _Piece, next_: _Piece) -> bool:

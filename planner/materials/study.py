@@ -673,7 +673,8 @@ def read_study(
                 said = f"{what} in" if own or table.specimen else "not named in"
                 notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
                 record = replace(record, left_out=f"no row in {_SPECIMENS}")
-                unlisted += [path.name] if path.name not in unlisted else []
+                who = f", specimen {table.specimen}" if len(tables) > 1 else ""
+                unlisted.append(path.name + who)
             elif row_of_table is not None:
                 record = replace(record, left_out=_left_out(row_of_table, notes))
             found_records.append(record)
@@ -807,9 +808,11 @@ def _named(found: Sequence[_Record]) -> dict[str, _Record]:
                 file = record.path.name
             name = f"{file} {name}" if record.table.specimen == name else file
         if name in records:
+            several = f"; give each specimen of the file a row in {_SPECIMENS}, named as there"
             raise FileError(
                 f"{record.path.name}: specimen {name!r} was read from {records[name].path.name} "
                 f"already; rename one, or give each its id in {_SPECIMENS}"
+                f"{several if record.row and record.in_company else ''}"
             )
         records[name] = record
     return records

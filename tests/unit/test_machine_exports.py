@@ -246,6 +246,20 @@ def test_what_has_no_row_in_the_list_is_a_finding(
     assert re.search(r"s2\.csv .*left out: no row in specimens\.csv", captured.out)
 
 
+def test_a_specimen_without_a_row_is_a_finding_that_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a file whose other specimens have rows."""
+    (tmp_path / "stacked.csv").write_bytes((EXPORTS / "stacked.csv").read_bytes())
+    rows = "specimen,material,file\n1,A,stacked.csv\n2,A,stacked.csv\n"
+    (tmp_path / "specimens.csv").write_text(rows)
+    assert run(["characterise", str(tmp_path), "--no-compare"]) == 1
+    assert "finding: stacked.csv, specimen 3: not used" in capsys.readouterr().err
+    (tmp_path / "specimens.csv").write_text("specimen,material,file\nX,A,stacked.csv\n")
+    with pytest.raises(FileError, match=r"give each specimen of the file a row in specimens\.csv"):
+        read_study([tmp_path])
+
+
 def test_a_sheet_that_is_not_understood_is_no_silent_loss(tmp_path: Path) -> None:
     sheets = MADE.workbooks()["testxpert_de.xlsx"]
     sheets["Probe 2"][1] = ["Sila", "Posun", ""]
