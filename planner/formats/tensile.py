@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import islice, permutations
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
@@ -153,6 +153,9 @@ class _Grid:
     def number(self, cell: str) -> float | None:
         return number(cell, self.separator)
 
+    def is_number(self, cell: str) -> bool:
+        return self.number(cell) is not None or _CLOCK.fullmatch(cell) is not None
+
 
 @dataclass(frozen=True, slots=True)
 class _Block:
@@ -229,12 +232,14 @@ def read_tensile(
         longest = max(missed, key=_count_numbers)
         few = _count_numbers(longest) < _FEWEST_ROWS
         raise (NoRecordError if few else FileError)(_not_understood(longest))
+    notes += [f"{grid.where}: no record of a test" for grid in missed]
     fewest = min(len(piece.lines) for piece in pieces)
-    for grid in missed:
-        if _count_numbers(grid) >= fewest:
-            said = _not_understood(grid)
-            raise FileError(f"{said}; other sheets of the file are understood")
-        notes.append(f"{grid.where}: no record of a test")
+    for grid in (*grids, *missed):
+        read = {line for piece in pieces if piece.grid is grid for line in piece.lines}
+        rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
+        if _count_numbers(rest) * (1 if grid in missed else 4) >= fewest:
+            said = _not_understood(rest)
+            raise FileError(f"{said}; the rest of the file is understood")
     return _tables(path, pieces, [*grids, *missed], notes)
 
 
@@ -356,7 +361,9 @@ def _blocks(grid: _Grid) -> list[_Block]:
         elif headings is None:
             at += 1
             continue
-        data, at = _numbers_below(grid, headings, at, own is not None)
+        wanted = sum(h.meaning not in ("", "specimen") for h in headings)
+        least = 2 if own is not None or found else wanted
+        data, at = _numbers_below(grid, headings, at, own is not None, least)
         if data and own is not None:
             found[-1].rows.extend(data)
         elif data:
@@ -399,7 +406,7 @@ def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
 
 
 def _numbers_below(
-    grid: _Grid, headings: _Headings, at: int, headed: bool
+    grid: _Grid, headings: _Headings, at: int, headed: bool, least: int
 ) -> tuple[list[int], int]:
     """Return the rows of numbers from `at` on, and the row behind them.
 
@@ -414,13 +421,13 @@ def _numbers_below(
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
-        words = [cell for cell in filled if grid.number(cell) is None]
+        words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
             gap = True
         elif words == filled and (filled or not found or not any(_cell(cells, i) for i in named)):
             if found or not headed or _headings(cells) is not None:
                 return found, place if found or headed else place + 1
-        elif not found and len(filled) - len(words) < (2 if headed else len(wanted)):
+        elif not found and len(filled) - len(words) < least:
             return found, place + 1
         elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, place):
             return found, place
@@ -439,7 +446,7 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
     No row of numbers alone comes before the next one of words alone.
     """
     for _, cells in islice(grid.rows, at + 1, None):
-        numbers = [grid.number(_cell(cells, i)) is not None for i in wanted]
+        numbers = [grid.is_number(_cell(cells, i)) for i in wanted]
         if all(numbers):
             return False
         if any(cells) and not any(numbers):
@@ -453,10 +460,9 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
 def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
     found: list[_Piece] = []
+    groups, marked = list[tuple[str, list[int]]](), ""
     for block in blocks:
         block, told = _with_mark10_units(grid, block)
-        groups = _groups(grid, block)
-        marked = _marked(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
         if grid.separator == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
             line, cells = grid.rows[longer[0]]
@@ -464,15 +470,22 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
                 f"{len(block.headings)}; a decimal comma needs quotes, or semicolons between cells"
             )
+        mark, headed = _marked(grid, block), block.place not in block.rows
+        if mark or headed or not groups:  # else it goes on with the names of the one before
+            groups, marked = _groups(grid, block), mark
         for name, places in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
-            found += _split(grid, block, places, label, told)
+            own = _split(grid, block, places, label, told)
+            if own and not own[0].name and found and _goes_on(found[-1], own[0]):
+                own[0] = replace(own[0], name=found[-1].name)
+            found += own
     longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
     kept: list[_Piece] = []
-    for piece in found:
-        poor = longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values())
-        if poor and not any(p.name == piece.name and _goes_on(p, piece) for p in kept[-1:]):
+    for at, piece in enumerate(found):
+        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name]
+        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near[:2])
+        if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
             notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
         else:
             kept.append(piece)
@@ -656,6 +669,12 @@ def _used_columns(
     }
     cells = {i: column for i, column in cells.items() if any(column)}
     if _suffice(headings[i] for i, column in cells.items() if "" not in column):
+        for i, j in permutations(cells, 2):
+            if "" in cells[i] and "" not in cells[j] and _same(headings[i], headings[j]):
+                raise FileError(
+                    f"{where}: column {headings[i].text!r} comes again, and what stands beside it "
+                    f"is not understood; {_advice(grid.option, _example(headings, twice=True))}"
+                )
         notes += [
             f"{where}: column {headings[i].text!r} has empty cells; it is left out"
             for i, column in cells.items()

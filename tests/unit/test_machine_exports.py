@@ -372,6 +372,44 @@ def test_no_order_of_headings_loses_a_specimen(
     check(study, count)
 
 
+TEXTS = MADE.texts()
+
+
+def _damaged(lines: list[str], at: int, kind: str, places: st.DataObject) -> list[str]:
+    line, rest = lines[at], lines[at + 1 :]
+    if kind in ("", "# remark", "Operator: x"):
+        return [*lines[:at], kind, line, *rest]
+    if kind == "twice":
+        return [*lines[:at], line, line, *rest]
+    if kind == "cut":
+        return [*lines[:at], *rest]
+    place = places.draw(st.integers(0, len(line)))
+    return [*lines[:at], line[:place] + kind + line[place + 1 :], *rest]
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_no_damage_loses_a_specimen_or_a_part_of_one(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """A line cut, doubled, put in or with a wrong sign: an error, or a row each at most is lost."""
+    name = data.draw(st.sampled_from(sorted(TEXTS)))
+    encoding, text = TEXTS[name]
+    lines = text.split("\r\n")[:-1]
+    at = data.draw(st.integers(0, len(lines) - 1))
+    kind = data.draw(st.sampled_from(["", "# remark", "Operator: x", "twice", "cut", "x", "?"]))
+    path = tmp_path_factory.mktemp("damaged") / name
+    path.write_bytes("\r\n".join(_damaged(lines, at, kind, data)).encode(encoding))
+    try:
+        records = read_study([path], **SIZES).records  # type: ignore[arg-type]  # sizes alone
+    except FileError:
+        return
+    count = SPECIMENS[name]
+    assert len(records) == count
+    rows = [MADE.points(n) for n in range(1, count + 1)]
+    assert sum(abs(r.rows - n) for r, n in zip(records, rows, strict=True)) <= count
+
+
 # ------------------------------------------------------------------------------------------------
 # Hostile workbooks.
 
