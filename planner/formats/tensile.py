@@ -218,7 +218,7 @@ def read_tensile(
     path = Path(path)
     if blocks not in (None, *_BLOCKS):
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
-    data = read_file(path, advice="give the path of a file of tests")
+    data = read_file(path, advice="give the path of a tensile file")
     by_position = None if columns is None else _by_position(columns)
     grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
     for sheet, text, rows in _sheets(data, path):
@@ -1427,7 +1427,7 @@ class ListedSpecimen(SpecimenConditions):
 
 def is_specimens_file(path: str | Path) -> bool:
     """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
-    data = read_file(path, advice="give the path of a file of tests")
+    data = read_file(path, advice="give the path of a tensile file")
     if is_workbook(data):
         return False
     first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]

@@ -670,7 +670,7 @@ def read_study(
             record = _Record(path, table, row_of_table, len(tables) > 1)
             if rows and row_of_table is None:
                 what = f"specimen {table.specimen} has no row with this file"
-                said = f"{what} in" if own or table.specimen else "not named in"
+                said = f"{what} in" if own or len(tables) > 1 else "not named in"
                 notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
                 record = replace(record, left_out=f"no row in {_SPECIMENS}")
                 who = f", specimen {table.specimen}" if len(tables) > 1 else ""
@@ -940,10 +940,12 @@ def _withlisted(
     if not whole:
         return files
     names = dict.fromkeys(row.file or "curves.csv" for row in rows)
-    named = [path_within(folder, name) for name in names]
-    here = {path.resolve() for path in files}
-    more = [p for p, name in zip(named, names, strict=True) if p.resolve() not in here]
-    return files + [p for p in more if p.name != "curves.csv" or p.is_file()]
+    named = (path_within(folder, name) for name in names)
+    here, called = {path.resolve() for path in files}, {"curves.csv", *(p.name for p in files)}
+    # A list that lies elsewhere may name the files of the folder that was given.
+    return files + [
+        p for p in named if p.resolve() not in here and (p.is_file() or p.name not in called)
+    ]
 
 
 def _relative(path: Path, listing: Path | None) -> str:

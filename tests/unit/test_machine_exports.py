@@ -260,6 +260,14 @@ def test_a_specimen_without_a_row_is_a_finding_that_names_it(
         read_study([tmp_path])
 
 
+def test_a_list_elsewhere_names_the_files_of_the_folder_that_was_given(tmp_path: Path) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "stacked.csv").write_bytes((EXPORTS / "stacked.csv").read_bytes())
+    rows = [f"{n},A,stacked.csv" for n in (1, 2, 3)]
+    (tmp_path / "list.csv").write_text("\n".join(["specimen,material,file", *rows]))
+    check(read_study([tmp_path / "lab"], specimens=tmp_path / "list.csv"), 3)
+
+
 def test_a_sheet_that_is_not_understood_is_no_silent_loss(tmp_path: Path) -> None:
     sheets = MADE.workbooks()["testxpert_de.xlsx"]
     sheets["Probe 2"][1] = ["Sila", "Posun", ""]
