@@ -15,7 +15,9 @@ from planner.cli.output import (
     ComparedWith,
     Force,
     GaugeMm,
+    LoadingMode,
     MaterialName,
+    NumberBlocks,
     PaletteName,
     PrinterName,
     Quiet,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
+    from planner.materials.study import ReadRecord
 
 # ------------------------------------------------------------------------------------------------
 # planner printers.
@@ -303,6 +306,8 @@ def characterise(
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
+    mode: LoadingMode = None,
+    blocks: NumberBlocks = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -343,6 +348,8 @@ def characterise(
         gauge_mm=gauge_mm,
         columns=split_columns(columns),
         unit_of=unit_of or (),
+        mode=mode,
+        blocks=blocks,
         printer=printer,
         palette=palette,
         compare=compare,
@@ -355,6 +362,7 @@ def characterise(
     if as_json:
         print_document(encode_document(found.document()))
     elif not quiet:
+        _print_records(found.records)
         tell_notes((*found.notes, *_corrections(found.materials)))
         _tables(found.materials)
         for one in found.materials:
@@ -365,6 +373,45 @@ def characterise(
         for said in found.findings:
             finding(said)
     return 0 if found.ok else 1
+
+
+def _print_records(records: "Sequence[ReadRecord]") -> None:
+    """Say what was read; columns and places of sizes, alike in many records, by their number."""
+    from planner.cli.output import format_number, print_table, say
+
+    columns: dict[str, int] = {}
+    places: dict[str, int] = {}
+    rows = []
+    for one in records:
+        unused = f"; not used: {', '.join(one.unused)}" if one.unused else ""
+        headed = columns.setdefault(", ".join(one.columns.values()) + unused, len(columns) + 1)
+        sizes = [
+            "-" if value is None
+            else f"{format_number(value, 4)} [{places.setdefault(where, len(places) + 1)}]"
+            for value, where in ((one.gauge_mm, one.gauge_from), (one.area_mm2, one.area_from))
+        ]  # fmt: skip
+        rows.append(
+            [
+                f"{one.file}, {one.sheet}" if one.sheet else one.file,
+                one.specimen,
+                one.material,
+                f"left out: {one.left_out}" if one.left_out else one.mode,
+                f"({headed})",
+                *sizes,
+                str(one.rows),
+            ]
+        )
+    sizes = ["length mm", "section mm2", "rows"]
+    print_table(
+        ["file", "specimen", "material", "mode", "columns", *sizes],
+        rows,
+        title="What was read",
+        right=sizes,
+    )
+    for text, number in columns.items():
+        say(f"({number}): {text}")
+    for text, number in places.items():
+        say(f"[{number}]: {text}")
 
 
 def _corrections(found: "Sequence[MaterialCharacteristics]") -> list[str]:
@@ -463,6 +510,8 @@ def fit(
     gauge_mm: GaugeMm = None,
     columns: ColumnNames = None,
     unit_of: UnitsOf = None,
+    mode: LoadingMode = None,
+    blocks: NumberBlocks = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -513,6 +562,8 @@ def fit(
             gauge_mm=gauge_mm,
             columns=split_columns(columns),
             unit_of=unit_of or (),
+            mode=mode,
+            blocks=blocks,
             printer=printer,
             palette=palette,
             compare=compare,

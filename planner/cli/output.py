@@ -33,6 +33,7 @@ __all__ = [
     "ForceOversize",
     "GaugeMm",
     "Gravity",
+    "LoadingMode",
     "Loads",
     "MaterialName",
     "MeshBodies",
@@ -40,6 +41,7 @@ __all__ = [
     "MeshUnit",
     "Moments",
     "Moves",
+    "NumberBlocks",
     "PaletteName",
     "Pressures",
     "PrinterName",
@@ -449,7 +451,7 @@ MeshBodies = Annotated[
 TensileFiles = Annotated[
     list[Path],
     Argument(
-        help="Tensile files (CSV, Mark-10 MESURgauge, Instron Bluehill), or folders of them; a "
+        help="Files of tests (CSV, text, XLSX, XLS, ODS, as machines write them), or folders; a "
         "specimens.csv among or beside them is used."
     ),
 ]
@@ -495,6 +497,24 @@ ColumnNames = Annotated[
         "--columns",
         help="Headings in place of the files' own, by position: 'stretch,stress_MPa', '-' leaves "
         "a column out.",
+    ),
+]
+
+
+LoadingMode = Annotated[
+    str | None,
+    Option(
+        "--mode",
+        help="How specimens were loaded whose row has no mode: tension, compression, planar or "
+        "equibiaxial.",
+    ),
+]
+NumberBlocks = Annotated[
+    str | None,
+    Option(
+        "--blocks",
+        help="Blocks of numbers in one sheet that nothing names: join (one record) or apart "
+        "(specimens).",
     ),
 ]
 

@@ -1,190 +1,118 @@
-"""What headings of tensile exports mean: quantities, sizes and speeds in six languages."""
+"""What headings of test exports mean: quantities, sizes, speeds and names in seven languages."""
 
+import functools
+import math
 import re
+import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 from planner.errors import FileError
-from planner.formats.tables import LONGEST_HEADING, is_unit, quantities_of, unit_factor
+from planner.formats.tables import LONGEST_HEADING, is_unit, number, quantities_of, unit_factor
 
 __all__ = [
+    "MODES",
     "HeadedColumn",
     "Heading",
     "column_of",
     "head_text",
-    "is_speed",
+    "is_of_crosshead",
+    "marked_specimen",
+    "mode_of",
     "parse_heading",
     "size_of",
+    "split_value",
 ]
 
 
 # ------------------------------------------------------------------------------------------------
-# The terms. A line a language (English, German, French, Spanish, Italian, Japanese), as Zwick
-# testXpert, Instron Bluehill, Shimadzu Trapezium and MTS TestSuite write them. Accents and case do
-# not matter, nor do the qualifiers below.
+# The terms are data, in terms.toml; here stand the words and signs around them.
 
 
-_TERMS = {
-    "time": """
-        time, elapsed time, test time, total time, running time
-        zeit, prüfzeit, pruefzeit, testzeit, versuchszeit, messzeit
-        temps, temps écoulé, temps d'essai, durée
-        tiempo, tiempo transcurrido, tiempo de ensayo
-        tempo, tempo trascorso, tempo di prova
-        時間, 経過時間, 試験時間""",
-    "force": """
-        force, load
-        kraft, last, prüfkraft, pruefkraft
-        charge, effort
-        carga, fuerza
-        carico, forza
-        試験力, 荷重, 力""",
-    "displacement": """
-        displacement, disp, extension, travel, crosshead, stroke, distance,
-        crosshead displacement, crosshead extension, crosshead travel
-        weg, prüfweg, traversenweg, maschinenweg, kolbenweg, verschiebung, verlängerung,
-        verlaengerung, längenänderung, laengenaenderung
-        déplacement, déplacement traverse, déplacement de la traverse, course
-        extensión, desplazamiento, desplazamiento del cabezal, desplazamiento de la cruceta,
-        desplazamiento del travesaño, carrera, recorrido
-        estensione, spostamento, spostamento traversa, spostamento della traversa, corsa
-        ストローク, 変位, 変形量, クロスヘッド変位, クロスヘッド移動量, 移動量""",
-    "position": """
-        position, crosshead position, absolute crosshead travel
-        traversenposition, traversenweg absolut, traverse abs, traverse absolut
-        position traverse, position de la traverse
-        posición, posición del cabezal
-        posizione, posizione traversa
-        位置, クロスヘッド位置""",
-    "elongation": """
-        elongation, deformation
-        dehnung, verformung
-        allongement, élongation, déformation
-        alargamiento, elongación, deformación
-        allungamento, deformazione
-        伸び""",
-    "strain": """
-        strain, ε, stroke strain
-        feindehnung
-        déformation relative
-        deformación unitaria
-        deformazione unitaria
-        ひずみ, 歪み, 歪, 伸び率, ストロークひずみ""",
-    "stress": """
-        stress, σ
-        spannung
-        contrainte
-        esfuerzo, tensión
-        sforzo, tensione, sollecitazione
-        応力""",
-    "stretch": """
-        stretch, stretch ratio, lambda""",
-    "true strain": """
-        true strain
-        wahre dehnung
-        déformation vraie
-        deformación verdadera, deformación real
-        deformazione vera
-        真ひずみ""",
-    "true stress": """
-        true stress
-        wahre spannung
-        contrainte vraie
-        esfuerzo verdadero, esfuerzo real
-        tensione vera, sforzo vero
-        真応力""",
-    "specimen": """
-        specimen, specimen id
-        probe, probekörper
-        éprouvette
-        probeta
-        provino
-        試験片""",
-}
-"""Of a column. `position` counts from anywhere; `elongation` is a length or a strain, by its unit:
-languages name both alike."""
-
-_SIZES = {
-    "width_mm": """
-        width
-        breite, probenbreite
-        largeur
-        anchura, ancho
-        larghezza
-        幅, 試験片幅""",
-    "thickness_mm": """
-        thickness
-        dicke, probendicke
-        épaisseur
-        espesor, grosor
-        spessore
-        厚さ, 厚み, 試験片厚さ""",
-    "gauge_mm": """
-        length, gauge length, gage length
-        länge, messlänge, anfangsmesslänge, einspannlänge, probenlänge
-        longueur, longueur initiale, longueur de référence, longueur utile
-        longitud, longitud inicial, longitud de referencia, longitud calibrada
-        lunghezza, lunghezza iniziale, lunghezza di riferimento, lunghezza utile
-        標点距離, 標点間距離, ゲージ長, つかみ具間距離""",
-}
-"""Of the specimen, above the columns."""
-
-_TEXTS = {
-    "material": "material, werkstoff, matériau, materiale, 材料, 材質",
-    "specimen": """
-        specimen label, specimen name, specimen id, probenbezeichnung, probenname,
-        nom de l'éprouvette, nombre de la probeta, nome del provino, 試験片名""",
-}
-
-_SPEEDS = """
-    speed, rate, crosshead speed, test speed, testing speed, crosshead rate
-    geschwindigkeit, prüfgeschwindigkeit, pruefgeschwindigkeit, traversengeschwindigkeit
-    vitesse, vitesse d'essai, vitesse de la traverse
-    velocidad, velocidad de ensayo, velocidad del cabezal
-    velocità, velocità di prova, velocità della traversa
-    試験速度, 速度"""
-"""Of the crosshead during the test; that of a preload has another name."""
-
+_SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
+_SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
 _BEFORE = re.compile(
-    r"^(?:standard|tensile|axial|engineering|eng|nominale?|technische|nenn|zug|引張|公称)\s*"
+    r"^(?:standard|tensile|compressive|axial|engineering|eng|nominale?|technische|nenn|zug|druck|"
+    r"引張|圧縮|公称|拉伸|压缩|工程|轴向|machine|primary|measured|actual|corrected|raw|applied|"
+    r"video|optical|instron|specimen|sample|proben|試験片|试样|test|avg|average|initial)\s*"
 )
 _BEHIND = re.compile(
-    r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|"
-    r"ingegneristica|(?:de|en|a|por|di|in) "
-    r"(?:traction|traccion|tension|trazione))$"
+    r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|ingegneristica|"
+    r"absolute?|eprouvette|specimen|probe|provino|probeta|from preload|ab vorkraft|"
+    r"(?:de|en|a|por|di|in) (?:traction|traccion|tension|trazione|compression|compresion|"
+    r"compressione))$"
 )
 """Words that tell nothing of the quantity; `engineering` is what a column is that is not `true`."""
 
-_BRACKETED = re.compile(r"(.*?)\s*[\(\[]\s*([^()\[\]]*?)\s*[\)\]]\s*")
+_COMPRESSIVE = re.compile(r"compress|compresion|^druck|stauch|圧縮|压缩")
+_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
+_CHANNEL = re.compile(
+    r"\d|ext|lvdt|channel|chan|kanal|canal|voie|load cell|clip|video|dic|sensor|aufnehmer|capteur|"
+    r"crosshead|traverse|machine|axial|auto|raw|eng",
+    re.IGNORECASE,
+)
+"""What a bracket without a unit names the source of a column by."""
+
+_NUMBERED_CHANNEL = re.compile(
+    r"(?:c|ch|chan|channel|kanal|canal|voie|canale|通道|チャンネル)(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+",
+    re.IGNORECASE,
+)
 _SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
 _JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
 _SPACED = re.compile(r"(.+)\s(\S+)")
-_NUMBERED = re.compile(r"(.+?)\s*\d+")
-_KEY = re.compile(r"(?:.* : )?(?:specimen )?(.*?)\s*(?:[\(\[](.*)[\)\]])?\s*:?", re.IGNORECASE)
-_SYMBOL = re.compile(r"(.+) [abl]\s?[0o]")
+_NUMBERED = re.compile(
+    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:{_SPECIMEN}\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|(?P<number>\d+))",
+    re.IGNORECASE,
+)
+_TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
+_SYMBOL = re.compile(r"(.+) [abdhls]\s?[0o]")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
 
+_MARK = re.compile(
+    rf"[#*%\s]*(?:{_SPECIMEN}|(?P<test>test|prüfung|versuch|essai|ensayo|prova))"
+    r"\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*(?:(?(test)[.#]|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
+    re.IGNORECASE,
+)
 
+
+@functools.lru_cache(maxsize=8192)
 def _folded(text: str) -> str:
     """Return a term as it is looked up: without accents, case, underscores and full width."""
     plain = unicodedata.normalize("NFKD", text).casefold()
     bare = "".join(c for c in plain if unicodedata.category(c) != "Mn")
-    return re.sub(r"[\s_]+", " ", bare).strip(" .")
+    return re.sub(r"[\s_,]+", " ", bare).strip(" .:=")
 
 
-def _meanings(table: Mapping[str, str]) -> Mapping[str, str]:
-    return {
+_TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
+    Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
+)
+_MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
+    {
         _folded(term): meaning
-        for meaning, terms in table.items()
-        for term in re.split(r"[,\n]", terms)
+        for meaning, terms in _TERMS[table].items()
+        for term in re.split(r",|\n", terms)
         if term.strip()
     }
+    for table in ("columns", "sizes", "texts", "speeds", "modes")
+)
+MODES = tuple(_TERMS["modes"])
+"""The ways of loading that are told apart."""
 
 
-_MEANING, _SIZE, _TEXT = _meanings(_TERMS), _meanings(_SIZES), _meanings(_TEXTS)
-_SPEED = frozenset(_meanings({"speed": _SPEEDS}))
+def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
+    """Return what a name means, qualifiers taken off one by one until it is known."""
+    folded = _folded(name)
+    while folded not in table:
+        bare = _BEHIND.sub("", folded)
+        bare = _BEFORE.sub("", folded, count=1) if bare == folded else bare
+        if bare == folded:
+            return None
+        folded = bare
+    return table[folded]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -206,15 +134,38 @@ _COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 _OF = {"time": "s", "force": "N", "length": "mm", "stress": "MPa"}
 _UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
+_TOLD_BY_UNIT = {
+    ("strain", "length"): "displacement",  # an extensometer's travel
+    ("elongation", "length"): "displacement",
+    ("elongation", "strain"): "strain",
+    ("displacement", "strain"): "strain",
+    ("force", "stress"): "stress",  # testXpert: "Standardkraft in MPa"
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """A heading taken apart: a key of the known meanings, and its unit (None: not stated)."""
+    """A heading taken apart.
+
+    Attributes
+    ----------
+    text
+        As the file writes it.
+    meaning
+        A key of the known meanings.
+    unit
+        None where it is not stated.
+    tag
+        What tells it from others of the same meaning: ``S1`` of "S1_force_N", ``2`` of "Force.2".
+    compressed
+        Whether it says that load or travel count in compression.
+    """
 
     text: str
     meaning: str
     unit: str | None
+    tag: str = ""
+    compressed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,47 +177,65 @@ class HeadedColumn:
     factor: float
 
 
-def _meaning(name: str) -> str | None:
-    folded = _folded(name)
-    bare = _BEHIND.sub("", folded)
-    names = (folded, bare, _BEFORE.sub("", bare))
-    return next((_MEANING[name] for name in names if name in _MEANING), None)
-
-
+@functools.lru_cache(maxsize=8192)
 def parse_heading(text: str) -> Heading | None:
     """Take a heading apart, or return None where it names nothing that is known.
 
-    "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N" and a bare "Load"
-    are understood.
+    "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N", "C_1_Force[kN]",
+    "Load (5 kN cell) [N]", "S1_force_N" and a bare "Load" are understood.
     """
     if len(text) > LONGEST_HEADING:
         return None
-    found = _parse(unicodedata.normalize("NFKC", text))
-    return None if found is None else Heading(text, *found)
+    plain = " ".join(unicodedata.normalize("NFKC", text).split())
+    brackets, name = list[str](), plain
+    while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
+        brackets, name = inner + brackets, _BRACKET.sub(" ", name)
+    name = " ".join(name.split()) or plain
+    found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
+    if found is None:
+        return None
+    meaning, unit, tag = found
+    for bracket in reversed(brackets):
+        stated = is_unit(bracket) and not (bracket.isdigit() and meaning not in _UNIT_OPTIONAL)
+        if stated or not (_CHANNEL.search(bracket) or _looked_up(bracket, _MEANING)):
+            unit = bracket
+            if stated:
+                break
+    compressed = _COMPRESSIVE.search(_folded(name)) is not None
+    return Heading(text, meaning, unit, tag, compressed)
 
 
-def _parse(text: str) -> tuple[str, str | None] | None:
-    bracketed = _BRACKETED.fullmatch(text)
-    if bracketed and (meaning := _meaning(bracketed[1])) is not None:
-        # "Tensile strain (Strain 1)" names where the strain comes from, not a unit.
-        numbered = _NUMBERED.fullmatch(bracketed[2])
-        source = _meaning(numbered[1] if numbered else bracketed[2])
-        return meaning, bracketed[2] if is_unit(bracketed[2]) or source is None else None
-    if (meaning := _meaning(text)) is not None:
-        return meaning, None
-    if bracketed and (inner := _parse(bracketed[1])) is not None:
-        return inner[0], bracketed[2]
-    suffixed = _SUFFIXED.fullmatch(text)
-    if suffixed and (meaning := _meaning(suffixed[1])) is not None:
-        return meaning, suffixed[2]
+def _parse(name: str) -> tuple[str, str | None, str] | None:
+    """Return meaning, unit and tag of a heading without brackets."""
+    if (meaning := _looked_up(name, _MEANING)) is not None:
+        return meaning, None, ""
+    suffixed = _SUFFIXED.fullmatch(name)
+    if suffixed and not suffixed[2].isdigit():
+        meaning = _looked_up(suffixed[1], _MEANING)
+        if meaning is not None and (is_unit(suffixed[2]) or not _CHANNEL.search(suffixed[2])):
+            return meaning, suffixed[2], ""
     for pattern in (_JOINED, _SPACED):
-        match = pattern.fullmatch(text)
+        match = pattern.fullmatch(name)
         # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
-        if match and is_unit(match[2]) and (inner := _parse(match[1])) is not None:
-            return inner[0], match[2]
-    numbered = _NUMBERED.fullmatch(text)
-    if numbered and (meaning := _meaning(numbered[1])) in _UNIT_OPTIONAL:
-        return meaning, None
+        if match and is_unit(match[2]) and not match[2].isdigit():
+            inner = _parse(match[1])
+            if inner is not None:
+                return inner[0], match[2], inner[2]
+    numbered = _NUMBERED.fullmatch(name)
+    if numbered:
+        inner = _parse(numbered[1])
+        if inner is not None and not inner[2]:
+            return inner[0], inner[1], numbered["tag"] or numbered["number"]
+    return None
+
+
+def _tagged(name: str) -> tuple[str, str | None, str] | None:
+    """Return meaning, unit and tag of a heading with the specimen's in front: "S1_force_N"."""
+    for gap in re.finditer(r"[\s_:./|-]+", name):
+        tag = name[: gap.start()]
+        inner = _parse(name[gap.end() :]) if _TAG.fullmatch(tag) else None
+        if inner is not None:
+            return inner[0], inner[1], tag
     return None
 
 
@@ -280,14 +249,17 @@ def column_of(heading: Heading, *, where: str) -> HeadedColumn:
     """
     where = f"{where}, column {heading.text!r}"
     meaning, unit = heading.meaning, heading.unit
-    if meaning == "elongation":
-        length = unit is None or "strain" not in quantities_of(unit)
-        meaning = "displacement" if length else "strain"
+    kinds = quantities_of(unit or "")
+    told = [other for (of, kind), other in _TOLD_BY_UNIT.items() if of == meaning and kind in kinds]
+    if told and not (meaning in _COLUMNS and _COLUMNS[meaning][1] in kinds):
+        meaning = told[0]
+    elif meaning == "elongation":
         if unit is None:
             raise FileError(
                 f"{where}: no unit, so that it may be a length or a strain; write it in the "
                 f"heading, as '{heading.text} (mm)' or '{heading.text} (%)'"
             )
+        meaning = "displacement"
     name, quantity = _COLUMNS[meaning]
     if unit is None and meaning not in _UNIT_OPTIONAL:
         raise FileError(
@@ -297,34 +269,84 @@ def column_of(heading: Heading, *, where: str) -> HeadedColumn:
 
 
 # ------------------------------------------------------------------------------------------------
-# What stands above the columns.
+# What stands beside the columns: sizes, speeds, names.
 
 
-def _key(cell: str) -> tuple[str, str]:
-    """Return the name in a cell such as "Dimension : Width (mm)", and its unit or ""."""
-    short = len(cell) <= LONGEST_HEADING
-    match = _KEY.fullmatch(unicodedata.normalize("NFKC", cell)) if short else None
-    if match is None:
-        return "", ""
-    name = _folded(match[1])
-    symbol = _SYMBOL.fullmatch(name)
-    return symbol[1] if symbol else name, match[2] or ""
+_VALUE = re.compile(r"([+-]?\d[\d.,'\s]*(?:[eE][+-]?\d+)?)\s*([^\d\s]\S*(?:\s\S+)?)?")
+
+
+def split_value(cell: str, separator: str) -> tuple[float, str] | None:
+    """Return the number and the unit in a cell such as "6,00 mm"; None where there is no number."""
+    match = _VALUE.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
+    value = None if match is None else number(match[1].strip(), separator)
+    if match is None or value is None or not math.isfinite(value):
+        return None
+    return value, (match[2] or "").strip("()[] ")
+
+
+def _names(cell: str) -> Iterator[tuple[str, str]]:
+    """Yield the names that a cell such as "Dimension : Width (mm)" may mean, each with its unit."""
+    if len(cell) > LONGEST_HEADING:
+        return
+    plain = " ".join(unicodedata.normalize("NFKC", cell).split()).rstrip(" :=")
+    unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
+    name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
+    for pattern in () if unit else (_SUFFIXED, _JOINED, _SPACED):
+        match = pattern.fullmatch(name)
+        if match and is_unit(match[2]) and not match[2].isdigit():
+            name, unit = match[1], match[2]
+            break
+    yield name, unit
+    group, _, last = name.rpartition(" : ")
+    if group:
+        yield last, unit
+    symbol = _SYMBOL.fullmatch(_folded(last))
+    if symbol:
+        yield symbol[1], unit
+    for part in re.split(r"\s*,\s*|\s+-\s+", last)[:1]:
+        if part != last:
+            yield part, unit
 
 
 def size_of(cell: str) -> tuple[str | None, str]:
-    """Return the size that a cell of the head names, as width_mm, and its unit or ""."""
-    name, unit = _key(cell)
-    return _SIZE.get(name), unit
+    """Return the size that a cell beside the columns names, and its unit or "".
+
+    A size as width_mm, or rate_mm_s, the crosshead's speed.
+    """
+    unit = ""
+    for name, unit in _names(cell):
+        numbered = _NUMBERED.fullmatch(_folded(name))
+        speed = _SPEED.get(_folded(name)) or _SPEED.get(numbered[1] if numbered else "")
+        if (size := _looked_up(name, _SIZE) or speed) is not None:
+            return size, unit
+    return None, unit
 
 
-def is_speed(cell: str) -> tuple[bool, str]:
-    """Say whether a cell of the head names the crosshead's speed, and give its unit or ""."""
-    name, unit = _key(cell)
-    numbered = _NUMBERED.fullmatch(name)
-    return name in _SPEED or (numbered is not None and numbered[1] in _SPEED), unit
+def is_of_crosshead(heading: str) -> bool:
+    """Say whether a column is the machine's own way, which a nearer sensor's goes before."""
+    return _CROSSHEAD.search(_folded(heading)) is not None
+
+
+_CROSSHEAD = re.compile(
+    r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
+    r"クロスヘット|横梁|夹头|十字头"
+)
 
 
 def head_text(cell: str) -> str | None:
-    """Return which text of the head a cell names: material, specimen or none."""
-    name, _ = _key(cell)
-    return _TEXT.get(f"specimen {name}") or _TEXT.get(name)
+    """Return which text of the head a cell names: material, specimen, mode or none."""
+    for name, _ in _names(cell):
+        if (text := _TEXT.get(_folded(name))) is not None:
+            return text
+    return None
+
+
+def mode_of(text: str) -> str | None:
+    """Return how a specimen was loaded, as its words tell: one of `MODES`, or None."""
+    return _MODE.get(_folded(text))
+
+
+def marked_specimen(cell: str) -> str | None:
+    """Return the specimen that a cell by itself announces: "1" of "Specimen 1"; else None."""
+    match = _MARK.fullmatch(cell.strip()) if len(cell) <= LONGEST_HEADING else None
+    return (match["said"] or match["number"]).strip() if match else None

@@ -22,6 +22,7 @@ __all__ = [
     "LONGEST_HEADING",
     "QUANTITY_UNITS",
     "TextRow",
+    "decode_text",
     "encode_csv",
     "finite_number",
     "finite_numbers",
@@ -90,14 +91,25 @@ def _csv_cell(value: str | float | None, digits: int) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file in UTF-8, UTF-16, Shift-JIS or Windows-1252, whichever it is.
+    """Read a text file, see `decode_text`.
 
     Raises
     ------
     FileError
         The file cannot be read, is empty, or is binary.
     """
-    text = _decoded(read_file(path, advice="give the path of a tensile file"))
+    return decode_text(read_file(path, advice="give the path of a tensile file"), path)
+
+
+def decode_text(data: bytes, path: Path) -> str:
+    """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS or Windows-1252, whichever it is in.
+
+    Raises
+    ------
+    FileError
+        It is empty, or binary.
+    """
+    text = _decoded(data)
     if "\0" in text:
         raise FileError(f"{path}: a binary file; export the test as CSV or text")
     if not text.strip():
@@ -118,6 +130,10 @@ def _decoded(data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         pass
+    # A Chinese character is two bytes from 0xA1 on; in European texts such bytes stand alone.
+    runs = re.findall(rb"[\x80-\xff]+", data)
+    if all(len(run) % 2 == 0 and min(run) >= 0xA1 for run in runs):
+        return data.decode("gb18030", errors="replace")
     try:
         text = data.decode("cp932")
     except UnicodeDecodeError:
@@ -130,14 +146,16 @@ def _decoded(data: bytes) -> str:
 
 
 def split_rows(text: str, separator: str) -> list[TextRow]:
-    """Split a text into rows of cells; a blank `separator` means any run of blanks."""
+    """Split a text into rows of cells; a blank is any run of blanks, two are a run of two up."""
     return list(_iterate_rows(text, separator))
 
 
 def _iterate_rows(text: str, separator: str) -> Iterator[TextRow]:
     """Yield what `split_rows` returns, row by row, for texts too long to hold in cells."""
-    if separator == " ":
-        yield from ((n, line.split()) for n, line in enumerate(text.splitlines(), start=1))
+    if not separator.strip(" "):
+        blanks = re.compile(r"\s+" if separator == " " else r"\s{2,}|\t")
+        for n, line in enumerate(text.splitlines(), start=1):
+            yield n, blanks.split(line.strip())
         return
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     start = 1
@@ -285,13 +303,20 @@ QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 _UNIT_WORDS = {
     "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
     "min": "minuten, minutes, minutos, minuti, 分",
-    "mm": "millimeter, millimètres, milímetros, millimetri, ミリ",
+    "mm": "millimeter, millimètres, milímetros, millimetri, ミリ, 毫米",
+    "N": "牛, 牛顿",
+    "kN": "千牛",
+    "MPa": "兆帕",
     "in": "zoll, pouce, pouces, pulg, pulgadas, pollici, インチ",
     "%": "prozent, pour cent, por ciento, percento, パーセント",
 }
 """Units as other languages spell them out, by planner's own word."""
 
-_READ_ALONE = {"force": {"dan": 10.0, "cn": 0.01, "kp": 9.80665}}
+_READ_ALONE = {
+    "force": {"dan": 10.0, "cn": 0.01, "kp": 9.80665},
+    "stress": {"kgf/cm2": 9.80665e-2, "kg/cm2": 9.80665e-2, "kg/mm2": 9.80665, "n/cm2": 1e-2},
+    "strain": {"‰": 1e-3},
+}
 """Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
 2 %, nearer than a load cell's gain is known."""
 
@@ -307,12 +332,15 @@ _FOLDED = {
     }
     for quantity, units in QUANTITY_UNITS.items()
 }
+_LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
+_FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
+_FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
 
 
 def _find(quantity: str, unit: str) -> float | None:
     # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
     unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
-    factor = QUANTITY_UNITS[quantity].get(unit)
+    factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 
 
@@ -322,9 +350,9 @@ def is_unit(text: str) -> bool:
 
 
 def quantities_of(unit: str) -> frozenset[str]:
-    """Return the keys of `QUANTITY_UNITS` that have a unit; none of an empty text."""
+    """Return what has a unit: keys of `QUANTITY_UNITS`, "area", "speed"; none of an empty text."""
     unit = unit.strip()
-    return frozenset(q for q in QUANTITY_UNITS if unit and _find(q, unit) is not None)
+    return frozenset(q for q in _FOLDED if unit and _find(q, unit) is not None)
 
 
 def unit_factor(quantity: str, unit: str, *, where: str) -> float:
@@ -333,7 +361,7 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     Parameters
     ----------
     quantity
-        A key of `QUANTITY_UNITS`.
+        A key of `QUANTITY_UNITS`, "area" or "speed".
     unit
         As the file writes it; case is ignored, save between mN and MN.
     where
@@ -346,7 +374,7 @@ def unit_factor(quantity: str, unit: str, *, where: str) -> float:
     """
     factor = _find(quantity, unit.strip())
     if factor is None:
-        known = ", ".join(repr(u) for u in QUANTITY_UNITS[quantity] if u.isascii() and u)
+        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
         raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
     return factor
 

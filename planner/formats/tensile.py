@@ -2,43 +2,51 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice, permutations
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import FileError
+from planner.errors import ArgumentError, FileError
+from planner.formats.files import read_file
 from planner.formats.headings import (
     HeadedColumn,
     Heading,
     column_of,
     head_text,
-    is_speed,
+    is_of_crosshead,
+    marked_specimen,
+    mode_of,
     parse_heading,
     size_of,
+    split_value,
 )
 from planner.formats.tables import (
     LARGEST_FIGURE,
     LONGEST_HEADING,
     TextRow,
+    decode_text,
     finite_numbers,
     is_unit,
     number,
     quantities_of,
     read_rows,
-    read_text,
     split_rows,
     unit_factor,
 )
+from planner.formats.workbook import is_workbook, read_sheets
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
     "SPECIMEN_COLUMNS",
     "SPECIMEN_TEXTS",
     "ListedSpecimen",
+    "NoRecordError",
     "SpecimenConditions",
     "TensileTable",
     "is_specimens_file",
@@ -48,94 +56,7 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# What stands above a record's columns: machine, specimen sizes, speed, units.
-
-
-_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+)\s*(\S+)")
-
-
-def _metadata(rows: Sequence[TextRow], separator: str, *, where: str) -> dict[str, float | str]:
-    """Read the sizes, speed and names in the head of a file: "Width (mm);6" and the like.
-
-    Bluehill writes "Dimension : Width","6.00","mm"; the group in front is left away. Two speeds
-    that differ (of a preload and of the test) leave the speed unknown.
-
-    Raises
-    ------
-    FileError
-        A size in an unknown unit.
-    """
-    found: dict[str, float | str] = {}
-    speeds: set[float] = set()
-    for line, row in rows:
-        cells = row
-        alone = row and not any(row[1:]) and len(row[0]) <= LONGEST_HEADING
-        single = _ONE_CELL.fullmatch(row[0]) if alone else None
-        if single is not None:  # "Width: 6.00 mm"
-            cells = list(single.groups())
-        if len(cells) < 2 or not cells[0] or not cells[1]:
-            continue
-        name = head_text(cells[0])
-        if name is not None:
-            found[name] = cells[1]
-            continue
-        value = number(cells[1], separator)
-        size, unit = size_of(cells[0])
-        speed, _ = is_speed(cells[0])
-        unit = unit or (cells[2].strip("()[] ") if len(cells) > 2 else "")
-        if value is None or not unit:
-            continue
-        if size is not None:
-            factor = unit_factor("length", unit, where=f"{where}, line {line}, {cells[0]!r}")
-            found[size] = value * factor
-        elif speed and (per_second := _mm_s(unit)) is not None:
-            speeds.add(value * per_second)
-    if len(speeds) == 1:
-        found["rate_mm_s"] = speeds.pop()
-    return found
-
-
-def _mm_s(unit: str) -> float | None:
-    """Return the mm/s in a unit of speed such as mm/min; None of any other unit."""
-    length, _, time = unit.partition("/")
-    if "length" not in quantities_of(length) or "time" not in quantities_of(time):
-        return None
-    return unit_factor("length", length, where=unit) / unit_factor("time", time, where=unit)
-
-
-def _mark10_units(rows: Sequence[TextRow], *, where: str) -> dict[str, str]:
-    """Return the units that a Mark-10 MESURgauge file states above its columns.
-
-    The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
-    the columns are Reading, Load, Travel and Time without units, time in seconds.
-
-    Raises
-    ------
-    FileError
-        The head names load units that are two different ones.
-    """
-    found: dict[str, str] = {}
-    keys = {"units": "force", "unit": "force", "load unit": "force", "load units": "force",
-            "travel unit": "displacement", "travel units": "displacement"}  # fmt: skip
-    for line, cells in rows:
-        text = " ".join(cell for cell in cells if cell)
-        key, colon, value = text.partition(":")
-        meaning = keys.get(key.strip().casefold())
-        if not colon or meaning is None or not value.strip():
-            continue
-        unit = value.strip().strip("()[]")
-        if found.setdefault(meaning, unit) != unit:
-            raise FileError(
-                f"{where}, line {line}: unit of {meaning} is {unit!r} here and "
-                f"{found[meaning]!r} above; keep the right one"
-            )
-    if found:
-        found["time"] = "s"
-    return found
-
-
-# ------------------------------------------------------------------------------------------------
-# What a tensile file holds once its columns have planner's names and units.
+# What a test's file holds once its columns have planner's names and units.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,12 +77,22 @@ class TensileTable:
     specimen
         The specimen that the file names, or "".
     metadata
-        What the file's head says: width_mm, thickness_mm, gauge_mm, rate_mm_s (numbers),
-        material (text); whichever it has.
+        What the file says beside the columns: width_mm, thickness_mm, diameter_mm, area_mm2,
+        gauge_mm, rate_mm_s (numbers), material, specimen, mode (texts); whichever it has.
     without_unit
         Columns whose header gave no unit, so that one was assumed.
     notes
         What was assumed or left out in reading.
+    sheet
+        Of a workbook, else "".
+    headings
+        By column: its heading in the file.
+    unused
+        Headings of the record's other columns.
+    sources
+        By size: where the file says it.
+    unclear
+        By size: the readings of which the file does not say which one holds.
     """
 
     file: str
@@ -172,31 +103,92 @@ class TensileTable:
     metadata: Mapping[str, float | str]
     without_unit: frozenset[str]
     notes: tuple[str, ...]
+    sheet: str = ""
+    headings: Mapping[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
+    unclear: Mapping[str, str] = field(default_factory=dict)
 
 
 # ------------------------------------------------------------------------------------------------
-# Read a tensile file: generic CSV, Mark-10 MESURgauge or Instron Bluehill.
+# Read a test's file, whatever machine wrote it.
 #
-# One way for all: the head is whatever stands above the first row of headings that names a load
-# and a length; a row of bare units below the headings (Bluehill) or units in the head (MESURgauge)
-# fill what the headings leave open.
+# One way for all: a file is sheets, a sheet is a grid of cells (of a text, by the separator that
+# makes headings of it). A row that names a load and a length heads a block of numbers; units
+# stand in it, below it or in the sheet's head. Its columns are one record, or several side by
+# side; its rows are one specimen's, or a column tells several apart. Blocks of one name go on
+# with one another. Sizes are looked for in all cells that are no columns of numbers.
 
 
-_SEPARATORS = ("\t", ";", ",", " ")
+_SEPARATORS = ("\t", ";", ",", "|", "  ", " ")
 _LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
 _LOADS = {"force", "stress", "true stress"}
+_LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
+_BLOCKS = ("join", "apart")
+
+
+class NoRecordError(FileError):
+    """A file without any table that could be a record of a test."""
+
+
+_FEWEST_ROWS = 3
+"""Of a record beside others: two points are a line, and a table of results has fewer."""
+
+
+_Headings = Sequence[Heading]
+"""A row's; of a cell that is not understood the meaning is ""."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
+class _Grid:
+    """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read."""
+
+    where: str
+    sheet: str
     separator: str
-    headings: list[Heading | None]
-    head: list[TextRow]
-    body: list[TextRow]
+    rows: list[TextRow]
+    by_position: _Headings | None
+    option: str
+
+    def number(self, cell: str) -> float | None:
+        return number(cell, self.separator)
+
+    def is_number(self, cell: str) -> bool:
+        return self.number(cell) is not None or _CLOCK.fullmatch(cell) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Headings with the numbers below them: `start` is the first row above that belongs to it."""
+
+    start: int
+    place: int
+    headings: _Headings
+    rows: list[int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """The columns of one specimen in one block; `texts` are those of material and mode."""
+
+    name: str
+    grid: _Grid
+    block: _Block
+    columns: Mapping[str, FloatArray]
+    used: Sequence[HeadedColumn]
+    lines: list[int]
+    unused: tuple[str, ...]
+    notes: tuple[str, ...]
+    in_column: bool
+    texts: Mapping[str, str]
 
 
 def read_tensile(
-    path: str | Path, *, columns: Sequence[str] | None = None, option: str = ""
+    path: str | Path,
+    *,
+    columns: Sequence[str] | None = None,
+    blocks: str | None = None,
+    option: str = "",
 ) -> tuple[TensileTable, ...]:
     """Read the records in a file, one a specimen.
 
@@ -204,161 +196,126 @@ def read_tensile(
     ----------
     columns
         Headings in place of the file's own, by position ("force_N", "Load (lbf)"; "-" leaves a
-        column out), for a file without headings or without units.
+        column out), for a file without headings or without units. Given again, they head the
+        record beside.
+    blocks
+        Of blocks of numbers in one sheet that nothing names: "join" reads them as one record,
+        "apart" as specimens. None: as their time tells.
     option
         What a user gives `columns` by, for messages; "" where there is no such option.
 
     Returns
     -------
     tables
-        One, or as many as a column `specimen` tells apart, in order of appearance.
+        In order of appearance: those of a column `specimen`, of blocks, side by side, of sheets.
 
     Raises
     ------
     FileError
-        No columns that are understood, an unknown unit, or a cell that is no number; the message
-        names file, line and column.
+        No columns that are understood, an unknown unit, a cell that is no number, or blocks that
+        may be one record or several; the message names file, line and column.
     """
     path = Path(path)
-    where = path.name
-    layout = _layout(read_text(path), where, columns, option)
-    head = _metadata(layout.head, layout.separator, where=where)
-    headings, notes = _with_mark10_units(layout, where)
-    _refuse_side_by_side(headings, where, option)
-    meanings: dict[int, HeadedColumn] = {}
-    # A crosshead's absolute position serves only where nothing else tells the travel.
-    for index in sorted(range(len(headings)), key=lambda i: _is(headings[i], "position")):
-        heading = headings[index]
-        if heading is None or heading.meaning == "specimen":
-            continue
-        try:
-            meaning = column_of(heading, where=where)
-        except FileError as error:
-            if heading.meaning != "time" and heading.unit is None and columns is None:
-                example = _example(headings, [h.unit or "" if h else "" for h in headings])
-                raise FileError(f"{error}, or {_by_position(option, example)}") from error
-            if heading.meaning != "time":
-                raise
-            notes.append(f"{error}; time is optional and is left out")
-            continue
-        same = next((m for m in meanings.values() if m.name == meaning.name), None)
-        if same is None:
-            meanings[index] = meaning
-        else:
-            notes.append(
-                f"{where}: column {heading.text!r} left out; {meaning.name} is read from "
-                f"{same.heading.text!r}"
+    if blocks not in (None, *_BLOCKS):
+        raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
+    data = read_file(path, advice="give the path of a tensile file")
+    by_position = None if columns is None else _by_position(columns)
+    grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
+    for sheet, text, rows in _sheets(data, path):
+        where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
+        grid, found = _best_grid(_Grid(where, sheet, "", rows, by_position, option), text)
+        (grids if found else missed).append(grid)
+        pieces += _joined(_pieces(grid, found, notes), blocks, notes)
+    if not (grids or missed):
+        raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
+    if not pieces:
+        longest = max(missed, key=_count_numbers)
+        few = _count_numbers(longest) < _FEWEST_ROWS
+        raise (NoRecordError if few else FileError)(_not_understood(longest))
+    notes += [f"{grid.where}: no record of a test" for grid in missed]
+    fewest = min(len(piece.lines) for piece in pieces)
+    for grid in (*grids, *missed):
+        read = {line for piece in pieces if piece.grid is grid for line in piece.lines}
+        rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
+        if _count_numbers(rest) * (1 if grid in missed else 4) >= fewest:
+            said = _not_understood(rest)
+            raise FileError(f"{said}; the rest of the file is understood")
+    return _tables(path, pieces, [*grids, *missed], notes)
+
+
+def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]:
+    """Yield each sheet: its name, its text where it is one, and its rows where it is none."""
+    if is_workbook(data):
+        for name, rows in read_sheets(data, path.name):
+            yield name or path.name, "", list(enumerate(rows, start=1))
+    else:
+        yield "", decode_text(data, path), []
+
+
+def _best_grid(sheet: _Grid, text: str) -> tuple[_Grid, list[_Block]]:
+    """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
+    tried: list[_Grid] = []
+    separators = [s for s in _SEPARATORS if s in text or sheet.by_position] if text else []
+    for separator in separators or [";"]:
+        cells = split_rows(text, separator) if text else sheet.rows
+        if separator == " " and sheet.by_position is None:
+            cells = _with_headings_of_words(cells)
+        grid = replace(sheet, separator=_decimals(cells, separator), rows=cells)
+        found = _blocks(grid)
+        if any(block.rows for block in found):
+            return grid, [block for block in found if block.rows]
+        if found and text and separator.strip():
+            raise FileError(
+                f"{grid.where}: headings but no numbers below them; export the raw data too"
             )
-    rows, ended = _data_rows(layout, set(meanings), where)
-    if not rows:
-        raise FileError(f"{where}: headings but no numbers below them; export the raw data too")
-    if ended is not None:
-        notes.append(f"{where}: what stands from line {ended} on is no part of the record")
-    lines = [line for line, _ in rows]
-    values = {
-        m.name: finite_numbers(
-            [c[i] for _, c in rows], lines, layout.separator, where, m.heading.text, m.factor
-        )
-        for i, m in meanings.items()
-    }
-    without_unit = {m.name for m in meanings.values() if m.heading.unit is None}
-    if "stretch" in values:
-        values.setdefault("strain", values.pop("stretch") - 1.0)
-        without_unit.discard("stretch")
-    named = next((i for i, h in enumerate(headings) if _is(h, "specimen")), None)
-    groups: dict[str, list[int]] = {}
-    for position, (_, cells) in enumerate(rows):
-        groups.setdefault("" if named is None else cells[named], []).append(position)
-    return tuple(
-        TensileTable(
-            file=where,
-            columns=MappingProxyType({name: array[at] for name, array in values.items()}),
-            factors=MappingProxyType({m.name: m.factor for m in meanings.values()}),
-            lines=np.array(lines, dtype=np.int64)[at],
-            specimen=specimen or str(head.get("specimen", "")),
-            metadata=MappingProxyType(head),
-            without_unit=frozenset(without_unit),
-            notes=tuple(notes),
-        )
-        for specimen, at in groups.items()
-    )
+        tried.append(grid)
+
+    def nearness(grid: _Grid) -> tuple[int, int]:
+        width = len(_nearest(grid)[1])
+        return width if grid.separator.strip() and width > 1 else 0, width
+
+    return max(tried, key=nearness), []
 
 
-def _refuse_side_by_side(headings: Sequence[Heading | None], where: str, option: str) -> None:
-    """Refuse a file whose load and length stand in it again under the same headings.
+def _with_headings_of_words(rows: list[TextRow]) -> list[TextRow]:
+    """Put words between blanks together to headings: "Time Axial Force" are two.
 
-    Raises
-    ------
-    FileError
-        Records side by side; the message says how to read one of them.
+    As few words as make a heading, or as many, whichever gives as many as there are columns below.
     """
-    texts = [h.text if h is not None else "" for h in headings]
-    again = [h for i, h in enumerate(headings) if h is not None and h.text in texts[:i]]
-    if not _suffice(again):
-        return
-    second = texts.index(again[0].text, texts.index(again[0].text) + 1)
-    said = (
-        f"{where}: records stand side by side ({again[0].text!r} heads columns "
-        f"{texts.index(again[0].text) + 1} and {second + 1}); export one file a specimen"
-    )
-    if not option:
-        raise FileError(said)
-    block = headings[second : second + len(set(texts))]
-    example = _example(block, [h.unit or "" if h is not None else "" for h in block])
-    raise FileError(
-        f"{said}, or copy the file for each and read its record by position: the second by "
-        f"{option} {'-,' * second}{example}"
-    )
+    found: list[TextRow] = []
+    below = 0
+    for line, words in reversed(rows):
+        few = len(words) <= _MOST_WORDS and len(words) != below
+        choices = [_put_together_words(words, step) for step in (1, -1)] if few else []
+        found.append((line, next((c for c in choices if len(c) == below), words)))
+        below = len(words) if any(words) else below
+    return found[::-1]
 
 
-def _is(heading: Heading | None, meaning: str) -> bool:
-    return heading is not None and heading.meaning == meaning
+_MOST_WORDS = 60
 
 
-def _with_mark10_units(layout: _Layout, where: str) -> tuple[list[Heading | None], list[str]]:
-    units = _mark10_units(layout.head, where=where)
-    headings: list[Heading | None] = [
-        Heading(h.text, h.meaning, units[h.meaning])
-        if h is not None and h.unit is None and h.meaning in units
-        else h
-        for h in layout.headings
-    ]
-    if headings == layout.headings:
-        return headings, []
-    stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    return headings, [f"{where}: a MESURgauge file, {stated} by its head"]
+def _put_together_words(words: Sequence[str], step: int) -> list[str]:
+    cells: list[str] = []
+    at = 0
+    while at < len(words):
+        ends = range(at + 1, min(len(words), at + 5) + 1)[::step]
+        end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
+        cells.append(" ".join(words[at:end]))
+        at = end
+    return cells
 
 
-def _layout(text: str, name: str, columns: Sequence[str] | None, option: str) -> _Layout:
-    if columns is not None:
-        return _layout_by_position(text, name, columns)
-    for separator in _SEPARATORS[:3]:
-        rows = split_rows(text, separator)
-        for place, (_, cells) in enumerate(rows):
-            headings = [parse_heading(cell) if cell else None for cell in cells]
-            if not _suffice(headings):
-                continue
-            body = rows[place + 1 :]
-            if body and _is_unit_row(body[0][1], separator):
-                headings = _with_units(headings, body[0][1])
-                body = body[1:]
-            return _Layout(_decimals(body, separator), headings, rows[:place], body)
-    raise FileError(f"{name}{_not_understood(text, option)}")
-
-
-def _suffice(headings: Sequence[Heading | None]) -> bool:
-    meanings = {h.meaning for h in headings if h is not None}
-    return bool(meanings & _LENGTHS and meanings & _LOADS)
-
-
-def _decimals(body: Sequence[TextRow], separator: str) -> str:
+def _decimals(rows: Sequence[TextRow], separator: str) -> str:
     """Return the separator by which numbers are read (see `number`).
 
     Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
-    thousands tells, where no cell has a dot.
+    thousands tells, where no number has a dot.
     """
-    cells = [cell for _, row in body for cell in row if cell]
-    if separator != "," or any("." in cell for cell in cells):
+    if separator != ",":
+        return separator
+    cells = [cell for _, row in rows for cell in row if cell[:1].isdigit() or cell[:1] in "+-,."]
+    if any("." in cell and number(cell, separator) is not None for cell in cells):
         return separator
     return ";" if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else separator
 
@@ -366,182 +323,921 @@ def _decimals(body: Sequence[TextRow], separator: str) -> str:
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
 
 
-def _not_understood(text: str, option: str) -> str:
-    """Say which headings are not understood, and by which others the file can be read."""
-    found = _nearest(text)
-    if found is None:
-        return (
-            ": no row of headings with a load (force, load, stress) and a length (displacement, "
-            "extension, travel, strain, stretch) above columns of numbers; export the raw data, "
-            "headed as 'time_s,displacement_mm,force_N'"
+# ------------------------------------------------------------------------------------------------
+# Blocks: headings, and the numbers below.
+
+
+def _suffice(headings: Iterable[Heading]) -> bool:
+    meanings = {heading.meaning for heading in headings}
+    return bool(meanings & _LENGTHS and meanings & _LOADS)
+
+
+def _headings(cells: Sequence[str]) -> _Headings | None:
+    """Return the headings in a row that names a load and a length; None of any other row."""
+    if sum(map(bool, cells)) < 2:
+        return None
+    found = [_heading("" if _is_figure(cell) else cell) for cell in cells]
+    return found if _suffice(found) else None
+
+
+def _heading(cell: str) -> Heading:
+    return parse_heading(cell) or Heading(cell, "", None)
+
+
+def _is_figure(cell: str) -> bool:
+    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
+
+
+def _blocks(grid: _Grid) -> list[_Block]:
+    rows, found = grid.rows, list[_Block]()
+    headings = grid.by_position
+    start = at = 0
+    while at < len(rows):
+        own = _headings(rows[at][1]) if grid.by_position is None else None
+        place = at
+        if own is not None:
+            headings, at = _with_units(own, grid, at)
+            found.append(_Block(start, place, headings, []))
+        elif headings is None:
+            at += 1
+            continue
+        wanted = sum(h.meaning not in ("", "specimen") for h in headings)
+        least = 2 if own is not None or found else wanted
+        data, at = _numbers_below(grid, headings, at, own is not None, least)
+        if data and own is not None:
+            found[-1].rows.extend(data)
+        elif data:
+            found.append(_Block(start, data[0], headings, data))
+        if data:
+            start = at
+    return found
+
+
+def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings, int]:
+    """Return headings with the units that stand in a row of their own, and the row behind.
+
+    The row is below, or, in what LabVIEW writes, above and says so.
+    """
+    for row in range(place + 1, min(place + 4, len(grid.rows))):
+        cells = grid.rows[row][1]
+        if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
+            break
+        units = [cell.strip("()[]{} ") for cell in cells]
+        known = [
+            h.meaning and unit and (is_unit(unit) or cell[0] in "([")
+            for h, unit, cell in zip(headings, units, cells, strict=False)
+        ]
+        if any(known) and not all(unit.isdigit() for unit in units if unit):
+            return _in_units(headings, units), row + 1
+    for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
+        if cells and _UNITS.search(cells[0]):
+            return _in_units(headings, cells), place + 1
+    return headings, place + 1
+
+
+_UNITS = re.compile(r"\bunit|_unit_|einheit|unité|unidad|unità|単位|单位", re.IGNORECASE)
+
+
+def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
+    return [
+        replace(h, unit=_cell(units, i)) if _cell(units, i) and not is_unit(h.unit or "") else h
+        for i, h in enumerate(headings)
+    ]
+
+
+def _numbers_below(
+    grid: _Grid, headings: _Headings, at: int, headed: bool, least: int
+) -> tuple[list[int], int]:
+    """Return the rows of numbers from `at` on, and the row behind them.
+
+    Between headings and numbers texts may stand. A row of numbers and words is taken for one of
+    the record while no blank line came before it, so that a damaged cell is told, not dropped; so
+    is a row that has a specimen's name alone.
+    """
+    wanted = [i for i, h in enumerate(headings) if h.meaning not in ("", "specimen")]
+    named = [i for i, h in enumerate(headings) if h.meaning == "specimen"]
+    found: list[int] = []
+    gap = False
+    for place in range(at, len(grid.rows)):
+        cells = grid.rows[place][1]
+        filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
+        words = [cell for cell in filled if not grid.is_number(cell)]
+        if not any(cells):
+            gap = True
+        elif words == filled and (filled or not found or not any(_cell(cells, i) for i in named)):
+            if found or not headed or _headings(cells) is not None:
+                return found, place if found or headed else place + 1
+        elif not found and len(filled) - len(words) < least:
+            return found, place + 1
+        elif words and found and (gap or _WORD.search(words[0])) and _ends(grid, wanted, place):
+            return found, place
+        else:
+            found.append(place)
+            gap = False
+    return found, len(grid.rows)
+
+
+_WORD = re.compile(r"[^\W\d_]{3}")
+
+
+def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
+    """Say whether a row of numbers and words begins what follows a record, as a table of results.
+
+    No row of numbers alone comes before the next one of words alone.
+    """
+    for _, cells in islice(grid.rows, at + 1, None):
+        numbers = [grid.is_number(_cell(cells, i)) for i in wanted]
+        if all(numbers):
+            return False
+        if any(cells) and not any(numbers):
+            return True
+    return True
+
+
+# ------------------------------------------------------------------------------------------------
+# Pieces: of a block the columns and rows of one specimen.
+
+
+def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
+    found: list[_Piece] = []
+    groups, marked = list[tuple[str, list[int]]](), ""
+    for block in blocks:
+        block, told = _with_mark10_units(grid, block)
+        longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
+        if grid.separator == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
+            line, cells = grid.rows[longer[0]]
+            raise FileError(
+                f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
+                f"{len(block.headings)}; a decimal comma needs quotes, or semicolons between cells"
+            )
+        mark, headed = _marked(grid, block), block.place not in block.rows
+        if mark or headed or not groups:  # else it goes on with the names of the one before
+            groups, marked = _groups(grid, block), mark
+        for name, places in groups:
+            several = name if len(blocks) == 1 else f"{marked} {name}".strip()
+            label = marked if len(groups) == 1 else several
+            own = _split(grid, block, places, label, told)
+            if own and not own[0].name and found and _goes_on(found[-1], own[0]):
+                own[0] = replace(own[0], name=found[-1].name)
+            found += own
+    longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
+    kept: list[_Piece] = []
+    for at, piece in enumerate(found):
+        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name]
+        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near[:2])
+        if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
+            notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
+        else:
+            kept.append(piece)
+    return kept
+
+
+def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
+    """Return the columns of each record that stands in a block, with its name.
+
+    A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
+    then headings that come again.
+    """
+
+    def whole(places: Iterable[int]) -> bool:
+        return _suffice(headings[i] for i in places)
+
+    headings = block.headings
+    known = [i for i, h in enumerate(headings) if h.meaning]
+    above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
+    for names in (
+        *(_carried([*cells, ""]) for cells in above),
+        [h.tag for h in headings],
+    ):
+        by_name: dict[str, list[int]] = {}
+        for i in known:
+            by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
+        shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
+        if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
+            continue  # "Force 1" and "Force 2" may be load cells
+        if len(by_name) > 1 and all(whole([*shared, *places]) for places in by_name.values()):
+            return [
+                (" ".join(name.split()) if "" not in by_name else str(n), sorted(shared + places))
+                for n, (name, places) in enumerate(by_name.items(), start=1)
+            ]
+    walked: list[list[int]] = [[]]
+    for i in known:
+        if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
+            walked.append([])
+        walked[-1].append(i)
+    # What comes once, as time does, belongs to all; a length too where a person headed the columns.
+    kinds = {"time"} | (_LENGTHS if grid.by_position else set())
+    once = [
+        i for i in walked[0] if headings[i].meaning in kinds
+        and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
+    ]  # fmt: skip
+    found = [walked[0], *([*once, *places] for places in walked[1:])]
+    if len(found) < 2 or not all(map(whole, found)):
+        return [("", known)]
+    return [(str(n), places) for n, places in enumerate(found, start=1)]
+
+
+def _carried(cells: Iterable[str]) -> list[str]:
+    """Return cells, an empty one as the one before it."""
+    last = ""
+    return [last := cell or last for cell in cells]
+
+
+def _same(one: Heading, other: Heading) -> bool:
+    plain = [re.sub(r"[\s\d._#-]+", "", h.text.casefold()) for h in (one, other)]
+    return (one.meaning, one.unit, plain[0]) == (other.meaning, other.unit, plain[1])
+
+
+def _marked(grid: _Grid, block: _Block) -> str:
+    """Return the specimen that is named above a block and below the one before, or ""."""
+    found = ""
+    for _, cells in grid.rows[block.start : block.rows[0]]:
+        filled = [cell for cell in cells if cell]
+        if len(filled) > 1 and head_text(filled[0]) == "specimen":
+            found = found if _heading(filled[1]).meaning else filled[1]
+        elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
+            found = mark
+    return found
+
+
+def _split(
+    grid: _Grid, block: _Block, places: Sequence[int], label: str, told: Sequence[str]
+) -> list[_Piece]:
+    """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
+    where, rows, headings = grid.where, grid.rows, block.headings
+    named = next((i for i in places if headings[i].meaning == "specimen"), None)
+    alone = len(places) == sum(bool(h.meaning) for h in headings)
+    filled = [
+        i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
+    ]
+    lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
+    if not lined:
+        return []
+    used, notes = _used_columns(grid, headings, places, lined)
+    lines = [rows[r][0] for r in lined]
+    values: dict[str, FloatArray] = {}
+    for i, column in used.items():
+        line, short = next((rows[r] for r in lined if len(rows[r][1]) <= i), (0, []))
+        if line:
+            raise FileError(
+                f"{where}, line {line}: {len(short)} cells where the headings have "
+                f"{len(headings)}; complete or remove the line"
+            )
+        cells = [rows[r][1][i] for r in lined]
+        is_time, text = column.name == "time_s", column.heading.text
+        cells = [_seconds(cell) for cell in cells] if is_time else cells
+        try:
+            values[column.name] = finite_numbers(
+                cells, lines, grid.separator, where, text, column.factor
+            )
+        except FileError as error:
+            if not is_time or any(grid.number(cell) is not None for cell in cells):
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+    kept = {i: column for i, column in used.items() if column.name in values}
+    if "stretch" in values:
+        values.setdefault("strain", values.pop("stretch") - 1.0)
+    heads = rows[block.place][1] if block.place not in block.rows else []
+    texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
+    texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
+    unused = tuple(
+        cell for i, cell in enumerate(heads)
+        if cell and i not in (*kept, *texts.values(), named) and size_of(cell)[0] is None
+        and (i in places or not headings[i].meaning) and _cell(rows[lined[0]][1], i)
+    )  # fmt: skip
+
+    def words(i: int) -> list[str]:
+        return _carried(_cell(rows[r][1], i) for r in lined)
+
+    if named is not None:
+        names = words(named)
+        counts = len(set(names)) == len(lined)
+        # Else a list of specimens beside their records.
+        if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
+            named = None
+    if named is None:  # several materials, or modes, are several specimens
+        named = next((i for i in texts.values() if len({*words(i)} - {""}) > 1), None)
+    groups: dict[str, list[int]] = {}
+    for at, name in enumerate([""] * len(lined) if named is None else words(named)):
+        groups.setdefault(name, []).append(at)
+    return [
+        _Piece(
+            name or label, grid, block, {column: array[at] for column, array in values.items()},
+            tuple(kept.values()), [lines[n] for n in at], unused, (*told, *notes), bool(name),
+            {what: _cell(rows[lined[at[0]]][1], i) for what, i in texts.items() if what},
         )
-    line, names, headings, units = found
-    known = [f"{h.text!r} as {h.meaning}" for h in headings if h is not None]
-    unknown = [_quoted(n) for n, h in zip(names, headings, strict=True) if h is None and n]
-    meanings = {h.meaning for h in headings if h is not None}
+        for name, at in groups.items()
+    ]  # fmt: skip
+
+
+def _cell(cells: Sequence[str], at: int) -> str:
+    return cells[at] if at < len(cells) else ""
+
+
+_CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
+
+
+def _seconds(cell: str) -> str:
+    """Return a time of the form 0:01:02.5 in seconds; any other cell as it is."""
+    clock = _CLOCK.fullmatch(cell)
+    if clock is None:
+        return cell
+    seconds = 3600.0 * int(clock[1] or 0) + 60.0 * int(clock[2]) + float(clock[3].replace(",", "."))
+    return f"{seconds:.15g}"
+
+
+def _used_columns(
+    grid: _Grid, headings: _Headings, places: Sequence[int], lined: Sequence[int]
+) -> tuple[dict[int, HeadedColumn], list[str]]:
+    """Return the columns that serve, by place: of each canonical name the first.
+
+    A crosshead's absolute position serves only where nothing else tells the travel, an
+    extensometer goes before the crosshead; one that never moves goes behind the others. A column
+    with gaps is left out where the others suffice.
+
+    Raises
+    ------
+    FileError
+        A column without a unit, or two of one kind that differ.
+    """
+    where, notes = grid.where, list[str]()
+    found: dict[int, HeadedColumn] = {}
+    cells = {
+        i: [_cell(grid.rows[r][1], i) for r in lined]
+        for i in places
+        if headings[i].meaning != "specimen"
+    }
+    cells = {i: column for i, column in cells.items() if any(column)}
+    if _suffice(headings[i] for i, column in cells.items() if "" not in column):
+        for i, j in permutations(cells, 2):
+            if "" in cells[i] and "" not in cells[j] and _same(headings[i], headings[j]):
+                raise FileError(
+                    f"{where}: column {headings[i].text!r} comes again, and what stands beside it "
+                    f"is not understood; {_advice(grid.option, _example(headings, twice=True))}"
+                )
+        notes += [
+            f"{where}: column {headings[i].text!r} has empty cells; it is left out"
+            for i, column in cells.items()
+            if "" in column
+        ]
+        cells = {i: column for i, column in cells.items() if "" not in column}
+
+    def rank(i: int) -> tuple[bool, bool, bool, bool]:
+        meaning, of_crosshead = headings[i].meaning, is_of_crosshead(headings[i].text)
+        unmeasured = meaning not in ("elongation", "strain")
+        return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
+
+    doubles: list[tuple[int, int, float]] = []
+    for i in sorted(cells, key=rank):
+        heading = headings[i]
+        is_time = heading.meaning == "time"
+        if is_time and _CLOCK.fullmatch(cells[i][0]):
+            heading = replace(heading, unit="s")
+        try:
+            column = column_of(heading, where=where)
+        except FileError as error:
+            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            if not is_time and not (heading.meaning in ("elongation", "position") and others):
+                if heading.unit is not None or grid.by_position:
+                    raise
+                example = _example(headings)
+                raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
+            notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
+            continue
+        same = next((j for j, m in found.items() if m.name == column.name), None)
+        if same is None:
+            found[i] = column
+            continue
+        notes.append(
+            f"{where}: column {heading.text!r} left out; {column.name} is read from "
+            f"{found[same].heading.text!r}"
+        )
+        if rank(i) == rank(same) and not is_time:
+            doubles.append((same, i, column.factor))
+    strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
+    for one, other, factor in doubles:
+        if not (strains and found[one].name == "displacement_mm"):
+            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
+    return {i: found[i] for i in sorted(found)}, notes
+
+
+def _refuse_two(
+    grid: _Grid, lined: Sequence[int], factors: Mapping[int, float], headings: _Headings
+) -> None:
+    """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
+    one, other = (
+        factor * np.array([grid.number(_cell(grid.rows[r][1], i)) for r in lined], dtype=np.float64)
+        for i, factor in factors.items()
+    )
+    is_load = any(headings[i].meaning in _LOADS for i in factors)
+    if not is_load:
+        one, other = one - one[0], other - other[0]
+    if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
+        return
+    first, second = (headings[i].text for i in factors)
+    what = "loads over one length, of two load cells or of two specimens"
+    what = what if is_load else "lengths of one record, of two sensors"
+    said = f"{grid.where}: {first!r} and {second!r} are two {what}"
+    if not grid.option:
+        raise FileError(f"{said}; keep one in the file")
+    examples = []
+    for left_out in (*reversed(factors), None):
+        kept = [Heading("", "", None) if i == left_out else h for i, h in enumerate(headings)]
+        examples.append(f"{grid.option} {_example(kept, twice=True)}")
+    both = f", or read two specimens by {examples[2]}" if is_load else ""
+    raise FileError(f"{said}; take one of them by {examples[0]} or {examples[1]}{both}")
+
+
+_SAME = 0.02
+"""Of the range: one load in two units or from two channels, rounded differently."""
+
+
+# ------------------------------------------------------------------------------------------------
+# Blocks that go on with one another, and those that are specimens.
+
+
+def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> list[_Piece]:
+    """Join the pieces of one specimen; those that nothing names go on in time, or are asked about.
+
+    Raises
+    ------
+    FileError
+        Blocks that may be one record or several.
+    """
+    found: dict[str, _Piece] = {}
+    for count, piece in enumerate(pieces, start=1):
+        name = piece.name
+        if blocks == "apart" and not name and len(pieces) > 1:
+            name, piece = str(count), replace(piece, name=str(count))
+        last = found.get(name)
+        if last is not None and blocks != "join" and not _goes_on(last, piece):
+            who = f"specimen {name}" if name else "the block"
+            advice = _ASKED[bool(piece.grid.option)]
+            raise FileError(
+                f"{piece.grid.where}: {who} that ends on line {last.lines[-1]} starts again on "
+                f"line {piece.lines[0]}, and nothing names another; {advice}"
+            )
+        found[name] = piece if last is None else _put_together(last, piece, notes)
+    return [*found.values()]
+
+
+_ASKED = (
+    "write 'Specimen' and its name above each, or give each a file",
+    "give --blocks apart if they are specimens, or --blocks join if they are one record",
+)
+
+
+def _goes_on(one: _Piece, next_: _Piece) -> bool:
+    """Say whether a piece's time and length go on where those of the one before ended."""
+    a, b = one.columns, next_.columns
+    if "time_s" in a and "time_s" in b and b["time_s"][0] < a["time_s"][-1]:
+        return False
+    name = next((c for c in _LENGTH_COLUMNS if c in a and c in b), None)
+    if name is None:
+        return False
+    ends, span = b[name][0] - a[name][[0, -1]], float(np.ptp([*a[name], *b[name]]))
+    return bool(abs(ends[1]) <= min(abs(ends[0]), _STEP * span))
+
+
+_STEP = 0.25
+"""Of the range of both: by how much a record in blocks goes on from one to the next at most."""
+
+
+def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
+    names = [c for c in one.columns if c in next_.columns]
+    lost = [c for c in {**one.columns, **next_.columns} if c not in names]
+    if lost:
+        notes.append(
+            f"{one.grid.where}: {', '.join(lost)} is not in all blocks of the record; left out"
+        )
+    return replace(
+        one,
+        columns={c: np.concatenate([one.columns[c], next_.columns[c]]) for c in names},
+        lines=[*one.lines, *next_.lines],
+    )
+
+
+def _tables(
+    path: Path, pieces: list[_Piece], grids: Sequence[_Grid], notes: Sequence[str]
+) -> tuple[TensileTable, ...]:
+    """Return pieces as records, each under a name of its own, with what the file says of it."""
+    names = [piece.name for piece in pieces]
+    if len(pieces) == 1 and not pieces[0].in_column:
+        names = [""]  # a label in the head; the file's name tells specimens apart
+    if len({piece.grid.sheet for piece in pieces}) > 1:
+        names = [
+            name if name and names.count(name) == 1 else f"{piece.grid.sheet} {name}".strip()
+            for name, piece in zip(names, pieces, strict=True)
+        ]
+    found = []
+    said = [size for grid in grids for size in _said_sizes(grid, pieces)]
+    for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
+        if names.count(name) > 1:
+            raise FileError(
+                f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
+                "a name of its own"
+            )
+        metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
+        if name:
+            metadata.pop("specimen", None)
+        metadata |= piece.texts
+        if any(m.heading.compressed for m in piece.used if m.name != "time_s"):
+            metadata.setdefault("mode", "compression")
+        found.append(
+            TensileTable(
+                path.name, MappingProxyType(dict(piece.columns)),
+                MappingProxyType({m.name: m.factor for m in piece.used}),
+                np.array(piece.lines, dtype=np.int64), name or str(metadata.get("specimen", "")),
+                MappingProxyType(metadata),
+                frozenset(m.name for m in piece.used if m.heading.unit is None) - {"stretch"},
+                (*piece.notes, *_behind(piece, pieces), *notes), piece.grid.sheet,
+                MappingProxyType({m.name: _written(m.heading) for m in piece.used}), piece.unused,
+                MappingProxyType(sources), MappingProxyType(unclear),
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _written(heading: Heading) -> str:
+    inside = heading.unit is None or _heading(heading.text).unit == heading.unit
+    return heading.text if inside else f"{heading.text} ({heading.unit})"
+
+
+def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
+    """Say from which line on a sheet holds something that is no part of its last record."""
+    here = [p for p in pieces if p.grid is piece.grid]
+    last = max(p.lines[-1] for p in here) if piece is here[-1] else math.inf
+    rest = next((line for line, cells in piece.grid.rows if line > last and any(cells)), None)
+    said = f"{piece.grid.where}: what stands from line {rest} on is no part of the record"
+    return [] if rest is None else [said]
+
+
+# ------------------------------------------------------------------------------------------------
+# What stands beside the columns: sizes, speed, names, modes.
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What a sheet says: one value, or one a specimen with its label; none without a unit."""
+
+    grid: _Grid
+    row: int
+    key: str
+    name: str
+    values: tuple[tuple[str, float | str], ...]
+
+    def place(self) -> str:
+        sheet = f"sheet {self.grid.sheet!r}, " if self.grid.sheet else ""
+        return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
+
+
+_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+\s*\S+)")
+_NEAR = 30
+_BESIDE = 200
+"""Rows of numbers beside which sizes are looked for; programs write them at the top."""
+
+
+def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
+    """Yield what all cells say that are not in a record's columns."""
+    data: dict[int, int] = {}
+    for piece in (p for p in pieces if p.grid is grid):
+        width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
+        data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
+    beside = min(data, default=0) + _BESIDE
+    for row, (_, cells) in enumerate(grid.rows):
+        if row in data and row > beside:
+            continue
+        for at in range(data.get(row, 0), len(cells)):
+            if cells[at] and not _is_figure(cells[at]):
+                yield from _said_at(grid, row, at)
+
+
+def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
+    """Yield what one cell says together with its neighbours: to its right, or below it."""
+    cells = grid.rows[row][1]
+    key, right = cells[at], [c for c in cells[at + 1 :] if c]
+    single = _ONE_CELL.fullmatch(key) if len(key) <= LONGEST_HEADING else None
+    if single is not None:  # "Width: 6.00 mm"
+        key, right = single[1], [single[2]]
+    text = head_text(key)
+    if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
+        yield _Said(grid, row, key, text, (("", right[0]),))
+    size, unit = size_of(key)
+    if size is None:
+        return
+    figures: list[tuple[str, float]] = []
+    for column, value in enumerate(right, start=at + 1):
+        split = split_value(value, grid.separator)
+        if split is not None:
+            figures.append((_label_above(grid, row, column), split[0]))
+            unit = unit or split[1]
+        elif column < at + 3 and not unit and _factor(size, value) is not None:
+            unit = value
+        else:
+            break
+    if not figures:
+        figures, unit = _figures_below(grid, row, at, unit)
+    if figures and not unit and row + 1 < len(grid.rows):
+        below = _cell(grid.rows[row + 1][1], at + 1)
+        unit = below if _factor(size, below) is not None else ""
+    factor = _factor(size, unit)
+    if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
+        raise FileError(
+            f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
+            f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
+        )
+    if figures and (factor is not None or not unit):
+        values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
+        yield _Said(grid, row, key, size, values)
+
+
+def _factor(size: str, unit: str) -> float | None:
+    """Return the factor of a unit to that of a size; None where it is none of that kind."""
+    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
+    unit = unit.strip("()[] ")
+    return unit_factor(quantity, unit, where="") if quantity in quantities_of(unit) else None
+
+
+def _label_above(grid: _Grid, row: int, at: int) -> str:
+    """Return the specimen that heads a column of figures: the row of names near it."""
+    near = range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows)))
+    for cells in (grid.rows[other][1] for other in near if other != row):
+        if cells and cells[0] and head_text(cells[0]) == "specimen" and _cell(cells, at):
+            return cells[at]
+    return ""
+
+
+def _figures_below(
+    grid: _Grid, row: int, at: int, unit: str
+) -> tuple[list[tuple[str, float]], str]:
+    """Return the figures below a cell of a table of results, by specimen, and their unit."""
+    named = next((i for i, c in enumerate(grid.rows[row][1]) if head_text(c) == "specimen"), 0)
+    figures: list[tuple[str, float]] = []
+    for _, cells in grid.rows[row + 1 :]:
+        cell = _cell(cells, at)
+        value = split_value(cell, grid.separator)
+        if value is None:
+            bare = cell.strip("()[] ")
+            if figures or not any(cells) or (bare and (unit or not is_unit(bare))):
+                break
+            unit = bare
+            continue
+        label = _cell(cells, named) if named != at else ""
+        if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
+            break
+        label = label or (figures[-1][0] if figures else "")
+        if (label, value[0]) not in figures[-1:]:
+            figures.append((label, value[0]))
+        unit = unit or value[1]
+    return figures, unit
+
+
+_STATISTIC = re.compile(
+    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|std.*|standard.*|coefficient.*|cv|"
+    r"n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
+)
+
+
+_LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
+
+
+def _metadata(
+    piece: _Piece, name: str, place: int, pieces: Sequence[_Piece], said: Sequence[_Said]
+) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
+    """Return what a file says of one record, where it says so, and what it leaves unclear.
+
+    What stands in the record's block goes before what stands above all, and that before what
+    other sheets say.
+    """
+    first = min(p.block.place for p in pieces if p.grid is piece.grid)
+    scopes: tuple[list[_Said], ...] = ([], [], [])
+    for one in said:
+        if one.grid is not piece.grid:
+            scopes[2].append(one)
+        elif piece.block.start <= one.row <= piece.block.rows[-1]:
+            scopes[0].append(one)
+        elif one.row < first or len(one.values) > 1:
+            scopes[1].append(one)
+    found: dict[str, tuple[float | str | None, str]] = {}
+    for scope in scopes:
+        here: dict[str, dict[float | str | None, str]] = {}
+        for one in scope:
+            value = _value_for(one, name or piece.name, place, len(pieces))
+            of = here.setdefault(one.name, {})
+            if value is not None:
+                of.pop(value, None)  # the last place of a value is told
+                of[value] = one.place()
+            else:
+                readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
+                gives = f"gives {readings} of specimens" if one.values else "without a unit"
+                of[None] = f"{one.place()} {gives}"
+        for size, values in here.items():
+            known = [(v, at) for v, at in values.items() if v is not None]
+            if found.get(size, (None, ""))[0] is not None:
+                continue
+            if len(known) > 1 and isinstance(known[0][0], float):
+                found[size] = None, " and ".join(f"{v:g} ({at})" for v, at in known)
+            elif known or size not in found:
+                found[size] = known[-1] if known else (None, values[None])
+    ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
+    if ranked:
+        found["gauge_mm"] = ranked[0]
+    if mode_of(str(found.get("mode", ("",))[0])) is None:
+        found.pop("mode", None)  # "Test type: QA" is another matter
+    values_ = {size: value for size, (value, _) in found.items() if value is not None}
+    sources = {size: at for size, (_, at) in found.items() if size in values_}
+    return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
+
+
+def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | None:
+    """Return the value that holds for a specimen: by its name, else by its place."""
+    values = {value for _, value in one.values}
+    if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
+        return one.values[0][1]
+    plain = _plain_name(name)
+    named = {value for label, value in one.values if plain and _plain_name(label) == plain}
+    if len(named) == 1:
+        return named.pop()
+    if len(one.values) == count:
+        return one.values[place][1]
+    return values.pop() if len(values) == 1 else None
+
+
+def _plain_name(name: str) -> str:
+    return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
+
+
+def _with_mark10_units(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
+    """Return a block with the units that a Mark-10 MESURgauge file states above its columns.
+
+    The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
+    the columns are Reading, Load, Travel and Time without units, time in seconds.
+
+    Raises
+    ------
+    FileError
+        The head names load units that are two different ones.
+    """
+    units: dict[str, str] = {}
+    for line, cells in grid.rows[: block.place]:
+        key, _, value = " ".join(cell for cell in cells if cell).partition(":")
+        meaning = _MARK10.get(key.strip().casefold().removesuffix("s"))
+        unit = value.strip(" ()[]")
+        if meaning and unit and units.setdefault(meaning, unit) != unit:
+            raise FileError(
+                f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
+                f"{units[meaning]!r} above; keep the right one"
+            )
+    if units:
+        units["time"] = "s"
+    filled = [
+        replace(h, unit=units[h.meaning]) if h.unit is None and h.meaning in units else h
+        for h in block.headings
+    ]
+    if filled == [*block.headings]:
+        return block, []
+    stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
+    told = f"{grid.where}: a MESURgauge file, {stated} by its head"
+    return replace(block, headings=filled), [told]
+
+
+_MARK10 = {"unit": "force", "load unit": "force", "travel unit": "displacement"}
+
+
+# ------------------------------------------------------------------------------------------------
+# Where headings are not understood: which ones, and by which others the file can be read.
+
+
+def _by_position(columns: Sequence[str]) -> _Headings:
+    headings = [_heading("" if c.strip() == "-" else c.strip()) for c in columns]
+    for heading in headings:
+        if heading.text and not heading.meaning:
+            raise FileError(
+                f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
+                "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
+            )
+    if not _suffice(headings):
+        raise FileError(
+            f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
+            "(displacement_mm, strain, stretch)"
+        )
+    return headings
+
+
+def _count_numbers(grid: _Grid) -> int:
+    """Return how many rows of a sheet hold two numbers or more."""
+    return sum(
+        sum(grid.number(cell) is not None for cell in cells if cell) > 1 for _, cells in grid.rows
+    )
+
+
+def _not_understood(grid: _Grid) -> str:
+    if grid.by_position is not None:
+        count = len(grid.by_position)
+        return f"{grid.where}: no row with {count} columns of numbers; check the columns"
+    line, names, units = _nearest(grid)
+    if not names:
+        return (
+            f"{grid.where}: no row of headings with a load (force, load, stress) and a length "
+            "(displacement, extension, travel, strain, stretch) above columns of numbers; export "
+            "the raw data, headed as 'time_s,displacement_mm,force_N'"
+        )
+    headings = [_heading(name) for name in names]
+    known = [f"{h.text!r} as {h.meaning}" for h in headings if h.meaning]
+    unknown = [
+        repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
+    ]
     missing = [
         what
-        for what, kinds in (("load (force or stress)", _LOADS), ("length (travel or strain)",
-                                                                 _LENGTHS))
-        if not meanings & kinds
+        for what, kinds in _SOUGHT.items()
+        if kinds.isdisjoint(h.meaning for h in headings)
     ]  # fmt: skip
     said = (
-        f", line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
+        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
-    example = _example(headings, units)
-    if not _suffice([parse_heading(name) for name in example.split(",")]):
+    example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
+    if not _suffice(map(_heading, example.split(","))):
         return f"{said}; export what is missing too"
-    return f"{said}; {_by_position(option, example)}"
+    return f"{said}; {_advice(grid.option, example)}"
 
 
-def _by_position(option: str, example: str) -> str:
+_SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
+
+
+def _advice(option: str, example: str) -> str:
     if not option:
         return f"head the columns {example}"
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"
 
 
-def _quoted(name: str) -> str:
-    return repr(name if len(name) <= 30 else f"{name[:27]}...")
-
-
 _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "stress": "stress_",
              "strain": "strain_"}  # fmt: skip
 
 
-def _example(headings: Sequence[Heading | None], units: Sequence[str]) -> str:
+def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
-    Where units tell nothing, the first columns that are left stand for what is missing.
+    Where units tell nothing, the first columns that are left stand for what is missing. `twice`
+    keeps a quantity that comes again.
     """
-    names: list[str] = []
-    for heading, unit in zip(headings, units, strict=True):
+    names, meant = list[str](), list[str]()
+    for heading in headings:
+        unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
         kinds = quantities_of(unit)
-        if heading is not None and heading.meaning != "specimen":
-            name = heading.meaning.replace(" ", "_")
-            name = {"position": "displacement", "elongation": "displacement"}.get(name, name)
-            name = f"{name}_{unit}" if unit else _BARE.get(name, name)
-        elif heading is not None:
-            name = "specimen"
-        elif len(kinds) == 1:
-            name = _EXAMPLES[next(iter(kinds))] + unit
-        else:
-            name = "-"
-        names.append("-" if name != "-" and _meaning_of(name) in map(_meaning_of, names) else name)
+        if not name and len(kinds) == 1 and not twice:
+            name = _BY_KIND.get(min(kinds), "")
+        if not name or (name in meant and not twice):
+            names.append("-")
+            continue
+        meant.append(name)
+        bare = name.replace(" ", "_")
+        names.append(f"{bare}_{unit}" if unit and name != "specimen" else _BARE.get(bare, bare))
     for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
-        if meanings.isdisjoint(map(_meaning_of, names)) and "-" in names:
+        if meanings.isdisjoint(meant) and "-" in names:
             names[names.index("-")] = wanted
     return ",".join(names)
 
 
+_ALIKE = {"position": "displacement", "elongation": "displacement"}
+_BY_KIND = {
+    "length": "displacement",
+    **{kind: kind for kind in ("time", "force", "stress", "strain")},
+}
 _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm",
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 
 
-def _meaning_of(name: str) -> str | None:
-    heading = parse_heading(name)
-    return None if heading is None else heading.meaning
+def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
+    """Return the row that comes nearest to one of headings: line, cells and units.
 
-
-def _nearest(text: str) -> tuple[int, list[str], list[Heading | None], list[str]] | None:
-    """Return the row that comes nearest to one of headings: line, cells, headings and units.
-
-    The row above the first row of numbers, or above a row of units there; the separator is that
-    by which it has most cells.
+    The row above the first row of numbers, or above a row of units there; no cells where there is
+    none.
     """
-    best: tuple[int, list[str], list[Heading | None], list[str]] | None = None
-    for separator in _SEPARATORS[:3]:
-        rows = [(line, cells) for line, cells in split_rows(text, separator) if any(cells)]
-        for place, (_, cells) in enumerate(rows):
-            filled = [cell for cell in cells if cell]
-            numbers = sum(number(cell, separator) is not None for cell in filled)
-            # A specimen's name may stand beside them; a size in the head is one number alone.
-            if place and numbers > 1 and 2 * numbers >= len(filled):
-                break
-        else:
-            continue
-        has_units = place > 1 and _is_unit_row(rows[place - 1][1], separator)
-        line, names = rows[place - 1 - has_units]
-        headings = [parse_heading(cell) if cell else None for cell in names]
-        below = rows[place - 1][1] if has_units else []
-        units = [
-            unit if is_unit(unit := (h.unit or "") if h else _unit_at_end(n)) else
-            (below[i].strip("()[] ") if i < len(below) else "")
-            for i, (n, h) in enumerate(zip(names, headings, strict=True))
-        ]  # fmt: skip
-        if best is None or len(names) > len(best[1]):
-            best = line, names, headings, units
-    return best
+    rows = [(line, cells) for line, cells in grid.rows if any(cells)]
+    for place, (_, cells) in enumerate(rows):
+        filled = [cell for cell in cells if cell]
+        numbers = sum(grid.number(cell) is not None for cell in filled)
+        # A specimen's name may stand beside them; a size in the head is one number alone.
+        if place and numbers > 1 and 2 * numbers >= len(filled):
+            break
+    else:
+        return 0, (), ()
+    below = rows[place - 1][1] if place > 1 else []
+    if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
+        below = []
+    line, names = rows[place - 1 - bool(below)]
+    units = [_heading(n).unit if _heading(n).meaning else _unit_at_end(n) for n in names]
+    return line, names, [
+        unit if unit and is_unit(unit) else _cell(below, i).strip("()[] ")
+        for i, unit in enumerate(units)
+    ]  # fmt: skip
 
 
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
-    return name.rstrip(")] ").replace("_", " ").replace("(", " ").replace("[", " ").split(" ")[-1]
-
-
-def _layout_by_position(text: str, name: str, columns: Sequence[str]) -> _Layout:
-    headings: list[Heading | None] = []
-    for column in columns:
-        heading = None if column.strip() in ("", "-") else parse_heading(column.strip())
-        if heading is None and column.strip() not in ("", "-"):
-            raise FileError(
-                f"column {column!r} is unknown; use time_s, displacement_mm, force_N, strain, "
-                "stretch, stress_MPa, specimen, or '-' for a column to leave out"
-            )
-        headings.append(heading)
-    if not _suffice(headings):
-        raise FileError(
-            f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
-            "(displacement_mm, strain, stretch)"
-        )
-    for separator in _SEPARATORS:
-        rows = split_rows(text, separator)
-        decimals = _decimals(rows, separator)
-        for place, (_, cells) in enumerate(rows):
-            filled = [number(c, decimals) for c in cells[: len(columns)]]
-            wanted = [v for v, h in zip(filled, headings, strict=False)
-                      if h is not None and h.meaning != "specimen"]  # fmt: skip
-            if len(filled) == len(columns) and None not in wanted:
-                return _Layout(decimals, headings, rows[:place], rows[place:])
-    raise FileError(f"{name}: no row with {len(columns)} columns of numbers; check the columns")
-
-
-def _is_unit_row(cells: list[str], separator: str) -> bool:
-    filled = [cell for cell in cells if cell]
-    return bool(filled) and all(
-        number(cell, separator) is None and (is_unit(cell.strip("()[]")) or cell[0] in "([")
-        for cell in filled
-    )
-
-
-def _with_units(headings: list[Heading | None], units: list[str]) -> list[Heading | None]:
-    padded = units + [""] * (len(headings) - len(units))
-    return [
-        h if h is None or h.unit is not None or not unit.strip("()[] ")
-        else Heading(h.text, h.meaning, unit.strip("()[] "))
-        for h, unit in zip(headings, padded, strict=False)
-    ]  # fmt: skip
-
-
-def _data_rows(layout: _Layout, wanted: set[int], where: str) -> tuple[list[TextRow], int | None]:
-    """Rows of the record, and the line of whatever follows it below a blank line."""
-    rows: list[TextRow] = []
-    blank = False
-    for line, cells in layout.body:
-        if not any(cells):
-            blank = bool(rows)
-            continue
-        if blank and number(cells[0], layout.separator) is None:
-            return rows, line
-        if len(cells) <= max(wanted):
-            raise FileError(
-                f"{where}, line {line}: {len(cells)} cells where the headings have "
-                f"{len(layout.headings)}; complete or remove the line"
-            )
-        blank = False
-        rows.append((line, cells))
-    return rows, None
+    return re.split(r"[\s_(\[]", name.rstrip(")] "))[-1]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -731,9 +1427,12 @@ class ListedSpecimen(SpecimenConditions):
 
 def is_specimens_file(path: str | Path) -> bool:
     """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
-    first = read_text(Path(path)).lstrip("\n").splitlines()[0]
+    data = read_file(path, advice="give the path of a tensile file")
+    if is_workbook(data):
+        return False
+    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
     return any(
-        "specimen" in cells and not _MADE_OF.isdisjoint(cells)
+        "specimen" in cells and not _MADE_OF.isdisjoint(cells) and _headings(cells) is None
         for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
     )
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
 from planner.formats.files import read_file
+from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
 from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
 from planner.formats.tensile import (
@@ -682,7 +683,14 @@ def _specimen(
     area = SpecimenConditions(**known).area_mm2
     units = place.units[row.specimen]
     # A part's travel counts along its load, whether that pulls or pushes.
-    said = said_mode([row.mode, *covariates.values()]) if part is None else "tension"
+    in_file = table.metadata.get("mode")
+    for cell in (row.covariates.get("mode", ""), str(in_file)):
+        if mode_of(cell) in ("planar", "equibiaxial"):
+            raise FileError(
+                f"{where}: mode is {cell!r}; a campaign is of tension and compression, so leave "
+                "this specimen out"
+            )
+    said = said_mode([row.mode, *covariates.values(), in_file]) if part is None else "tension"
     law = None if material is None else make_law(place.palette.resolve(material).law)
     record = _record_of(
         _Source(

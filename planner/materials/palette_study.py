@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import ArgumentError, PaletteError
+from planner.errors import ArgumentError, FileError, PaletteError
 from planner.formats.tables import encode_csv, number
 from planner.formats.tensile import ListedSpecimen
 from planner.glance import counted, one_line, outcome, plotted
@@ -26,7 +26,7 @@ from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_mat
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
-from planner.materials.study import Study, read_study
+from planner.materials.study import ReadRecord, Study, read_study
 from planner.materials.unit_slips import (
     Comparison,
     against_palette,
@@ -61,12 +61,18 @@ class Characterisation:
         Where a unit seems to have been taken for another, one sentence each.
     curves
         The specimens' curves by material, strains as recorded.
+    records
+        What was read of each specimen: file, sheet, columns, sizes and where they come from.
+    unused
+        What was in the files and is in no figure, one sentence each.
     """
 
     materials: tuple[MaterialCharacteristics, ...]
     notes: tuple[str, ...] = ()
     unit_slips: tuple[str, ...] = ()
     curves: Mapping[str, Sequence[Curve]] = field(default_factory=dict)
+    records: tuple[ReadRecord, ...] = ()
+    unused: tuple[str, ...] = ()
 
     @one_line
     def __repr__(self) -> str:
@@ -88,7 +94,7 @@ class Characterisation:
             for one in self.materials
             for said in doubts(one, unit_told=_names(self.unit_slips, one.material))
         ]
-        return (*self.unit_slips, *told)
+        return (*self.unused, *self.unit_slips, *told)
 
     @property
     def ok(self) -> bool:
@@ -118,6 +124,11 @@ class Characterisation:
         specimens = [c for m in self.materials for c in m.specimens]
         return {
             "schema": 1,
+            "records": [
+                {one.name: getattr(record, one.name) for one in fields(record)}
+                | {"columns": dict(record.columns)}
+                for record in self.records
+            ],
             "materials": [_characteristics_document(m) for m in self.materials],
             "notes": [*self.notes, *(note for c in specimens for note in c.notes)],
             "findings": list(self.findings),
@@ -134,6 +145,8 @@ def characterise(
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
     unit_of: str | Sequence[str] = (),
+    mode: str | None = None,
+    blocks: str | None = None,
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     compare: bool = True,
@@ -157,6 +170,12 @@ def characterise(
     unit_of
         The unit that force, travel, stress or strain is in, whatever the files say:
         ``"force=lbf:S1,S2"`` for some specimens or materials, ``"travel=in"`` for all.
+    mode
+        How specimens were loaded of which no row says it in a column ``mode``: ``tension``,
+        ``compression``, ``planar`` or ``equibiaxial``. Figures are taken of tension alone.
+    blocks
+        Blocks of numbers in one sheet that nothing names: ``join`` reads them as one record,
+        ``apart`` as specimens.
     printer, palette
         By name, file or value: what materials of the same names are compared with.
     compare
@@ -193,15 +212,39 @@ def characterise(
         gauge_mm=gauge_mm,
         columns=columns,
         unit_of=unit_of,
+        mode=mode,
+        blocks=blocks,
     )
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
+    _tension_alone(study)
     found = [
         characterise_material(name, curves, secant_strains=strains)
         for name, curves in study.groups.items()
     ]
     against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, None)
-    return Characterisation(tuple(found), (*study.notes, *asked), slips, study.groups)
+    notes = (*study.notes, *_tension_alone(study), *asked)
+    return Characterisation(
+        tuple(found), notes, slips, study.groups, study.records, study.findings()
+    )
+
+
+def _tension_alone(study: Study) -> list[Caution]:
+    """Say which specimens were not pulled along one axis.
+
+    Raises
+    ------
+    FileError
+        None was.
+    """
+    said = [
+        f"specimen {record.specimen}: tested in {record.mode}; left out of the figures of tension"
+        for record in study.records
+        if not record.left_out and record.mode != "tension"
+    ]
+    if not study.groups:
+        raise FileError("no curve to characterise: " + "; ".join(said))
+    return [Caution(one) for one in said]
 
 
 def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> Palette | None:
@@ -350,6 +393,8 @@ def fit(
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
     unit_of: str | Sequence[str] = (),
+    mode: str | None = None,
+    blocks: str | None = None,
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     compare: bool = True,
@@ -359,7 +404,7 @@ def fit(
 
     Parameters
     ----------
-    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of
+    files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of, mode, blocks
         The tests; see `characterise`.
     printer, palette, compare
         What they are compared with; see `characterise`.
@@ -414,6 +459,8 @@ def fit(
         gauge_mm=gauge_mm,
         columns=columns,
         unit_of=unit_of,
+        mode=mode,
+        blocks=blocks,
     )
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
@@ -422,7 +469,7 @@ def fit(
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, coordinate)
-    notes = [*study.notes, *asked]
+    notes = [*study.notes, *_tension_alone(study), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
@@ -460,7 +507,7 @@ def fit(
     fitted_palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
-    findings = (*slips, *itertools.chain.from_iterable(found))
+    findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
     problem = _problem(fitted_palette)
     quadratic = None
     if coefficients is not None:

@@ -9,9 +9,11 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.headings import MODES, mode_of
 from planner.formats.tables import QUANTITY_UNITS
 from planner.formats.tensile import (
     ListedSpecimen,
+    NoRecordError,
     TensileTable,
     is_specimens_file,
     read_specimens,
@@ -23,7 +25,7 @@ from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, 
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 
-__all__ = ["Study", "listed_files", "read_study"]
+__all__ = ["ReadRecord", "Study", "listed_files", "read_study"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -180,7 +182,8 @@ def _check_rising(strain: FloatArray, stress_MPa: FloatArray, *, where: str) -> 
     if (fall := float(fallen[:peak].max())) > _REVERSAL_SHARE * span:
         raise FileError(
             f"{where}: strain falls back by {fall:.4g} before the peak load, as in a cyclic "
-            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv"
+            "test; give the first loading alone, or say protocol 'cyclic' in specimens.csv; of "
+            "several specimens below one another, head the column of their names 'specimen'"
         )
     bears = stress_MPa[peak:] > BROKEN_SHARE * stress_MPa[peak - 1]
     fall = float(np.max(fallen[peak:], where=bears, initial=0.0))
@@ -210,11 +213,21 @@ _LOADS = ("force_N", "stress_MPa", "true_stress_MPa")
 
 @dataclass(frozen=True, slots=True)
 class Dimensions:
-    """A specimen's section and gauge length where known, and the crosshead's rate."""
+    """A specimen's section and gauge length where known, and the crosshead's rate.
+
+    Attributes
+    ----------
+    sources
+        Of ``area`` and ``gauge``: where they come from.
+    unclear
+        The same, where a file says them in two ways and nothing tells which one holds.
+    """
 
     area_mm2: float | None
     gauge_mm: float | None
     rate_mm_s: float | None
+    sources: Mapping[str, str] = field(default_factory=dict)
+    unclear: Mapping[str, str] = field(default_factory=dict)
 
 
 def _states_no_strain_unit(table: TensileTable) -> bool:
@@ -223,51 +236,70 @@ def _states_no_strain_unit(table: TensileTable) -> bool:
     return used in table.columns and used in table.without_unit
 
 
-_HEAD_WORDS = {
-    "width_mm": "a width of {:.4g} mm",
-    "thickness_mm": "a thickness of {:.4g} mm",
-    "gauge_mm": "a gauge length of {:.4g} mm",
-    "rate_mm_s": "a crosshead speed of {:.4g} mm/s",
-}
-
-
 def _dimensions_of(
     specimen: ListedSpecimen | None, given: ListedSpecimen, table: TensileTable, notes: list[str]
 ) -> Dimensions:
     """Return a specimen's size: from its row, else as given, else from the file's head, noted."""
     head = table.metadata
     from_head: list[str] = []
+    sources: dict[str, str] = {}
 
-    def size(name: str) -> float | None:
-        for source in (specimen, given):
-            value = None if source is None else getattr(source, name)
-            if value is not None:
+    def told(of: str, where: str) -> None:
+        sources[of] = " x ".join(filter(None, (sources.get(of), where)))
+
+    def stated(name: str, of: str) -> float | None:
+        for source, where in ((specimen, _SPECIMENS), (given, f"--{name.replace('_', '-')}")):
+            if (value := getattr(source, name, None)) is not None:
+                told(of, where)
                 return float(value)
+        return None
+
+    def in_head(name: str, of: str) -> float | None:
         value = head.get(name)
         if not isinstance(value, float) or not value > 0.0:
             return None
-        from_head.append(_HEAD_WORDS[name].format(value))
+        from_head.append(f"{name} {value:.4g}")
+        told(of, table.sources.get(name, ""))
         return value
 
     area = None if specimen is None else specimen.area_mm2
-    if area is None:
-        width, thickness = size("width_mm"), size("thickness_mm")
-        area = None if width is None or thickness is None else width * thickness
-    found = Dimensions(area, size("gauge_mm"), size("rate_mm_s"))
+    if area is not None:
+        sources["area"] = _SPECIMENS
+    else:
+        sides = [stated("width_mm", "area"), stated("thickness_mm", "area")]
+        if sides == [None, None] and (area := in_head("area_mm2", "area")) is None:
+            diameter = in_head("diameter_mm", "area")
+            area = None if diameter is None else 0.25 * np.pi * diameter**2
+        if area is None:
+            width, thickness = (
+                in_head(name, "area") if side is None else side
+                for name, side in zip(("width_mm", "thickness_mm"), sides, strict=True)
+            )
+            area = None if width is None or thickness is None else width * thickness
+    gauge = stated("gauge_mm", "gauge") or in_head("gauge_mm", "gauge")
+    rate = stated("rate_mm_s", "rate") or in_head("rate_mm_s", "rate")
     if from_head:
         notes.append(f"{table.file}: its head gives {listed(from_head)}")
-    return found
+    unclear = {name.partition("_")[0]: said for name, said in table.unclear.items()}
+    return Dimensions(area, gauge, rate, MappingProxyType(sources), MappingProxyType(unclear))
 
 
 def _curve_of(
-    table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions
+    table: TensileTable,
+    *,
+    specimen: str,
+    material: str,
+    dimensions: Dimensions,
+    mode: str,
+    is_said: bool,
 ) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
     Nominal stress is force over the undeformed section, strain is displacement over gauge
     length; stress and strain in the file go first, and the others then cross-check them.
     True measures are turned to nominal ones for a constant volume: e = exp(e_true) - 1,
-    s = s_true / (1 + e).
+    s = s_true / (1 + e). Of a compressed specimen strain and stress are negative; they are
+    checked with their signs turned.
 
     Raises
     ------
@@ -283,9 +315,15 @@ def _curve_of(
             "needed to characterise it"
         )
     notes: list[str] = []
-    columns = _upright(table.columns, where, notes)
-    strain = _strain(columns, dimensions, where, notes)
-    stress = _stress(columns, strain, dimensions, where, notes)
+    sign = -1.0 if mode == "compression" else 1.0
+    columns = _upright(table.columns, where, notes, mode if is_said else "")
+    strain = _strain(columns, dimensions, where, notes, sign)
+    stress = _stress(columns, strain, dimensions, where, notes, sign)
+    if sign < 0.0 and float(strain.max()) >= 1.0:
+        raise FileError(
+            f"{where}: compressed by {float(strain.max()):.4g} of its length, which is more than "
+            "all of it; check the unit of strain and the gauge length"
+        )
     time = _time(columns.get("time_s"), table, where, notes)
     unit_stated = not _states_no_strain_unit(table)
     _check_plausible(strain, stress, unit_stated=unit_stated, where=where)
@@ -299,32 +337,49 @@ def _curve_of(
         None if time is None else time[tension],
         material,
         (*table.notes, *notes),
+        mode=_LOADED_AS[mode],
     )
-    return without_tail(curve)
+    curve = without_tail(curve)
+    return replace(curve, strain=sign * curve.strain, stress_MPa=sign * curve.stress_MPa)
+
+
+_LOADED_AS = {"tension": "uniaxial", "compression": "uniaxial", "planar": "planar",
+              "equibiaxial": "equibiaxial"}  # fmt: skip
+"""A curve's mode by that of the test: of uniaxial loading the sign of strain tells."""
 
 
 def _upright(
-    columns: Mapping[str, FloatArray], where: str, notes: list[str]
+    columns: Mapping[str, FloatArray], where: str, notes: list[str], said: str
 ) -> dict[str, FloatArray]:
-    """Turn a load or a length that counts tension negative; both at once are compression."""
+    """Turn a load or a length that is negative in the way of loading that is said.
+
+    Raises
+    ------
+    FileError
+        Both are negative, as in compression, and nothing says the way of loading.
+    """
     negative = []
     for name, values in columns.items():
         # A crosshead's position may be negative throughout and yet rise.
         change = values if name in _LOADS else values - values[0]
         if name != "time_s" and -float(change.min()) > 5.0 * abs(float(change.max())):
             negative.append(name)
-    if any(name in _LOADS for name in negative) and any(name not in _LOADS for name in negative):
+    both = any(name in _LOADS for name in negative) and any(n not in _LOADS for n in negative)
+    if both and not said:
         raise FileError(
-            f"{where}: {' and '.join(negative)} are negative, as in compression; give a tensile "
-            "test, or turn the signs in the file if tension counts negative there"
+            f"{where}: {' and '.join(negative)} are negative, as in compression; say --mode "
+            "compression, or --mode tension if tension counts negative there (or the same in a "
+            f"column 'mode' of {_SPECIMENS})"
         )
-    notes.extend(
-        Caution(
-            f"{where}: {name} is negative and the other is not; taken as tension that counts "
-            "negative, its sign was turned: leave the specimen out if it was compressed"
+    if said != "compression":
+        notes.extend(
+            Caution(
+                f"{where}: {name} is negative and the other is not; taken as tension that counts "
+                "negative, its sign was turned: say --mode compression if it was compressed"
+            )
+            for name in negative
+            if not both
         )
-        for name in negative
-    )
     return {name: -values if name in negative else values for name, values in columns.items()}
 
 
@@ -342,17 +397,21 @@ def _compressed(strain: FloatArray, stress: FloatArray, where: str, notes: list[
 
 
 def _strain(
-    columns: dict[str, FloatArray], dimensions: Dimensions, where: str, notes: list[str]
+    columns: dict[str, FloatArray],
+    dimensions: Dimensions,
+    where: str,
+    notes: list[str],
+    sign: float,
 ) -> FloatArray:
     if "strain" in columns:
         return columns["strain"]
     if "true_strain" in columns:
         notes.append(f"{where}: strain from true (logarithmic) strain")
-        return np.expm1(columns["true_strain"])
+        return sign * np.expm1(sign * columns["true_strain"])
     if dimensions.gauge_mm is None:
         raise FileError(
             f"{where}: the gauge length is unknown, so displacement gives no strain; add "
-            "gauge_mm to specimens.csv, or give `gauge_mm`"
+            f"gauge_mm to specimens.csv, or give `gauge_mm`{_readings(dimensions, 'gauge')}"
         )
     displacement = columns["displacement_mm"]
     load = next(columns[name] for name in _LOADS if name in columns)
@@ -370,18 +429,26 @@ def _stress(
     dimensions: Dimensions,
     where: str,
     notes: list[str],
+    sign: float,
 ) -> FloatArray:
     if "stress_MPa" in columns:
         return columns["stress_MPa"]
     if "force_N" not in columns:
         notes.append(f"{where}: nominal stress from true stress at constant volume")
-        return columns["true_stress_MPa"] / (1.0 + strain)
+        return columns["true_stress_MPa"] / (1.0 + sign * strain)
     if dimensions.area_mm2 is None:
         raise FileError(
             f"{where}: the section is unknown, so force gives no stress; add width_mm and "
             "thickness_mm to specimens.csv, or give `width_mm` and `thickness_mm`"
+            f"{_readings(dimensions, 'area', 'width', 'thickness', 'diameter')}"
         )
     return columns["force_N"] / dimensions.area_mm2
+
+
+def _readings(dimensions: Dimensions, *sizes: str) -> str:
+    """Say what a file leaves unclear of sizes that are missing, or ""."""
+    said = [dimensions.unclear[size] for size in sizes if size in dimensions.unclear]
+    return f"; the file has {listed(said)}" if said else ""
 
 
 def _time(
@@ -434,7 +501,45 @@ def _cross_check(
 
 
 _SPECIMENS = "specimens.csv"
-_SUFFIXES = (".csv", ".txt", ".log", ".tsv")
+_SUFFIXES = (".csv", ".txt", ".log", ".tsv", ".dat", ".asc", ".tra", ".lvm",
+             ".xlsx", ".xlsm", ".xls", ".ods")  # fmt: skip
+_NO_RECORDS = {"fields.csv", "materials.csv"}
+"""Strains along bars beside the curves of a campaign, and what planner itself writes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadRecord:
+    """What was read of one specimen, and where.
+
+    Attributes
+    ----------
+    sheet
+        Of a workbook, else "".
+    mode
+        ``tension``, ``compression``, ``planar`` or ``equibiaxial``.
+    columns
+        By name: the heading in the file, with its unit.
+    unused
+        Headings of the other columns.
+    gauge_from, area_from
+        Where length and section come from; "" where they are unknown, or not needed.
+    left_out
+        Why the record is not used, or "".
+    """
+
+    file: str
+    sheet: str
+    specimen: str
+    material: str
+    mode: str
+    columns: Mapping[str, str]
+    unused: tuple[str, ...]
+    gauge_mm: float | None
+    gauge_from: str
+    area_mm2: float | None
+    area_from: str
+    rows: int
+    left_out: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -444,7 +549,8 @@ class Study:
     Attributes
     ----------
     groups
-        Loading curves to break by material, in the order of specimens.csv or of the files.
+        Loading curves in tension to break by material, in the order of specimens.csv or of the
+        files.
     specimens
         Rows of specimens.csv by specimen; empty without one.
     notes
@@ -453,6 +559,12 @@ class Study:
         Size and crosshead rate by specimen, whichever source they come from.
     factors
         By specimen and column: what the numbers in the file were multiplied by, its unit.
+    other_modes
+        The curves of specimens loaded otherwise, by material: planar, equibiaxial, or compressed.
+    records
+        What was read, a record each, those left out included.
+    unlisted
+        Files with records that are in no row of specimens.csv.
     """
 
     groups: Mapping[str, tuple[Curve, ...]]
@@ -460,6 +572,18 @@ class Study:
     notes: tuple[str, ...]
     dimensions: Mapping[str, Dimensions] = field(default_factory=dict)
     factors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    other_modes: Mapping[str, tuple[Curve, ...]] = field(default_factory=dict)
+    records: tuple[ReadRecord, ...] = ()
+    unlisted: tuple[str, ...] = ()
+
+    def findings(self) -> tuple[str, ...]:
+        """Return what was in the files and is in no result, one sentence each."""
+        if not self.unlisted:
+            return ()
+        return (
+            f"{listed(self.unlisted, 8)}: not used; give what is in there a row in "
+            f"{_SPECIMENS}, or move it elsewhere",
+        )
 
 
 def read_study(
@@ -472,8 +596,10 @@ def read_study(
     gauge_mm: float | None = None,
     columns: Sequence[str] | None = None,
     unit_of: str | Sequence[str] = (),
+    mode: str | None = None,
+    blocks: str | None = None,
 ) -> Study:
-    """Read tensile tests and group them by material.
+    """Read tests and group them by material.
 
     Parameters
     ----------
@@ -493,6 +619,11 @@ def read_study(
     unit_of
         The unit that force, travel, stress or strain is in, whatever the files say:
         ``"force=lbf:S1,S2"`` for some specimens or materials, ``"travel=in"`` for all.
+    mode
+        How specimens were loaded of which no row says it in a column ``mode``: ``tension``,
+        ``compression``, ``planar`` or ``equibiaxial``.
+    blocks
+        See `planner.formats.tensile.read_tensile`.
 
     Raises
     ------
@@ -514,45 +645,57 @@ def read_study(
     rows: dict[str, ListedSpecimen] = {}
     if listing is not None:
         rows = {row.specimen: row for row in read_specimens(listing)}
-        files = _withlisted(files, rows.values(), listing.parent)
+        files = _withlisted(files, rows.values(), listing.parent, whole)
     if not files:
         raise ArgumentError("no tensile file; name files, or a folder with files in it")
     by_file: dict[str, list[ListedSpecimen]] = {}
     for row in rows.values():
         by_file.setdefault(row.file, []).append(row)
-    records: dict[str, _Record] = {}
+    found_records: list[_Record] = []
+    unlisted: list[str] = []
     for path in files:
         own = by_file.get(_relative(path, listing), [])
-        if rows and not own and not _names_specimens(path, rows, columns):
-            notes.append(Caution(f"{path.name}: not named in {_SPECIMENS}; left out"))
+        try:
+            tables = read_tensile(path, columns=columns, blocks=blocks, option="--columns")
+        except FileError as error:
+            poor = isinstance(error, NoRecordError) and path.parent in paths
+            if own or path.stem in rows or not (rows or poor):
+                raise
+            notes.append(Caution(f"{error}; left out"))
+            if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
+                unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
-        for table in read_tensile(path, columns=columns, option="--columns"):
+        for table in tables:
             row_of_table = _row(table, path, own, rows)
-            if own and row_of_table is None:
-                said = f"specimen {table.specimen} has no row with this file in {_SPECIMENS}"
-                notes.append(Caution(f"{path.name}: {said}; left out"))
-                continue
-            name = row_of_table.specimen if row_of_table else _specimen_name(path, table)
-            if name in records:
-                raise FileError(
-                    f"{path.name}: specimen {name!r} was read from {records[name].file} already; "
-                    f"rename one, or give each its id in {_SPECIMENS}"
-                )
-            if row_of_table is None or not _left_out(row_of_table, notes):
-                of = row_of_table.material if row_of_table else material or _material(table)
-                records[name] = _Record(path.name, table, row_of_table, of)
-    materials = _materials(records, notes)
+            record = _Record(path, table, row_of_table, len(tables) > 1)
+            if rows and row_of_table is None:
+                what = f"specimen {table.specimen} has no row with this file"
+                said = f"{what} in" if own or len(tables) > 1 else "not named in"
+                notes.append(Caution(f"{path.name}: {said} {_SPECIMENS}; left out"))
+                record = replace(record, left_out=f"no row in {_SPECIMENS}")
+                who = f", specimen {table.specimen}" if len(tables) > 1 else ""
+                unlisted.append(path.name + who)
+            elif row_of_table is not None:
+                record = replace(record, left_out=_left_out(row_of_table, notes))
+            found_records.append(record)
+    records = _named(found_records)
+    used = {name: record for name, record in records.items() if not record.left_out}
+    materials = _materials(used, material or "", notes)
     units = _stated_units(unit_of, materials)
     found: dict[str, Curve] = {}
     sizes: dict[str, Dimensions] = {}
-    for name, record in records.items():
+    modes: dict[str, str] = {}
+    for name, record in used.items():
         sizes[name] = _dimensions_of(record.row, given, record.table, notes)
         table = _in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
-        records[name] = replace(record, table=table)
+        records[name] = used[name] = replace(record, table=table)
+        said = _said_mode(record, mode)
+        modes[name] = said or "tension"
         found[name] = _curve_of(
-            table, specimen=name, material=materials[name], dimensions=sizes[name]
-        )
-    unstated = [name for name, record in records.items() if _states_no_strain_unit(record.table)]
+            table, specimen=name, material=materials[name], dimensions=sizes[name],
+            mode=modes[name], is_said=bool(said),
+        )  # fmt: skip
+    unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
     absent = Caution if whole else str
     notes.extend(
@@ -577,26 +720,102 @@ def read_study(
         raise FileError("no curve to characterise: " + "; ".join(notes))
     notes.extend(_copies(curves))
     groups: dict[str, tuple[Curve, ...]] = {}
+    others: dict[str, tuple[Curve, ...]] = {}
     for curve in curves:
-        groups[curve.material] = (*groups.get(curve.material, ()), curve)
+        of = groups if modes[curve.specimen] == "tension" else others
+        of[curve.material] = (*of.get(curve.material, ()), curve)
     notes.extend(dict.fromkeys(note for curve in curves for note in curve.notes))
     return Study(
         MappingProxyType(groups),
         MappingProxyType(rows),
         tuple(notes),
         MappingProxyType(sizes),
-        MappingProxyType({name: record.table.factors for name, record in records.items()}),
+        MappingProxyType({name: record.table.factors for name, record in used.items()}),
+        MappingProxyType(others),
+        tuple(
+            _told(name, one, materials.get(name, ""), modes.get(name, ""), sizes.get(name))
+            for name, one in records.items()
+        ),
+        tuple(unlisted),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _Record:
-    """What one specimen's table was read from; `material` is "" where only the name tells."""
+    """What one specimen's table was read from; `in_company` where its file holds others too."""
 
-    file: str
+    path: Path
     table: TensileTable
     row: ListedSpecimen | None
-    material: str
+    in_company: bool
+    left_out: str = ""
+
+
+def _told(
+    name: str, record: _Record, material: str, mode: str, sizes: Dimensions | None
+) -> ReadRecord:
+    table, columns = record.table, record.table.columns
+    sizes = sizes or Dimensions(None, None, None)
+    gauge = None if {"strain", "true_strain"} & set(columns) else sizes.gauge_mm
+    area = None if {"stress_MPa", "true_stress_MPa"} & set(columns) else sizes.area_mm2
+    return ReadRecord(
+        table.file, table.sheet, name, material, mode, table.headings, table.unused,
+        gauge, "" if gauge is None else sizes.sources.get("gauge", ""),
+        area, "" if area is None else sizes.sources.get("area", ""),
+        len(table.lines), record.left_out,
+    )  # fmt: skip
+
+
+def _said_mode(record: _Record, given: str | None) -> str:
+    """Return how a specimen was loaded, as its row, the option or its file says; else "".
+
+    Raises
+    ------
+    FileError, ArgumentError
+        A way of loading that there is not.
+    """
+    row, table = record.row, record.table
+    columns = {} if row is None else {k.casefold(): v for k, v in row.covariates.items()}
+    of_row = columns.get("mode") or (row.mode if row else "")
+    if given is not None and mode_of(given) is None:
+        raise ArgumentError(f"mode is {given!r}; it must be one of {', '.join(MODES)}")
+    said = of_row or given or str(table.metadata.get("mode", ""))
+    if said and mode_of(said) is None:
+        raise FileError(
+            f"{_SPECIMENS if of_row else table.file}, specimen "
+            f"{row.specimen if row else table.specimen}: mode is {said!r}; it must be one of "
+            f"{', '.join(MODES)}, or empty"
+        )
+    return mode_of(said) or ""
+
+
+def _named(found: Sequence[_Record]) -> dict[str, _Record]:
+    """Return records by specimen: of names that come in several files, with the file's in front.
+
+    Raises
+    ------
+    FileError
+        Two of one name all the same.
+    """
+    paths = {record.path for record in found}
+    stems, files = [p.stem for p in paths], [p.name for p in paths]
+    names = [r.row.specimen if r.row else _specimen_name(r.path, r.table) for r in found]
+    records: dict[str, _Record] = {}
+    for name, record in zip(names, found, strict=True):
+        if names.count(name) > 1 and record.row is None:
+            file = record.path.stem
+            if stems.count(file) > 1 and files.count(record.path.name) == 1:
+                file = record.path.name
+            name = f"{file} {name}" if record.table.specimen == name else file
+        if name in records:
+            several = f"; give each specimen of the file a row in {_SPECIMENS}, named as there"
+            raise FileError(
+                f"{record.path.name}: specimen {name!r} was read from {records[name].path.name} "
+                f"already; rename one, or give each its id in {_SPECIMENS}"
+                f"{several if record.row and record.in_company else ''}"
+            )
+        records[name] = record
+    return records
 
 
 def _stated_units(
@@ -685,7 +904,7 @@ def listed_files(
         return tuple(found)
     rows = read_specimens(listing)
     named = (listing.parent / row.file for row in rows if row.file)
-    return (listing, *_withlisted(found, rows, listing.parent), *named)
+    return (listing, *_withlisted(found, rows, listing.parent, whole=True), *named)
 
 
 def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path], Path | None]:
@@ -696,9 +915,7 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
             inside = sorted(p for p in path.iterdir() if p.suffix.casefold() in _SUFFIXES)
             if path / _SPECIMENS in inside and listing in (None, path / _SPECIMENS):
                 listing = path / _SPECIMENS
-                # The list says which of a folder's files are tensile records.
-                inside = [p for p in inside if p.name == "curves.csv"]
-            files.extend(inside)
+            files.extend(p for p in inside if p.name != _SPECIMENS)
         elif path.name == _SPECIMENS or (path.is_file() and is_specimens_file(path)):
             if listing is not None and listing.resolve() != path.resolve():
                 raise FileError(f"{path} and {listing}: two lists of specimens; give one")
@@ -716,13 +933,19 @@ def _files(paths: Iterable[str | Path], listing: Path | None) -> tuple[list[Path
     return files, listing
 
 
-def _withlisted(files: list[Path], rows: Iterable[ListedSpecimen], folder: Path) -> list[Path]:
-    """Add the files that the list names, where only the list or its folder was given."""
-    if files:
+def _withlisted(
+    files: list[Path], rows: Iterable[ListedSpecimen], folder: Path, whole: bool
+) -> list[Path]:
+    """Add the files that the list names, where the list or its folder was given."""
+    if not whole:
         return files
-    named = list(dict.fromkeys(row.file for row in rows if row.file))
-    default = folder / "curves.csv"
-    return [path_within(folder, name) for name in named] or ([default] if default.is_file() else [])
+    names = dict.fromkeys(row.file or "curves.csv" for row in rows)
+    named = (path_within(folder, name) for name in names)
+    here, called = {path.resolve() for path in files}, {"curves.csv", *(p.name for p in files)}
+    # A list that lies elsewhere may name the files of the folder that was given.
+    return files + [
+        p for p in named if p.resolve() not in here and (p.is_file() or p.name not in called)
+    ]
 
 
 def _relative(path: Path, listing: Path | None) -> str:
@@ -732,18 +955,6 @@ def _relative(path: Path, listing: Path | None) -> str:
         return path.resolve().relative_to(listing.resolve().parent).as_posix()
     except ValueError:
         return path.name
-
-
-def _names_specimens(
-    path: Path, rows: Mapping[str, ListedSpecimen], columns: Sequence[str] | None
-) -> bool:
-    if path.stem in rows:
-        return True
-    try:
-        tables = read_tensile(path, columns=columns)
-    except FileError:
-        return False
-    return any(table.specimen in rows for table in tables)
 
 
 def _row(
@@ -773,34 +984,43 @@ def _specimen_name(path: Path, table: TensileTable) -> str:
     return path.stem.encode("utf-8", "replace").decode("utf-8")  # any bytes make a file's name
 
 
-def _material(table: TensileTable) -> str:
-    named = table.metadata.get("material")
-    return named if isinstance(named, str) else ""
+_ORDINAL = re.compile(r"(?:[^\W\d_]{0,2}|\w*?(?i:specimen|probe|sample|test))\W*\d+(?:[\W_]+\d+)*")
+"""A specimen's name within a file that counts alone: "1 _ 2", "S3", "Specimen 4"."""
 
 
-def _materials(records: Mapping[str, _Record], notes: list[str]) -> dict[str, str]:
+def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> dict[str, str]:
     """Return what each specimen is made of; of its name alone, noted, where nothing else tells."""
-    by_name = _materials_by_name([name for name, record in records.items() if not record.material])
-    if by_name:
-        count = {m: list(by_name.values()).count(m) for m in by_name.values()}
+    known: dict[str, str] = {}
+    told_by: dict[str, str] = {}
+    for name, record in records.items():
+        named = str(record.table.metadata.get("material", ""))
+        known[name] = record.row.material if record.row else given or named
+        called = record.table.specimen
+        counts = record.in_company and (_ORDINAL.fullmatch(called) or mode_of(called))
+        told_by[name] = record.path.stem if counts else name
+    unknown = [name for name in records if not known[name]]
+    by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
+    if unknown:
+        of = [by_name[told_by[name]] for name in unknown]
+        count = {m: of.count(m) for m in of}
         groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
         notes.append(
             f"materials by the files' names: {groups}; give --material or a {_SPECIMENS} for others"
         )
-    return {name: record.material or by_name[name] for name, record in records.items()}
+    return {name: known[name] or by_name[told_by[name]] for name in records}
 
 
 def _some(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} others"
 
 
-def _left_out(row: ListedSpecimen, notes: list[str]) -> bool:
+def _left_out(row: ListedSpecimen, notes: list[str]) -> str:
+    """Return why the list itself takes a specimen out, or ""."""
     if row.profile:
-        notes.append(f"specimen {row.specimen}: a graded bar, of no one material; left out")
-    elif row.mode.startswith("compress"):
-        notes.append(Caution(f"specimen {row.specimen}: tested in compression; left out"))
+        why = "a graded bar, of no one material"
     elif row.protocol not in (None, "monotonic"):
-        notes.append(f"specimen {row.specimen}: protocol {row.protocol}; left out")
+        why = f"protocol {row.protocol}"
     else:
-        return False
-    return True
+        return ""
+    notes.append(f"specimen {row.specimen}: {why}; left out")
+    return why

@@ -42,7 +42,7 @@ def test_one_negative_channel_is_turned_with_a_warning(capsys) -> None:
 
 @pytest.mark.parametrize("command", ["characterise", "fit"])
 def test_compression_by_the_list_is_left_out(capsys, command: str) -> None:
-    write("A.csv")
+    write("A.csv", strain=0.5)
     Path("specimens.csv").write_text(
         "specimen,material,file,protocol\nA,rubber,A.csv,compression\n", encoding="utf-8"
     )

@@ -237,7 +237,7 @@ def test_writing_and_reading_again_changes_nothing(folder: Path, tmp_path: Path)
         ("curves.csv", "force_N", "force_stone", "unknown unit 'stone' of force"),
         ("curves.csv", "force_N", "torque_Nm", "no heading of a load"),
         ("curves.csv", "displacement_mm", "depth_mm", "no heading of a length"),
-        ("curves.csv", "specimen,", "sample,", "no column 'specimen'"),
+        ("curves.csv", "specimen,", "item,", "no column 'specimen'"),
         ("curves.csv", "S2,0.5,0.5,0.6", "S2,0.5,0.5,nan", "line 24, column 'force_N': 'nan'"),
         ("curves.csv", "S2,0.5,0.5,0.6", "S2,0.5,0.5,", "line 24, column 'force_N': ''"),
         ("curves.csv", "S2,0.5,", "S2,0.1,", r"line 24: time falls from 0\.25 s to 0\.1 s; sort"),

@@ -302,7 +302,7 @@ def test_compression_alone_is_refused(capsys) -> None:
     Path("C.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
     assert run(["fit", "C.csv"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "negative, as in compression; give a tensile test" in line
+    assert "negative, as in compression; say --mode compression, or --mode tension" in line
 
 
 def test_a_replicate_in_another_unit_is_named(capsys) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner.errors import FileError
 from planner.gap.campaign import Campaign, Specimen, with_modes
 from planner.gap.campaign_folder import read_campaign, write_campaign
 from planner.gap.diagnose import diagnose
@@ -206,6 +207,13 @@ def test_what_is_said_to_be_pulled_is_pulled(tmp_path: Path) -> None:
     one = button("a", rng=np.random.default_rng(0), strain=0.4)
     folder = written(tmp_path / "c", one, force=-1.0, travel=-1.0, column="mode", cell="tension")
     assert not read_campaign(folder).specimens[0].pushed
+
+
+def test_what_was_stretched_in_two_directions_is_not_taken_for_a_pull(tmp_path: Path) -> None:
+    one = button("a", rng=np.random.default_rng(0), strain=0.4)
+    folder = written(tmp_path / "c", one, force=1.0, travel=1.0, column="mode", cell="equibiaxial")
+    with pytest.raises(FileError, match="mode is 'equibiaxial'; a campaign is of tension and"):
+        read_campaign(folder)
 
 
 def test_a_rubber_at_three_rates_is_diagnosed_and_told_in_sizes() -> None:

@@ -82,6 +82,7 @@ def test_a_unit_has_to_be_stated_where_it_matters(tmp_path: Path, text: str) -> 
         read(tmp_path, text)
 
 
-def test_a_strain_in_millimetres_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="unknown unit 'mm' of strain"):
-        read(tmp_path, "Strain (mm)")
+def test_a_strain_in_millimetres_is_an_extensometers_travel(tmp_path: Path) -> None:
+    assert read(tmp_path, "Strain (in)").columns["displacement_mm"][0] == 25.4
+    with pytest.raises(FileError, match="unknown unit 'N' of strain"):
+        read(tmp_path, "Strain (N)")

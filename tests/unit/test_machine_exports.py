@@ -1,0 +1,469 @@
+"""What testing machines export, in each layout, is read whole; and what is not used is said."""
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.cli import run
+from planner.errors import FileError, PlannerError
+from planner.formats.tensile import read_tensile
+from planner.formats.workbook import read_sheets
+from planner.materials.study import Study, read_study
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def _maker() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("made", DATA / "make_machine_exports.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+MADE = _maker()
+EXPORTS = DATA / "machine_exports"
+SIZES = {"width_mm": 6.0, "thickness_mm": 2.0, "gauge_mm": 25.0}
+
+SPECIMENS = {
+    "zwick_fr.TRA": 1, "zwick_de.asc": 1, "zwick_en.txt": 1, "trapezium_ja.csv": 3,
+    "trapezium_en.csv": 2, "Specimen_RawData_1.csv": 1, "bluehill_blocks.csv": 3,
+    "bluehill_es.csv": 1, "stacked.csv": 3, "stacked_merged.csv": 2, "mts_blocks.dat": 1,
+    "mts_blanks.dat": 1, "testworks.txt": 2, "walter_bai.csv": 1, "channels.csv": 1,
+    "brackets.csv": 1, "wide_pandas.csv": 3, "wide_two_rows.csv": 2, "wide_prefixes.csv": 2,
+    "utm_zh.txt": 1, "galdabini_it.csv": 1, "lloyd_clock.csv": 1, "tinius_olsen.txt": 1,
+    "admet.csv": 1, "mark10.txt": 1, "testxpert_en.xlsx": 1, "testxpert_de.xlsx": 3,
+    "dion7.xlsx": 1, "remarks.xlsx": 1, "utm_zh.xlsx": 2, "testxpert_en.xls": 1,
+    "testxpert_de.ods": 3, "labview.lvm": 1, "wavematrix.csv": 1, "hounsfield_de.txt": 2,
+    "ibertest.txt": 1, "startposition.TRA": 1, "testxpert_series.xlsx": 3, "listed_beside.xlsx": 2,
+}  # fmt: skip
+WITHOUT_SIZES = {"mark10.txt"}
+NO_SIZES_NEEDED = {"wide_pandas.csv", "wide_two_rows.csv", "wide_prefixes.csv"}
+
+
+def check(study: Study, count: int) -> None:
+    """Hold every specimen's curve against what the file was made of."""
+    curves = [curve for group in study.groups.values() for curve in group]
+    assert len(curves) == count
+    for number, curve in enumerate(curves, start=1):
+        _, force, travel = MADE.specimen(number)
+        # 1e-7: nine digits in the files, of strains up to 1 and in inches.
+        np.testing.assert_allclose(curve.strain, travel / MADE.GAUGE_MM, atol=1e-7)
+        np.testing.assert_allclose(curve.stress_MPa, force / MADE.AREA_MM2, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", SPECIMENS)
+def test_each_layout_is_read_whole(name: str) -> None:
+    given_ = SIZES if name in WITHOUT_SIZES else {}
+    study = read_study([EXPORTS / name], **given_)  # type: ignore[arg-type]  # sizes alone
+    check(study, SPECIMENS[name])
+    for number, record in enumerate(study.records, start=1):
+        assert record.rows == MADE.points(number)
+        assert record.mode == "tension"
+        if name not in {*NO_SIZES_NEEDED, *WITHOUT_SIZES}:
+            assert re.search(r"line \d+, '", record.area_from)
+
+
+def test_the_files_are_the_scripts() -> None:
+    texts = MADE.texts()
+    assert {*texts, *MADE.workbooks()} == set(SPECIMENS)
+    for name, (encoding, content) in texts.items():
+        assert (EXPORTS / name).read_bytes() == content.encode(encoding), name
+    for name, sheets in MADE.workbooks().items():
+        read = read_sheets((EXPORTS / name).read_bytes(), name)
+        assert [sheet for sheet, _ in read] == list(sheets)
+
+
+def test_a_folder_of_all_of_them_loses_none(capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = ["--width-mm", "6", "--thickness-mm", "2", "--gauge-mm", "25"]
+    code = run(["characterise", str(EXPORTS), "--no-compare", "--json", *sizes])
+    records = json.loads(capsys.readouterr().out)["records"]
+    assert code in (0, 1)  # groups of different specimens may disagree
+    count = {name: [r["file"] for r in records].count(name) for name in SPECIMENS}
+    assert count == SPECIMENS
+    assert not any(r["left_out"] for r in records)
+
+
+def test_the_table_says_where_sizes_come_from(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["characterise", str(EXPORTS / "testxpert_en.xlsx")]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("What was read")
+    assert "testxpert_en.xlsx, Values" in out
+    assert "Standard force (N)" in out
+    assert "not used: Crosshead absolute" in out
+    assert "sheet 'Results', line 1, 'S0'" in out
+
+
+# ------------------------------------------------------------------------------------------------
+# Nothing is dropped with exit code 0.
+
+
+def test_blocks_that_nothing_names_stop_and_the_option_decides(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.csv"
+    blocks = [["strain,stress (MPa)", *MADE.lines(n, "{e},{s}")] for n in (1, 2)]
+    path.write_text("\n\n".join("\n".join(block) for block in blocks), encoding="utf-8")
+    assert run(["characterise", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "--blocks apart if they are specimens, or --blocks join if they are one" in said
+    assert said.count("\n") == 1
+    check(read_study([path], blocks="apart"), 2)
+
+
+@pytest.mark.parametrize("columns", [None, ["time_s", "force_N", "displacement_mm"]])
+def test_a_record_in_four_blocks_keeps_its_peak(columns: list[str] | None) -> None:
+    (table,) = read_tensile(EXPORTS / "mts_blocks.dat", columns=columns)
+    # 1e-8: nine digits in the file.
+    assert table.columns["force_N"].max() == pytest.approx(MADE.specimen(1)[1][-1], rel=1e-8)
+    assert len(table.lines) == MADE.points(1)
+
+
+def test_columns_by_position_read_specimens_side_by_side(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.beside([1, 2], "{e};{s}", ";", 2, comma=True)
+    path.write_text("Posun;Sila;Posun;Sila\n" + "\n".join(rows), encoding="utf-8")
+    check(read_study([path], columns=["strain", "stress_MPa"] * 2), 2)
+
+
+def test_two_loads_over_one_travel_stop_and_each_reading_works(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    e = np.linspace(0.0, 0.5, 20)
+    rows = "".join(f"{x:.6f},{x:.6f},{2 * x:.6f}\n" for x in e)
+    path.write_text("strain (mm/mm),Stress 1 (MPa),Stress 2 (MPa)\n" + rows, encoding="utf-8")
+    with pytest.raises(FileError, match="two loads over one length") as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns (\S+)", str(caught.value))
+    peaks = [
+        [float(t.columns["stress_MPa"].max()) for t in read_tensile(path, columns=one.split(","))]
+        for one in examples
+    ]
+    assert peaks == [[0.5], [1.0], [0.5, 1.0]]
+
+
+def test_two_strains_that_differ_stop_and_each_reading_works(tmp_path: Path) -> None:
+    """Along and across, as a camera has them: which is along, nothing tells."""
+    path = tmp_path / "a.csv"
+    e = np.linspace(0.0, 0.5, 20)
+    rows = "".join(f"{-0.4 * x:.6f},{x:.6f},{2 * x:.6f}\n" for x in e)
+    path.write_text("exx (mm/mm),eyy (mm/mm),Stress (MPa)\n" + rows, encoding="utf-8")
+    with pytest.raises(FileError, match="two lengths of one record, of two sensors") as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns (\S+)", str(caught.value))
+    ends = [
+        float(read_tensile(path, columns=one.split(","))[0].columns["strain"][-1])
+        for one in examples
+    ]
+    assert ends == [-0.2, 0.5]
+
+
+def test_the_crosshead_goes_behind_a_nearer_sensor_wherever_it_stands(tmp_path: Path) -> None:
+    near, far = "Standardweg [mm]", "Traversenweg [mm]"
+    rows = [row.split(";") for row in MADE.lines(1, "{d};{f}")]
+    for heads in ((near, far), (far, near)):
+        travel = [{near: d, far: f"{1.1 * float(d):.9g}", "f": f} for d, f in rows]
+        body = ["{};{};{}".format(*(one[key] for key in (*heads, "f"))) for one in travel]
+        text = "\n".join([";".join((*heads, "Kraft [N]")), *body])
+        (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+        (table,) = read_tensile(tmp_path / "a.csv")
+        assert table.headings["displacement_mm"] == near
+        assert table.unused == (far,)
+        # 1e-8: nine digits in the file.
+        assert table.columns["displacement_mm"][-1] == pytest.approx(20.0, rel=1e-8)
+
+
+def test_decimal_commas_between_commas_are_told(tmp_path: Path) -> None:
+    rows = "\n".join(MADE.lines(1, "{f},{d}", comma=True))
+    (tmp_path / "a.csv").write_text("Kraft (N),Weg (mm)\n" + rows, encoding="utf-8")
+    with pytest.raises(FileError, match=r"4 cells where the headings have 2; a decimal comma"):
+        read_tensile(tmp_path / "a.csv")
+
+
+def test_a_size_without_a_unit_is_told_where_it_is_missing(tmp_path: Path) -> None:
+    head = "Width,6\nThickness,2,mm\nGauge length,25,mm\n\nForce (N),Travel (mm)\n"
+    (tmp_path / "a.csv").write_text(head + "\n".join(MADE.lines(1, "{f},{d}")))
+    with pytest.raises(FileError, match=r"section is unknown.*line 1, 'Width' without a unit"):
+        read_study([tmp_path / "a.csv"])
+    check(read_study([tmp_path / "a.csv"], width_mm=6.0), 1)
+
+
+@pytest.mark.parametrize("cut", [8, 30, 31, 32])
+def test_a_record_that_goes_on_behind_a_remark_keeps_its_end(tmp_path: Path, cut: int) -> None:
+    rows = MADE.lines(1, "{e},{s}")
+    rows.insert(cut, "--- paused ---")
+    (tmp_path / "a.csv").write_text("strain (mm/mm),stress (MPa)\n" + "\n".join(rows))
+    check(read_study([tmp_path / "a.csv"]), 1)
+
+
+def test_a_row_with_a_name_alone_is_told(tmp_path: Path) -> None:
+    rows = MADE.lines(1, "A,{e},{s}")
+    rows[5] = "A,,"
+    (tmp_path / "a.csv").write_text("specimen,strain,stress (MPa)\n" + "\n".join(rows))
+    with pytest.raises(FileError, match=r"line 7, column 'strain': '' is no finite number"):
+        read_tensile(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("head", ["mode", "specimen,mode"])
+def test_modes_in_one_file_are_specimens_of_one_material(tmp_path: Path, head: str) -> None:
+    names = [("a1,uniaxial", "a2,planar"), ("uniaxial", "planar")][head == "mode"]
+    rows = [row for n, name in enumerate(names, 1) for row in MADE.lines(n, name + ",{e},{s}")]
+    (tmp_path / "a.csv").write_text(f"{head},strain (mm/mm),stress (MPa)\n" + "\n".join(rows))
+    study = read_study([tmp_path / "a.csv"], material="M")
+    assert [record.mode for record in study.records] == ["tension", "planar"]
+    assert [record.rows for record in study.records] == [MADE.points(1), MADE.points(2)]
+
+
+def test_an_unknown_mode_in_a_column_is_refused(tmp_path: Path) -> None:
+    rows = "\n".join(MADE.lines(1, "bending,{e},{s}"))
+    (tmp_path / "a.csv").write_text("mode,strain (mm/mm),stress (MPa)\n" + rows)
+    with pytest.raises(FileError, match="mode is 'bending'; it must be one of tension"):
+        read_study([tmp_path / "a.csv"])
+    rows = "\n".join(MADE.lines(1, "{e},{s}"))
+    (tmp_path / "a.csv").write_text("strain (mm/mm),stress (MPa)\n" + rows)
+    (tmp_path / "specimens.csv").write_text("specimen,material,file,mode\na,A,a.csv,bending\n")
+    with pytest.raises(FileError, match=r"specimens\.csv, specimen a: mode is 'bending'"):
+        read_study([tmp_path])
+
+
+def test_what_has_no_row_in_the_list_is_a_finding(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for n in (1, 2):
+        rows = "\n".join(MADE.lines(n, "{e},{s}"))
+        (tmp_path / f"s{n}.csv").write_text("strain (mm/mm),stress (MPa)\n" + rows)
+    (tmp_path / "specimens.csv").write_text("specimen,material,file\na,A,s1.csv\n")
+    assert run(["characterise", str(tmp_path), "--no-compare"]) == 1
+    captured = capsys.readouterr()
+    assert "s2.csv: not used" in captured.err
+    assert re.search(r"s2\.csv .*left out: no row in specimens\.csv", captured.out)
+
+
+def test_a_specimen_without_a_row_is_a_finding_that_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a file whose other specimens have rows."""
+    (tmp_path / "stacked.csv").write_bytes((EXPORTS / "stacked.csv").read_bytes())
+    rows = "specimen,material,file\n1,A,stacked.csv\n2,A,stacked.csv\n"
+    (tmp_path / "specimens.csv").write_text(rows)
+    assert run(["characterise", str(tmp_path), "--no-compare"]) == 1
+    assert "finding: stacked.csv, specimen 3: not used" in capsys.readouterr().err
+    (tmp_path / "specimens.csv").write_text("specimen,material,file\nX,A,stacked.csv\n")
+    with pytest.raises(FileError, match=r"give each specimen of the file a row in specimens\.csv"):
+        read_study([tmp_path])
+
+
+def test_a_list_elsewhere_names_the_files_of_the_folder_that_was_given(tmp_path: Path) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "stacked.csv").write_bytes((EXPORTS / "stacked.csv").read_bytes())
+    rows = [f"{n},A,stacked.csv" for n in (1, 2, 3)]
+    (tmp_path / "list.csv").write_text("\n".join(["specimen,material,file", *rows]))
+    check(read_study([tmp_path / "lab"], specimens=tmp_path / "list.csv"), 3)
+
+
+def test_a_sheet_that_is_not_understood_is_no_silent_loss(tmp_path: Path) -> None:
+    sheets = MADE.workbooks()["testxpert_de.xlsx"]
+    sheets["Probe 2"][1] = ["Sila", "Posun", ""]
+    (tmp_path / "a.ods").write_bytes(MADE.ods(sheets))
+    with pytest.raises(FileError, match=r"sheet 'Probe 2', line \d: no heading.*'Sila', 'Posun'"):
+        read_tensile(tmp_path / "a.ods", option="--columns")
+
+
+# ------------------------------------------------------------------------------------------------
+# Ways of loading.
+
+
+@pytest.mark.parametrize(
+    ("word", "mode"),
+    [("equibiaxial", "equibiaxial"), ("pure shear", "planar"), ("Druck", "compression"),
+     ("tension", "tension"), ("拉伸", "tension")],
+)  # fmt: skip
+def test_a_mode_is_read_and_kept(tmp_path: Path, word: str, mode: str) -> None:
+    rows = "\n".join(MADE.lines(1, "{e},{s}", e=2.0))
+    (tmp_path / "a.csv").write_text("strain (mm/mm),stress (MPa)\n" + rows)
+    (tmp_path / "specimens.csv").write_text(
+        f"specimen,material,file,mode\na,A,a.csv,{word}\n", encoding="utf-8"
+    )
+    study = read_study([tmp_path])
+    assert study.records[0].mode == mode
+    (curve,) = (study.groups if mode == "tension" else study.other_modes)["A"]
+    assert curve.mode == {"planar": "planar", "equibiaxial": "equibiaxial"}.get(mode, "uniaxial")
+    sign = -1.0 if mode == "compression" else 1.0
+    # 1e-8: nine digits in the file.
+    assert curve.strain[-1] == pytest.approx(sign * 0.4, rel=1e-8)
+
+
+def test_an_unknown_mode_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("strain,stress (MPa)\n" + "\n".join(MADE.lines(1, "{e},{s}")))
+    with pytest.raises(PlannerError, match="it must be one of tension, compression, planar"):
+        read_study([tmp_path / "a.csv"], mode="bending")
+
+
+def test_compressive_headings_say_the_mode(tmp_path: Path) -> None:
+    rows = "\n".join(MADE.lines(1, "{e},{s}", e=2.0))
+    (tmp_path / "a.csv").write_text("Compressive strain (mm/mm),Compressive stress (MPa)\n" + rows)
+    study = read_study([tmp_path / "a.csv"])
+    assert study.records[0].mode == "compression"
+    assert study.other_modes["a"][0].stress_MPa[-1] < 0.0
+
+
+# ------------------------------------------------------------------------------------------------
+# Any order of columns, words and separators: all specimens, or an error.
+
+
+WORDS = {
+    "force": ["Force (N)", "Kraft [N]", "Standard force\nN", "Charge (N)", "Carga [N]", "試験力(N)",
+              "力(N)", "C_1_Force[N]", "Load N", "Axial Force (N)", "force_N"],
+    "travel": ["Extension (mm)", "Weg [mm]", "Course (mm)", "位移(mm)", "ストローク(mm)",
+               "LVDT [mm]", "Crosshead (mm)", "displacement_mm", "Strain (Ext 1) [mm]",
+               "Spostamento [mm]"],
+    "time": ["Time (s)", "Zeit [s]", "Temps (s)", "时间(s)", "", "時間(sec)"],
+    "other": ["", "Index", "Temperatur [°C]", "Remark", "Width change (mm)"],
+}  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_no_order_of_headings_loses_a_specimen(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Any words, order, separator, layout and names: every specimen is read, with its numbers."""
+    draw = data.draw
+    words = {key: draw(st.sampled_from(some)) for key, some in WORDS.items()}
+    separator = draw(st.sampled_from([",", ";", "\t"]))
+    order = draw(st.permutations(["force", "travel", "time", "other"]))
+    order = [key for key in order if words[key]]
+    forms = {"force": "{f}", "travel": "{d}", "time": "{t}", "other": "7"}
+    comma = separator != "," and draw(st.booleans())
+    count = draw(st.integers(1, 3))
+    layout = draw(st.sampled_from(["beside", "blocks", "column", "files"]))
+    form = separator.join(forms[key] for key in order)
+    heads = ['"' + words[key] + '"' if "\n" in words[key] else words[key] for key in order]
+    numbers = list(range(1, count + 1))
+    name = draw(st.sampled_from(["Specimen {}", "A{}", "1_{}", "Probe {}"]))
+    names = [name.format(n) for n in numbers]
+    folder = tmp_path_factory.mktemp("order")
+    sizes = separator.join(["Width", "6", "mm"])
+    head = [sizes, ""] if draw(st.booleans()) else []
+    if layout == "files":
+        for n in numbers:
+            rows = [separator.join(heads), *MADE.lines(n, form, comma=comma)]
+            (folder / f"A-{n}.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    elif layout == "column":
+        rows = [separator.join(["Specimen", *heads])]
+        for n, label in zip(numbers, names, strict=True):
+            rows += MADE.lines(n, label + separator + form, comma=comma)
+        (folder / "a.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    elif layout == "blocks":
+        rows = []
+        for n, label in zip(numbers, names, strict=True):
+            mark = label if label.startswith(("Spec", "Prob")) else f"Specimen{separator}{label}"
+            rows += [mark, separator.join(heads), *MADE.lines(n, form, comma=comma), ""]
+        (folder / "a.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    else:
+        above = separator.join(label + separator * (len(order) - 1) for label in names)
+        rows = (
+            [above, separator.join(heads * count)]
+            if draw(st.booleans())
+            else [separator.join(heads * count)]
+        )
+        rows += MADE.beside(numbers, form, separator, len(order), comma=comma)
+        (folder / "a.csv").write_text("\n".join([*head, *rows]), encoding="utf-8")
+    study = read_study([folder], material="M", **SIZES)  # type: ignore[arg-type]  # sizes alone
+    check(study, count)
+
+
+TEXTS = MADE.texts()
+
+
+def _damaged(lines: list[str], at: int, kind: str, places: st.DataObject) -> list[str]:
+    line, rest = lines[at], lines[at + 1 :]
+    if kind in ("", "# remark", "Operator: x"):
+        return [*lines[:at], kind, line, *rest]
+    if kind == "twice":
+        return [*lines[:at], line, line, *rest]
+    if kind == "cut":
+        return [*lines[:at], *rest]
+    place = places.draw(st.integers(0, len(line)))
+    return [*lines[:at], line[:place] + kind + line[place + 1 :], *rest]
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_no_damage_loses_a_specimen_or_a_part_of_one(
+    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """A line cut, doubled, put in or with a wrong sign: an error, or a row each at most is lost."""
+    name = data.draw(st.sampled_from(sorted(TEXTS)))
+    encoding, text = TEXTS[name]
+    lines = text.split("\r\n")[:-1]
+    at = data.draw(st.integers(0, len(lines) - 1))
+    kind = data.draw(st.sampled_from(["", "# remark", "Operator: x", "twice", "cut", "x", "?"]))
+    path = tmp_path_factory.mktemp("damaged") / name
+    path.write_bytes("\r\n".join(_damaged(lines, at, kind, data)).encode(encoding))
+    try:
+        records = read_study([path], **SIZES).records  # type: ignore[arg-type]  # sizes alone
+    except FileError:
+        return
+    count = SPECIMENS[name]
+    assert len(records) == count
+    rows = [MADE.points(n) for n in range(1, count + 1)]
+    assert sum(abs(r.rows - n) for r, n in zip(records, rows, strict=True)) <= count
+
+
+# ------------------------------------------------------------------------------------------------
+# Hostile workbooks.
+
+
+def _zip(members: dict[str, bytes]) -> bytes:
+    import io
+    import zipfile
+
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return data.getvalue()
+
+
+FAR = (
+    b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+    b'<row r="1"><c r="A1"><v>1</v></c></row><row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
+    b"</sheetData></worksheet>"
+)
+ODS_FAR = (
+    b"<office:document-content><table:table><table:table-row "
+    b'table:number-rows-repeated="1048576"><table:table-cell '
+    b'table:number-columns-repeated="16384" office:value-type="float" office:value="1"/>'
+    b"</table:table-row></table:table></office:document-content>"
+)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"PK\x03\x04 no zip", "not a zip archive"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "a workbook that cannot be read"),
+        (_zip({"a.txt": b"x"}), "no workbook"),
+        (_zip({"xl/workbook.xml": b"<workbook/>"}), "a workbook"),
+        (_zip({"xl/worksheets/sheet1.xml": FAR}), "more than 20,000,000 cells"),
+        (_zip({"content.xml": ODS_FAR}), "more than 20,000,000 cells"),
+        (_zip({"xl/worksheets/sheet1.xml": bytes(300_000_000)}), "made to exhaust memory"),
+    ],
+    ids=["no-zip", "no-ole", "no-book", "no-sheets", "far-cell", "far-repeats", "bomb"],
+)
+def test_hostile_workbooks_are_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], data: bytes, said: str
+) -> None:
+    (tmp_path / "a.xlsx").write_bytes(data)
+    assert run(["characterise", str(tmp_path / "a.xlsx")]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.strip().count("\n") == 0
