@@ -379,9 +379,8 @@ class StiffnessScale:
     def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
         """Return what a reader of the moduli has to know, a sentence each.
 
-        Which materials break before the working strain, and which are read otherwise by others;
-        of a whole palette also which laws are unsound in compression. What asks for an act is a
-        `Caution`.
+        Which materials break before the working strain, which are read otherwise by others, and
+        which laws are not stable up to the break. What asks for an act is a `Caution`.
 
         Parameters
         ----------
@@ -403,8 +402,7 @@ class StiffnessScale:
                     f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
                     f"{_at_rest(material.law):.4g})"
                 )
-        if ids is None:
-            said += _unsound(self.palette)
+        said += _unsound(shown)
         said += [
             f"at strain {self.at_strain:g} others find, by {name}, {', '.join(rows)}; the "
             "intervals hold both readings, and --palette chooses (planner printers lists the "
@@ -439,20 +437,19 @@ class StiffnessScale:
         }
 
 
-def _unsound(palette: Palette) -> list[str]:
-    """Say down to which stretch laws may be used in compression that are not sound to 0.6."""
-    ends = []
-    for material in palette.materials:
-        found = stability(make_law(material.law), material.elongation_at_break)
-        lowest = found.sound["uniaxial"][0]
-        if lowest > found.asked[0]:
-            ends.append(f"{material.id} ({lowest:.2f})")
+def _unsound(materials: Sequence[Material]) -> list[str]:
+    """Say up to where laws are stable that are not from stretch 0.6 to their break."""
+    ends = [
+        f"{material.id} ({'; '.join(found.limits)})"
+        for material in materials
+        if not (found := stability(make_law(material.law), material.elongation_at_break)).ok
+    ]
     if not ends:
         return []
     return [
         Caution(
-            "in compression the stress of some laws falls, do not use them below the stretch: "
-            + ", ".join(ends)
+            "not every law is stable (Drucker) from stretch 0.6 to the break, do not follow them "
+            f"further in a solver of your own: {', '.join(ends)}"
         )
     ]
 
