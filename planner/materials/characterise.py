@@ -37,7 +37,7 @@ MINIMUM_POINTS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """Nominal stress against engineering strain of one specimen in uniaxial tension.
+    """Nominal stress against engineering strain of one specimen.
 
     Attributes
     ----------
@@ -53,6 +53,9 @@ class Curve:
         What the specimen is made of, as the lab calls it.
     notes
         What was corrected or assumed on the way, one sentence each.
+    mode
+        ``uniaxial``, ``planar`` or ``equibiaxial``; in uniaxial compression strain and stress
+        are negative.
 
     Raises
     ------
@@ -67,6 +70,7 @@ class Curve:
     time_s: FloatArray | None = None
     material: str = ""
     notes: tuple[str, ...] = field(default=())
+    mode: str = "uniaxial"
 
     __repr__ = brief
 

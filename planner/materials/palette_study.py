@@ -23,7 +23,7 @@ from planner.materials.characterise import (
 )
 from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
-from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
+from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import Study, read_study
@@ -426,7 +426,10 @@ def fit(
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
-        fitted = fit_material(called, curves, laws, weighting=weighting, starts=starts, level=level)
+        fitted = fit_material(
+            called, curves, laws, others=study.other_modes.get(called, ()), weighting=weighting,
+            starts=starts, level=level,
+        )  # fmt: skip
         notes.extend(note for note in fitted.notes if note not in notes)
         fits[called] = fitted
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
@@ -449,8 +452,7 @@ def fit(
             density_g_cm3=densities[called],
             law=fits[called].law,
             colour=_colour(rank / max(len(ordered) - 1, 1)),
-            source=f"fitted to {fits[called].characteristics.n} tensile specimen(s), "
-            f"{weighting} residuals",
+            source=_source(fits[called], weighting),
             deformation=fits[called].characteristics.deformation.kind,
             modulus_log_sd=fits[called].scatter.log_sd,
             uncertainty=fits[called].uncertainty,
@@ -467,6 +469,12 @@ def fit(
         progress("running Algorithm 1")
         quadratic = quadratic_study(fitted_palette, by_id, level)
     return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings, quadratic)
+
+
+def _source(fit: MaterialFit, weighting: str) -> str:
+    found = stability(make_law(fit.law), fit.elongation_at_break)
+    said = f"fitted to {fit.characteristics.n} tensile specimen(s), {weighting} residuals"
+    return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
@@ -493,12 +501,12 @@ def _findings(fit: MaterialFit, unit_told: bool) -> list[str]:
     if unit_told:
         return said  # no law describes specimens in two units
     r2 = fit.uncertainty.r2
-    if fit.choice is None and r2 is not None and r2 < _SMALLEST_R2:
+    chosen = None if fit.choice is None else fit.choice.chosen
+    if chosen is None and r2 is not None and r2 < _SMALLEST_R2:
         said.append(
             f"material {fit.material}: a law that yields describes it badly (R2 {r2:.3f}; at least "
             f"{_SMALLEST_R2:g} is asked): look at the specimens"
         )
-    chosen = None if fit.choice is None else fit.choice.chosen
     if chosen is not None and (
         chosen.fit.r2 < _SMALLEST_R2 or chosen.held_out_error > _LARGEST_HELD_OUT_ERROR
     ):

@@ -453,6 +453,8 @@ class Study:
         Size and crosshead rate by specimen, whichever source they come from.
     factors
         By specimen and column: what the numbers in the file were multiplied by, its unit.
+    other_modes
+        By material: curves of specimens that were not pulled along one axis.
     """
 
     groups: Mapping[str, tuple[Curve, ...]]
@@ -460,6 +462,7 @@ class Study:
     notes: tuple[str, ...]
     dimensions: Mapping[str, Dimensions] = field(default_factory=dict)
     factors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    other_modes: Mapping[str, tuple[Curve, ...]] = field(default_factory=dict)
 
 
 def read_study(

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.materials.laws import NeoHookean
-from planner.materials.laws import make_law
+from planner.materials.laws import NeoHookean, make_law
 from planner.materials.mixtures import CoefficientModel, gent_modulus_MPa
 from planner.palette import parse_palette
 from planner.printers import load_printer
