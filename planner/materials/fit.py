@@ -1013,7 +1013,11 @@ def choose_law(
 
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
     """Return what is left out in turn; a specimen that nothing can be asked of is not."""
-    if sample.specimens > 1:
+    # One specimen a loading: without it another loading would be extrapolated to.
+    alone = sample.mode is not None and sample.specimens <= len(
+        set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
+    )
+    if sample.specimens > 1 and not alone:
         # The one that begins lowest can always be asked, so that at least one fold is left.
         folds = [sample.specimen == n for n in np.unique(sample.specimen)]
         return [fold for fold in folds if _asked(fold, sample).any()], "one specimen"

@@ -40,7 +40,7 @@ from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
-__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "fit_material"]
+__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "by_mode", "fit_material"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -643,15 +643,20 @@ def fit_material(
 
 def _by_mode(material: str, fit: LawFit, sample: Sample) -> str:
     """Say how the loadings weigh, and how far the law is off in each."""
-    off = np.abs(sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa)
+    said = [f"{k} weighs {w:.3g}, {100 * off:.2g} % off" for k, (w, off) in by_mode(fit, sample)]
+    return f"material {material}: {'; '.join(said)} (RMS of the residual over its scale)"
+
+
+def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]]:
+    """Return the share of the weight and the root mean square residual over scale by loading."""
+    off = (sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa) / sample.scale_MPa
     mode = np.zeros(len(off), dtype=np.int64) if sample.mode is None else sample.mode
-    said = []
+    found = []
     for k in np.unique(mode):
-        own = mode == k
-        weight = sample.weight[own] / sample.weight[own].sum()
-        rms = float(np.sqrt(weight @ off[own] ** 2) / np.abs(sample.stress_MPa[own]).max())
-        said.append(f"{MODES[k]} weighs {sample.weight[own].sum():.3g}, {100 * rms:.2g} % off")
-    return f"material {material}: {'; '.join(said)} (RMS, of the largest stress)"
+        weight = np.where(mode == k, sample.weight, 0.0)
+        share = float(weight.sum())
+        found.append((MODES[k], (share, float(np.sqrt(weight @ off**2 / share)))))
+    return found
 
 
 def _doubts(material: str, chosen: LawCandidate, secants: Sequence[SecantInterval]) -> list[str]:
