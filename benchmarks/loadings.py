@@ -1,4 +1,6 @@
-"""Laws fitted to several loadings at once, beside published ones; ``python -m benchmarks.loadings``.
+"""Laws fitted to several loadings at once, beside published ones.
+
+    python -m benchmarks.loadings
 
 Treloar (1944), Kawabata (1981) and Meunier (2008), from the shared data. The error is what a fit
 minimises, the root mean square of the residual over the stress (at least 5 % of the largest), by

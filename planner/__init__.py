@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.export import Export, ExportedMaterial, export
+    from planner.simulation.law_blocks import law_block
     from planner.simulation.loads import LoadCase
     from planner.simulation.part import PartSimulation, simulate_part
     from planner.simulation.simulate import Simulation, simulate, simulate_bar
@@ -95,6 +96,7 @@ __all__ = [
     "installed_printers",
     "invert",
     "iterate_layers",
+    "law_block",
     "list_materials",
     "load_palette",
     "load_printer",
@@ -146,6 +148,7 @@ _MODULES = {
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
+    "planner.simulation.law_blocks": "law_block",
     "planner.simulation.loads": "LoadCase",
     "planner.simulation.part": "PartSimulation simulate_part",
     "planner.simulation.export": "Export ExportedMaterial export",

@@ -476,7 +476,8 @@ def list_materials(
     printer, palette
         By name, file or value; the printer's default palette if not given.
     at_strain
-        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+        Working strain: stiffness is the secant modulus of the nominal stress up to it; at 0 the
+        tangent at rest.
 
     Returns
     -------
@@ -486,7 +487,7 @@ def list_materials(
     Raises
     ------
     ArgumentError
-        The strain is not above 0, or a hyperelastic material breaks before it.
+        The strain is below 0, or a hyperelastic material breaks before it.
     UnknownNameError, PaletteError
         No such printer or palette, or a palette whose stiffness does not rise.
 
@@ -504,14 +505,14 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     Raises
     ------
     ArgumentError
-        The strain is not above 0, or a hyperelastic material breaks before it.
+        The strain is below 0, or a hyperelastic material breaks before it.
     PaletteError
         The palette's stiffness does not rise with the coordinate at that strain.
     """
     model = CoefficientModel(palette)
-    if not 0.0 < at_strain <= model.strain_limit:
+    if not 0.0 <= at_strain <= model.strain_limit:
         raise ArgumentError(
-            f"`at_strain` {at_strain:g}: the working strain must be above 0 and at most "
+            f"`at_strain` {at_strain:g}: the working strain must be from 0 (at rest) to "
             f"{model.strain_limit:g}, where the first elastic material of palette {palette.name} "
             "breaks; strains are fractions, so 10 % is 0.1"
         )

@@ -526,6 +526,12 @@ class MaterialFit:
     __repr__ = brief
 
     @property
+    def chosen_name(self) -> str:
+        """The law's name, with its number of terms where there is a choice."""
+        chosen = None if self.choice is None else self.choice.chosen
+        return self.law.model if chosen is None else chosen.fit.name
+
+    @property
     def elongation_at_break(self) -> float:
         """Mean strain at break of the specimens."""
         return self.characteristics.spreads["elongation_at_break"].mean
