@@ -18,6 +18,7 @@ from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
     coordinate_for,
+    left_out_remark,
     nearest_on,
     thresholds_of,
 )
@@ -403,6 +404,8 @@ class StiffnessScale:
                     f"{_at_rest(material.law):.4g})"
                 )
         said += _unsound(shown)
+        if ids is None:
+            said += left_out_remark(self.palette)
         said += [
             f"at strain {self.at_strain:g} others find, by {name}, {', '.join(rows)}; the "
             "intervals hold both readings, and --palette chooses (planner printers lists the "

@@ -24,7 +24,7 @@ from planner.materials.characterise import (
 from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import Study, read_study
 from planner.materials.unit_slips import (
@@ -464,6 +464,8 @@ def fit(
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*slips, *itertools.chain.from_iterable(found))
     problem = _problem(fitted_palette)
+    if problem is None:
+        notes += left_out_remark(fitted_palette)
     quadratic = None
     if coefficients is not None:
         progress("running Algorithm 1")
