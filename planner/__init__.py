@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from planner.grading.grade import grade
     from planner.grading.invert import Mixture, invert
     from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.grading.warmed import at_temperature
     from planner.inverse_design.design import PartDesign, design
     from planner.materials.fit_tables import fit_tables
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
@@ -79,6 +80,7 @@ __all__ = [
     "Simulation",
     "SliceStack",
     "StiffnessScale",
+    "at_temperature",
     "characterisation_figure",
     "characterise",
     "check",
@@ -133,6 +135,7 @@ _MODULES = {
     "planner.grading.grade": "grade",
     "planner.grading.invert": "Mixture invert",
     "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.grading.warmed": "at_temperature",
     "planner.inverse_design.design": "PartDesign design",
     "planner.materials.fit_tables": "fit_tables",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",

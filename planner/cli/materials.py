@@ -98,6 +98,13 @@ def materials(
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     at_strain: AtStrain = 0.1,
+    temperature_C: Annotated[
+        float | None,
+        Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
+    ] = None,
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="Palette file to write, with --temperature-C.")
+    ] = None,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: the ladder with its interval, each material's stress."),
@@ -112,7 +119,8 @@ def materials(
     """List a palette's materials from soft to hard, with their stiffness.
 
     Examples: [bold]planner materials --at-strain 0.3 --figure ladder.svg[/bold],
-    [bold]planner materials FLX9760 --as abaqus[/bold]
+    [bold]planner materials FLX9760 --as abaqus[/bold],
+    [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
     """
     import planner
     from planner.cli.output import (
@@ -127,8 +135,13 @@ def materials(
     from planner.formats.outputs import write_whole
     from planner.printers import palette_of
 
+    every = palette_of(palette, printer)
+    warming: tuple[str, ...] = ()
+    if temperature_C is not None:
+        every, warming = planner.at_temperature(temperature_C, palette=every)
+    elif output is not None:
+        raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
     if as_program is not None:
-        every = palette_of(palette, printer)
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
         if as_json:
@@ -138,8 +151,10 @@ def materials(
         return 0
     if names:
         raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
-    check_targets(context, force=force, figure=figure)
-    scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
+    check_targets(context, force=force, figure=figure, output=output)
+    scale = planner.list_materials(printer=printer, palette=every, at_strain=at_strain)
+    if output is not None:
+        planner.write_palette(every, output, force=force)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
     if as_json:
@@ -168,9 +183,10 @@ def materials(
         droppable=["also called", "g/cm3", "break"],
         swatches=[material.colour for material in chosen.materials],
     )
-    tell_notes(scale.remarks())
-    if figure is not None:
-        say(f"wrote {figure}")
+    tell_notes([*warming, *scale.remarks()])
+    for written in (output, figure):
+        if written is not None:
+            say(f"wrote {written}")
     return 0
 
 

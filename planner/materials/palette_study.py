@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa,
 from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import Study, read_study
+from planner.materials.temperature import at_one_temperature, temperature_table
 from planner.materials.unit_slips import (
     Comparison,
     against_palette,
@@ -34,7 +36,7 @@ from planner.materials.unit_slips import (
     among_replicates,
 )
 from planner.notes import Caution
-from planner.palette import Material, Palette, Reference
+from planner.palette import Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
 if TYPE_CHECKING:
@@ -275,6 +277,7 @@ _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
+_NORMAL = NormalDist().inv_cdf(0.975)
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -421,6 +424,7 @@ def fit(
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
+    study, elsewhere = at_one_temperature(study)
     slips, asked = _unit_slips(study, against, coordinate)
     notes = [*study.notes, *asked]
     fits: dict[str, MaterialFit] = {}
@@ -459,7 +463,12 @@ def fit(
         )
         for rank, called in enumerate(ordered)
     )
-    fitted_palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
+    table = temperature_table(study, fits, elsewhere, places)
+    fitted_palette = Palette(
+        name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
+    )
+    if table is not None:
+        notes.append(_warming(fitted_palette, table))
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*slips, *itertools.chain.from_iterable(found))
@@ -477,6 +486,20 @@ def _source(fit: MaterialFit, weighting: str) -> str:
     found = stability(make_law(fit.law), fit.elongation_at_break)
     said = f"fitted to {fit.characteristics.n} tensile specimen(s), {weighting} residuals"
     return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
+
+
+def _warming(palette: Palette, table: Temperature) -> str:
+    """Say what tests at two temperatures tell of grades."""
+    called = {material.coordinate: material.id for material in palette.materials}
+    each = "; ".join(
+        f"{called[m]} {factor:.3g} from {low:g} to {high:g} degC (95 %: "
+        f"{factor * np.exp(-_NORMAL * sd):.3g} .. {factor * np.exp(_NORMAL * sd):.3g})"
+        for m, low, high, factor, sd in zip(*asdict(table).values(), strict=True)
+    )
+    return (
+        f"laws are of {palette.reference.temperature_C:g} degC; warming multiplies stress by: "
+        f"{each}; planner materials --temperature-C tells the palette in between"
+    )
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:

@@ -101,7 +101,7 @@ def test_tables_agree_with_the_document(compared: PaletteStudy) -> None:
     tables = {name: rows_of(table) for name, table in planner.fit_tables(compared).items()}
     told = compared.document()
     assert set(tables) == {
-        "characteristics.csv", "laws.csv", "coefficients.csv", "quadratics.csv", "goodness.csv",
+        "characteristics.csv", "laws.csv", "coefficients.csv", "quadratics.csv", "goodness.csv", "r2.csv",
     }  # fmt: skip
     assert [row["material"] for row in tables["characteristics.csv"]] == ["A", "B", "C"]
     for row, material in zip(tables["laws.csv"], told["materials"], strict=True):
