@@ -133,14 +133,13 @@ def materials(
     )
     from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
-    from planner.printers import palette_of
 
-    every = palette_of(palette, printer)
-    warming: tuple[str, ...] = ()
-    if temperature_C is not None:
-        every, warming = planner.at_temperature(temperature_C, palette=every)
-    elif output is not None:
+    if output is not None and temperature_C is None:
         raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
+    scale = planner.list_materials(
+        printer=printer, palette=palette, at_strain=at_strain, temperature_C=temperature_C
+    )
+    every = scale.palette
     if as_program is not None:
         chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
         blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
@@ -152,7 +151,6 @@ def materials(
     if names:
         raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
     check_targets(context, force=force, figure=figure, output=output)
-    scale = planner.list_materials(printer=printer, palette=every, at_strain=at_strain)
     if output is not None:
         planner.write_palette(every, output, force=force)
     if figure is not None:
@@ -160,7 +158,6 @@ def materials(
     if as_json:
         print_document(scale.document())
         return 0
-    chosen = scale.palette
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -175,15 +172,15 @@ def materials(
                 ", ".join(material.aliases),
             ]
             for material, modulus, interval in zip(
-                chosen.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
+                every.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
             )
         ],
-        title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
+        title=f"{every.name}: secant modulus at strain {at_strain:g}",
         right=["m", "modulus MPa", "break", "g/cm3"],
         droppable=["also called", "g/cm3", "break"],
-        swatches=[material.colour for material in chosen.materials],
+        swatches=[material.colour for material in every.materials],
     )
-    tell_notes([*warming, *scale.remarks()])
+    tell_notes([*scale.warming, *scale.remarks()])
     for written in (output, figure):
         if written is not None:
             say(f"wrote {written}")

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +14,7 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, as_number
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
 from planner.glance import brief, counted, html_of, one_line, plotted
+from planner.grading.warmed import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
@@ -345,6 +346,8 @@ class StiffnessScale:
         material that breaks before.
     intervals_MPa
         95 % interval of each.
+    warming
+        What to know of a palette at another temperature, one sentence each.
     """
 
     palette: Palette
@@ -352,6 +355,7 @@ class StiffnessScale:
     model: CoefficientModel
     moduli_MPa: tuple[float, ...]
     intervals_MPa: tuple[tuple[float, float], ...]
+    warming: tuple[str, ...] = ()
 
     _repr_html_ = html_of
 
@@ -471,6 +475,7 @@ def list_materials(
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     at_strain: float = 0.1,
+    temperature_C: float | None = None,
 ) -> StiffnessScale:
     """List a palette's materials from soft to hard, with their stiffness.
 
@@ -481,6 +486,8 @@ def list_materials(
     at_strain
         Working strain: stiffness is the secant modulus of the nominal stress up to it; at 0 the
         tangent at rest.
+    temperature_C
+        Of use, where it is not the palette's own; see `at_temperature`.
 
     Returns
     -------
@@ -492,14 +499,19 @@ def list_materials(
     ArgumentError
         The strain is below 0, or a hyperelastic material breaks before it.
     UnknownNameError, PaletteError
-        No such printer or palette, or a palette whose stiffness does not rise.
+        No such printer or palette, a palette whose stiffness does not rise, or one that tells
+        nothing of temperature.
 
     Examples
     --------
     >>> round(planner.list_materials(at_strain=0.3).modulus_of("TangoPlus"), 3)  # doctest: +SKIP
     0.352
     """
-    return stiffness_scale(palette_of(palette, printer), at_strain)
+    chosen = palette_of(palette, printer)
+    if temperature_C is None:
+        return stiffness_scale(chosen, at_strain)
+    chosen, warming = at_temperature(temperature_C, palette=chosen)
+    return replace(stiffness_scale(chosen, at_strain), warming=warming)
 
 
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:

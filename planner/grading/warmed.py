@@ -33,6 +33,11 @@ def at_temperature(
     palette, printer
         A palette with a table ``[temperature]``, by name, file or value.
 
+    Returns
+    -------
+    tuple
+        The palette, and one sentence each: the factors, what is an extrapolation.
+
     Raises
     ------
     PaletteError

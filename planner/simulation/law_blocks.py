@@ -150,6 +150,11 @@ def law_block(material: Material, program: str) -> str:
     program
         ``abaqus``, ``ansys`` or ``febio``.
 
+    Returns
+    -------
+    str
+        With a comment on top: of which law, and up to where.
+
     Raises
     ------
     ArgumentError
