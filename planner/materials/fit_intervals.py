@@ -634,6 +634,12 @@ def fit_material(
     secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
     ends = intervals(chosen.fit, sample, level)
+    if ends.known and not others and np.isposinf(ends.c[:, 1]).any():
+        notes.append(
+            f"material {material}: tension does not bound a modulus of {chosen.fit.name} from "
+            "above, nor would more of it: fit equibiaxial tests with it, or compression to stretch "
+            "0.6 (column mode); its secants are bounded as they are"
+        )
     return MaterialFit(
         material,
         found,
