@@ -408,6 +408,7 @@ def _profile(
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
     a = found.a.reshape(*cost.shape, q)[lowest, rows]
+    a = np.where(a == 0.0, _FLAT, a)  # Ogden's term of exponent 0 is none, its modulus infinite
     c = found.c.reshape(*cost.shape, -1)[lowest, rows]
     c = np.where(np.isnan(held_c), c / fit.law.divisor(a)[0], c)
     return cost[lowest, rows], a, c

@@ -86,7 +86,7 @@ _SLIPS = (
 
 
 def _check_plausible(
-    strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, where: str
+    strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, sure: bool, where: str
 ) -> None:
     """Refuse strains and stresses that no polymer reaches.
 
@@ -113,10 +113,11 @@ def _check_plausible(
             "is a fraction after all (and then check the unit of stress: psi?); or give --unit-of "
             "strain=%, or strain=1"
         )
-    if peak > _LARGEST_STRESS_MPA:
+    if peak > _LARGEST_STRESS_MPA and not sure:
         raise FileError(
             f"{where}: stress reaches {peak:.4g} MPa, more than any polymer's "
-            f"({_LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
+            f"({_LARGEST_STRESS_MPA:g} MPa); if it is in psi or kPa, say so in the heading; if it "
+            "is right, say its unit or the force's by --unit-of stress=MPa or force=N"
         )
 
 
@@ -260,7 +261,7 @@ def _dimensions_of(
 
 
 def _curve_of(
-    table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions
+    table: TensileTable, *, specimen: str, material: str, dimensions: Dimensions, sure: bool
 ) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
@@ -288,7 +289,7 @@ def _curve_of(
     stress = _stress(columns, strain, dimensions, where, notes)
     time = _time(columns.get("time_s"), table, where, notes)
     unit_stated = not _states_no_strain_unit(table)
-    _check_plausible(strain, stress, unit_stated=unit_stated, where=where)
+    _check_plausible(strain, stress, unit_stated=unit_stated, sure=sure, where=where)
     notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
     _check_rising(strain, stress, where=where)
     tension = slice(_compressed(strain, stress, where, notes), None)
@@ -553,8 +554,9 @@ def read_study(
         table = _in_stated_units(record.table, units.get(name, {}), f"specimen {name}")
         records[name] = replace(record, table=table)
         found[name] = _curve_of(
-            table, specimen=name, material=materials[name], dimensions=sizes[name]
-        )
+            table, specimen=name, material=materials[name], dimensions=sizes[name],
+            sure=not {"stress", "force"}.isdisjoint(units.get(name, {})),
+        )  # fmt: skip
     unstated = [name for name, record in records.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.
     absent = Caution if whole else str
