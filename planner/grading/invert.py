@@ -184,7 +184,7 @@ def invert(
     Examples
     --------
     >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
-    '70.8 % FLX9750 + 29.2 % FLX9760'
+    '69.8 % FLX9750 + 30.2 % FLX9760'
     """
     if (modulus_MPa is None) is (coordinate is None):
         raise ArgumentError("give `modulus_MPa`, a wanted modulus, or `coordinate`, a place; one")

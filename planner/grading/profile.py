@@ -505,7 +505,7 @@ def list_materials(
     Examples
     --------
     >>> round(planner.list_materials(at_strain=0.3).modulus_of("TangoPlus"), 3)  # doctest: +SKIP
-    0.352
+    0.349
     """
     chosen = palette_of(palette, printer)
     if temperature_C is None:
