@@ -377,13 +377,9 @@ class CoefficientModel:
             return np.asarray(np.sum(steps**2, axis=0) / (3.0 * (c[-1] - c[0] or 1.0)))
         squares = []
         for k in range(1, len(c) - 1):
-            m, others = np.delete(c, k), np.delete(log_moduli, k, axis=0)
             h1, h2 = c[k] - c[k - 1], c[k + 1] - c[k]
-            slopes = pchip_slopes(m, others)
-            rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
-            foretold = others[k - 1] + rise * (others[k] - others[k - 1])
-            foretold += d0 * slopes[k - 1] + d1 * slopes[k]
-            squares.append((log_moduli[k] - foretold) ** 2 * (h1 + h2) / (h1 * h2))
+            off = log_moduli[k] - _foretold(c, log_moduli, k)
+            squares.append(off**2 * (h1 + h2) / (h1 * h2))
         return np.asarray(np.mean(squares, axis=0))
 
     def bracket(self, coordinate: ArrayLike) -> tuple[IntArray, IntArray, FloatArray]:
@@ -502,10 +498,10 @@ def left_out_errors(palette: Palette) -> dict[str, float]:
         rows = zip(materials, held, strict=True)
         with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
             logs = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
-        rest, own = np.delete(logs, k, axis=0), np.exp(logs[k]) * strain
-        found = {way: _predicted(np.delete(x, k), rest, x[k]) for way, x in ways.items()}
-        powers = np.vander(np.delete(m, k), 3)
-        found["quadratic"] = np.vander(m[[k]], 3)[0] @ np.linalg.lstsq(powers, rest, rcond=None)[0]
+        found = {way: _foretold(x, logs, k) for way, x in ways.items()}
+        weights = np.vander(m[[k]], 3)[0] @ np.linalg.pinv(np.vander(np.delete(m, k), 3))
+        found["quadratic"] = weights @ np.delete(logs, k, axis=0)
+        own = np.exp(logs[k]) * strain
         for way, logged in found.items():
             error = np.exp(logged) * strain - own
             off[way].append(float(np.sqrt(np.mean(error**2)) / own.max()))
@@ -525,12 +521,13 @@ def interpolated(palette: Palette) -> Palette:
     return palette
 
 
-def _predicted(x: FloatArray, rows: FloatArray, at: float) -> FloatArray:
-    """Return the monotone cubic through rows at one place."""
-    lower, upper, t, gap = bracketed(x, np.array([at]))
-    slopes, (rise, d0, d1) = pchip_slopes(x, rows), pchip_weights(t, gap)
-    more = rise * (rows[upper] - rows[lower])[0] + d0 * slopes[lower][0] + d1 * slopes[upper][0]
-    return np.asarray(rows[lower][0] + more)
+def _foretold(x: FloatArray, rows: FloatArray, k: int) -> FloatArray:
+    """Return what the monotone cubic through all other rows, at places x, is at row k's place."""
+    others, h1, h2 = np.delete(rows, k, axis=0), x[k] - x[k - 1], x[k + 1] - x[k]
+    slopes = pchip_slopes(np.delete(x, k), others)
+    rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
+    found = others[k - 1] + rise * (others[k] - others[k - 1])
+    return np.asarray(found + (d0 * slopes[k - 1] + d1 * slopes[k]))
 
 
 def left_out_remark(palette: Palette) -> list[str]:

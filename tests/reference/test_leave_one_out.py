@@ -6,6 +6,7 @@ from statistics import NormalDist, fmean
 import numpy as np
 import pytest
 
+from planner.errors import PaletteError
 from planner.materials.mixtures import (
     CoefficientModel,
     interpolated,
@@ -13,6 +14,7 @@ from planner.materials.mixtures import (
     left_out_remark,
 )
 from planner.materials.quadratic_study import normalised_rmse, r_squared, without
+from planner.palette import LawParameters
 from planner.printers import load_printer
 from planner.simulation.bar_solver import law_tables
 from printers.connex3.leave_one_out import HeldOut, held_out, published_curve
@@ -154,3 +156,10 @@ def test_the_hardness_is_used_where_it_predicts_and_dropped_where_it_does_not() 
     assert law_tables(wrong).hardness == ()
     assert "a cubic over m is used" in left_out_remark(wrong)[0]
     assert left_out_remark(replace(PALETTE, materials=PALETTE.materials[:3])) == []
+
+
+def test_a_law_without_stiffness_is_still_refused_by_name() -> None:
+    soft, second, *rest = PALETTE.materials
+    lost = replace(second, law=LawParameters("yeoh", {"c_MPa": (0.1, -0.5, 0.0)}))
+    with pytest.raises(PaletteError, match="'FLX9740': law: the secant modulus is -"):
+        CoefficientModel(replace(PALETTE, materials=(soft, lost, *rest)))
