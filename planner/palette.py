@@ -100,8 +100,7 @@ class Reference:
     orientation: Literal["x", "y", "z"] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Temperature:
+class Temperature(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """What warming multiplies the stress of grades by, one place each in every list.
 
     Attributes
@@ -426,7 +425,7 @@ def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...
 
 
 def _temperature(table: Temperature, name: str) -> Temperature:
-    lists = asdict(table).values()
+    lists = msgspec.structs.astuple(table)
     ok = len({len(one) for one in lists}) == 1 and len(table.coordinate) > 0
     ok = ok and all(math.isfinite(v) for one in lists for v in one)
     ok = ok and all(a < b for a, b in itertools.pairwise(table.coordinate))
@@ -436,7 +435,7 @@ def _temperature(table: Temperature, name: str) -> Temperature:
     )
     if not ok:
         raise PaletteError(
-            f"palette {name}: temperature: {', '.join(asdict(table))} must be lists of "
+            f"palette {name}: temperature: {', '.join(table.__struct_fields__)} must be lists of "
             "one length, coordinates rising, low_C below high_C, factors above 0, log_sd not below"
         )
     return table
@@ -589,7 +588,7 @@ def _lines(palette: Palette) -> Iterator[str]:
         yield f"shore_A = {_toml_list(shore)}"
     if palette.temperature is not None:
         yield from ("", "[temperature]")
-        for key, values in asdict(palette.temperature).items():
+        for key, values in msgspec.structs.asdict(palette.temperature).items():
             yield f"{key} = {_toml_list(values)}"
     for material in palette.materials:
         yield from ("", "[[material]]")

@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, PaletteError
@@ -494,7 +495,7 @@ def _warming(palette: Palette, table: Temperature) -> str:
     each = "; ".join(
         f"{called[m]} {factor:.3g} from {low:g} to {high:g} degC (95 %: "
         f"{factor * np.exp(-_NORMAL * sd):.3g} .. {factor * np.exp(_NORMAL * sd):.3g})"
-        for m, low, high, factor, sd in zip(*asdict(table).values(), strict=True)
+        for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True)
     )
     return (
         f"laws are of {palette.reference.temperature_C:g} degC; warming multiplies stress by: "

@@ -132,6 +132,8 @@ def test_files(both: PaletteStudy, tmp_path: Path) -> None:
     ):
         with pytest.raises(PaletteError, match="temperature: coordinate, low_C, high_C, factor"):
             parse_palette(data.replace(before, after), name="bad")
+    with pytest.raises(PaletteError, match="unknown field `factors`"):
+        parse_palette(data.replace(b"factor =", b"factors ="), name="bad")
     with pytest.raises(PaletteError, match=r"needs \[reference\] temperature_C and a table"):
         at_temperature(30.0)
 
