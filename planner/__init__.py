@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from planner.grading.grade import grade
     from planner.grading.invert import Mixture, invert
     from planner.grading.profile import Profile, StiffnessScale, list_materials
+    from planner.grading.warmed import at_temperature
     from planner.inverse_design.design import PartDesign, design
     from planner.materials.fit_tables import fit_tables
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.export import Export, ExportedMaterial, export
+    from planner.simulation.law_blocks import law_block
     from planner.simulation.loads import LoadCase
     from planner.simulation.part import PartSimulation, simulate_part
     from planner.simulation.simulate import Simulation, simulate, simulate_bar
@@ -78,6 +80,7 @@ __all__ = [
     "Simulation",
     "SliceStack",
     "StiffnessScale",
+    "at_temperature",
     "characterisation_figure",
     "characterise",
     "check",
@@ -95,6 +98,7 @@ __all__ = [
     "installed_printers",
     "invert",
     "iterate_layers",
+    "law_block",
     "list_materials",
     "load_palette",
     "load_printer",
@@ -131,6 +135,7 @@ _MODULES = {
     "planner.grading.grade": "grade",
     "planner.grading.invert": "Mixture invert",
     "planner.grading.profile": "Profile StiffnessScale list_materials",
+    "planner.grading.warmed": "at_temperature",
     "planner.inverse_design.design": "PartDesign design",
     "planner.materials.fit_tables": "fit_tables",
     "planner.materials.palette_study": "Characterisation PaletteStudy characterise fit",
@@ -146,6 +151,7 @@ _MODULES = {
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
+    "planner.simulation.law_blocks": "law_block",
     "planner.simulation.loads": "LoadCase",
     "planner.simulation.part": "PartSimulation simulate_part",
     "planner.simulation.export": "Export ExportedMaterial export",

@@ -34,6 +34,7 @@ __all__ = [
     "Palette",
     "Reading",
     "Reference",
+    "Temperature",
     "Uncertainty",
     "encode_palette",
     "load_palette",
@@ -81,6 +82,12 @@ class LawParameters:
     model: str
     parameters: Mapping[str, tuple[float, ...]]
 
+    def stiffened(self, factor: float) -> "LawParameters":
+        """Return the law whose stress is `factor` times this one's: its moduli are."""
+        by = {name: factor if name.endswith("_MPa") else 1.0 for name in self.parameters}
+        parameters = {name: tuple(by[name] * v for v in vs) for name, vs in self.parameters.items()}
+        return LawParameters(self.model, MappingProxyType(parameters))
+
 
 @dataclass(frozen=True, slots=True)
 class Reference:
@@ -91,6 +98,28 @@ class Reference:
     soak_h: float | None = None
     age_days: float | None = None
     orientation: Literal["x", "y", "z"] | None = None
+
+
+class Temperature(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What warming multiplies the stress of grades by, one place each in every list.
+
+    Attributes
+    ----------
+    coordinate
+        Of the grades that were tested at two temperatures or more, rising.
+    low_C, high_C
+        Between which each was.
+    factor
+        Its stress at `high_C` over that at `low_C`.
+    log_sd
+        Standard deviation of ln(factor).
+    """
+
+    coordinate: tuple[float, ...]
+    low_C: tuple[float, ...]
+    high_C: tuple[float, ...]
+    factor: tuple[float, ...]
+    log_sd: tuple[float, ...]
 
 
 class Uncertainty(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -204,6 +233,8 @@ class Palette:
     hardness
         Nominal Shore A of the printer's rubbers over the coordinate, soft to hard, of mixtures
         that are no material of the palette too; pairs of (coordinate, Shore A), none if unknown.
+    temperature
+        What warming does to its grades, if tests tell.
     sha256
         Of the file's bytes, so that a plan can say what it was planned with.
     """
@@ -214,6 +245,7 @@ class Palette:
     source: str = ""
     base_resins: tuple[str, ...] = ()
     hardness: tuple[tuple[float, float], ...] = ()
+    temperature: Temperature | None = None
     sha256: str = ""
 
     _repr_html_ = html_of
@@ -307,6 +339,7 @@ class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     material: list[_MaterialFile]
     reference: _ReferenceFile = _ReferenceFile()
     hardness: _HardnessFile | None = None
+    temperature: Temperature | None = None
     source: str = ""
     base_resins: tuple[str, ...] = ()
 
@@ -374,6 +407,7 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
         source=file.source,
         base_resins=file.base_resins,
         hardness=() if file.hardness is None else _hardness(file.hardness, name),
+        temperature=None if file.temperature is None else _temperature(file.temperature, name),
         sha256=hashlib.sha256(data).hexdigest(),
     )
 
@@ -388,6 +422,23 @@ def _hardness(table: _HardnessFile, name: str) -> tuple[tuple[float, float], ...
             "figures or more, both rising, and Shore A between 0 and 100"
         )
     return pairs
+
+
+def _temperature(table: Temperature, name: str) -> Temperature:
+    lists = msgspec.structs.astuple(table)
+    ok = len({len(one) for one in lists}) == 1 and len(table.coordinate) > 0
+    ok = ok and all(math.isfinite(v) for one in lists for v in one)
+    ok = ok and all(a < b for a, b in itertools.pairwise(table.coordinate))
+    ok = ok and all(
+        low < high and factor > 0.0 and sd >= 0.0
+        for _, low, high, factor, sd in zip(*lists, strict=True)
+    )
+    if not ok:
+        raise PaletteError(
+            f"palette {name}: temperature: {', '.join(table.__struct_fields__)} must be lists of "
+            "one length, coordinates rising, low_C below high_C, factors above 0, log_sd not below"
+        )
+    return table
 
 
 def _material(entry: _MaterialFile, name: str) -> Material:
@@ -535,6 +586,10 @@ def _lines(palette: Palette) -> Iterator[str]:
         yield from ("", "[hardness]")
         yield f"coordinate = {_toml_list(coordinates)}"
         yield f"shore_A = {_toml_list(shore)}"
+    if palette.temperature is not None:
+        yield from ("", "[temperature]")
+        for key, values in msgspec.structs.asdict(palette.temperature).items():
+            yield f"{key} = {_toml_list(values)}"
     for material in palette.materials:
         yield from ("", "[[material]]")
         yield from _toml_material(material)

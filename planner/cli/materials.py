@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Context, Option
+from typer import Argument, Context, Option
 
 from planner.cli.output import (
     AsJson,
@@ -95,19 +95,35 @@ def printers(as_json: AsJson = False) -> int:
 
 def materials(
     context: Context,
+    names: Annotated[
+        list[str] | None, Argument(help="Materials whose laws --as writes; all by default.")
+    ] = None,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     at_strain: AtStrain = 0.1,
+    temperature_C: Annotated[
+        float | None,
+        Option("--temperature-C", help="The palette as it is there, by its [temperature]."),
+    ] = None,
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="Palette file to write, with --temperature-C.")
+    ] = None,
     figure: Annotated[
         Path | None,
         Option(help="SVG file to write: the ladder with its interval, each material's stress."),
+    ] = None,
+    as_program: Annotated[
+        str | None,
+        Option("--as", help="Print their laws instead, to paste: abaqus, ansys or febio."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> int:
     """List a palette's materials from soft to hard, with their stiffness.
 
-    Example: [bold]planner materials --at-strain 0.3 --figure ladder.svg[/bold]
+    Examples: [bold]planner materials --at-strain 0.3 --figure ladder.svg[/bold],
+    [bold]planner materials FLX9760 --as abaqus[/bold],
+    [bold]planner materials --palette lab.toml --temperature-C 33 -o warm.toml[/bold]
     """
     import planner
     from planner.cli.output import (
@@ -118,16 +134,33 @@ def materials(
         say,
         tell_notes,
     )
+    from planner.errors import ArgumentError
     from planner.formats.outputs import write_whole
 
-    check_targets(context, force=force, figure=figure)
-    scale = planner.list_materials(printer=printer, palette=palette, at_strain=at_strain)
+    if output is not None and temperature_C is None:
+        raise ArgumentError("-o writes the palette at another temperature: give --temperature-C")
+    scale = planner.list_materials(
+        printer=printer, palette=palette, at_strain=at_strain, temperature_C=temperature_C
+    )
+    every = scale.palette
+    if as_program is not None:
+        chosen_ones = [every.resolve(name) for name in names or ()] or every.materials
+        blocks = {one.id: planner.law_block(one, as_program) for one in chosen_ones}
+        if as_json:
+            print_document({"schema": 1, "palette": every.name, "blocks": blocks})
+        else:
+            say("\n".join(blocks.values()).rstrip())
+        return 0
+    if names:
+        raise ArgumentError(f"materials {' '.join(names)}: name materials with --as alone")
+    check_targets(context, force=force, figure=figure, output=output)
+    if output is not None:
+        planner.write_palette(every, output, force=force)
     if figure is not None:
         write_whole(figure, planner.materials_figure(scale))
     if as_json:
         print_document(scale.document())
         return 0
-    chosen = scale.palette
     print_table(
         ["material", "m", "modulus MPa", "95 % interval", "break", "g/cm3", "also called"],
         [
@@ -142,17 +175,18 @@ def materials(
                 ", ".join(material.aliases),
             ]
             for material, modulus, interval in zip(
-                chosen.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
+                every.materials, scale.moduli_MPa, scale.intervals_MPa, strict=True
             )
         ],
-        title=f"{chosen.name}: secant modulus at strain {at_strain:g}",
+        title=f"{every.name}: secant modulus at strain {at_strain:g}",
         right=["m", "modulus MPa", "break", "g/cm3"],
         droppable=["also called", "g/cm3", "break"],
-        swatches=[material.colour for material in chosen.materials],
+        swatches=[material.colour for material in every.materials],
     )
-    tell_notes(scale.remarks())
-    if figure is not None:
-        say(f"wrote {figure}")
+    tell_notes([*scale.warming, *scale.remarks()])
+    for written in (output, figure):
+        if written is not None:
+            say(f"wrote {written}")
     return 0
 
 
@@ -169,6 +203,14 @@ def invert(
         Option(help="Or the reverse: a coordinate whose stiffness and law are told; repeatable."),
     ] = None,
     at_strain: AtStrain = 0.1,
+    law: Annotated[
+        str | None,
+        Option(
+            help="Law that stands for it: neo-hookean, yeoh, martins, ogden-1, -2, -3, yielding, "
+            "or ogden-thesis (eq. 3.8, its coefficients as quadratics of m); a coordinate gets one "
+            "of its neighbours' kind."
+        ),
+    ] = None,
     printer: PrinterName = "connex3",
     palette: PaletteName = None,
     as_json: AsJson = False,
@@ -179,7 +221,7 @@ def invert(
     reach; the nearest that can be printed is reported.
 
     Examples: [bold]planner invert --modulus 1.2 --at-strain 0.2[/bold],
-    [bold]planner invert --coordinate 0.4[/bold]
+    [bold]planner invert --coordinate 0.4 --law ogden-2[/bold]
     """
     import planner
     from planner.cli.output import finding, format_number, print_document, tell_notes
@@ -189,9 +231,12 @@ def invert(
     if not modulus_MPa and not coordinate:
         raise ArgumentError("give --modulus, a wanted modulus in MPa, or --coordinate, a place")
     chosen = palette_of(palette, printer)
-    found = [planner.invert(v, at_strain=at_strain, palette=chosen) for v in modulus_MPa or ()]
+    found = [
+        planner.invert(v, at_strain=at_strain, law=law, palette=chosen) for v in modulus_MPa or ()
+    ]
     at = [
-        planner.invert(coordinate=m, at_strain=at_strain, palette=chosen) for m in coordinate or ()
+        planner.invert(coordinate=m, at_strain=at_strain, law=law, palette=chosen)
+        for m in coordinate or ()
     ]
     if as_json:
         results = [mixture.document() for mixture in (*found, *at)]
@@ -204,6 +249,7 @@ def invert(
             _print_wanted(found, title)
         if at:
             _print_places(at, title)
+        _print_laws([*found, *at])
         tell_notes(note for mixture in (*found, *at) for note in mixture.notes)
         for mixture in found:
             if not mixture.reachable:
@@ -242,7 +288,7 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
 
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
-    from planner.cli.output import format_interval, format_number, print_table, say
+    from planner.cli.output import format_interval, format_number, print_table
 
     print_table(
         ["m", "blend", "MPa", "95 % interval", "nearest", "MPa", "error"],
@@ -277,6 +323,11 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
         title="Secant moduli (stress is strain times it; strain 0: at rest)",
         right=["m", "strain", "secant MPa"],
     )
+
+
+def _print_laws(found: "Sequence[Mixture]") -> None:
+    from planner.cli.output import format_number, say
+
     for mixture in found:
         where = f"m {mixture.blend.coordinate:g}: "
         if mixture.law is None:

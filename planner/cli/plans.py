@@ -308,7 +308,7 @@ def check(
     Example: [bold]planner check finger-graded[/bold]
     """
     import planner
-    from planner.cli.output import finding, print_document, print_table, progress, say
+    from planner.cli.output import finding, print_document, print_table, progress, say, tell_notes
 
     with progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
@@ -325,6 +325,7 @@ def check(
             f"{certificate.shells} shells, {certificate.triangles} triangles",
             right=["value", "limit"],
         )
+        tell_notes(certificate.warnings)
         for problem in certificate.problems:
             finding(problem)
         for message in certificate.reported:

@@ -95,18 +95,14 @@ def _refitted(material: Material, strain: FloatArray, log_factor: FloatArray) ->
     law = material.law
     if law.model == "linear" or float(np.ptp(log_factor)) < _EVEN:
         even = log_factor.mean()
-        parameters = {
-            name: tuple(v * float(np.exp(even)) for v in values) if _is_stress(name) else values
-            for name, values in law.parameters.items()
-        }
         misfit = float(np.sqrt(np.mean((np.exp(even - log_factor) - 1.0) ** 2)))
-        return Refit(LawParameters(law.model, MappingProxyType(parameters)), misfit)
+        return Refit(law.stiffened(float(np.exp(even))), misfit)
     stress = make_law(law).nominal_stress_MPa(1.0 + strain) * np.exp(log_factor)
     sample = sample_of([Curve(material.id, strain, stress)], points=None)
     if law.model == "yielding":
         return _bent(sample)
     model = _model(law)
-    own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not _is_stress(name)]
+    own = [np.sort(v) for name, v in sorted(law.parameters.items()) if not name.endswith("_MPa")]
     start = np.concatenate(own)[None] if own else None
     fit = fit_law(model, sample, starts=_STARTS, also=start)
     if unstable_strain(fit, material.elongation_at_break, margin=0.0) is not None:
@@ -133,11 +129,6 @@ def _bent(sample: Sample) -> Refit:
     return Refit(
         LawParameters(law.model, MappingProxyType(parameters)), float(np.sqrt(np.mean(off**2)))
     )
-
-
-def _is_stress(parameter: str) -> bool:
-    """Return whether a factor on the stress multiplies a law's parameter; else it is a shape's."""
-    return parameter.endswith("_MPa")
 
 
 def _model(law: LawParameters) -> SeparableLaw:

@@ -267,6 +267,8 @@ class Certificate:
         In words, with the file.
     reported
         What the plan itself reported when it was made: findings and targets out of reach.
+    warnings
+        What it warned of, as laws that are not stable up to the break; no reason to fail.
     """
 
     part: str
@@ -276,6 +278,7 @@ class Certificate:
     checks: Mapping[str, Check]
     problems: tuple[str, ...]
     reported: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     @one_line
     def __repr__(self) -> str:
@@ -309,6 +312,7 @@ class Certificate:
             },
             "problems": list(self.problems),
             "reported": list(self.reported),
+            "warnings": list(self.warnings),
         }
 
 
@@ -377,6 +381,7 @@ def check(
         checks=checks,
         problems=(*problems, *disagreements, *mismatches),
         reported=tuple(_reported(plan)),
+        warnings=plan.warnings,
     )
 
 

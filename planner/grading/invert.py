@@ -10,11 +10,18 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.glance import one_line
 from planner.grading.profile import known_interval, stiffness_scale
+from planner.materials.algorithm_one import (
+    LiteralCurve,
+    algorithm_one,
+    literal_stress_MPa,
+    quadratics_through,
+)
 from planner.materials.characterise import SECANT_STRAINS, Curve
 from planner.materials.fit import fit_law, sample_of
 from planner.materials.fit_yield import by_symbol, least_yielding, logs
 from planner.materials.laws import candidate_laws, make_law
 from planner.materials.mixtures import Blend, CoefficientModel, blend_at, blend_for, nearest
+from planner.numerics import FloatArray
 from planner.palette import LawParameters, Material, Palette
 from planner.printers import Printer, palette_of
 
@@ -65,7 +72,7 @@ class Mixture:
     secants
         Of a coordinate: its stiffness at more strains, up to the first break of its materials.
     law
-        Of a coordinate: a law that stands for it.
+        Of a coordinate, or where one was asked for: a law that stands for it.
     """
 
     target_MPa: float | None
@@ -122,6 +129,7 @@ class Mixture:
                 }
                 for one in self.secants
             ]
+        if self.target_MPa is None or self.law is not None:
             found["law"] = None if self.law is None else _law_document(self.law)
         return found
 
@@ -136,6 +144,7 @@ def invert(
     *,
     coordinate: float | None = None,
     at_strain: float = 0.1,
+    law: str | None = None,
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
 ) -> Mixture:
@@ -148,7 +157,13 @@ def invert(
     coordinate
         In its place, the coordinate m whose stiffness and law are wanted.
     at_strain
-        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+        Working strain: stiffness is the secant modulus of the nominal stress up to it; at 0 the
+        tangent at rest.
+    law
+        Law that stands for the mixture: one that `fit` knows, ``yielding``, or ``ogden-thesis``,
+        eq. 3.8 with its coefficients as quadratics of m (Algorithm 1 on the curves that the
+        palette's materials state as published). Without it a coordinate gets one of its
+        neighbours' kind.
     printer, palette
         By name, file or value; the printer's default palette if not given.
 
@@ -169,7 +184,7 @@ def invert(
     Examples
     --------
     >>> planner.invert(1.2, at_strain=0.2).blend_text()  # doctest: +SKIP
-    '70.8 % FLX9750 + 29.2 % FLX9760'
+    '69.8 % FLX9750 + 30.2 % FLX9760'
     """
     if (modulus_MPa is None) is (coordinate is None):
         raise ArgumentError("give `modulus_MPa`, a wanted modulus, or `coordinate`, a place; one")
@@ -196,7 +211,7 @@ def invert(
         range_MPa=(low, high),
         notes=scale.remarks({palette.materials[place].id, blend.lower, blend.upper}),
         secants=() if coordinate is None else _secants(model, blend),
-        law=None if coordinate is None else _law(model, blend),
+        law=None if coordinate is None and law is None else _law(model, blend, law),
     )
 
 
@@ -222,24 +237,65 @@ _POINTS = 60
 """Strains that a mixture's law is fitted at, even up to the first break."""
 
 
-def _law(model: CoefficientModel, blend: Blend) -> MixtureLaw:
-    """Return the law of a material, or one of its neighbours' kind that is fitted to the mixture.
+def _law(model: CoefficientModel, blend: Blend, wanted: str | None) -> MixtureLaw:
+    """Return the law of a material, or one that is fitted to the mixture.
 
-    Where one of them yields, a law that does; else Ogden's, of as many terms as theirs have.
+    If none is named, one of its neighbours' kind: where one of them yields, a law that does; else
+    Ogden's, of as many terms as theirs have.
     """
     ends = _ends(model, blend)
-    if len(ends) == 1:
+    if len(ends) == 1 and wanted in (None, ends[0].law.model):
         return MixtureLaw(ends[0].law, 0.0)
     strain = np.linspace(0.0, min(m.elongation_at_break for m in ends), _POINTS + 1)[1:]
     stress = model.nominal_stress_MPa(blend.coordinate, 1.0 + strain)
+    if wanted == "ogden-thesis":
+        return _thesis_law(model, blend, strain, stress)
     sample = sample_of([Curve("mixture", strain, stress)], points=None)
-    if any(material.law.model in ("linear", "yielding") for material in ends):
+    if wanted is None and any(material.law.model in ("linear", "yielding") for material in ends):
+        wanted = "yielding"
+    if wanted == "yielding":
         at_rest, _ = _modulus(model, blend.coordinate, 0.0)
         fitted, _ = least_yielding(at_rest, sample)
         parameters = LawParameters(fitted.model, by_symbol(logs(fitted)))
     else:
-        # One that is no Ogden law counts for two terms: neo-Hooke's bends less, Yeoh's more.
-        terms = max(len(material.law.parameters.get("alpha", (0.0, 0.0))) for material in ends)
-        parameters = fit_law(candidate_laws(f"ogden-{terms}")[0], sample).parameters
-    ratio = make_law(parameters).nominal_stress_MPa(1.0 + strain) / stress
-    return MixtureLaw(parameters, float(np.sqrt(np.mean((ratio - 1.0) ** 2))))
+        if wanted is None:
+            # One that is no Ogden law counts for two terms: neo-Hooke's bends less, Yeoh's more.
+            terms = max(len(material.law.parameters.get("alpha", (0.0, 0.0))) for material in ends)
+            wanted = f"ogden-{terms}"
+        fits = [fit_law(form, sample) for form in candidate_laws(wanted)]
+        parameters = min(fits, key=lambda fit: fit.cost).parameters
+    return MixtureLaw(parameters, _off(make_law(parameters).nominal_stress_MPa(1 + strain), stress))
+
+
+def _thesis_law(
+    model: CoefficientModel, blend: Blend, strain: FloatArray, stress: FloatArray
+) -> MixtureLaw:
+    """Return eq. 3.8 at a coordinate, by Algorithm 1 on the published curves."""
+    known = [m for m in model.palette.materials if m.published is not None]
+    if len(known) < 3 or not known[0].coordinate <= blend.coordinate <= known[-1].coordinate:
+        raise ArgumentError(
+            f"law 'ogden-thesis' at m {blend.coordinate:g}: it lies between materials of palette "
+            f"{model.palette.name} that state eq. 3.8 under 'published', three at least; they are "
+            + (", ".join(f"{m.id} ({m.coordinate:g})" for m in known) or "none")
+        )
+    laws = [m.published.parameters for m in known if m.published is not None]
+    at = [m.coordinate for m in known]
+    spans = [np.linspace(law["strain_min"][0], law["strain_max"][0], _POINTS) for law in laws]
+    curves = [
+        LiteralCurve(m, span, literal_stress_MPa(law["c"], span))
+        for m, span, law in zip(at, spans, laws, strict=True)
+    ]
+    start = quadratics_through(at, [law["c"] for law in laws])
+    c = algorithm_one(curves, start).model.coefficients(blend.coordinate)
+    low, high = (
+        float(np.interp(blend.coordinate, at, [law[end][0] for law in laws]))
+        for end in ("strain_min", "strain_max")
+    )
+    within = (strain >= low) & (strain <= high)
+    off = _off(literal_stress_MPa(c, strain[within]), stress[within])
+    ends = {"strain_min": (low,), "strain_max": (high,)}
+    return MixtureLaw(LawParameters("ogden-thesis", {"c": tuple(c.tolist()), **ends}), off)
+
+
+def _off(found: FloatArray, stress: FloatArray) -> float:
+    return float(np.sqrt(np.mean((found / stress - 1.0) ** 2)))

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,10 +14,12 @@ from planner.errors import ArgumentError, FileError, UnknownNameError, as_number
 from planner.formats.files import SIGNIFICANT_DIGITS
 from planner.formats.tables import finite_number, read_records
 from planner.glance import brief, counted, html_of, one_line, plotted
+from planner.grading.warmed import at_temperature
 from planner.materials.laws import make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import (
     CoefficientModel,
     coordinate_for,
+    left_out_remark,
     nearest_on,
     thresholds_of,
 )
@@ -344,6 +346,8 @@ class StiffnessScale:
         material that breaks before.
     intervals_MPa
         95 % interval of each.
+    warming
+        What to know of a palette at another temperature, one sentence each.
     """
 
     palette: Palette
@@ -351,6 +355,7 @@ class StiffnessScale:
     model: CoefficientModel
     moduli_MPa: tuple[float, ...]
     intervals_MPa: tuple[tuple[float, float], ...]
+    warming: tuple[str, ...] = ()
 
     _repr_html_ = html_of
 
@@ -379,9 +384,8 @@ class StiffnessScale:
     def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
         """Return what a reader of the moduli has to know, a sentence each.
 
-        Which materials break before the working strain, and which are read otherwise by others;
-        of a whole palette also which laws are unsound in compression. What asks for an act is a
-        `Caution`.
+        Which materials break before the working strain, which are read otherwise by others, and
+        which laws are not stable up to the break. What asks for an act is a `Caution`.
 
         Parameters
         ----------
@@ -403,8 +407,9 @@ class StiffnessScale:
                     f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
                     f"{_at_rest(material.law):.4g})"
                 )
+        said += _unsound(shown)
         if ids is None:
-            said += _unsound(self.palette)
+            said += left_out_remark(self.palette)
         said += [
             f"at strain {self.at_strain:g} others find, by {name}, {', '.join(rows)}; the "
             "intervals hold both readings, and --palette chooses (planner printers lists the "
@@ -439,20 +444,19 @@ class StiffnessScale:
         }
 
 
-def _unsound(palette: Palette) -> list[str]:
-    """Say down to which stretch laws may be used in compression that are not sound to 0.6."""
-    ends = []
-    for material in palette.materials:
-        found = stability(make_law(material.law), material.elongation_at_break)
-        lowest = found.sound["uniaxial"][0]
-        if lowest > found.asked[0]:
-            ends.append(f"{material.id} ({lowest:.2f})")
+def _unsound(materials: Sequence[Material]) -> list[str]:
+    """Say up to where laws are stable that are not from stretch 0.6 to their break."""
+    ends = [
+        f"{material.id} ({'; '.join(found.limits)})"
+        for material in materials
+        if not (found := stability(make_law(material.law), material.elongation_at_break)).ok
+    ]
     if not ends:
         return []
     return [
         Caution(
-            "in compression the stress of some laws falls, do not use them below the stretch: "
-            + ", ".join(ends)
+            "not every law is stable (Drucker) from stretch 0.6 to the break, do not follow them "
+            f"further in a solver of your own: {', '.join(ends)}"
         )
     ]
 
@@ -471,6 +475,7 @@ def list_materials(
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     at_strain: float = 0.1,
+    temperature_C: float | None = None,
 ) -> StiffnessScale:
     """List a palette's materials from soft to hard, with their stiffness.
 
@@ -479,7 +484,10 @@ def list_materials(
     printer, palette
         By name, file or value; the printer's default palette if not given.
     at_strain
-        Working strain: stiffness is the secant modulus of the nominal stress up to it.
+        Working strain: stiffness is the secant modulus of the nominal stress up to it; at 0 the
+        tangent at rest.
+    temperature_C
+        Of use, where it is not the palette's own; see `at_temperature`.
 
     Returns
     -------
@@ -489,16 +497,21 @@ def list_materials(
     Raises
     ------
     ArgumentError
-        The strain is not above 0, or a hyperelastic material breaks before it.
+        The strain is below 0, or a hyperelastic material breaks before it.
     UnknownNameError, PaletteError
-        No such printer or palette, or a palette whose stiffness does not rise.
+        No such printer or palette, a palette whose stiffness does not rise, or one that tells
+        nothing of temperature.
 
     Examples
     --------
     >>> round(planner.list_materials(at_strain=0.3).modulus_of("TangoPlus"), 3)  # doctest: +SKIP
-    0.352
+    0.349
     """
-    return stiffness_scale(palette_of(palette, printer), at_strain)
+    chosen = palette_of(palette, printer)
+    if temperature_C is None:
+        return stiffness_scale(chosen, at_strain)
+    chosen, warming = at_temperature(temperature_C, palette=chosen)
+    return replace(stiffness_scale(chosen, at_strain), warming=warming)
 
 
 def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
@@ -507,14 +520,14 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
     Raises
     ------
     ArgumentError
-        The strain is not above 0, or a hyperelastic material breaks before it.
+        The strain is below 0, or a hyperelastic material breaks before it.
     PaletteError
         The palette's stiffness does not rise with the coordinate at that strain.
     """
     model = CoefficientModel(palette)
-    if not 0.0 < at_strain <= model.strain_limit:
+    if not 0.0 <= at_strain <= model.strain_limit:
         raise ArgumentError(
-            f"`at_strain` {at_strain:g}: the working strain must be above 0 and at most "
+            f"`at_strain` {at_strain:g}: the working strain must be from 0 (at rest) to "
             f"{model.strain_limit:g}, where the first elastic material of palette {palette.name} "
             "breaks; strains are fractions, so 10 % is 0.1"
         )

@@ -1,7 +1,7 @@
 """Fit laws to specimens by variable projection, and choose one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -10,11 +10,19 @@ import numpy as np
 from planner.errors import ArgumentError
 from planner.glance import brief
 from planner.materials.characterise import Curve
-from planner.materials.laws import SeparableLaw, law_name
+from planner.materials.laws import (
+    NeoHookean,
+    Ogden,
+    SeparableLaw,
+    law_name,
+    make_law,
+    stability,
+)
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters
 
 __all__ = [
+    "MODES",
     "RELATIVE_FLOOR",
     "STARTS",
     "WEIGHTINGS",
@@ -27,7 +35,9 @@ __all__ = [
     "fit_law",
     "law_stress_MPa",
     "minimise",
+    "sample_columns",
     "sample_of",
+    "sample_stress_MPa",
     "students_t",
     "unstable_strain",
 ]
@@ -38,6 +48,9 @@ __all__ = [
 
 
 WEIGHTINGS = ("relative", "absolute")
+
+MODES = ("uniaxial", "planar", "equibiaxial")
+"""Loadings that a curve may be of (`Curve.mode`); of uniaxial compression strain is negative."""
 
 RELATIVE_FLOOR = 0.05
 """Share of the largest stress under which a relative residual stops growing: near zero stress
@@ -62,6 +75,10 @@ class Sample:
         Shape (n,): equal within a specimen; each specimen has the same sum.
     specimen
         Shape (n,), the specimen's number from zero.
+    mode
+        Shape (n,), the place in `MODES` of each point's loading; None if all are uniaxial.
+    across
+        Whether a law fitted to it is held to be stable across the load too; see `SoundRows`.
     """
 
     stretch: FloatArray
@@ -69,6 +86,8 @@ class Sample:
     scale_MPa: FloatArray
     weight: FloatArray
     specimen: IntArray
+    mode: IntArray | None = None
+    across: bool = True
 
     @property
     def specimens(self) -> int:
@@ -83,13 +102,15 @@ class Sample:
     def part(self, chosen: BoolArray) -> "Sample":
         """Return the points where `chosen` (n,) is true, weighed anew."""
         keep = chosen
-        specimen = self.specimen[keep]
-        return Sample(
-            self.stretch[keep],
-            self.stress_MPa[keep],
-            self.scale_MPa[keep],
-            _weights(specimen),
-            specimen,
+        specimen, mode = self.specimen[keep], None if self.mode is None else self.mode[keep]
+        return replace(
+            self,
+            stretch=self.stretch[keep],
+            stress_MPa=self.stress_MPa[keep],
+            scale_MPa=self.scale_MPa[keep],
+            weight=_weights(specimen, mode),
+            specimen=specimen,
+            mode=mode,
         )
 
 
@@ -116,27 +137,30 @@ def sample_of(
     """
     if not curves:
         raise ArgumentError("no curve to fit a law to; give at least one specimen")
-    stretch, stress, specimen = [], [], []
+    stretch, stress, specimen, modes = [], [], [], []
     for number, curve in enumerate(curves):
-        tension = (curve.strain > 0.0) & np.isfinite(curve.stress_MPa)
-        if tension.sum() < 3 or curve.stress_MPa[tension].max() <= 0.0:
+        sign = 1.0 if curve.strain.max() >= -curve.strain.min() else -1.0
+        loaded = (sign * curve.strain > 0.0) & np.isfinite(curve.stress_MPa)
+        if loaded.sum() < 3 or (sign * curve.stress_MPa[loaded]).max() <= 0.0:
             raise ArgumentError(
-                f"specimen {curve.specimen}: fewer than 3 points in tension with a stress above "
-                "zero; a law is fitted to strain from 0 upwards and tensile stress as positive"
+                f"specimen {curve.specimen}: fewer than 3 points with strain and stress of one "
+                "sign; a law is fitted to strain from 0 on, tension positive"
             )
-        x, y = curve.strain[tension], curve.stress_MPa[tension]
+        x, y = sign * curve.strain[loaded], curve.stress_MPa[loaded]
         if points is not None and len(x) > points:
             x, y = _bin_means(x, y, points)
-        stretch.append(1.0 + x)
+        stretch.append(1.0 + sign * x)
         stress.append(y)
         specimen.append(np.full(len(x), number))
+        modes.append(np.full(len(x), MODES.index(curve.mode)))
     all_stress, numbers = np.concatenate(stress), np.concatenate(specimen)
-    weight = _weights(numbers)
+    mode = np.concatenate(modes) if any(m.any() for m in modes) else None
+    weight = _weights(numbers, mode)
     if weighting == "relative":
-        scale = np.hypot(all_stress, RELATIVE_FLOOR * all_stress.max())
+        scale = np.hypot(all_stress, RELATIVE_FLOOR * np.abs(all_stress).max())
     else:
         scale = np.full(len(all_stress), np.sqrt((weight * all_stress**2).sum()))
-    return Sample(np.concatenate(stretch), all_stress, scale, weight, numbers)
+    return Sample(np.concatenate(stretch), all_stress, scale, weight, numbers, mode)
 
 
 def _bin_means(x: FloatArray, y: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
@@ -148,10 +172,36 @@ def _bin_means(x: FloatArray, y: FloatArray, bins: int) -> tuple[FloatArray, Flo
     return mean_x, mean_y
 
 
-def _weights(specimen: IntArray) -> FloatArray:
+def _weights(specimen: IntArray, mode: IntArray | None) -> FloatArray:
+    """Return weights that sum to one: each mode's the same, in it each specimen's."""
     numbers, inverse, count = np.unique(specimen, return_inverse=True, return_counts=True)
-    out: FloatArray = 1.0 / (count[inverse] * len(numbers))
-    return out
+    if mode is None:
+        out: FloatArray = 1.0 / (count[inverse] * len(numbers))
+        return out
+    modes, of_mode = np.unique(mode, return_inverse=True)
+    in_mode = np.array([len(np.unique(specimen[mode == m])) for m in modes])
+    return np.asarray(1.0 / (count[inverse] * in_mode[of_mode] * len(modes)))
+
+
+def sample_columns(
+    law: SeparableLaw, sample: Sample, a: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return a law's columns and their slopes at a sample's points, each in its own loading.
+
+    As `SeparableLaw.evaluate`. Equibiaxial loading to l is uniaxial loading to l^-2, with nominal
+    stress -P(l^-2) / l^3.
+    """
+    if sample.mode is None:
+        return law.evaluate(sample.stretch, a)
+    planar, both = (sample.mode == MODES.index(name) for name in MODES[1:])
+    stretch = np.where(both, sample.stretch**-2.0, sample.stretch)
+    turn = np.where(both, -(sample.stretch**-3.0), 1.0)[:, None]
+    uniaxial = law.evaluate(stretch, a)
+    of_planar = law.evaluate(sample.stretch[planar], a, planar=True)
+    found = [one * turn for one in uniaxial]
+    for one, other in zip(found, of_planar, strict=True):
+        one[:, planar] = other
+    return found[0], found[1]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -339,18 +389,16 @@ class _Problem:
     """
 
     def __init__(self, law: SeparableLaw, sample: Sample) -> None:
-        self.law = law
+        self.law, self.sample = law, sample
         self.rows = SoundRows(float(sample.stretch.max()))
-        # One evaluation serves the points and the rows.
-        self.stretch = np.concatenate([sample.stretch, self.rows.uniaxial])
-        self.points = len(sample.stretch)
         self.factor = sample.factor
         self.target = sample.factor * sample.stress_MPa
         self.size = float(self.target @ self.target)
         # Neo-Hooke's modulus: what rows of the modulus' size are compared with.
-        front = sample.factor * (sample.stretch - sample.stretch**-2) / 3.0
-        modulus_MPa = float(front @ self.target / (front @ front))
-        self.weigh = _STIFFNESS / modulus_MPa * self.rows.matrix
+        front = sample.factor * sample_columns(_NEO_HOOKE, sample, _NO_PARAMETERS)[0][0, :, 0] / 3.0
+        self.stiffness = _STIFFNESS * float(front @ front) / float(front @ self.target)
+        self.weigh = self.stiffness * self.rows.matrix
+        self.across = self.rows.principal if sample.across and isinstance(law, Ogden) else None
 
     def project(self, a: FloatArray, held_c: FloatArray, near: BoolArray | None = None) -> _State:
         """Solve for the free coefficients at each a, and differentiate the residual by a.
@@ -359,10 +407,15 @@ class _Problem:
         """
         law, free = self.law, np.isnan(held_c)
         p, q = law.columns, law.nonlinear
-        both = np.concatenate(law.evaluate(self.stretch, a), axis=2)
+        both = np.concatenate(sample_columns(law, self.sample, a), axis=2) * self.factor[:, None]
+        uniaxial = np.concatenate(law.evaluate(self.rows.uniaxial, a), axis=2)
         planar = np.concatenate(law.evaluate(self.rows.planar, a, planar=True), axis=2)
-        rows = self.weigh @ np.concatenate([both[:, self.points :], planar], axis=1)
-        both = both[:, : self.points] * self.factor[:, None]
+        rows = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
+        if self.across is not None:
+            x = self.across[None, :, None]
+            power = x ** (a[:, None, :] - 2.0)
+            more = np.concatenate([power - _ROOM, power * np.log(x)], axis=2)
+            rows = np.concatenate([rows, self.stiffness * more], axis=1)
         if not free.all():
             # A held coefficient is the file's: its column carries the divisor.
             divisor, change = law.divisor(a)
@@ -493,7 +546,10 @@ def _normal_matrix(
 # 1. Uniaxially, nominal stress rises from stretch 0.6 to a tenth beyond the tests.
 # 2. The Kirchhoff stress rises with ln(stretch) (Drucker, Hill) in uniaxial, planar and
 #    equibiaxial loading from stretch 0.6 to the largest tested.
-# 3. In compression to 0.6 stress lies between half and twice that of neo-Hooke's law of the same
+# 3. An Ogden law is stable across the load too, which its stress does not tell: the sum of
+#    mu alpha x^alpha is above zero at every principal stretch x that those loadings have. With
+#    it the second derivative of its energy is positive in every direction.
+# 4. In compression to 0.6 stress lies between half and twice that of neo-Hooke's law of the same
 #    initial modulus. At equal largest stretch, planar and equibiaxial stress, as shares of
 #    neo-Hooke's, lie within a factor of four of the uniaxial one, which is tested.
 
@@ -522,6 +578,9 @@ by at most the misfit it costs, a few per cent squared, and so gives by 1e-3 / 3
 _LARGEST_ROW = 1e3
 """Bound of a weighted row's entries beside unit columns: its square leaves the ridge its digits."""
 
+_NEO_HOOKE = NeoHookean(1.0)
+_NO_PARAMETERS = np.empty((1, 0))
+
 _ROW_ROUNDS = 12
 _SHARES = np.array([1.0, 0.6, 0.3, 0.1, 0.03])
 
@@ -542,6 +601,8 @@ class SoundRows:
         The stretches that the rows look at.
     matrix
         Shape (m, n): what the rows make of the columns at those stretches, per unit of modulus.
+    principal
+        The principal stretches that a law is stable across at.
     """
 
     def __init__(self, largest_stretch: float, room: float = _ROOM) -> None:
@@ -576,6 +637,8 @@ class SoundRows:
             rows += [factor * share[5] - other, other - share[5] / factor]
         self.uniaxial, self.planar = np.concatenate(used[:7]), np.concatenate(used[7:])
         self.matrix = np.concatenate(rows)
+        ends = (min(LOWEST_STRETCH, far**-0.5), max(far, LOWEST_STRETCH**-0.5))
+        self.principal = np.geomspace(*ends, 25)
 
 
 def _net(start: float, end: float, steps: int) -> FloatArray:
@@ -721,7 +784,7 @@ def fit_law(
     final = minimise(law, sample, a[None], held)
     a = final.a[0]
     c = _file_coefficients(law, final)[0]
-    residual = law_stress_MPa(law, a, c, sample.stretch) - sample.stress_MPa
+    residual = sample_stress_MPa(law, a, c, sample) - sample.stress_MPa
     mean = sample.weight @ sample.stress_MPa
     error = float(sample.weight @ residual**2)
     r2 = 1.0 - error / float(sample.weight @ (sample.stress_MPa - mean) ** 2)
@@ -737,7 +800,7 @@ def fit_law(
         objective=float(final.cost[0]),
         r2=r2,
         adjusted_r2=1.0 - (1.0 - r2) * (count - 1) / max(count - used - 1, 1),
-        nrmse=float(np.sqrt(error) / sample.stress_MPa.max()),
+        nrmse=float(np.sqrt(error) / np.abs(sample.stress_MPa).max()),
         convergence=Convergence(
             starts=len(spread),
             converged=int(converged.sum()),
@@ -755,6 +818,15 @@ def law_stress_MPa(
 ) -> FloatArray:
     """Return nominal stress of a law with nonlinear parameters a (q,), file coefficients c (p,)."""
     phi, _ = law.evaluate(stretch, a[None], planar=planar)
+    out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
+    return out
+
+
+def sample_stress_MPa(
+    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample
+) -> FloatArray:
+    """Return a law's nominal stress at a sample's points, each in its own loading."""
+    phi, _ = sample_columns(law, sample, a[None])
     out: FloatArray = phi[0] @ (c * law.divisor(a[None])[0][0])
     return out
 
@@ -790,35 +862,31 @@ _POINTS = 401
 def unstable_strain(fit: LawFit, working_strain: float, margin: float = _MARGIN) -> float | None:
     """Return the strain nearest to rest at which a law is unstable in some mode, if any.
 
-    Uniaxially the nominal stress must rise, from stretch `LOWEST_STRETCH` to ``1 + margin`` times
-    the working strain, which is more than Drucker's postulate asks in tension. In planar and
-    equibiaxial loading the Kirchhoff stress must rise, from there to the working strain.
+    In Drucker's sense in every mode, from stretch `LOWEST_STRETCH` to the working strain
+    (`planner.materials.laws.stability`); nominal stress in tension rises to ``1 + margin`` times
+    that.
 
     Parameters
     ----------
     working_strain
         The working range is from rest to this strain.
     margin
-        With 0 uniaxial tension alone is looked at, from rest to the working strain.
+        With 0 the stress in uniaxial tension alone is looked at, from rest to the working strain.
     """
-    far = 1.0 + (1.0 + margin) * working_strain
-    uniaxial = np.linspace(LOWEST_STRETCH if margin else 1.0, far, 2 * _POINTS)
-    falling = [_falling(uniaxial, law_stress_MPa(fit.law, fit.a, fit.c, uniaxial))]
+    stretch = np.linspace(1.0, 1.0 + (1.0 + margin) * working_strain, _POINTS)
+    rises = np.diff(law_stress_MPa(fit.law, fit.a, fit.c, stretch)) > 0.0
+    middle = 0.5 * (stretch[1:] + stretch[:-1])
+    strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
     if margin:
-        both = np.linspace(LOWEST_STRETCH, 1.0 + working_strain, _POINTS)
-        planar = law_stress_MPa(fit.law, fit.a, fit.c, both, planar=True)
-        falling.append(_falling(both, both * planar))
-        as_uniaxial = both**-2
-        stress = law_stress_MPa(fit.law, fit.a, fit.c, as_uniaxial)
-        falling.append(_falling(both, -as_uniaxial * stress))
-    strains = np.concatenate(falling)
-    return float(strains[np.argmin(np.abs(strains))]) if len(strains) else None
-
-
-def _falling(stretch: FloatArray, measure: FloatArray) -> FloatArray:
-    """Return the strains between whose neighbours a measure of stress does not rise."""
-    strain: FloatArray = 0.5 * (stretch[1:] + stretch[:-1]) - 1.0
-    return strain[~(np.diff(measure) > 0.0)]
+        law = make_law(LawParameters(fit.law.model, fit.law.parameters(fit.a, fit.c)))
+        found = stability(law, working_strain, stretch_min=LOWEST_STRETCH)
+        strains += [
+            end - 1.0
+            for ends in found.sound.values()
+            for end, asked in zip(ends, found.asked, strict=True)
+            if end != asked
+        ]
+    return min(strains, key=abs, default=None)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -945,7 +1013,11 @@ def choose_law(
 
 def _folds(sample: Sample) -> tuple[list[BoolArray], str]:
     """Return what is left out in turn; a specimen that nothing can be asked of is not."""
-    if sample.specimens > 1:
+    # One specimen a loading: without it another loading would be extrapolated to.
+    alone = sample.mode is not None and sample.specimens <= len(
+        set(zip(sample.mode.tolist(), (sample.stretch > 1.0).tolist(), strict=True))
+    )
+    if sample.specimens > 1 and not alone:
         # The one that begins lowest can always be asked, so that at least one fold is left.
         folds = [sample.specimen == n for n in np.unique(sample.specimen)]
         return [fold for fold in folds if _asked(fold, sample).any()], "one specimen"
@@ -971,7 +1043,7 @@ def _held_out(fit: LawFit, sample: Sample, folds: Sequence[BoolArray]) -> tuple[
         found = minimise(fit.law, known, fit.lowest, flat=_ROUGH, iterations=_FOLD_STEPS)
         best = _best(found)
         asked = sample.part(_asked(fold, sample))
-        phi, _ = fit.law.evaluate(sample.stretch, found.a[best][None])
+        phi, _ = sample_columns(fit.law, sample, found.a[best][None])
         stress = phi[0] * found.c[best]
         error = (stress.sum(axis=1)[_asked(fold, sample)] - asked.stress_MPa) / asked.scale_MPa
         errors.append(np.sqrt(np.mean(error**2)))

@@ -1,7 +1,7 @@
 """How sure a fitted law is: scatter between specimens, intervals of what users read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -17,6 +17,7 @@ from planner.materials.characterise import (
     toe_compensated,
 )
 from planner.materials.fit import (
+    MODES,
     RELATIVE_FLOOR,
     STARTS,
     Choice,
@@ -25,18 +26,21 @@ from planner.materials.fit import (
     LawFit,
     Sample,
     choose_law,
-    law_stress_MPa,
+    fit_law,
     minimise,
+    sample_columns,
     sample_of,
+    sample_stress_MPa,
     students_t,
+    unstable_strain,
 )
 from planner.materials.fit_yield import by_symbol, fit_yielding, logs
-from planner.materials.laws import SeparableLaw, secant_modulus_MPa
+from planner.materials.laws import SeparableLaw, make_law, secant_modulus_MPa, stability
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import LawParameters, Uncertainty
 
-__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "fit_material"]
+__all__ = ["ASSUMED_LOG_SD", "MaterialFit", "by_mode", "fit_material"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -74,7 +78,7 @@ class ParameterScatter:
 
 def scatter_of_fit(fit: LawFit, sample: Sample) -> ParameterScatter:
     """Return the scatter of a fit's specimens about its law."""
-    return _scatter_about(law_stress_MPa(fit.law, fit.a, fit.c, sample.stretch), sample)
+    return _scatter_about(sample_stress_MPa(fit.law, fit.a, fit.c, sample), sample)
 
 
 def _scatter_about(law: FloatArray, sample: Sample) -> ParameterScatter:
@@ -202,7 +206,13 @@ def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
         ends = np.tile([-np.inf, np.inf], (q + p, 1))
         return Intervals(ends[:q], ends[q:], level, False)
     spread = np.sqrt(_moves_variance(fit, sample, np.eye(q + p)))
-    ends = _crossings(fit, sample, students_t(level, sample.specimens), spread)
+    t = students_t(level, sample.specimens)
+    if q == 0:
+        # Linear: the jackknife knows that the specimen that goes farthest tells most of the last
+        # coefficient, which the profile's score of a few specimens does not.
+        ends = fit.c[:, None] + t * spread[:, None] * np.array([-1.0, 1.0])
+        return Intervals(ends[:q], ends, level, True)
+    ends = _crossings(fit, sample, t, spread)
     return Intervals(ends[:q], ends[q:], level, True)
 
 
@@ -222,7 +232,8 @@ def secant_intervals(
     tested = np.array([e for e in strains if 1.0 + e <= sample.stretch.max()])
     # At rest the secant is the slope, which stress at a small strain gives to seven digits.
     strain = np.maximum(tested, 1e-7)
-    derivative, stress = _derivatives(fit.law, fit.a, fit.c, 1.0 + strain)
+    columns = fit.law.evaluate(1.0 + strain, fit.a[None])
+    derivative, stress = _derivatives(fit.law, fit.a, fit.c, columns)
     if _scatter_known(sample):
         variance = _moves_variance(fit, sample, (derivative / stress[:, None]).T)
         half = students_t(level, sample.specimens) * np.sqrt(variance)
@@ -234,17 +245,20 @@ def secant_intervals(
 
 
 def _scatter_known(sample: Sample) -> bool:
-    """Return whether at least two specimens differ in their mean secant."""
+    """Return whether at least two specimens of one loading differ in their mean secant."""
     own = _own(sample)
-    means = [float(np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0))) for i in own]
-    return float(np.ptp(means)) > _SAME * abs(float(np.mean(means)))
+    means = np.array([np.mean(sample.stress_MPa[i] / (sample.stretch[i] - 1.0)) for i in own])
+    mode = np.zeros(len(sample.stretch)) if sample.mode is None else sample.mode
+    loading = np.array([(3.0 + mode[i][0]) * np.sign(sample.stretch[i][0] - 1.0) for i in own])
+    alike = [means[loading == one] for one in np.unique(loading)]
+    return any(float(np.ptp(one)) > _SAME * abs(float(one.mean())) for one in alike)
 
 
 def _derivatives(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, stretch: FloatArray
+    law: SeparableLaw, a: FloatArray, c: FloatArray, columns: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivative of stress by (a, file's c), shape (n, q + p), and the stress."""
-    phi, slope = law.evaluate(stretch, a[None])
+    phi, slope = columns
     divisor, change = (d[0] for d in law.divisor(a[None]))
     by_c = phi[0] * divisor
     by_a = (slope[0] * divisor + phi[0] * change) * c if law.nonlinear else slope[0]
@@ -255,7 +269,7 @@ def _linearised(
     law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return unit columns of the scaled residual's derivative, their sizes, and the residual."""
-    derivative, stress = _derivatives(law, a, c, sample.stretch)
+    derivative, stress = _derivatives(law, a, c, sample_columns(law, sample, a[None]))
     jacobian = sample.factor[:, None] * derivative
     size = np.sqrt((jacobian**2).sum(axis=0))
     size = np.where(size > 0.0, size, 1.0)
@@ -394,6 +408,7 @@ def _profile(
     cost = found.cost.reshape(len(starts), -1)
     lowest = np.argmax(cost <= cost.min(axis=0) * (1.0 + 1e-6), axis=0)
     a = found.a.reshape(*cost.shape, q)[lowest, rows]
+    a = np.where(a == 0.0, _FLAT, a)  # Ogden's term of exponent 0 is none, its modulus infinite
     c = found.c.reshape(*cost.shape, -1)[lowest, rows]
     c = np.where(np.isnan(held_c), c / fit.law.divisor(a)[0], c)
     return cost[lowest, rows], a, c
@@ -512,6 +527,12 @@ class MaterialFit:
     __repr__ = brief
 
     @property
+    def chosen_name(self) -> str:
+        """The law's name, with its number of terms where there is a choice."""
+        chosen = None if self.choice is None else self.choice.chosen
+        return self.law.model if chosen is None else chosen.fit.name
+
+    @property
     def elongation_at_break(self) -> float:
         """Mean strain at break of the specimens."""
         return self.characteristics.spreads["elongation_at_break"].mean
@@ -522,6 +543,7 @@ def fit_material(
     curves: Sequence[Curve],
     laws: Sequence[SeparableLaw],
     *,
+    others: Sequence[Curve] = (),
     weighting: str = "relative",
     starts: int = STARTS,
     level: float = 0.95,
@@ -529,7 +551,15 @@ def fit_material(
     """Characterise a material's specimens, fit the laws, and choose one.
 
     Strains count from the end of the slack, and the curve up to its largest stress is fitted; of a
-    plastic material from the end of the toe, and the whole curve.
+    plastic material from the end of the toe, and the whole curve. A law that is not held to be
+    stable across the load is taken where that costs more than `STABLE_WITHIN` times the error.
+    What bends over as no stable law of rubber does gets a law that yields, elastic or not.
+
+    Parameters
+    ----------
+    others
+        Specimens compressed, or loaded in another way (`Curve.mode`), fitted together with the
+        others: each mode weighs the same, in it each specimen.
 
     Raises
     ------
@@ -553,13 +583,24 @@ def fit_material(
         for curve, whole in zip(loaded, curves, strict=True)
         for note in curve.notes[len(whole.notes) :]
     ]
-    sample = sample_of(loaded, weighting=weighting)
+    ends_at = [curve.part(slice(int(np.argmax(np.abs(curve.stress_MPa))) + 1)) for curve in others]
+    sample = sample_of([*loaded, *ends_at], weighting=weighting)
     working = found.spreads["elongation_at_break"].mean
     try:
         choice = choose_law(laws, sample, working, starts=starts)
     except ArgumentError as error:
         raise ArgumentError(f"material {material}: {error}") from error
     chosen = choice.chosen
+    if chosen is not None and len({law.model for law in laws}) > 1 and not others:
+        scatter = scatter_of_fit(chosen.fit, sample)
+        if scatter.misfit > _NOTABLE_MISFIT * scatter.between:
+            bent = _plastic(found, curves, tuple(notes), weighting, level)
+            if STABLE_WITHIN * bent.scatter.misfit < scatter.misfit:
+                reason = (
+                    f"a law that yields follows it to {100 * bent.scatter.misfit:.2g} %, "
+                    f"{chosen.fit.name} to {100 * scatter.misfit:.2g} %"
+                )
+                return replace(bent, choice=replace(choice, chosen=None, reason=reason))
     if chosen is None:
         falls = "; ".join(
             f"the stress of {c.fit.name} falls at strain {c.unstable_strain:.3g}"
@@ -570,9 +611,36 @@ def fit_material(
             f"material {material}: no law is stable up to its elongation at break, {working:.3g}, "
             f"and a tenth beyond ({falls}); try `law` all"
         )
+    price = 1.0
+    if chosen.fit.law.model == "ogden":
+        free = fit_law(chosen.fit.law, replace(sample, across=False), starts=starts)
+        # One specimen's cost lacks the scatter that several would have.
+        own = ASSUMED_LOG_SD**2 if sample.specimens == 1 else 0.0
+        price = ((chosen.fit.cost + own) / (free.cost + own)) ** 0.5
+        if price > STABLE_WITHIN:
+            chosen = replace(chosen, fit=free, unstable_strain=unstable_strain(free, working))
+            candidates = tuple(chosen if c is choice.chosen else c for c in choice.candidates)
+            choice = replace(choice, candidates=candidates, chosen=chosen)
+            sample = replace(sample, across=False)
+    if limits := stability(make_law(chosen.fit.parameters), working).limits:
+        notes.append(
+            Caution(
+                f"material {material}: {chosen.fit.name} is stable (Drucker) "
+                f"{', '.join(limits)} only; held to be so further its error is "
+                f"{price:.2g} times as large"
+            )
+        )
+    if others:
+        notes.append(_by_mode(material, chosen.fit, sample))
     secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
     notes.extend(_doubts(material, chosen, secants))
     ends = intervals(chosen.fit, sample, level)
+    if ends.known and not others and np.isposinf(ends.c[:, 1]).any():
+        notes.append(
+            f"material {material}: tension does not bound a modulus of {chosen.fit.name} from "
+            "above, nor would more of it: fit equibiaxial tests with it, or compression to stretch "
+            "0.6 (column mode); its secants are bounded as they are"
+        )
     return MaterialFit(
         material,
         found,
@@ -584,6 +652,24 @@ def fit_material(
         secants,
         loaded,
     )
+
+
+def _by_mode(material: str, fit: LawFit, sample: Sample) -> str:
+    """Say how the loadings weigh, and how far the law is off in each."""
+    said = [f"{k} weighs {w:.3g}, {100 * off:.2g} % off" for k, (w, off) in by_mode(fit, sample)]
+    return f"material {material}: {'; '.join(said)} (RMS of the residual over its scale)"
+
+
+def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]]:
+    """Return the share of the weight and the root mean square residual over scale by loading."""
+    off = (sample_stress_MPa(fit.law, fit.a, fit.c, sample) - sample.stress_MPa) / sample.scale_MPa
+    mode = np.zeros(len(off), dtype=np.int64) if sample.mode is None else sample.mode
+    found = []
+    for k in np.unique(mode):
+        weight = np.where(mode == k, sample.weight, 0.0)
+        share = float(weight.sum())
+        found.append((MODES[k], (share, float(np.sqrt(weight @ off**2 / share)))))
+    return found
 
 
 def _doubts(material: str, chosen: LawCandidate, secants: Sequence[SecantInterval]) -> list[str]:
@@ -689,6 +775,15 @@ def _plastic(
 _NOTABLE_FALL = 0.1
 """Fall of stress behind the yield that is told. Chosen: the law then lies 5 % off on either side,
 as much as specimens scatter."""
+
+
+STABLE_WITHIN = 1.25
+"""Times the error that a law may cost which says more: one that is stable in every direction, or
+one that has an energy where one that yields has none."""
+
+_NOTABLE_MISFIT = 0.75
+"""Share of the scatter between specimens from which on a misfit is looked at: together they are
+1.25 times the scatter."""
 
 
 def _falls(material: str, curves: Sequence[Curve]) -> list[str]:

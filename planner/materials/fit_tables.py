@@ -23,9 +23,10 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
     """Return the tables of a fit as CSV, by the name of their files.
 
     ``characteristics.csv`` is that of `Characterisation.csv`, ``laws.csv`` has a row for each
-    parameter of each law. Where `fit` ran Algorithm 1: ``coefficients.csv``, eq. 3.8 of each
-    material; ``quadratics.csv``, its coefficients over m; ``goodness.csv``, R2 and errors of each
-    way, also of what the other materials predict.
+    parameter of each law, ``r2.csv`` the R2 of each law that was tried (the thesis' Table 4.1).
+    Where `fit` ran Algorithm 1: ``coefficients.csv``, eq. 3.8 of each material;
+    ``quadratics.csv``, its coefficients over m; ``goodness.csv``, R2 and errors of each way, also
+    of what the other materials predict.
 
     Parameters
     ----------
@@ -44,7 +45,9 @@ def fit_tables(study: PaletteStudy) -> dict[str, bytes]:
     """
     materials = study.palette.materials
     found = Characterisation(tuple(study.fits[m.id].characteristics for m in materials))
-    tables = {"characteristics.csv": found.csv(), "laws.csv": _laws(study)}
+    tables = {
+        "characteristics.csv": found.csv(), "laws.csv": _laws(study), "r2.csv": _r2(study),
+    }  # fmt: skip
     if study.quadratic is not None:
         tables["coefficients.csv"] = _coefficients(study.quadratic)
         tables["quadratics.csv"] = _quadratics(study.quadratic)
@@ -69,6 +72,22 @@ def _laws(study: PaletteStudy) -> bytes:
                 )  # fmt: skip
     more = ["level", "specimens", "r2", "nrmse", "held_out_error"]
     return encode_csv([[*header, *more], *rows])
+
+
+def _r2(study: PaletteStudy) -> bytes:
+    rows: list[dict[str, str | float | None]] = []
+    literal = {} if study.quadratic is None else {row.id: row for row in study.quadratic.rows}
+    for material in study.palette.materials:
+        fit = study.fits[material.id]
+        tried = {c.fit.name: c.fit.r2 for c in (fit.choice.candidates if fit.choice else ())}
+        row: dict[str, str | float | None] = {"material": material.id, **tried}
+        row[fit.chosen_name] = fit.uncertainty.r2
+        if material.id in literal:
+            row["eq_3_8"] = literal[material.id].own.r2
+            row["quadratics"] = literal[material.id].quadratics.r2
+        rows.append({**row, "chosen": fit.chosen_name})
+    header = list(dict.fromkeys(["material", "chosen", *(key for row in rows for key in row)]))
+    return encode_csv([header, *([row.get(key) for key in header] for row in rows)])
 
 
 def _coefficients(found: QuadraticStudy) -> bytes:

@@ -621,21 +621,23 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
 
 
 # ------------------------------------------------------------------------------------------------
-# How far a law is sound: where its stress rises, in tension and compression, in three loadings.
+# How far a law is stable (Drucker): in tension and compression, in three loadings.
 #
-# An incompressible material of principal stretches a, b, c carries, of an energy W(a, b, c) and
-# with c free of load, the nominal stress P = dW/da - (c / a) dW/dc along a. The three loadings that
-# rubber is tested in have, with l the stretch,
+# With e the principal logarithmic strains, e1 + e2 + e3 = 0, and W the energy, a further small
+# strain in any direction, across the load too, does positive work where the second derivative
+#
+#     H = [[h1 + h3, h3], [h3, h2 + h3]]   (for W = w(e1) + w(e2) + w(e3), h = w'')
+#
+# by (e1, e2) is positive definite (D. C. Drucker, J. Appl. Mech. 26, 1959; it is what Abaqus asks
+# too). A term of Ogden's has h = mu alpha l^alpha; an energy of I1 has h = 4 W' l^2 and, besides,
+# 4 W'' g g^T with g = (l1^2 - l3^2, l2^2 - l3^2). Martins' fibre lies along the first direction;
+# across it, in equibiaxial loading, the matrix has to be stable by itself. The loadings are, with
+# l the stretch,
 #
 #     uniaxial      l, l^-1/2, l^-1/2     equibiaxial   l, l, l^-2     planar   l, 1, 1/l.
 #
-# A term w(a) + w(b) + w(c) of Ogden's, w' = mu a^(alpha-1), gives P = mu (l^alpha - c^alpha) / l,
-# an energy of I1 gives P = 2 W'(I1) (l - c^2 / l). Martins' fibre lies along the pull and adds its
-# own stress there; across it, in equibiaxial loading, the matrix has to rise by itself.
-#
-# Drucker asks that true (Kirchhoff) stress l P rises with ln l. In tension a nominal stress that
-# rises says more, in compression the true stress does: both are asked. Ogden's law is sound
-# everywhere if every mu alpha is above 0 and every term alone rises.
+# In uniaxial loading nominal stress is asked to rise too, which in tension is more: a pulled bar
+# then has one answer.
 
 
 _SOUND_POINTS = 400
@@ -644,13 +646,15 @@ _SOUND_POINTS = 400
 _SOUND_FROM = 0.6
 """Stretch that laws are looked at down to. Chosen: 40 % compression, beyond most soft parts."""
 
-_THINNED: Mapping[str, float] = {"uniaxial": -0.5, "planar": -1.0, "equibiaxial": -2.0}
-"""The loadings, and the power of the stretch by which the free direction thins."""
+_LOADINGS: Mapping[str, tuple[float, float]] = {
+    "uniaxial": (-0.5, -0.5), "planar": (0.0, -1.0), "equibiaxial": (1.0, -2.0),
+}  # fmt: skip
+"""The powers of the stretch by which the second and third directions stretch."""
 
 
 @dataclass(frozen=True, slots=True)
 class Soundness:
-    """Between which stretches a law's stress rises, by loading.
+    """Between which stretches a law is stable, by loading.
 
     Attributes
     ----------
@@ -666,15 +670,26 @@ class Soundness:
     @property
     def ok(self) -> bool:
         """Whether the law is sound over all that was asked."""
-        return all(ends == self.asked for ends in self.sound.values())
+        return not self.limits
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """What ends before it was asked to, as "uniaxial to stretch 1.68"."""
+        low, high = self.asked
+        return tuple(
+            f"{loading} {word} stretch {end:.3g}"
+            for loading, ends in self.sound.items()
+            for word, end, asked in (("down to", ends[0], low), ("to", ends[1], high))
+            if end != asked
+        )
 
 
 def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) -> Soundness:
     """Return between which stretches a law is sound, in each loading it says anything of.
 
-    A law is sound where its nominal stress rises with the stretch, and so does its true stress.
-    Laws without an energy (linear, yielding) are asked for nominal stress in uniaxial loading
-    alone: they tell nothing of the others, nor of the cross-section that true stress acts on.
+    A law is sound where it is stable in Drucker's sense, and its nominal stress rises in uniaxial
+    loading. Laws without an energy (linear, yielding) are asked for the latter alone: they tell
+    nothing of other loadings.
 
     Parameters
     ----------
@@ -694,46 +709,58 @@ def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) 
             "the least stretch between 0 and 1"
         )
     asked = (stretch_min, 1.0 + strain_max)
-    no_energy = isinstance(law, Linear | Yielding)
     ends = {}
-    for loading, thinned in _THINNED.items():
+    for loading, powers in _LOADINGS.items():
         sides = []
         for end in asked:
             stretch = np.geomspace(1.0, end, _SOUND_POINTS + 1)
-            rises = np.ones(_SOUND_POINTS, dtype=bool)
-            courses = _courses_MPa(law, stretch, thinned)
-            for stress in courses:
-                for course in (stress,) if no_energy else (stress, stress * stretch):
-                    rises &= np.diff(course) * np.sign(end - 1.0) > 0.0
-            if courses:
-                sides.append(end if rises.all() else float(stretch[int(np.argmin(rises))]))
+            stable = np.ones(_SOUND_POINTS + 1, dtype=bool)
+            if isinstance(law, NeoHookean | Yeoh | Ogden | Martins):
+                for h11, h22, h12 in _second_derivatives_MPa(law, stretch, powers):
+                    stable &= (h11 > 0.0) & (h11 * h22 > h12 * h12)
+            elif loading != "uniaxial":
+                continue
+            if loading == "uniaxial":
+                stable &= law.tangent_MPa(stretch) > 0.0
+            sides.append(
+                end if stable.all() else float(stretch[max(int(np.argmin(stable)) - 1, 0)])
+            )
         if sides:
             ends[loading] = (sides[0], sides[1])
     return Soundness(asked, ends)
 
 
-def _courses_MPa(law: Law, stretch: FloatArray, thinned: float) -> tuple[FloatArray, ...]:
-    """Return the nominal stresses that a loading carries; none where the law does not say."""
-    if thinned == _THINNED["uniaxial"]:
-        return (law.nominal_stress_MPa(stretch),)
-    free = stretch**thinned
+def _second_derivatives_MPa(
+    law: NeoHookean | Yeoh | Ogden | Martins, stretch: FloatArray, powers: tuple[float, float]
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return H11, H22 and H12 of the energy; of Martins' without its fibre too."""
+    second, third = (stretch**power for power in powers)
+    squares = np.stack([stretch, second, third]) ** 2
     if isinstance(law, Ogden):
         terms = zip(law.mu_MPa, law.alpha, strict=True)
-        return (sum(((mu * (stretch**a - free**a) / stretch) for mu, a in terms), np.array(0.0)),)
-    if not isinstance(law, NeoHookean | Yeoh | Martins):
-        return ()
-    other = stretch if thinned == _THINNED["equibiaxial"] else np.ones_like(stretch)
-    j = stretch**2 + other**2 + free**2 - 3.0
-    shear = stretch - free**2 / stretch
-    if isinstance(law, NeoHookean):
-        return (law.mu_MPa * shear,)
-    if isinstance(law, Yeoh):
-        c1, c2, c3 = law.c_MPa
-        return (2.0 * (c1 + j * (2.0 * c2 + 3.0 * c3 * j)) * shear,)
-    matrix = 2.0 * law.c1 * law.c2_MPa * np.exp(law.c1 * j) * shear
+        h = sum((mu * a * squares ** (a / 2.0) for mu, a in terms), np.zeros_like(squares))
+        return [(h[0] + h[2], h[1] + h[2], h[2])]
+    j = squares.sum(axis=0) - 3.0
+    if isinstance(law, Martins):
+        slope = law.c1 * law.c2_MPa * np.exp(law.c1 * j)
+        curvature = law.c1 * slope
+    else:
+        c1, c2, c3 = law.c_MPa if isinstance(law, Yeoh) else (0.5 * law.mu_MPa, 0.0, 0.0)
+        slope, curvature = c1 + j * (2.0 * c2 + 3.0 * c3 * j), 2.0 * c2 + 6.0 * c3 * j
+    h = 4.0 * slope * squares
+    g1, g2 = squares[0] - squares[2], squares[1] - squares[2]
+    found = (
+        h[0] + h[2] + 4.0 * curvature * g1 * g1,
+        h[1] + h[2] + 4.0 * curvature * g2 * g2,
+        h[2] + 4.0 * curvature * g1 * g2,
+    )
+    if not isinstance(law, Martins):
+        return [found]
     extension = stretch - 1.0
-    along = matrix + 2.0 * law.c3 * law.c4_MPa * extension * np.exp(law.c3 * extension**2)
-    return (along, matrix) if thinned == _THINNED["equibiaxial"] else (along,)
+    fibre = 2.0 * law.c3 * law.c4_MPa * np.exp(law.c3 * extension**2)
+    steepening = 1.0 + 2.0 * law.c3 * extension**2
+    along = stretch * fibre * (extension + stretch * steepening)
+    return [(found[0] + along, *found[1:]), found]
 
 
 # ------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 from statistics import NormalDist
 from typing import TypeVar
 
@@ -23,6 +23,9 @@ __all__ = [
     "bracketed",
     "coordinate_for",
     "gent_modulus_MPa",
+    "interpolated",
+    "left_out_errors",
+    "left_out_remark",
     "nearest",
     "nearest_on",
     "pchip_slopes",
@@ -176,6 +179,8 @@ class CoefficientModel:
 
     Attributes
     ----------
+    palette
+        As `interpolated` has it.
     laws
         Of the catalogue grades, from soft to hard.
     readings
@@ -183,6 +188,8 @@ class CoefficientModel:
     strain_limit
         Smallest elongation at break of the elastic grades (of all, if none is elastic): the
         working strains, over which stiffness is known to rise with the coordinate.
+    chosen
+        Whether the way between grades was chosen already, from more grades than these.
 
     Raises
     ------
@@ -196,10 +203,11 @@ class CoefficientModel:
     laws: tuple[Law, ...] = field(init=False)
     readings: tuple[tuple[tuple[Law, float], ...], ...] = field(init=False)
     strain_limit: float = field(init=False)
+    chosen: InitVar[bool] = False
 
     __repr__ = brief
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, chosen: bool) -> None:
         materials = self.palette.materials
         elastic = [m for m in materials if m.deformation == "elastic"] or materials
         limit = min(m.elongation_at_break for m in elastic)
@@ -210,6 +218,8 @@ class CoefficientModel:
                     f"{material.law.model} is not stress-free at rest; give it under 'published' "
                     "and a stress-free law here"
                 )
+        if not chosen:
+            object.__setattr__(self, "palette", interpolated(self.palette))
         object.__setattr__(self, "laws", tuple(make_law(m.law) for m in materials))
         readings = (
             tuple((make_law(r.law), r.modulus_log_sd) for r in m.readings) for m in materials
@@ -367,13 +377,9 @@ class CoefficientModel:
             return np.asarray(np.sum(steps**2, axis=0) / (3.0 * (c[-1] - c[0] or 1.0)))
         squares = []
         for k in range(1, len(c) - 1):
-            m, others = np.delete(c, k), np.delete(log_moduli, k, axis=0)
             h1, h2 = c[k] - c[k - 1], c[k + 1] - c[k]
-            slopes = pchip_slopes(m, others)
-            rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
-            foretold = others[k - 1] + rise * (others[k] - others[k - 1])
-            foretold += d0 * slopes[k - 1] + d1 * slopes[k]
-            squares.append((log_moduli[k] - foretold) ** 2 * (h1 + h2) / (h1 * h2))
+            off = log_moduli[k] - _foretold(c, log_moduli, k)
+            squares.append(off**2 * (h1 + h2) / (h1 * h2))
         return np.asarray(np.mean(squares, axis=0))
 
     def bracket(self, coordinate: ArrayLike) -> tuple[IntArray, IntArray, FloatArray]:
@@ -453,6 +459,89 @@ def _check_ladder(model: CoefficientModel) -> None:
             f"mixture falls at strain {strains[n + 1]:.3g}, though that of both rises: the "
             "materials beside them bend too differently; correct a law or leave a material out"
         )
+
+
+# ------------------------------------------------------------------------------------------------
+# What each way between grades is worth: each inner grade is left out and predicted by the others.
+
+
+_LEFT_OUT_STRAINS = 41
+
+
+def left_out_errors(palette: Palette) -> dict[str, float]:
+    """Return how far grades left out in turn are off what the others predict, by way.
+
+    ``hardness`` and ``coordinate`` are the monotone cubic of ln(secant modulus), which at one
+    strain is that of ln(stress), over places by hardness and over m; ``quadratic`` is one of m
+    near all of the others, which planning does not use: it is off the grades themselves.
+
+    Parameters
+    ----------
+    palette
+        Of four materials or more.
+
+    Returns
+    -------
+    dict
+        Root mean square error of nominal stress up to the grade's break over its largest, the mean
+        of the inner grades; hardness only where the palette tells it.
+    """
+    materials = palette.materials
+    m = np.array([material.coordinate for material in materials])
+    ways = {"coordinate": m}
+    if palette.hardness:
+        ways = {"hardness": places_of(palette.hardness, m), **ways}
+    off: dict[str, list[float]] = {way: [] for way in (*ways, "quadratic")}
+    for k in range(1, len(m) - 1):
+        strain = np.linspace(0.0, materials[k].elongation_at_break, _LEFT_OUT_STRAINS)[1:]
+        held = [np.minimum(strain, material.elongation_at_break) for material in materials]
+        rows = zip(materials, held, strict=True)
+        with np.errstate(invalid="ignore", divide="ignore"):  # of a law that is refused later
+            logs = np.log([secant_modulus_MPa(make_law(one.law), e) for one, e in rows])
+        found = {way: _foretold(x, logs, k) for way, x in ways.items()}
+        weights = np.vander(m[[k]], 3)[0] @ np.linalg.pinv(np.vander(np.delete(m, k), 3))
+        found["quadratic"] = weights @ np.delete(logs, k, axis=0)
+        own = np.exp(logs[k]) * strain
+        for way, logged in found.items():
+            error = np.exp(logged) * strain - own
+            off[way].append(float(np.sqrt(np.mean(error**2)) / own.max()))
+    return {way: float(np.mean(values)) for way, values in off.items()}
+
+
+def interpolated(palette: Palette) -> Palette:
+    """Return a palette as mixtures are made of it: without its hardness where that loses.
+
+    It loses where grades, left out in turn, are predicted better over m. With three grades or
+    fewer too little is left out to tell.
+    """
+    if palette.hardness and len(palette.materials) > 3:
+        off = left_out_errors(palette)
+        if off["hardness"] > off["coordinate"]:
+            return replace(palette, hardness=())
+    return palette
+
+
+def _foretold(x: FloatArray, rows: FloatArray, k: int) -> FloatArray:
+    """Return what the monotone cubic through all other rows, at places x, is at row k's place."""
+    others, h1, h2 = np.delete(rows, k, axis=0), x[k] - x[k - 1], x[k + 1] - x[k]
+    slopes = pchip_slopes(np.delete(x, k), others)
+    rise, d0, d1 = pchip_weights(h1 / (h1 + h2), h1 + h2)
+    found = others[k - 1] + rise * (others[k] - others[k - 1])
+    return np.asarray(found + (d0 * slopes[k - 1] + d1 * slopes[k]))
+
+
+def left_out_remark(palette: Palette) -> list[str]:
+    """Say what the ways between grades are worth on a palette; nothing of three grades or fewer."""
+    if len(palette.materials) < 4:
+        return []
+    off = left_out_errors(palette)
+    words = {"hardness": "over hardness", "coordinate": "over m", "quadratic": "a quadratic of m"}
+    used = min((way for way in off if way != "quadratic"), key=off.__getitem__)
+    each = ", ".join(f"{words[way]} {100 * error:.2g} %" for way, error in off.items())
+    return [
+        f"between grades, each left out and predicted by the others: {each} of its largest stress "
+        f"off; a cubic {words[used]} is used"
+    ]
 
 
 # ------------------------------------------------------------------------------------------------

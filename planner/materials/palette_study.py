@@ -2,11 +2,13 @@
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, PaletteError
@@ -23,10 +25,11 @@ from planner.materials.characterise import (
 )
 from planner.materials.fit import STARTS, WEIGHTINGS, LawCandidate
 from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_material
-from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
+from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.quadratic_study import QuadraticStudy, quadratic_study
 from planner.materials.study import ReadRecord, Study, read_study
+from planner.materials.temperature import at_one_temperature, temperature_table
 from planner.materials.unit_slips import (
     Comparison,
     against_palette,
@@ -34,7 +37,7 @@ from planner.materials.unit_slips import (
     among_replicates,
 )
 from planner.notes import Caution
-from planner.palette import Material, Palette, Reference
+from planner.palette import Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
 if TYPE_CHECKING:
@@ -216,21 +219,21 @@ def characterise(
         blocks=blocks,
     )
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
-    _tension_alone(study)
+    _other_modes(study)
     found = [
         characterise_material(name, curves, secant_strains=strains)
         for name, curves in study.groups.items()
     ]
     against = _compared(palette, printer) if compare else None
     slips, asked = _unit_slips(study, against, None)
-    notes = (*study.notes, *_tension_alone(study), *asked)
+    notes = (*study.notes, *_other_modes(study), *asked)
     return Characterisation(
         tuple(found), notes, slips, study.groups, study.records, study.findings()
     )
 
 
-def _tension_alone(study: Study) -> list[Caution]:
-    """Say which specimens were not pulled along one axis.
+def _other_modes(study: Study, used: Collection[str] = ()) -> list[Caution]:
+    """Say which specimens were not pulled along one axis, save those of materials that use them.
 
     Raises
     ------
@@ -240,7 +243,7 @@ def _tension_alone(study: Study) -> list[Caution]:
     said = [
         f"specimen {record.specimen}: tested in {record.mode}; left out of the figures of tension"
         for record in study.records
-        if not record.left_out and record.mode != "tension"
+        if not record.left_out and record.mode != "tension" and record.material not in used
     ]
     if not study.groups:
         raise FileError("no curve to characterise: " + "; ".join(said))
@@ -318,6 +321,7 @@ _LARGEST_HELD_OUT_ERROR = 0.2
 """A law that does worse than either is reported as a finding."""
 
 _RAMP = ("#FBD724", "#F89540", "#CC4778", "#7E03A8", "#0D0887")
+_NORMAL = NormalDist().inv_cdf(0.975)
 _DIFFERENT = 1e-3
 """Relative spread of a condition that counts as a difference between specimens."""
 
@@ -468,12 +472,16 @@ def fit(
         raise ArgumentError(f"`coefficients` {coefficients!r}: it can be quadratic, or left out")
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
+    study, elsewhere = at_one_temperature(study)
     slips, asked = _unit_slips(study, against, coordinate)
-    notes = [*study.notes, *_tension_alone(study), *asked]
+    notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
         progress(f"fitting {called}")
-        fitted = fit_material(called, curves, laws, weighting=weighting, starts=starts, level=level)
+        fitted = fit_material(
+            called, curves, laws, others=study.other_modes.get(called, ()), weighting=weighting,
+            starts=starts, level=level,
+        )  # fmt: skip
         notes.extend(note for note in fitted.notes if note not in notes)
         fits[called] = fitted
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
@@ -496,24 +504,50 @@ def fit(
             density_g_cm3=densities[called],
             law=fits[called].law,
             colour=_colour(rank / max(len(ordered) - 1, 1)),
-            source=f"fitted to {fits[called].characteristics.n} tensile specimen(s), "
-            f"{weighting} residuals",
+            source=_source(fits[called], weighting),
             deformation=fits[called].characteristics.deformation.kind,
             modulus_log_sd=fits[called].scatter.log_sd,
             uncertainty=fits[called].uncertainty,
         )
         for rank, called in enumerate(ordered)
     )
-    fitted_palette = Palette(name or "palette", materials, _reference(study, notes), "planner fit")
+    table = temperature_table(study, fits, elsewhere, places)
+    fitted_palette = Palette(
+        name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
+    )
+    if table is not None:
+        notes.append(_warming(fitted_palette, table))
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
     problem = _problem(fitted_palette)
+    if problem is None:
+        notes += left_out_remark(fitted_palette)
     quadratic = None
     if coefficients is not None:
         progress("running Algorithm 1")
         quadratic = quadratic_study(fitted_palette, by_id, level)
     return PaletteStudy(fitted_palette, by_id, tuple(notes), problem, findings, quadratic)
+
+
+def _source(fit: MaterialFit, weighting: str) -> str:
+    found = stability(make_law(fit.law), fit.elongation_at_break)
+    said = f"fitted to {fit.characteristics.n} tensile specimen(s), {weighting} residuals"
+    return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
+
+
+def _warming(palette: Palette, table: Temperature) -> str:
+    """Say what tests at two temperatures tell of grades."""
+    called = {material.coordinate: material.id for material in palette.materials}
+    each = "; ".join(
+        f"{called[m]} {factor:.3g} from {low:g} to {high:g} degC (95 %: "
+        f"{factor * np.exp(-_NORMAL * sd):.3g} .. {factor * np.exp(_NORMAL * sd):.3g})"
+        for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True)
+    )
+    return (
+        f"laws are of {palette.reference.temperature_C:g} degC; warming multiplies stress by: "
+        f"{each}; planner materials --temperature-C tells the palette in between"
+    )
 
 
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
@@ -540,12 +574,12 @@ def _findings(fit: MaterialFit, unit_told: bool) -> list[str]:
     if unit_told:
         return said  # no law describes specimens in two units
     r2 = fit.uncertainty.r2
-    if fit.choice is None and r2 is not None and r2 < _SMALLEST_R2:
+    chosen = None if fit.choice is None else fit.choice.chosen
+    if chosen is None and r2 is not None and r2 < _SMALLEST_R2:
         said.append(
             f"material {fit.material}: a law that yields describes it badly (R2 {r2:.3f}; at least "
             f"{_SMALLEST_R2:g} is asked): look at the specimens"
         )
-    chosen = None if fit.choice is None else fit.choice.chosen
     if chosen is not None and (
         chosen.fit.r2 < _SMALLEST_R2 or chosen.held_out_error > _LARGEST_HELD_OUT_ERROR
     ):

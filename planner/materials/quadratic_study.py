@@ -23,7 +23,7 @@ from planner.materials.algorithm_one import (
 from planner.materials.fit import sample_of
 from planner.materials.fit_intervals import MaterialFit
 from planner.materials.laws import make_law
-from planner.materials.mixtures import CoefficientModel
+from planner.materials.mixtures import CoefficientModel, interpolated
 from planner.numerics import FloatArray
 from planner.palette import Material, Palette
 
@@ -336,7 +336,7 @@ def _falls_at(
 def without(palette: Palette, material: str) -> CoefficientModel:
     """Return the coefficient model of a palette without one material."""
     kept = tuple(m for m in palette.materials if m.id != material)
-    return CoefficientModel(replace(palette, materials=kept))
+    return CoefficientModel(replace(interpolated(palette), materials=kept), chosen=True)
 
 
 def normalised_rmse(measured: FloatArray, predicted: FloatArray) -> float:

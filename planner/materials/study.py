@@ -88,7 +88,7 @@ _SLIPS = (
 
 
 def _check_plausible(
-    strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, where: str
+    strain: FloatArray, stress_MPa: FloatArray, *, unit_stated: bool, sure: bool, where: str
 ) -> None:
     """Refuse strains and stresses that no polymer reaches.
 
@@ -115,10 +115,11 @@ def _check_plausible(
             "is a fraction after all (and then check the unit of stress: psi?); or give --unit-of "
             "strain=%, or strain=1"
         )
-    if peak > _LARGEST_STRESS_MPA:
+    if peak > _LARGEST_STRESS_MPA and not sure:
         raise FileError(
             f"{where}: stress reaches {peak:.4g} MPa, more than any polymer's "
-            f"({_LARGEST_STRESS_MPA:g}); if it is in psi or kPa, say so in the heading"
+            f"({_LARGEST_STRESS_MPA:g} MPa); if it is in psi or kPa, say so in the heading; if it "
+            "is right, say its unit or the force's by --unit-of stress=MPa or force=N"
         )
 
 
@@ -292,6 +293,7 @@ def _curve_of(
     dimensions: Dimensions,
     mode: str,
     is_said: bool,
+    sure: bool,
 ) -> Curve:
     """Turn a record into a checked loading curve; every correction is noted.
 
@@ -326,7 +328,7 @@ def _curve_of(
         )
     time = _time(columns.get("time_s"), table, where, notes)
     unit_stated = not _states_no_strain_unit(table)
-    _check_plausible(strain, stress, unit_stated=unit_stated, where=where)
+    _check_plausible(strain, stress, unit_stated=unit_stated, sure=sure, where=where)
     notes.extend(_cross_check(columns, strain, stress, time, dimensions, where))
     _check_rising(strain, stress, where=where)
     tension = slice(_compressed(strain, stress, where, notes), None)
@@ -694,6 +696,7 @@ def read_study(
         found[name] = _curve_of(
             table, specimen=name, material=materials[name], dimensions=sizes[name],
             mode=modes[name], is_said=bool(said),
+            sure=not {"stress", "force"}.isdisjoint(units.get(name, {})),
         )  # fmt: skip
     unstated = [name for name, record in used.items() if _states_no_strain_unit(record.table)]
     # Who names some files means to leave out the others.

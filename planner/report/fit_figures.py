@@ -158,9 +158,7 @@ def _tests(
     highest = max(largest, float(stress.max())) * headroom(len(fit.curves), _HEIGHT)
     chart = Chart(left, top, _WIDTH, _HEIGHT, (0.0, 1.04 * float(strain[-1])), (0.0, highest))
     r2 = "" if fit.uncertainty.r2 is None else f", R2 {fit.uncertainty.r2:.4f}"
-    name = material.law.model if fit.choice is None or fit.choice.chosen is None else (
-        fit.choice.chosen.fit.name
-    )  # fmt: skip
+    name = fit.chosen_name
     yield text(left - 44.0, top - 30.0, f"{material.id}: {name}{r2}", size=12.5)
     yield band(chart, strain, stress / wide, np.minimum(stress * wide, highest), colour=PALE_BLUE)
     yield from frame(chart, x_label="", y_label="nominal stress, MPa", most_ticks=6)

@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 
 from planner.errors import PaletteError
 from planner.materials.laws import Law, make_law, secant_modulus_MPa
-from planner.materials.mixtures import bracketed, pchip_slopes, pchip_weights, places_of
+from planner.materials.mixtures import (
+    bracketed,
+    interpolated,
+    pchip_slopes,
+    pchip_weights,
+    places_of,
+)
 from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.palette import Palette, Reference
 from planner.simulation.bar import ProfileDesign
@@ -171,11 +177,12 @@ def law_tables(
         pulled.append(table)
         pushed.append(other)
     coordinate = np.array([m.coordinate for m in palette.materials])
-    place = places_of(palette.hardness, coordinate)
+    hardness = interpolated(palette).hardness
+    place = places_of(hardness, coordinate)
     return LawTables(
         coordinate=coordinate,
         place=place,
-        hardness=palette.hardness,
+        hardness=hardness,
         strain_step=float(nodes[1]),
         cubics=_cubics_of(
             place,

@@ -63,13 +63,15 @@ class _Shaken(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Entry(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A material of the palette; one without a hardness is rigid."""
+    """A material of the palette; one without a hardness is rigid, and yields at its strength."""
 
     id: str
     aliases: list[str]
     elongation_at_break: float
     colour: str
     shore_A: float = math.nan
+    density_g_cm3: float = math.nan
+    strength_MPa: tuple[float, float] = (math.nan, math.nan)
 
 
 class Relaxation(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

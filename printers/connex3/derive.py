@@ -29,6 +29,7 @@ __all__ = [
     "fit_strains",
     "palette_bytes",
     "reading_log_sd",
+    "yielding_law",
 ]
 
 PALETTE = Path(__file__).parent / "palettes" / "connex3-tango-vero.toml"
@@ -242,14 +243,15 @@ def _by_extensometer(published: Published, other: _Extensometer) -> Reading:
         law = _flowing(modulus, published)
     else:
         ranges.append(other.strength_MPa)
-        law = _yielding(modulus, math.sqrt(math.prod(other.strength_MPa)))
+        law = yielding_law(modulus, math.sqrt(math.prod(other.strength_MPa)))
     # A range is read as a 95 % interval, 2 * 1.96 standard deviations wide.
     widest = max(math.log(high / low) / (2.0 * 1.96) for low, high in ranges)
     sd = math.hypot(SPECIMEN_LOG_SD, widest)
     return Reading("extensometer", law, round(sd, 3), f"extensometer: {other.source}")
 
 
-def _yielding(modulus_MPa: float, flow_MPa: float) -> LawParameters:
+def yielding_law(modulus_MPa: float, flow_MPa: float) -> LawParameters:
+    """Return a rigid grade's law: it bends into yield at the flow stress and hardens a little."""
     figures = {
         "modulus_MPa": modulus_MPa,
         "flow_MPa": flow_MPa,
@@ -266,13 +268,13 @@ def _flowing(modulus_MPa: float, published: Published) -> LawParameters:
     strain = np.linspace(0.0, published.elongation_at_break, 2001)
 
     def missing(flow_MPa: float) -> float:
-        law = make_law(_yielding(modulus_MPa, flow_MPa))
+        law = make_law(yielding_law(modulus_MPa, flow_MPa))
         area = float(np.trapezoid(law.nominal_stress_MPa(1.0 + strain), strain))
         return area - published.toughness_MJ_m3
 
     highest = modulus_MPa * published.elongation_at_break
     mean = published.toughness_MJ_m3 / published.elongation_at_break
-    return _yielding(modulus_MPa, float(brentq(missing, 0.5 * mean, 2.0 * highest)))
+    return yielding_law(modulus_MPa, float(brentq(missing, 0.5 * mean, 2.0 * highest)))
 
 
 if __name__ == "__main__":

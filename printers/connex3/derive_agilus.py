@@ -23,7 +23,7 @@ from printers.connex3.agilus import (
     rigid_readings,
     rubber_readings,
 )
-from printers.connex3.derive import SPECIMEN_LOG_SD
+from printers.connex3.derive import SPECIMEN_LOG_SD, yielding_law
 
 __all__ = [
     "PALETTE",
@@ -44,7 +44,7 @@ _COMMENT = b"""\
 # that has to be right make a palette of your own tests with `planner fit`.
 """
 
-_REST = ("density between the base resins' (STAMP 2025)", "break UNCONFIRMED")
+_DENSITY = "density between Agilus30's (STAMP 2025) and Vero's (Tango palette)"
 
 
 def rubber_votes(readings: Iterable[Reading]) -> dict[str, float]:
@@ -110,7 +110,8 @@ def _rubber(entry: Entry, coordinate: float, votes: Sequence[float], sources: So
         sources,
         LawParameters("neo-hookean", {"mu_MPa": (_digits(mu),)}),
         spread,
-        f"{scale:.2f} times Gent's modulus of Shore A {entry.shore_A:g}, by {len(votes)} sources",
+        f"{scale:.2f} times Gent's modulus of Shore A {entry.shore_A:g}, by {len(votes)} sources; "
+        f"{_DENSITY}; break UNCONFIRMED",
     )
 
 
@@ -121,9 +122,12 @@ def _rigid(entry: Entry, coordinate: float, sources: Sources) -> Material:
         entry,
         coordinate,
         sources,
-        LawParameters("linear", {"modulus_MPa": (_digits(modulus),)}),
+        yielding_law(_digits(modulus), _digits(math.sqrt(math.prod(entry.strength_MPa)))),
         math.hypot(float(np.std(votes, ddof=1)), SPECIMEN_LOG_SD),
-        f"geometric mean of {len(votes)} sources",
+        f"modulus: geometric mean of {len(votes)} sources; flows at the middle of its strength, "
+        "{:g} to {:g} MPa (data sheet); density and break as in the Tango palette".format(
+            *entry.strength_MPa
+        ),
     )
 
 
@@ -133,9 +137,9 @@ def _material(
     sources: Sources,
     law: LawParameters,
     log_sd: float,
-    modulus_from: str,
+    source: str,
 ) -> Material:
-    soft, hard = sources.stamp.density_g_cm3.values()
+    soft, hard = sources.stamp.density_g_cm3["Agilus30"], sources.material[-1].density_g_cm3
     return Material(
         id=entry.id,
         coordinate=coordinate,
@@ -144,7 +148,7 @@ def _material(
         law=law,
         aliases=tuple(entry.aliases),
         colour=entry.colour,
-        source="; ".join((modulus_from, *_REST)),
+        source=source,
         deformation="plastic" if math.isnan(entry.shore_A) else "elastic",
         modulus_log_sd=round(log_sd, 3),
     )

@@ -106,7 +106,8 @@ def test_the_law_follows_the_corrected_curve(published: Published, material: Mat
     assert isinstance(law, Ogden)
     assert set(found.sound) == {"uniaxial", "planar", "equibiaxial"}
     assert max(abs(a) for a in law.alpha) <= 5.0
-    assert max(abs(mu) for mu in law.mu_MPa) < 10.0
+    parts = np.multiply(law.mu_MPa, law.alpha)
+    assert np.abs(parts).sum() <= 5.0 * parts.sum()
 
 
 @pytest.mark.parametrize(("published", "material"), ELASTIC)
@@ -188,7 +189,7 @@ def test_what_a_rubber_carries_in_compression() -> None:
     assert low == pytest.approx([0.787, 0.551], abs=5e-4)
     assert high == pytest.approx([1.25, 1.667], abs=5e-4)
     tension_alone = Ogden((-4.742473, -3.49445), (-10.5, 5.5))
-    assert stability(tension_alone, 0.55).ok
+    assert tension_alone.tangent_MPa(np.linspace(0.6, 1.55, 40)).min() > 0.0
     assert over_neo_hooke(tension_alone, 0.8) > 4.0
     assert not is_a_rubbers(tension_alone)
 

@@ -275,7 +275,7 @@ def test_wiener_variance_is_that_of_the_model_without_each_grade() -> None:
     squares, materials = [], CONNEX3.palette.materials
     for k in range(1, len(materials) - 1):
         kept = (*materials[:k], *materials[k + 1 :])
-        others = CoefficientModel(replace(CONNEX3.palette, materials=kept))
+        others = CoefficientModel(replace(CONNEX3.palette, materials=kept), chosen=True)
         m = float(CONNEX3.coordinates[k])
         off = np.log(CONNEX3.modulus_MPa(m, 0.1) / others.modulus_MPa(m, 0.1))
         before, after = np.diff(CONNEX3.places)[k - 1 : k + 1]

@@ -6,9 +6,17 @@ from statistics import NormalDist, fmean
 import numpy as np
 import pytest
 
-from planner.materials.mixtures import CoefficientModel
+from planner.errors import PaletteError
+from planner.materials.mixtures import (
+    CoefficientModel,
+    interpolated,
+    left_out_errors,
+    left_out_remark,
+)
 from planner.materials.quadratic_study import normalised_rmse, r_squared, without
+from planner.palette import LawParameters
 from planner.printers import load_printer
+from planner.simulation.bar_solver import law_tables
 from printers.connex3.leave_one_out import HeldOut, held_out, published_curve
 from printers.connex3.thesis import load_thesis
 
@@ -115,3 +123,43 @@ def test_coverage_of_left_out_grades() -> None:
     # The elastomers among elastomers are all within; the rubber-to-plastic step is the weak place.
     assert inside[:5] == [1.0] * 5
     assert min(inside[5:7]) < 0.95
+
+
+def test_each_way_between_grades_is_measured_as_a_model_without_the_grade_has_it() -> None:
+    for hardness, way in ((PALETTE.hardness, "hardness"), ((), "coordinate")):
+        palette, off = replace(PALETTE, hardness=hardness), []
+        for material in palette.materials[1:-1]:
+            strain = np.linspace(0.0, material.elongation_at_break, 41)[1:]
+            foretold, own = (
+                model.modulus_MPa(material.coordinate, strain) * strain
+                for model in (without(palette, material.id), MODEL)
+            )
+            off.append(normalised_rmse(own, foretold))
+        assert left_out_errors(palette)[way] == pytest.approx(np.mean(off), rel=1e-9)
+
+
+def test_the_hardness_is_used_where_it_predicts_and_dropped_where_it_does_not() -> None:
+    off = left_out_errors(PALETTE)
+    assert off["hardness"] < off["coordinate"] < off["quadratic"]
+    assert MODEL.palette == PALETTE
+    (said,) = left_out_remark(PALETTE)
+    assert f"over hardness {100 * off['hardness']:.2g} %" in said
+    assert "a cubic over hardness is used" in said
+    # Steep in hardness where the ladder is even over m, and even where it is steep.
+    gaps = np.diff([shore for _, shore in PALETTE.hardness])[::-1]
+    shores = 27.0 + np.cumsum([0.0, *gaps])
+    told = zip((m for m, _ in PALETTE.hardness), shores.tolist(), strict=True)
+    wrong = replace(PALETTE, hardness=tuple(told))
+    lost = left_out_errors(wrong)
+    assert lost["hardness"] > lost["coordinate"] == off["coordinate"]
+    assert CoefficientModel(wrong).palette == interpolated(wrong) == replace(PALETTE, hardness=())
+    assert law_tables(wrong).hardness == ()
+    assert "a cubic over m is used" in left_out_remark(wrong)[0]
+    assert left_out_remark(replace(PALETTE, materials=PALETTE.materials[:3])) == []
+
+
+def test_a_law_without_stiffness_is_still_refused_by_name() -> None:
+    soft, second, *rest = PALETTE.materials
+    lost = replace(second, law=LawParameters("yeoh", {"c_MPa": (0.1, -0.5, 0.0)}))
+    with pytest.raises(PaletteError, match="'FLX9740': law: the secant modulus is -"):
+        CoefficientModel(replace(PALETTE, materials=(soft, lost, *rest)))

@@ -52,6 +52,17 @@ def test_compression_by_the_list_is_left_out(capsys, command: str) -> None:
     assert said.count("\n") == 1
 
 
+def test_a_stress_beyond_polymers_is_refused_with_the_limit_which_can_be_lifted(capsys) -> None:
+    write("A.csv", stress=1500.0)
+    assert run(["characterise", "A.csv"]) == 2
+    said = capsys.readouterr().err
+    assert "stress reaches 787.5 MPa, more than any polymer's (500 MPa)" in said
+    assert "--unit-of stress=MPa" in said
+    assert run(["characterise", "A.csv", "--unit-of", "stress=MPa", "--no-compare", "--json"]) == 0
+    (material,) = json.loads(capsys.readouterr().out)["materials"]
+    assert material["figures"]["strength_MPa"]["mean"] == pytest.approx(787.5)
+
+
 def test_one_specimen_has_no_scatter_and_a_note(capsys) -> None:
     write("A.csv")
     assert run(["characterise", "A.csv", "--json"]) == 0

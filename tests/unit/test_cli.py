@@ -120,7 +120,7 @@ def test_strict_writes_nothing_when_something_was_found(finger: str, capsys) -> 
         ([*GRADIENT, "--bands", "0"], "--bands 0"),
         ([*GRADIENT, "--bands", "9000"], "thinner than a layer"),
         ([*GRADIENT, "--at-strain", "10"], "10 % is 0.1"),
-        ([*GRADIENT, "--at-strain", "0"], "above 0"),
+        ([*GRADIENT, "--at-strain", "-0.1"], "from 0"),
         ([*GRADIENT, "--profile", "lgo"], "did you mean log"),
         ([*GRADIENT, "--blend", "mixed"], "nearest"),
         ([*GRADIENT, "--unit", "inches2"], "unit"),

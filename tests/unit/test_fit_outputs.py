@@ -102,6 +102,7 @@ def test_tables_agree_with_the_document(compared: PaletteStudy) -> None:
     told = compared.document()
     assert set(tables) == {
         "characteristics.csv", "laws.csv", "coefficients.csv", "quadratics.csv", "goodness.csv",
+        "r2.csv",
     }  # fmt: skip
     assert [row["material"] for row in tables["characteristics.csv"]] == ["A", "B", "C"]
     for row, material in zip(tables["laws.csv"], told["materials"], strict=True):
@@ -124,9 +125,9 @@ def test_tables_agree_with_the_document(compared: PaletteStudy) -> None:
     assert float(inner["nrmse_mixtures_left_out"]) > 0.0
 
 
-def test_without_algorithm_one_there_are_two_tables(fitted: PaletteStudy) -> None:
+def test_without_algorithm_one_there_are_three_tables(fitted: PaletteStudy) -> None:
     tables = planner.fit_tables(fitted)
-    assert set(tables) == {"characteristics.csv", "laws.csv"}
+    assert set(tables) == {"characteristics.csv", "laws.csv", "r2.csv"}
     rows = rows_of(tables["laws.csv"])
     soft = [row for row in rows if row["material"] == "SYN-soft"]
     assert [row["parameter"] for row in soft] == ["mu_MPa", "alpha"]
@@ -142,7 +143,7 @@ def test_the_command_writes_all_or_nothing(samples: Path, tmp_path: Path, capsys
     assert run([*command, *outputs]) in (0, 1)
     assert f"wrote {tables}" in capsys.readouterr().out
     assert figure.read_bytes().startswith(b"<svg")
-    names = ["characteristics.csv", "laws.csv", "tables.json"]
+    names = ["characteristics.csv", "laws.csv", "r2.csv", "tables.json"]
     assert sorted(path.name for path in tables.iterdir()) == names
     assert run([*command, *outputs, "--force", "--json"]) in (0, 1)
     assert json.loads(capsys.readouterr().out)["file"] == str(palette)

@@ -107,7 +107,7 @@ def test_targets_out_of_reach_are_said(first, palette, tmp_path: Path, capsys) -
     command = ["grade", str(part), "--like", str(folder), "--palette", str(stiff)]
     assert run([*command, "-o", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().err
-    assert "target 0.357 .. 0.714 MPa at field 0.000 .. 0.163 is out of reach" in told
+    assert "target 0.359 .. 0.719 MPa at field 0.000 .. 0.164 is out of reach" in told
     doubled = 2.0 * planner.list_materials(palette=palette).modulus_of("TangoPlus")
     assert f"the nearest is TangoPlus with {doubled:.3g} MPa" in told
 

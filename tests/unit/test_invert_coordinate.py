@@ -27,8 +27,10 @@ def test_its_law_has_the_stiffness_that_the_model_has() -> None:
     law, model = make_law(there.law.law), planner.list_materials().model
     strain = np.linspace(0.01, 0.7, 40)
     ours, exact = law.nominal_stress_MPa(1.0 + strain), model.nominal_stress_MPa(0.4, 1.0 + strain)
-    # Two terms stand for a mean of two laws of two terms; specimens scatter by 5 %.
-    np.testing.assert_allclose(ours, exact, rtol=1e-3)
+    # Three terms stand for a geometric mean of two laws of three: no such law is one exactly. It
+    # is fitted to the stress at all strains alike, so that near rest 0.3 % is left of little.
+    np.testing.assert_allclose(ours, exact, rtol=3e-3)
+    np.testing.assert_allclose(ours[4:], exact[4:], rtol=1e-3)
     assert there.law.error < 1e-3
     assert [one.strain for one in there.secants] == [0.0, 0.1, 0.5]
     for one in there.secants:

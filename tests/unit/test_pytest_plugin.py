@@ -65,7 +65,7 @@ def test_differences_are_told_in_words_with_what_to_do(
     found.stdout.fnmatch_lines(
         [
             "the plan is not the golden one, */goldens/part.plan.json:",
-            "  *modulus*region 1*0.357*->*0.36*",
+            "  *modulus*region 1*0.359*->*0.36*",
             "*make it the golden one: pytest --update-goldens test_parts.py::test_part",
         ]
     )

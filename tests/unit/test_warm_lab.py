@@ -10,6 +10,7 @@ import pytest
 
 import planner
 from planner.cli import run
+from planner.printers import load_printer
 
 SAMPLE = Path(__file__).parents[2] / "samples" / "warm-lab"
 
@@ -72,7 +73,7 @@ def test_the_loop_moves_the_cuts_of_the_finger(diagnosis: Path, tmp_path: Path, 
     planner.grade(finger, from_="Tango", to="Vero", axis="x").write(hard)
     assert run(["grade", finger, "--like", str(hard), "--palette", warm, "-o", third]) == 1
     told = capsys.readouterr().err
-    assert "finding: target 222 .. 340 MPa at field 0.938 .. 1.000 is out of reach" in told
+    assert "finding: target 221 .. 340 MPa at field 0.937 .. 1.000 is out of reach" in told
 
 
 def test_from_python_and_again_the_same() -> None:
@@ -87,3 +88,10 @@ def test_taken_out_of_the_library_it_is_not_put_down_to_another() -> None:
     diagnosis = planner.diagnose(planner.read_campaign(SAMPLE), without=["temperature"])
     assert diagnosis.verdict == "unknown"
     assert diagnosis.where[0].axis == "temperature_C"
+
+
+def test_the_palette_is_the_bundled_one() -> None:
+    ours = planner.load_palette(SAMPLE / "palette.toml")
+    bundled = load_printer("connex3").palette()
+    assert ours.materials == bundled.materials
+    assert ours.hardness == bundled.hardness

@@ -1,0 +1,44 @@
+"""Laws that are not stable up to the break are named: in the table, in a plan, by check."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import planner
+from planner.materials.laws import make_law, stability
+from planner.palette import LawParameters
+from planner.printers import load_printer
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+
+
+@pytest.mark.parametrize("name", load_printer("connex3").palettes)
+def test_bundled_laws_are_stable_from_stretch_0_6_to_their_break(name: str) -> None:
+    for material in load_printer("connex3").palette(name).materials:
+        for parameters in (material.law, *(r.law for r in material.readings)):
+            assert not stability(make_law(parameters), material.elongation_at_break).limits
+
+
+def test_a_law_that_gives_way_is_said_where_it_is_used(tmp_path: Path) -> None:
+    palette = load_printer("connex3").palette()
+    # TangoPlus' law of before: sum mu alpha l^(-alpha / 2) = 0 at 1.68, inside its break at 2.
+    law = LawParameters("ogden", {"mu_MPa": (0.5353976, 0.2562666), "alpha": (-0.5, 2.0)})
+    first, *others = palette.materials
+    changed = replace(palette, materials=(replace(first, law=law), *others))
+    scale = planner.list_materials(palette=changed)
+    (said,) = [note for note in scale.remarks() if "Drucker" in note]
+    assert "TangoPlus (" in said
+    assert "uniaxial to stretch 1.68" in said
+    planner.write_palette(changed, tmp_path / "lab.toml")
+    plan = planner.grade(
+        SAMPLES / "finger.stl", from_="Tango", to="FLX9740", axis="x",
+        palette=tmp_path / "lab.toml",
+    )  # fmt: skip
+    assert said in plan.warnings
+    plan.write(tmp_path / "graded")
+    assert said in planner.check(tmp_path / "graded").warnings
+    harder = planner.grade(
+        SAMPLES / "finger.stl", from_="FLX9750", to="FLX9770", axis="x", palette=changed
+    )
+    assert not [w for w in harder.warnings if "Drucker" in w]
