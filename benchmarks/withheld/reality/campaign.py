@@ -279,9 +279,10 @@ def _account(lab: Lab, ideal: FloatArray) -> dict[str, Any]:
             }
         )
     together = causes[0] if len(causes) == 1 else _visibility(relative_excess(ideal, plain), by)
-    negligible = TIERS[lab.tier].negligible
+    if TIERS[lab.tier].negligible:
+        causes = []
     return {
-        "effects": [] if negligible else sorted(str(c["effect"]) for c in causes),
+        "effects": sorted(str(c["effect"]) for c in causes),
         "causes": causes,
         **{name: together[name] for name in ("snr", "detectability", "excess_rms")},
     }
