@@ -199,6 +199,7 @@ def closure(
     priors = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
     predictor = _Predictor(problem, priors, weighed)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
+    folds = [replace(fold, judged=fold.judged & ~problem.strays) for fold in folds]
     floor = replicate_floor(problem)
     if not folds:
         return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out), 1.0
@@ -239,6 +240,7 @@ def closure(
     predicts = 1.0 if nothing else falls(problem, *fit)
     if not beyond:
         return gap, predicts
+    beyond = [replace(fold, judged=fold.judged & ~problem.strays) for fold in beyond]
     (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[:1])
     left_out = predictor.before[np.isfinite(errors)]
     gap = replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
@@ -367,7 +369,9 @@ class _Predictor:
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = np.concatenate([*patterns, problem.calibration], axis=1)
         predicted = table.transformed(problem.unpredicted) + raw @ best[: raw.shape[1]]
-        force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
+        # No further than what was measured or predicted goes: patterns grow without an end.
+        most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
+        force = 2.0 * table.floor * np.sinh(np.clip(predicted, -most, most))
         of = np.where(table.is_field, 0.0, 1.0 / problem.model.peaks_N[table.specimen, 0])
         after, before = (
             np.bincount(table.specimen, (of * (table.measured_raw - found)) ** 2)

@@ -9,7 +9,15 @@ import numpy as np
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels, with_modes
+from planner.gap.campaign import (
+    TOLERANCES,
+    Campaign,
+    Specimen,
+    axis_columns,
+    levels,
+    replicate_groups,
+    with_modes,
+)
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.closure import closure, without_effect
 from planner.gap.design import next_experiments
@@ -34,6 +42,7 @@ from planner.gap.evidence.posterior import (
     ranking_of,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import localise
@@ -82,9 +91,9 @@ def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
     return change
 
 
-def _recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
+def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
-    mean, covariance = problem.nuisances_beside(chosen)
+    problem, (mean, covariance) = world.problem, world.laws_off(chosen)
     return {
         way.material: (float(mean[k] * way.sd), float(np.sqrt(covariance[k, k]) * way.sd))
         for k, way in enumerate(problem.ways)
@@ -358,7 +367,7 @@ def _diagnose(
             *_confounders(verdict, reasons),
         ),
         unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
-        recalibration=_recalibration_of(problem, chosen),
+        recalibration=_recalibration_of(weighed.world_of(chosen), chosen),
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
@@ -382,7 +391,18 @@ def prepared(
     """Return a campaign ready for weighing, and the effects that it says nothing about."""
     campaign = with_modes(campaign)
     effects, reasons = _library(campaign, without)
-    return set_up(*_comparable(campaign), effects, progress), reasons
+    return set_up(*_comparable(campaign), effects, progress, _strays(campaign)), reasons
+
+
+def _strays(campaign: Campaign) -> set[str]:
+    """Return the specimen that differs from its replicates by more than scatter, if one does.
+
+    Or the two of which it cannot be told. Several are no strays: something sets them apart.
+    """
+    off = {p.specimen for p in examine(campaign) if p.kind == "outlier"}
+    found = {s.id for s in campaign.specimens if s.id in off}
+    alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
+    return found if len(found) == 1 or found in alike else set()
 
 
 def _library(

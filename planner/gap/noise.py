@@ -19,6 +19,7 @@ from planner.palette import Palette
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
+    "FIT_SD",
     "UNIT_GAINS",
     "USUAL",
     "Calibration",
@@ -232,9 +233,9 @@ _UNKNOWN_LOG_SD = 0.05
 """Of ln modulus of a grade where the palette does not say. Chosen: what the mean of two or three
 tests is off by, of specimens that scatter by 3 to 9 %."""
 
-_TILT_SD = 0.01
-"""Of the logarithm of stress, from small strains to large ones. Chosen: laws follow their tests to
-1 %."""
+FIT_SD = 0.01
+"""Of the logarithm of stress, from small strains to large ones, and of what a law leaves of its own
+tests where the palette does not say. Chosen: laws follow their tests to 1 %."""
 
 _BETWEEN_SD = 0.03
 """Of the logarithm of stress half-way between two grades. Chosen: nobody measured it; as much as
@@ -283,7 +284,7 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
         if hat.max() > 0.0:
             sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
             found.append(Calibration(material.id, "level", sd, hat))
-            found.append(Calibration(material.id, "tilt", _TILT_SD, hat))
+            found.append(Calibration(material.id, "tilt", FIT_SD, hat))
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
@@ -378,6 +379,7 @@ def estimate_scatter(
     batch_of: IntArray,
     residual: FloatArray,
     aside: FloatArray,
+    counts: BoolArray,
 ) -> Scatter:
     """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
 
@@ -388,8 +390,10 @@ def estimate_scatter(
         what places each replicate was seen at.
     aside : (N,)
         Change of the features were places to the side of where they are said to be.
+    counts : (N,)
+        Which features tell of scatter.
     """
-    groups = _groups(table, ~table.is_field)
+    groups = _groups(table, counts & ~table.is_field)
     seen = _field_scatter(table, sensitivity, residual, aside)
     freedom = sum(len(g) - 1 for g in groups)
     if not freedom:

@@ -442,8 +442,11 @@ class TimeGrid:
         return int(here[np.argmin(np.abs(self.fraction[here] - fraction))])
 
     def feature_steps(self) -> list[int]:
-        """Return the steps at which features are taken."""
-        return [
+        """Return the steps at which features are taken, the record's start first.
+
+        There an offset of the force shows, and nothing that a specimen does.
+        """
+        return [0] + [
             self.step_at(segment, fraction)
             for segment, places in enumerate(_feature_places(self.segments))
             for fraction in places

@@ -26,7 +26,7 @@ from planner.gap.noise import (
     unit_gains,
 )
 from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
 __all__ = [
@@ -242,6 +242,10 @@ def _position_patterns(
 
 _Progress = Callable[[int, int, str], None]
 
+_STRAY_SD = float(np.log(10.0))
+"""Deviation of the logarithm of a stray's own gain. Chosen: any factor, but for units hardly more
+than ten."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
@@ -263,6 +267,9 @@ class Problem:
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     whitened
         The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
+    strays : (n,)
+        Specimens that data quality sets apart from their replicates: each has a gain of its own,
+        and tells neither of scatter nor of how far the gap closes.
     discrepancy : (N, r)
         Whitened: what all models miss together, of deviation 1 over each test's largest force.
     """
@@ -282,6 +289,7 @@ class Problem:
     calibration: FloatArray
     whitened: Whitened
     unknown: tuple[UnknownAxis, ...]
+    strays: BoolArray
     discrepancy: FloatArray
 
     @property
@@ -351,13 +359,6 @@ class Problem:
             setup = way.applied(setup, size * way.sd)
         return setup
 
-    def nuisances_beside(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
-        """Return the nuisances' posterior mean and covariance, the candidate being right."""
-        j = self.whitened.nuisance_columns
-        left = self.whitened.columns[:, 0] - self.signature(candidate)
-        covariance = np.asarray(np.linalg.inv(j.T @ j + np.eye(j.shape[1])), dtype=np.float64)
-        return covariance @ (j.T @ left), covariance
-
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
@@ -382,8 +383,15 @@ def set_up(
     model: ObservationModel,
     effects: Sequence[Effect],
     progress: _Progress | None = None,
+    strays: Collection[str] = (),
 ) -> Problem:
-    """Run the forward model at every node of every form, and whiten what comes out."""
+    """Run the forward model at every node of every form, and whiten what comes out.
+
+    Parameters
+    ----------
+    strays
+        Ids of specimens that are off by themselves; see `Problem.strays`.
+    """
     branches = signed_forms(effects)
     ways = calibrations(campaign.palette, model.setup)
     alone = predict(model.setup, model.laws)
@@ -422,21 +430,24 @@ def set_up(
     of_units = unit_gains(table)
     own = np.where(field, 0.0, of_units[table.specimen])
     in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
-    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside)
+    stray = np.array([s.id in strays for s in campaign.specimens])
+    counts = ~stray[table.specimen]
+    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside, counts)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
+    chord = table.chord(unpredicted)
+    gains = np.where(table.is_field, 0.0, chord)[:, None] * (
+        table.specimen[:, None] == np.arange(len(campaign.specimens))
+    )
     calibration = np.concatenate(
         [
             calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
             discrepancy_columns(campaign, table, sensitivity),
             field_columns(table, facets, aside, sensitivity),
+            _STRAY_SD * gains[:, stray],
         ],
         axis=1,
     )
-    chord = table.chord(unpredicted)
     unknown = _unknown_axes(campaign, table, chord, _claimed_axes(effects), own_axes(effects))
-    gains = np.where(table.is_field, 0.0, chord)[:, None] * (
-        table.specimen[:, None] == np.arange(len(campaign.specimens))
-    )
     columns = np.concatenate(
         [residual[:, None], changes[len(ways) :].T, gains, *[a.columns for a in unknown],
          calibration, noise.batch],
@@ -459,6 +470,7 @@ def set_up(
         calibration=calibration,
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
         unknown=unknown,
+        strays=stray,
         discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )
 
@@ -519,13 +531,13 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     floor = np.full(len(measured), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:
-        if len(members) > 1:
-            rows = np.array(members)
+        rows = np.array([k for k in members if not problem.strays[k]])
+        if len(rows) > 1:
             # Relative to the group's mean peak: each one's own would hide its level.
             curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
             share = len(rows) / (len(rows) - 1.0)
             floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
-            if len({batches[k] for k in members}) == 1:
+            if len({batches[k] for k in rows}) == 1:
                 floor[rows] += problem.scatter.batch**2 * np.mean(measured[rows] ** 2, axis=1)
     return None if np.isnan(floor).all() else floor
 

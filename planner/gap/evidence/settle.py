@@ -85,13 +85,18 @@ class World:
         m = weighted.T @ weighted - half.T @ half
         return np.asarray(m) if own is None else _without_last(m, count)[0]
 
-    def calibrated(self, candidate: Candidate) -> Setup:
-        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
-        problem = self.problem
+    def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and covariance of the problem's ways, the candidate being right."""
+        problem, count = self.problem, len(self.problem.ways)
         left = problem.whitened.columns[:, 0] - problem.signature(candidate)
         cross = self._nuisances.T @ (self._root * left)
-        mean = scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False)
-        return problem.with_laws_off(mean[: len(problem.ways)])
+        both = np.concatenate([cross[:, None], np.eye(len(cross), count)], axis=1)
+        found = scipy.linalg.cho_solve((self._factor, True), both, check_finite=False)[:count]
+        return found[:, 0], found[:, 1:]
+
+    def calibrated(self, candidate: Candidate) -> Setup:
+        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
+        return self.problem.with_laws_off(self.laws_off(candidate)[0])
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None

@@ -11,7 +11,7 @@ from planner.gap.evidence.problem import AMPLITUDES, Problem, own_axes
 from planner.gap.evidence.search import GAIN, Search, weigh_subset
 from planner.gap.evidence.settle import Settled, World, joined, settle
 from planner.gap.evidence.surrogate import Candidate, Elimination
-from planner.gap.noise import UNIT_GAINS
+from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray
 
 __all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", "reweigh", "weigh"]
@@ -76,6 +76,10 @@ ones by the surrogate, of every effect one; it is what a diagnosis' time goes by
 _BESIDE = 3
 """Effects, the best ones once settled, beside which every other one is looked for anew. Numerical:
 what is below the third has little of the evidence."""
+
+_MOST_EFFECTS = 3
+"""At work together. Chosen: a fourth beside three that are found would be told by a campaign that
+was made for it, and by no other."""
 
 _WITH_UNKNOWN = 8
 """Hypotheses that are weighed with an unknown beside them. Chosen: one that is not among the best
@@ -167,11 +171,21 @@ class Weighed:
         forms = [b.number for b in candidate.branches]
         return next(s for s in self.settled if [b.number for b in s.candidate.branches] == forms)
 
+    def world_of(self, candidate: Candidate) -> World:
+        """Return the world in which a candidate is likeliest."""
+        if candidate.branches:
+            return self.settled_as(candidate).world
+        return max(self.worlds, key=lambda world: world.none + _log_share(world))
+
     def offer(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its effects."""
         known = self.best.get(candidate.effects)
         if known is None or candidate.log_evidence > known.log_evidence:
             self.best[candidate.effects] = candidate
+
+
+def _log_share(world: World) -> float:
+    return float(np.log(_DISCREPANCIES[world.discrepancy]))
 
 
 def coarsened(
@@ -243,7 +257,7 @@ def weigh(problem: Problem, priors: Priors) -> Weighed:
         _add_unknown(problem, world, share, logs, result)
     for one in _chosen(result, logs):
         _add_beside(problem, one, logs, result)
-        if logs.some and len(one.candidate.effects) == 1:
+        if logs.some and len(one.candidate.effects) < _MOST_EFFECTS:
             _add_subset(problem, one, (*exact, *inexact), logs, result)
     return result
 
@@ -379,6 +393,10 @@ class _LogPriors:
         self.none = float(np.log(priors.none))
         self.single = float(np.log(priors.single * (1.0 - priors.beside) / n))
         self.pair = float(np.log(priors.pair * (1.0 - priors.beside) / max(n * (n - 1) / 2, 1)))
+        # A third effect is beside two as rare as a second is beside one.
+        triples = max(n * (n - 1) * (n - 2) / 6, 1)
+        triple = priors.pair**2 / priors.single * (1.0 - priors.beside) / triples
+        self.triple = float(np.log(triple))
         self.unknown = _of_axes(problem, priors.axes * priors.unknown, priors.claimed)
         self.any = float(np.log((1.0 - priors.axes) * priors.unknown))
         self.beside = _of_axes(problem, priors.beside / (1.0 - priors.beside), priors.claimed)
@@ -387,7 +405,7 @@ class _LogPriors:
 
     def of(self, effects: Effects) -> float:
         """Return the log prior of effects without an unknown."""
-        return (self.none, self.single, self.pair)[len(effects)]
+        return (self.none, self.single, self.pair, self.triple)[len(effects)]
 
     def owned(self, effects: Effects, axis: str, result: Weighed) -> Effects | None:
         """Return the effects that a free pattern along an axis beside others amounts to.
@@ -446,24 +464,55 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
     for one in reversed(list(best.values())[:_BESIDE]):
         for c in _partners(problem, one, logs)[: _SINGLES // 4]:
             pairs[c.effects] = c
-    return [*settled, *(settle(worlds, c, world) for c in pairs.values())]
+    both = [settle(worlds, c, world) for c in pairs.values()]
+
+    def odds(one: Settled) -> float:
+        own = one.candidate
+        return one.eliminated(one.world).none + logs.forms(own) + logs.of(own.effects)
+
+    # What looks best with surrogates' forms is looked at in all, and a third effect beside it.
+    leading = max(both, key=odds, default=None)
+    if leading is None or odds(leading) < max(map(odds, settled)):
+        return [*settled, *both]
+    forms = [
+        c
+        for id, other in (leading.candidate.effects, leading.candidate.effects[::-1])
+        if (id,) in best
+        for c in _partners(problem, best[id,], logs, of=(other,))
+    ]
+    both += [settle(worlds, c, world) for c in forms]
+    leading = max(both, key=odds)
+    thirds = _partners(problem, leading, logs)[: _SINGLES // 4]
+    return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
 
 
-def _partners(problem: Problem, one: Settled, logs: _LogPriors) -> list[Candidate]:
-    """Return pairs of a settled candidate and each other effect, the best ones first."""
+def _partners(
+    problem: Problem, one: Settled, logs: _LogPriors, of: Effects | None = None
+) -> list[Candidate]:
+    """Return a settled candidate joined with each other effect, the best ones first."""
     own = one.candidate
-    return [joined(own, c) for c in _others(problem, one.conditional(), own.effects, logs)]
+    return [joined(own, c) for c in _others(problem, one.conditional(), own.effects, logs, of)]
 
 
 def _others(
-    problem: Problem, left: Elimination, beside: Effects, logs: _LogPriors
+    problem: Problem,
+    left: Elimination,
+    beside: Effects,
+    logs: _LogPriors,
+    of: Effects | None = None,
 ) -> list[Candidate]:
-    """Return the best form of each other effect for what is left, which keeps the nodes."""
+    """Return the best form of each other effect for what is left, which keeps the nodes.
+
+    Parameters
+    ----------
+    of
+        One effect instead, of which every form is returned.
+    """
     found = Search.on(problem.branches, left, slice(1, None)).singles()
-    best: dict[Effects, Candidate] = {}
+    best: dict[Hashable, Candidate] = {}
     for c in sorted(found, key=lambda c: -(c.log_evidence + logs.forms(c))):
-        if c.effects != beside:
-            best.setdefault(c.effects, c)
+        if not set(c.effects) & set(beside) and of in (None, c.effects):
+            best.setdefault(c.effects if of is None else c.branches[0].form.name, c)
     return list(best.values())
 
 
@@ -483,6 +532,13 @@ def _settled_beside_some(problem: Problem, result: Weighed, logs: _LogPriors) ->
     others = _others(problem, world.elimination(target, kept=nodes), some.effects, logs)
     beside = [replace(c, members=some.members, log_gain=some.log_gain) for c in others]
     found = [settle(result.worlds, c, world) for c in beside[: _SINGLES // 4]]
+    found.sort(key=lambda one: -one.eliminated(one.world).none)
+    more = _partners(problem, found[0], logs)[: _SINGLES // 4] if found else []
+    more = [c for c in more if GAIN not in c.effects]
+    found += [
+        settle(result.worlds, replace(c, members=some.members, log_gain=some.log_gain), world)
+        for c in more
+    ]
     found.sort(key=lambda one: -one.eliminated(one.world).none)
     # What the gain does is left for it to make up again, whichever specimens have it.
     return [
@@ -509,11 +565,11 @@ def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
 def _fit_error(problem: Problem) -> float:
     """Return the largest error that a law of the campaign's materials left in its own tests.
 
-    A share of their largest stress, 0 where the palette does not say.
+    A share of their largest stress; what laws usually leave where the palette does not say.
     """
-    names = {way.material for way in problem.ways}
-    stated = [m.uncertainty for m in problem.campaign.palette.materials if m.id in names]
-    return max((u.nrmse for u in stated if u is not None and u.nrmse is not None), default=0.0)
+    names = {way.material for way in problem.ways if way.material}
+    laws = [m.uncertainty for m in problem.campaign.palette.materials if m.id in names]
+    return max((FIT_SD if u is None or u.nrmse is None else u.nrmse for u in laws), default=0.0)
 
 
 def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, float]]:
@@ -581,6 +637,6 @@ def _add_subset(
     result: Weighed,
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
-    if one.candidate.effects != (GAIN,):
+    if GAIN not in one.candidate.effects:
         for world, share in worlds:
             _offer_some(problem, result, _of_some(world, logs, one), world, share, logs)
