@@ -19,7 +19,7 @@ from planner.gap.campaign import (
     with_modes,
 )
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.closure import closure, without_effect
+from planner.gap.closure import closure
 from planner.gap.design import next_experiments
 from planner.gap.diagnosis import (
     Diagnosis,
@@ -40,6 +40,7 @@ from planner.gap.evidence.posterior import (
     found_effects,
     heterogeneity_caution,
     ranking_of,
+    verdict_of,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
 from planner.gap.evidence.settle import World
@@ -322,21 +323,14 @@ def _diagnose(
     campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    evidence = evidence_of(problem, weighed)
-    leading = ranking_of(evidence, priors.coarseness_nats)[0].effects
-    gap, predicts = closure(problem, priors, weighed, leading, rng, progress)
-    evidence = replace(evidence, predicts=predicts)
-    ranking = ranking_of(evidence, priors.coarseness_nats)
-    verdict = ranking[0].effects
-    refuted = leading if verdict != leading else None
-    if refuted is not None:
-        gap = without_effect(gap)
-    told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
+    ranking = ranking_of(evidence_of(problem, weighed), priors.temperature)
+    verdict = verdict_of(ranking)
+    gap = closure(problem, priors, weighed, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
-    same_class = class_of(problem, weighed, told, verdict)
+    same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)
     mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
     found = Diagnosis(
@@ -363,7 +357,7 @@ def _diagnose(
         limitations=(
             *campaign.limitations,
             *model.limitations,
-            *_cautions(problem, refuted),
+            *_cautions(problem),
             *_confounders(verdict, reasons),
         ),
         unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
@@ -437,13 +431,8 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     return campaign, observation_model(campaign)
 
 
-def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
+def _cautions(problem: Problem) -> tuple[str, ...]:
     found = []
-    if refuted is not None:
-        found.append(
-            f"{name_of(refuted)} fits best, but tests that are left out are not predicted better "
-            "with it than by the palette alone: it is no explanation"
-        )
     n = len(problem.campaign.specimens)
     unlike = heterogeneity_caution(problem)
     if unlike is not None:

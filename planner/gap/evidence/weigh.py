@@ -1,6 +1,6 @@
 """Weigh all hypotheses: nothing, single effects, pairs, and each beside an unknown."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray
 
-__all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", "reweigh", "weigh"]
+__all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "reweigh", "weigh"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -25,7 +25,7 @@ __all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "coarsened", 
 class Priors:
     """Prior probabilities of kinds of hypothesis; each kind's is shared equally by its members.
 
-    Calibrated: with `Doubt`, by `benchmarks/withheld/calibrate.py`.
+    Calibrated: by `benchmarks/withheld/calibrate.py`.
 
     Attributes
     ----------
@@ -39,10 +39,10 @@ class Priors:
         Of an unknown alone, the share of patterns along one axis; the rest goes along every test.
     claimed
         Of an unknown, the share along axes that some effect of the library claims.
-    coarseness_nats
-        Gain at which evidence counts half: no form is exact, and the more strongly an effect
+    temperature
+        Share of itself that log evidence counts: no form is exact, and the more strongly an effect
         shows, the smaller an error of its form would pass for a further effect.
-        A coarsened posterior, Miller & Dunson, J. Am. Stat. Assoc. 114, 2019, 1113.
+        A tempered posterior, Grunwald & van Ommen, Bayesian Anal. 12, 2017, 1069.
     """
 
     none: float = 0.3858
@@ -52,7 +52,7 @@ class Priors:
     beside: float = 0.01411
     axes: float = 0.4593
     claimed: float = 0.000412
-    coarseness_nats: float = 158.5
+    temperature: float = 0.2
 
 
 # ------------------------------------------------------------------------------------------------
@@ -113,8 +113,6 @@ class Weighed:
         Of the scatter as estimated and of models that are exact, then of larger discrepancies.
     log_prior, log_evidence
         By effects and the axis of an unknown beside them ("" without).
-    exact
-        Of each set of effects: its evidence where models are exact.
     best
         The best form and parameters of each set of effects.
     settled
@@ -128,7 +126,6 @@ class Weighed:
     worlds: tuple[World, ...]
     log_prior: dict[HypothesisKey, float] = field(default_factory=dict)
     log_evidence: dict[HypothesisKey, float] = field(default_factory=dict)
-    exact: dict[Effects, float] = field(default_factory=dict)
     best: dict[Effects, Candidate] = field(default_factory=dict)
     settled: list[Settled] = field(default_factory=list)
     beside_some: list[Settled] = field(default_factory=list)
@@ -139,13 +136,6 @@ class Weighed:
         """The world of the scatter as estimated and of models that are exact."""
         return self.worlds[0]
 
-    @property
-    def another_unit(self) -> float:
-        """Evidence of some specimens in another unit, where that is what leads of one effect."""
-        if not self.beside_some or not _in_another_unit(self.best[(GAIN,)]):
-            return -np.inf
-        return self.log_evidence[(GAIN,), ""]
-
     def relative(self, found: Candidate, world: World, log_share: float) -> float:
         """Return a candidate's evidence in a world of such a share, over none in the plain one."""
         return found.log_evidence + world.none - self.plain.none + log_share
@@ -154,13 +144,6 @@ class Weighed:
         """Add to a hypothesis' evidence."""
         _add(self.log_evidence, (effects, axis), log_evidence)
         self.log_prior[effects, axis] = log_prior
-
-    def inexact(self, effects: Effects) -> float:
-        """Return the share of effects' evidence that asks for a discrepancy."""
-        whole = self.log_evidence[effects, ""]
-        if not np.isfinite(whole):
-            return 0.0  # of what is out of the question there is none
-        return float(-np.expm1(min(self.exact.get(effects, -np.inf) - whole, 0.0)))
 
     def settled_as(self, candidate: Candidate) -> Settled:
         """Return the settled candidate of the same forms, but for a gain of some specimens."""
@@ -186,28 +169,6 @@ class Weighed:
 
 def _log_share(world: World) -> float:
     return float(np.log(_DISCREPANCIES[world.discrepancy]))
-
-
-def coarsened(
-    log_prior: Mapping[HypothesisKey, float],
-    log_evidence: Mapping[HypothesisKey, float],
-    coarseness_nats: float,
-    another_unit: float = -np.inf,
-) -> dict[HypothesisKey, float]:
-    """Return log odds of hypotheses, priors included.
-
-    Evidence is coarsened by what the best one gains over no effects, exact or with a discrepancy;
-    or over `another_unit`, which is exact as well.
-    """
-    none = max(log_evidence.get(((), axis), -np.inf) for axis in ("", ANY))
-    base = max(none, another_unit)
-    share = _coarsening(max(log_evidence.values()) - base, coarseness_nats)
-    return {key: log_prior[key] + share * (value - base) for key, value in log_evidence.items()}
-
-
-def _coarsening(most: float, coarseness_nats: float) -> float:
-    """Return how much evidence counts where the best hypothesis gains so much."""
-    return 1.0 / (1.0 + max(most, 0.0) / coarseness_nats)
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
@@ -268,8 +229,6 @@ def _offer(
     """Add a candidate without an unknown, weighed in one world."""
     evidence = result.relative(found, world, log_share)
     result.add(found.effects, "", logs.of(found.effects), evidence)
-    if not world.discrepancy:
-        _add(result.exact, found.effects, evidence)
     result.offer(replace(found, log_evidence=evidence))
 
 
@@ -297,9 +256,6 @@ def _offer_some(
         _add_axis(problem, effects, axis, evidence, logs, result)
         return
     _offer(result, found, world, log_share, logs)
-    if problem.scatter.heterogeneous:
-        # As well as a load cell's, it may be what a condition does that nobody wrote down.
-        result.add((), "specimen", logs.single, evidence)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -348,7 +304,7 @@ def _of_some(world: World, logs: "_LogPriors", one: Settled | None = None) -> Ca
 def reweigh(
     problem: Problem, priors: Priors, weighed: Weighed, weight: FloatArray
 ) -> tuple[World, list[tuple[float, Candidate]]]:
-    """Weigh settled candidates, and none, on specimens weighted by `weight` (n,).
+    """Weigh settled candidates on specimens weighted by `weight` (n,).
 
     By the model linear about where they settled on all specimens, where they stay.
 
@@ -362,20 +318,12 @@ def reweigh(
     logs = _LogPriors(problem, priors)
     world = World(problem, discrepancy=weighed.discrepancy, weight=weight)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
-    values = [c.log_evidence + logs.forms(c) for c in settled]
-    base = 0.0
+    odds = [logs.forms(c) + priors.temperature * c.log_evidence for c in settled]
     if weighed.beside_some:
         some = [_of_some(world, logs, one) for one in (None, *weighed.beside_some)]
         settled += some
-        values += [c.log_evidence for c in some]
-        if np.isfinite(weighed.another_unit):
-            base = max(some[0].log_evidence, 0.0)
-    share = _coarsening(max(values, default=0.0) - base, priors.coarseness_nats)
-    found = [(logs.none - share * base, Candidate(()))]
-    found += [
-        (logs.of(c.effects) + share * (v - base), c) for v, c in zip(values, settled, strict=True)
-    ]
-    return world, found
+        odds += [priors.temperature * c.log_evidence for c in some]
+    return world, [(logs.of(c.effects) + v, c) for v, c in zip(odds, settled, strict=True)]
 
 
 def _add(logs: dict[_Key, float], key: _Key, value: float) -> None:
