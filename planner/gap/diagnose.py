@@ -393,7 +393,7 @@ def _strays(campaign: Campaign) -> set[str]:
 
     Or the two of which it cannot be told. Several are no strays: something sets them apart.
     """
-    off = {p.specimen for p in examine(campaign) if p.kind == "outlier"}
+    off = {p.specimen for p in examine(campaign) if p.kind in ("outlier", "units")}
     found = {s.id for s in campaign.specimens if s.id in off}
     alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
     return found if len(found) == 1 or found in alike else set()

@@ -81,6 +81,7 @@ def read_palette(text: str) -> PaletteFile:
 
 
 _SPECIMENS = 3
+_ALPHA = np.array([-2.0, 2.0, 5.0])
 _LAW = re.compile(r"\[material\.(law|published)\]\n(?:[^\[\n].*\n?|\n(?!\[))*")
 
 
@@ -90,7 +91,7 @@ def fitted_palette(
     scatter: float,
     rng: np.random.Generator,
 ) -> PaletteFile:
-    """Return the palette with Yeoh's law fitted to three noisy specimens of each elastic grade.
+    """Return the palette with Ogden's law fitted to three noisy specimens of each elastic grade.
 
     It says neither how well the law follows them nor how much they differ.
 
@@ -112,10 +113,13 @@ def fitted_palette(
             noise = np.exp(level[:, None] + np.outer(slope, strain / strain[-1] - 0.5))
             curve = (noise * stress_MPa(grade.coordinate, strain)).mean(axis=0)
             stretch = 1.0 + strain
-            j = stretch**2 + 2.0 / stretch - 3.0
-            terms = 2.0 * (stretch - stretch**-2)[:, None] * j[:, None] ** np.arange(3) * [1, 2, 3]
-            c, _ = nnls(terms, curve)
-            law = f'[material.law]\nmodel = "yeoh"\nc_MPa = [{", ".join(f"{x:.6g}" for x in c)}]\n'
+            # Ogden's terms of positive work, with exponents that nobody chose for these.
+            terms = stretch[:, None] ** (_ALPHA - 1.0) - stretch[:, None] ** (-0.5 * _ALPHA - 1.0)
+            mu, _ = nnls(terms * np.sign(_ALPHA), curve)
+            kept = mu > 0.0
+            law = '[material.law]\nmodel = "ogden"\n'
+            for name, values in (("mu_MPa", mu * np.sign(_ALPHA)), ("alpha", _ALPHA)):
+                law += f"{name} = [{', '.join(f'{x:.6g}' for x in values[kept])}]\n"
             text = _LAW.sub("", text).rstrip() + f"\n{law}\n"
             text = re.sub(r"(?m)^modulus_log_sd *=.*\n", "", text)
         found.append(text)

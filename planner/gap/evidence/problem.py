@@ -267,6 +267,8 @@ class Problem:
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     whitened
         The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
+    of_laws : (nuisances,)
+        Which nuisances are courses of laws, in which a poor fit is off by more.
     strays : (n,)
         Specimens that data quality sets apart from their replicates: each has a gain of its own,
         and tells neither of scatter nor of how far the gap closes.
@@ -289,6 +291,7 @@ class Problem:
     calibration: FloatArray
     whitened: Whitened
     unknown: tuple[UnknownAxis, ...]
+    of_laws: BoolArray
     strays: BoolArray
     discrepancy: FloatArray
 
@@ -438,10 +441,11 @@ def set_up(
     gains = np.where(table.is_field, 0.0, chord)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )
+    bends = discrepancy_columns(campaign, table, sensitivity)
     calibration = np.concatenate(
         [
             calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
-            discrepancy_columns(campaign, table, sensitivity),
+            bends,
             field_columns(table, facets, aside, sensitivity),
             _STRAY_SD * gains[:, stray],
         ],
@@ -454,6 +458,9 @@ def set_up(
         axis=1,
     )  # fmt: skip
     nuisances = calibration.shape[1] + noise.batch.shape[1]
+    of_laws = np.zeros(nuisances, dtype=bool)
+    of_laws[: len(ways)] = [way.kind == "tilt" for way in ways]
+    of_laws[len(ways) : len(ways) + bends.shape[1]] = True
     return Problem(
         campaign=campaign,
         model=model,
@@ -470,6 +477,7 @@ def set_up(
         calibration=calibration,
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
         unknown=unknown,
+        of_laws=of_laws,
         strays=stray,
         discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )

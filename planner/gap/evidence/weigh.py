@@ -110,7 +110,7 @@ class Weighed:
     Attributes
     ----------
     worlds
-        Of the scatter as estimated and of models that are exact, then of larger discrepancies.
+        Of the scatter as estimated: of models that are exact, of poor laws, of discrepancies.
     log_prior, log_evidence
         By effects and the axis of an unknown beside them ("" without).
     best
@@ -119,8 +119,8 @@ class Weighed:
         Every candidate that was weighed on the forward model.
     beside_some
         Single effects, settled where a gain of some specimens is beside them.
-    discrepancy
-        Of the world in which the likeliest of these settled; 0 without any.
+    likeliest
+        The world in which the likeliest of these settled, if any did.
     """
 
     worlds: tuple[World, ...]
@@ -129,16 +129,16 @@ class Weighed:
     best: dict[Effects, Candidate] = field(default_factory=dict)
     settled: list[Settled] = field(default_factory=list)
     beside_some: list[Settled] = field(default_factory=list)
-    discrepancy: float = 0.0
+    likeliest: World | None = None
 
     @property
     def plain(self) -> World:
         """The world of the scatter as estimated and of models that are exact."""
         return self.worlds[0]
 
-    def relative(self, found: Candidate, world: World, log_share: float) -> float:
-        """Return a candidate's evidence in a world of such a share, over none in the plain one."""
-        return found.log_evidence + world.none - self.plain.none + log_share
+    def relative(self, found: Candidate, world: World) -> float:
+        """Return a candidate's evidence in a world, over none in the plain one."""
+        return found.log_evidence + world.none - self.plain.none + world.log_share
 
     def add(self, effects: Effects, axis: str, log_prior: float, log_evidence: float) -> None:
         """Add to a hypothesis' evidence."""
@@ -158,7 +158,7 @@ class Weighed:
         """Return the world in which a candidate is likeliest."""
         if candidate.branches:
             return self.settled_as(candidate).world
-        return max(self.worlds, key=lambda world: world.none + _log_share(world))
+        return max(self.worlds, key=lambda world: world.none + world.log_share)
 
     def offer(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its effects."""
@@ -167,67 +167,69 @@ class Weighed:
             self.best[candidate.effects] = candidate
 
 
-def _log_share(world: World) -> float:
-    return float(np.log(_DISCREPANCIES[world.discrepancy]))
+def _worlds(problem: Problem) -> tuple[World, ...]:
+    """Return the worlds that hypotheses are weighed in, the plain one first.
+
+    Models are exact, the scatter a little off; or laws are as poor as fits may be; or all models
+    have a discrepancy.
+    """
+    spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
+    errors = _law_errors(problem)
+    exact = _DISCREPANCIES[0.0] / len(errors)
+    found = [
+        World(problem, scale=scale, laws=errors[0] / FIT_SD, share=exact * share)
+        for scale, share in ((1.0, 2.0 / 3.0), (1.0 / spread, 1.0 / 6.0), (spread, 1.0 / 6.0))
+    ]
+    found += [World(problem, laws=error / FIT_SD, share=exact) for error in errors[1:]]
+    return *found, *(
+        World(problem, discrepancy=size, laws=errors[0] / FIT_SD, share=share)
+        for size, share in _DISCREPANCIES.items()
+        if size
+    )
 
 
 def weigh(problem: Problem, priors: Priors) -> Weighed:
     """Weigh all hypotheses on a campaign."""
     logs = _LogPriors(problem, priors)
-    spread = float(np.exp(problem.scatter.log_sd * np.sqrt(3.0)))
-    plain = World(problem)
-    scaled = [
-        (plain, 2.0 / 3.0),
-        *((World(problem, scale=s), 1.0 / 6.0) for s in (1.0 / spread, spread)),
-    ]
-    off = [
-        (World(problem, discrepancy=size), share) for size, share in _DISCREPANCIES.items() if size
-    ]
-    result = Weighed((plain, *(world for world, _ in off)))
-    # Weighed relative to no effect in the plain world.
-    exact = [(w, float(np.log(_DISCREPANCIES[0.0] * share))) for w, share in scaled]
-    inexact = [(w, float(np.log(share))) for w, share in off]
+    worlds = _worlds(problem)
+    plain, of_scatter = worlds[0], [w for w in worlds if w.scale == 1.0]
+    result = Weighed(tuple(of_scatter))
     result.settled = _settled(problem, result.worlds, logs)
     result.offer(Candidate(()))
-    for world, share in scaled:
-        result.add((), "", logs.none, world.none - plain.none + float(np.log(share)))
-    for world, share in inexact:
-        evidence = world.none - plain.none + share
+    for world in worlds:
+        evidence = world.none - plain.none + world.log_share
         # What the palette's own fit leaves of its tests is no gap.
-        if world.discrepancy <= _fit_error(problem):
+        if world.discrepancy <= _law_errors(problem)[0]:
             result.add((), "", logs.none, evidence)
         else:
             result.add((), ANY, logs.any, evidence)
     if logs.some:
-        for world, share in (*exact, *inexact):
-            _offer_some(problem, result, _of_some(world, logs), world, share, logs)
+        for world in worlds:
+            _offer_some(problem, result, _of_some(world, logs), world, logs)
     for one in result.settled:
-        for world, share in (*exact, *inexact):
+        for world in worlds:
             found = one.weighed(world, one.eliminated(world))
             found = replace(found, log_evidence=found.log_evidence + logs.forms(found))
-            _offer(result, found, world, share, logs)
+            _offer(result, found, world, logs)
     result.beside_some = _settled_beside_some(problem, result, logs)
     for one in result.beside_some:
-        _add_subset(problem, one, (*exact, *inexact), logs, result)
+        _add_subset(problem, one, worlds, logs, result)
     if result.beside_some:
-        result.discrepancy = result.beside_some[0].world.discrepancy
+        result.likeliest = result.beside_some[0].world
     elif result.settled:
-        likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none)
-        result.discrepancy = likeliest.world.discrepancy
-    for world, share in ((plain, float(np.log(_DISCREPANCIES[0.0]))), *inexact):
-        _add_unknown(problem, world, share, logs, result)
+        result.likeliest = max(result.settled, key=lambda one: one.eliminated(one.world).none).world
+    for world in of_scatter:
+        _add_unknown(problem, world, logs, result)
     for one in _chosen(result, logs):
         _add_beside(problem, one, logs, result)
         if logs.some and len(one.candidate.effects) < _MOST_EFFECTS:
-            _add_subset(problem, one, (*exact, *inexact), logs, result)
+            _add_subset(problem, one, worlds, logs, result)
     return result
 
 
-def _offer(
-    result: Weighed, found: Candidate, world: World, log_share: float, logs: "_LogPriors"
-) -> None:
+def _offer(result: Weighed, found: Candidate, world: World, logs: "_LogPriors") -> None:
     """Add a candidate without an unknown, weighed in one world."""
-    evidence = result.relative(found, world, log_share)
+    evidence = result.relative(found, world)
     result.add(found.effects, "", logs.of(found.effects), evidence)
     result.offer(replace(found, log_evidence=evidence))
 
@@ -237,7 +239,6 @@ def _offer_some(
     result: Weighed,
     found: Candidate,
     world: World,
-    log_share: float,
     logs: "_LogPriors",
 ) -> None:
     """Add a candidate with a gain of some specimens, weighed in one world.
@@ -247,15 +248,15 @@ def _offer_some(
     """
     assert found.members is not None
     if _in_another_unit(found):
-        _offer(result, found, world, log_share, logs)
+        _offer(result, found, world, logs)
         return
-    evidence = result.relative(found, world, log_share)
+    evidence = result.relative(found, world)
     axis = _telling_column(problem, found.members > 0.5)
     if axis is not None:
         effects = tuple(b.effect.id for b in found.branches)
         _add_axis(problem, effects, axis, evidence, logs, result)
         return
-    _offer(result, found, world, log_share, logs)
+    _offer(result, found, world, logs)
 
 
 def _telling_column(problem: Problem, members: BoolArray) -> int | None:
@@ -316,7 +317,8 @@ def reweigh(
         Log odds and candidate each.
     """
     logs = _LogPriors(problem, priors)
-    world = World(problem, discrepancy=weighed.discrepancy, weight=weight)
+    like = weighed.likeliest or weighed.plain
+    world = World(problem, discrepancy=like.discrepancy, laws=like.laws, weight=weight)
     settled = [one.weighed(world, one.eliminated(world)) for one in weighed.settled]
     odds = [logs.forms(c) + priors.temperature * c.log_evidence for c in settled]
     if weighed.beside_some:
@@ -510,14 +512,22 @@ def _chosen(result: Weighed, logs: _LogPriors) -> list[Settled]:
     return [result.settled_as(result.best[e]) for e in ranked]
 
 
-def _fit_error(problem: Problem) -> float:
-    """Return the largest error that a law of the campaign's materials left in its own tests.
+_POOR_FIT = 0.03
+"""What a law may leave of its tests where the palette does not say. Physical: laws fitted to other
+labs' tests left 1.8 to 7 % of the largest stress."""
 
-    A share of their largest stress; what laws usually leave where the palette does not say.
+
+def _law_errors(problem: Problem) -> tuple[float, ...]:
+    """Return what laws may leave of their own tests, a share of their largest stress.
+
+    The largest that the palette states of the campaign's materials, and what laws usually leave at
+    least; that and what they may leave where it does not say.
     """
     names = {way.material for way in problem.ways if way.material}
     laws = [m.uncertainty for m in problem.campaign.palette.materials if m.id in names]
-    return max((FIT_SD if u is None or u.nrmse is None else u.nrmse for u in laws), default=0.0)
+    stated = [u.nrmse for u in laws if u is not None and u.nrmse is not None]
+    largest = max([FIT_SD, *stated])
+    return (largest,) if len(stated) == len(laws) else (largest, max(largest, _POOR_FIT))
 
 
 def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, float]]:
@@ -536,13 +546,11 @@ def _along_axes(problem: Problem, target: Elimination) -> Iterator[tuple[int, fl
             yield number, left.none - target.none - float(np.log(len(AMPLITUDES)))
 
 
-def _add_unknown(
-    problem: Problem, world: World, log_share: float, logs: _LogPriors, result: Weighed
-) -> None:
+def _add_unknown(problem: Problem, world: World, logs: _LogPriors, result: Weighed) -> None:
     """Add the unknown alone, along each axis, in one world."""
     columns = problem.whitened.columns
     e = world.elimination(columns[:, 0], kept=columns[:, problem.unknown_span])
-    alone = log_share + e.none - result.plain.none
+    alone = world.log_share + e.none - result.plain.none
     for number, gain in _along_axes(problem, e):
         _add_axis(problem, (), number, alone + gain, logs, result)
 
@@ -553,7 +561,7 @@ def _add_beside(problem: Problem, one: Settled, logs: _LogPriors, result: Weighe
     e = one.eliminated(one.world, problem.whitened.columns[:, problem.unknown_span])
     # Of that world alone, as what the unknown gains is: another's scatter may do without it.
     alone = e.none - result.plain.none + logs.forms(one.candidate)
-    alone += float(np.log(_DISCREPANCIES[one.world.discrepancy]))
+    alone += one.world.log_share
     for number, gain in _along_axes(problem, e):
         _add_axis(problem, effects, number, alone + gain, logs, result)
 
@@ -580,11 +588,11 @@ def _add_axis(
 def _add_subset(
     problem: Problem,
     one: Settled,
-    worlds: Sequence[tuple[World, float]],
+    worlds: Sequence[World],
     logs: _LogPriors,
     result: Weighed,
 ) -> None:
     """Add a single effect beside a gain of some specimens only."""
     if GAIN not in one.candidate.effects:
-        for world, share in worlds:
-            _offer_some(problem, result, _of_some(world, logs, one), world, share, logs)
+        for world in worlds:
+            _offer_some(problem, result, _of_some(world, logs, one), world, logs)
