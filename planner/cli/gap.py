@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign
+    from planner.gap.diagnosis import Diagnosis
 
 app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -104,7 +105,39 @@ def diagnose(
             say("nothing was written (for a report with figures: --output FOLDER)")
         else:
             say(f"wrote {output} (next: open {output / 'report.html'})")
+        command = _next_command(found, campaign, palette, output)
+        if command:
+            say(f"next: {command}")
     return 0 if found.ok else 1
+
+
+def _next_command(
+    found: "Diagnosis", campaign: Path, palette: str | None, output: Path | None
+) -> str:
+    """Return the command that follows from a verdict, with the options that it needs; "" for none.
+
+    Conditions of use are the last ones that were tested, to be replaced by the part's own.
+    """
+    from planner.gap.effects import EFFECTS
+
+    own = campaign / "palette.toml"
+    given = palette or (str(own) if own.is_file() else None)
+    of_palette = f" --palette {given}" if given else ""
+    if found.unit_of:
+        units = "".join(f" --unit-of {unit.text}" for unit in found.unit_of)
+        again = f" --palette {palette}" if palette else ""
+        return f"planner gap diagnose {campaign}{again}{units}"
+    known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
+    known = [effect for effect in known if effect.advice is None]
+    if not known or output is None:
+        return ""
+    use = ""
+    for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
+        levels = found.tested.get(condition)
+        if levels:
+            level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
+            use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
+    return f"planner gap correct {output}{of_palette}{use} -o palette-corrected.toml"
 
 
 # ------------------------------------------------------------------------------------------------

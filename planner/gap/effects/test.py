@@ -178,8 +178,8 @@ def _taken(
     slack is taken up over many times its length.
     """
     ratio = np.maximum(travel_mm, 0.0) / np.maximum(slack_mm, 1e-12)
-    share: FloatArray = (1.0 + np.maximum(ratio, 1e-9) ** -sharpness) ** (-1.0 / sharpness)
-    return slack_mm * share
+    taken: FloatArray = slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness)
+    return taken
 
 
 def _dead_travel(setup: Setup, values: Values) -> Setup:

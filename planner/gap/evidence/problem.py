@@ -520,10 +520,24 @@ def specimen_forces_N(problem: Problem, candidate: Candidate, setup: Setup) -> F
 
 
 def squared_errors(problem: Problem, forces: FloatArray) -> FloatArray:
-    """Return the mean squared error of predicted forces, (n, T), over each largest one's, (n,)."""
+    """Return the mean squared error of predicted forces, (n, T), over `_typical_peaks_N`, (n,)."""
     measured = problem.model.measured_N
-    found: FloatArray = np.mean(((measured - forces) / problem.model.peaks_N) ** 2, axis=1)
-    return found
+    return np.asarray(np.mean(((measured - forces) / _typical_peaks_N(problem)) ** 2, axis=1))
+
+
+def _typical_peaks_N(problem: Problem) -> FloatArray:
+    """Return the mean size of its replicates' largest forces, in each specimen's unit, (n, 1).
+
+    Its own would hide that it is high, and double that it is low.
+    """
+    # As far as they are in one unit: a slip of the pen is no scatter.
+    units = np.exp(problem.unit_gains)[:, None]
+    peaks = problem.model.peaks_N / units
+    typical = peaks.copy()
+    for members in problem.model.replicates:
+        known = [k for k in members if not problem.strays[k]]
+        typical[list(members)] = peaks[known or list(members)].mean()
+    return np.asarray(typical * units)
 
 
 def replicate_floor(problem: Problem) -> FloatArray | None:
@@ -532,21 +546,17 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     What replicates differ by, and what they share as specimens of one batch. It is known from few
     replicates, so that an error may come out slightly below it.
     """
-    peak = problem.model.peaks_N
-    measured = problem.model.measured_N / peak
-    # As far as they are in one unit: a slip of the pen is no scatter.
-    peaks = peak[:, 0] * np.exp(-problem.unit_gains)
-    floor = np.full(len(measured), np.nan)
+    curves = problem.model.measured_N / _typical_peaks_N(problem)
+    floor = np.full(len(curves), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:
         rows = np.array([k for k in members if not problem.strays[k]])
         if len(rows) > 1:
-            # Relative to the group's mean peak: each one's own would hide its level.
-            curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
             share = len(rows) / (len(rows) - 1.0)
-            floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
+            away = curves[rows] - curves[rows].mean(axis=0)
+            floor[rows] = share * np.mean(away**2, axis=1)
             if len({batches[k] for k in rows}) == 1:
-                floor[rows] += problem.scatter.batch**2 * np.mean(measured[rows] ** 2, axis=1)
+                floor[rows] += problem.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
     return None if np.isnan(floor).all() else floor
 
 
