@@ -310,26 +310,29 @@ class PartFinding:
 
 @dataclass(frozen=True, slots=True)
 class Discretisation:
-    """How far figures depend on the cells: those of larger cells over these, less 1.
+    """How far figures may be off those of ever smaller cells.
 
-    Both are of a small share of the load, where a part answers linearly.
+    Larger cells are laid twice, half a cell apart, and the changes of a figure, without their
+    signs, are added up: one alone may vanish where two errors happen to meet. Of 45 random parts
+    the sum bounds the true error in nine of ten (benchmarks/discretisation.py). Figures are of a
+    small share of the load, where a part answers linearly.
 
     Attributes
     ----------
     cell_mm
         Edge of the larger cells.
-    changes
-        By response: of its displacement, or of the force of a support that moves; None where
-        there is none.
+    errors
+        By response: relative, of its displacement, or of the force of a support that moves; None
+        where there is none.
     """
 
     cell_mm: float
-    changes: tuple[float | None, ...]
+    errors: tuple[float | None, ...]
 
     @property
     def largest(self) -> float:
-        """The largest change, without its sign."""
-        return max((abs(change) for change in self.changes if change is not None), default=0.0)
+        """The largest error."""
+        return max((error for error in self.errors if error is not None), default=0.0)
 
 
 class LoadCurve(NamedTuple):
@@ -652,7 +655,7 @@ def simulate_part(
     level
         Probability that an interval holds what a print does.
     compare_cells
-        Whether larger cells tell how far figures depend on the cells.
+        Whether larger cells tell how far figures may be off because of the cells.
     printer, palette
         By name, file or value; by default those of the plan, else the Connex3 and its own.
     progress
@@ -686,7 +689,7 @@ def simulate_part(
     solid = open_solid(source, material, unit, printer, palette, bodies)
     densities = palette_densities(solid.palette, cases)
     edge = default_cell_mm(solid.surface) if cell_mm is None else cell_mm
-    factors = min(steps, 2) + several  # a step keeps the last one's
+    factors = 1 + several  # cases share the one of the part at rest
     solutions = (steps + 1) * len(cases)
     effort = check_effort(solid.surface, edge, factors=factors, solutions=solutions)
 
@@ -703,9 +706,9 @@ def simulate_part(
     model = CoefficientModel(solid.palette)
     table = marlow_table(model, poisson=POISSON)
 
-    def prepared(edge_mm: float) -> "list[Mechanics]":
+    def prepared(edge_mm: float, shift: float = 0.0) -> "list[Mechanics]":
         progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")
-        cells, coordinate = solid.cut(edge_mm)
+        cells, coordinate = solid.cut(edge_mm, shift=shift)
         body = Body(cells, table, coordinate, densities=densities)
         progress(f"ordering {3 * len(cells.node_mm)} equations")
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
@@ -730,10 +733,10 @@ def simulate_part(
     compared: list[Discretisation | None] = [None] * len(cases)
     if compare_cells and longest_mm >= FEWEST_ALONG * larger_mm:
         here = [_small_figures(one) for one in solved]
-        there = [_small_figures(one) for one in prepared(larger_mm)]
+        others = [list(map(_small_figures, prepared(larger_mm, shift))) for shift in (0.0, 0.5)]
         compared = [
-            Discretisation(larger_mm, tuple(map(_change, a, b))) if a and b else None
-            for a, b in zip(here, there, strict=True)
+            Discretisation(larger_mm, tuple(map(_error, *each))) if all(each) else None
+            for each in zip(here, *others, strict=True)
         ]
     surface_coordinate = solid.filling(cells.surface.vertices)
     return tuple(
@@ -791,10 +794,10 @@ def _small_figures(mechanics: "Mechanics") -> list[FloatArray | None]:
     ]
 
 
-def _change(here: FloatArray | None, there: FloatArray | None) -> float | None:
-    if here is None or there is None or not (size := float(here @ here)):
+def _error(here: FloatArray | None, *others: FloatArray | None) -> float | None:
+    if here is None or not (size := float(here @ here)):
         return None
-    return float(here @ there) / size - 1.0
+    return sum(abs(float(here @ there) / size - 1.0) for there in others if there is not None)
 
 
 def _findings(

@@ -188,6 +188,7 @@ def respond(
             last = state
     except LostStabilityError as stop:
         lost = stop
+        factored = None if factored is None else mechanics.tangent(last)
     responses = tuple(
         _responses(mechanics, states, last, factored, model, level) if factored is not None else ()
     )
@@ -282,8 +283,10 @@ def _responses(
     shares = np.array([state.share for state in states])[:, None]
     reactions = np.array([mechanics.reactions(state) for state in states])
 
-    def interval(figure: float, weights: FloatArray) -> tuple[float, float]:
-        return figure_interval(mechanics, last, factored, weights, figure, sds, normal)
+    def interval(figure: float, weights: FloatArray, positive: bool = True) -> tuple[float, float]:
+        return figure_interval(
+            mechanics, last, factored, weights, figure, sds, normal, positive=positive
+        )
 
     out = []
 
@@ -300,7 +303,8 @@ def _responses(
         span = None
         if kind != "pressure":
             weights = mechanics.mean_weights(points, along)
-            span = interval(float(where[-1] @ along), weights)
+            # Loads do work, so that what they move goes their way.
+            span = interval(float(where[-1] @ along), weights, kind == "load")
         out.append(Response(name, kind, where, pulls, along, span))
 
     for force in conditions.forces:
@@ -347,19 +351,21 @@ def figure_interval(
     figure: float,
     sds: tuple[FloatArray, FloatArray],
     normal: float,
+    *,
+    positive: bool = False,
 ) -> tuple[float, float]:
     """Return the interval of a figure whose nodal weights, (N, 3), are given.
 
     Errors of the grades go together, as in a bar: all softer than thought, or all stiffer, by
-    `normal` of their standard deviations `sds` (`log_stress_sds`).
+    `normal` of their standard deviations `sds` (`log_stress_sds`). It is that of the logarithm,
+    save where a figure that may have either sign changes by more than itself, as across the load.
     """
     found = mechanics.sensitivity(state, factored, weights)
     each = found.log_stress + found.log_bulk
     ends = []
     for sign, sd in zip((-1.0, 1.0), sds, strict=True):
         change = sign * normal * float(each @ sd)
-        # A figure that is itself small, as across the load, changes by a sum, not by a factor.
-        factor = abs(change) < abs(figure)
+        factor = figure != 0.0 and (positive or abs(change) < abs(figure))
         ends.append(figure * np.exp(change / figure) if factor else figure + change)
     return float(min(ends)), float(max(ends))
 

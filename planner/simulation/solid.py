@@ -601,9 +601,15 @@ class Mechanics:
     # -------------------------------------------------------------------------------------------
 
     def settle(
-        self, state: Equilibrium, share: float, progress: "Progress | None" = None
+        self,
+        state: Equilibrium,
+        share: float,
+        progress: "Progress | None" = None,
+        into: "Factor | None" = None,
     ) -> "tuple[Equilibrium, Factor]":
         """Return the equilibrium at a share of the load, from a state nearby, and its factor.
+
+        The memory of `into`, a factor that is needed no more, is taken for that.
 
         Raises
         ------
@@ -615,7 +621,7 @@ class Mechanics:
         cells = self.body.cells
         u, strain = state.displacement_mm.copy(), state.strain.copy()
         stress, pressure = state.stress_MPa.copy(), state.pressure.copy()
-        done, factored = 0.0, None
+        done, factored = 0.0, into
         for iteration in range(1, _MOST_ITERATIONS + 1):
             here = Equilibrium(share, u, strain, stress, pressure, iteration)
             residual, size = self._assembled(here, share)
@@ -649,12 +655,14 @@ class Mechanics:
     ) -> "Iterator[tuple[Equilibrium, Factor]]":
         """Yield the equilibria at rising shares of the load; steps are halved where they must be.
 
+        The factor of each is good until the next is asked for.
+
         Raises
         ------
         LostStabilityError
             After the last stable state was yielded.
         """
-        state, before = self.at_rest(), None
+        state, before, factored = self.at_rest(), None, None
         for share in shares:
             step = share - state.share
             while True:
@@ -663,7 +671,7 @@ class Mechanics:
                     target = share
                 try:
                     start = state if before is None else _onward(before, state, target)
-                    found = self.settle(start, target, progress)
+                    found = self.settle(start, target, progress, factored)
                 except LostStabilityError as lost:
                     before, step = None, 0.5 * step
                     if step < _SMALLEST_STEP:
@@ -673,6 +681,11 @@ class Mechanics:
                 if target == share:
                     break
             yield state, factored
+
+    def tangent(self, state: Equilibrium) -> "Factor":
+        """Return the factor of the stiffness at an equilibrium."""
+        self._assembled(state, state.share)
+        return self._factored(None, at_rest=False)
 
     # -------------------------------------------------------------------------------------------
 
