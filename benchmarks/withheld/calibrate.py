@@ -57,6 +57,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
             for (e, axis), value in found.log_evidence.items()
         ],
         "claimed": [axis.axis for axis in problem.unknown if axis.claimed],
+        "specimens": found.specimens,
         "within_floor": found.within_floor,
         "scatter_like": sorted(found.scatter_like),
         "priors": asdict(Priors()),
@@ -81,6 +82,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
     evidence = Evidence(
         log_prior={key: prior for key, prior, _ in rows},
         log_evidence={key: value for key, _, value in rows},
+        specimens=document["specimens"],
         within_floor=document["within_floor"],
         scatter_like=frozenset(document["scatter_like"]),
     )

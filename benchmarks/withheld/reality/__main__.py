@@ -142,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
     make.set_defaults(run=_make)
     make.add_argument("--set", choices=get_args(Set), required=True)
     meanings = "; ".join(f"{name}: {tier.meaning}" for name, tier in TIERS.items())
+    meanings = meanings.replace("%", "%%")
     make.add_argument("--tier", choices=[*TIERS, "all", "labs"], required=True, help=meanings)
     make.add_argument("--count", type=int, required=True, help="campaigns (of each tier, for all)")
     make.add_argument("--seed", type=int, required=True, help="0 or above")

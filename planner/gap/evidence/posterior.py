@@ -1,7 +1,7 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -141,6 +141,14 @@ def _fits_of_same_pattern(
 # What a ranking goes by: numbers that the calibration of priors keeps of each campaign.
 
 
+ENOUGH_SPECIMENS = 6
+"""Fewer hardly tell causes apart. Chosen: three conditions, twice each."""
+
+_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
+"""Of fewer specimens, what is named has at most one share, and another each, together. Chosen: one
+specimen hardly tells causes apart (0.47), and five do nearly as six (0.73)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """All that a campaign's ranking goes by.
@@ -149,13 +157,16 @@ class Evidence:
     ----------
     log_prior, log_evidence
         Of each hypothesis.
-    scatter_like
-        Whether the palette misses by no more than replicates differ by; and the effects that look
-        like scatter then.
+    within_floor, scatter_like
+        Whether the palette misses by no more than replicates differ by, and these along no column;
+        and the effects that look like scatter then.
+    specimens
+        How many.
     """
 
     log_prior: Mapping[HypothesisKey, float]
     log_evidence: Mapping[HypothesisKey, float]
+    specimens: int = ENOUGH_SPECIMENS
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
 
@@ -168,8 +179,10 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
+        specimens=len(problem.campaign.specimens),
         within_floor=floor is not None
-        and bool(np.mean(errors[known]) <= NO_GAP**2 * np.mean(floor[known])),
+        and bool(np.mean(errors[known]) <= NO_GAP**2 * np.mean(floor[known]))
+        and not problem.apart.any(),
         # What a sensor does to all specimens of one condition, their scatter does as well.
         scatter_like=frozenset(
             b.effect.id
@@ -177,10 +190,6 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             if b.effect.stage == "sensor" and len(problem.model.tests) == 1
         ),
     )
-
-
-ENOUGH_SPECIMENS = 6
-"""Fewer hardly tell causes apart. Chosen: three conditions, twice each."""
 
 
 # ------------------------------------------------------------------------------------------------
@@ -229,19 +238,42 @@ def ranking_of(evidence: Evidence, temperature: float) -> tuple[Hypothesis, ...]
     """Return hypotheses, the most probable first.
 
     Evidence counts `temperature` of itself: see `Priors`. A gap no larger than what replicates
-    differ by is no unknown one; a right effect may be smaller than that.
+    differ by is no unknown one; a right effect may be smaller than that. Very few specimens show a
+    gap, not its cause: the rest of what they name is unknown.
     """
     odds = {
         key: prior + temperature * evidence.log_evidence[key]
         for key, prior in evidence.log_prior.items()
     }
     ranking = posterior(odds)
-    if not evidence.within_floor:
+    if evidence.within_floor:
+        scatter = {UNKNOWN, *((id,) for id in evidence.scatter_like)}
+        ranking = _given(ranking, dict.fromkeys(scatter, 1.0), ())
+    none = sum(h.probability for h in ranking if h.effects == ())
+    named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
+    most = (_LEAST_SHARE + _SHARE_EACH * evidence.specimens) * (1.0 - none)
+    if evidence.specimens >= ENOUGH_SPECIMENS or named <= most:
         return ranking
-    scatter = {UNKNOWN, *((id,) for id in evidence.scatter_like)}
-    none = sum(h.probability for h in ranking if h.effects in scatter | {()})
-    kept = [h for h in ranking if h.effects not in scatter | {()}]
-    return tuple(sorted([*kept, Hypothesis((), none)], key=lambda h: (-h.probability, h.effects)))
+    over = {h.effects: 1.0 - most / named for h in ranking if h.effects not in ((), UNKNOWN)}
+    return _given(ranking, over, UNKNOWN)
+
+
+def _given(
+    ranking: Sequence[Hypothesis], share: Mapping[Effects, float], to: Effects
+) -> tuple[Hypothesis, ...]:
+    """Return a ranking in which hypotheses give shares of their probability to another one.
+
+    One that gives up all is gone.
+    """
+    left = {h: share.get(h.effects, 0.0) for h in ranking if h.effects != to}
+    whole = sum(h.probability for h in ranking if h.effects == to)
+    whole += sum(given * h.probability for h, given in left.items())
+    kept = [
+        replace(h, probability=(1.0 - given) * h.probability)
+        for h, given in left.items()
+        if given < 1.0
+    ]
+    return tuple(sorted([*kept, Hypothesis(to, whole)], key=lambda h: (-h.probability, h.effects)))
 
 
 def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:

@@ -184,6 +184,41 @@ def _unknown_axes(
     return tuple(axes)
 
 
+_LEAST_LEVEL = 1e-3
+"""Of a specimen's force, over its replicates' mean. Numerical: so that zero has a logarithm."""
+
+
+def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray) -> FloatArray:
+    """Return by how much replicates differ along the further column that tells most, (n,).
+
+    In the logarithm of force; nothing unless the mean square of what the column's patterns
+    explain is more than the variance that they leave. Who tested is no part of the scatter.
+    """
+    groups = [[k for k in of if counts[k]] for of in model.replicates]
+    groups = [of for of in groups if len(of) > 1]
+    level = np.zeros(len(counts))
+    for of in groups:
+        mean = model.measured_N[of].mean(axis=0)
+        own = np.log(np.maximum(model.measured_N[of] @ mean / (mean @ mean), _LEAST_LEVEL))
+        level[of] = own - own.mean()
+    count, found, most = sum(map(len, groups)), np.zeros(len(counts)), 1.0
+    for name in campaign.covariates:
+        patterns = _specimen_patterns([s.covariates.get(name) for s in campaign.specimens])
+        if patterns is None:
+            continue
+        own = np.zeros_like(patterns)
+        for of in groups:
+            own[of] = patterns[of] - patterns[of].mean(axis=0)
+        size, _, rank, _ = np.linalg.lstsq(own, level, rcond=None)
+        explained = own @ size
+        freedom = count - len(groups) - int(rank)
+        left = max(float(np.sum((level - explained) ** 2)), 1e-12)
+        ratio = freedom / count * float(np.sum(explained**2)) / left if freedom > 0 else 0.0
+        if ratio > most:
+            found, most = explained, ratio
+    return found
+
+
 def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
     """Return, of each axis that is an effect's own covariate, that effect's id."""
     return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
@@ -269,6 +304,8 @@ class Problem:
         The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
     of_laws : (nuisances,)
         Which nuisances are courses of laws, in which a poor fit is off by more.
+    apart : (n,)
+        By how much replicates differ along a further column that tells them apart; no scatter.
     strays : (n,)
         Specimens that data quality sets apart from their replicates: each has a gain of its own,
         and tells neither of scatter nor of how far the gap closes.
@@ -292,6 +329,7 @@ class Problem:
     whitened: Whitened
     unknown: tuple[UnknownAxis, ...]
     of_laws: BoolArray
+    apart: FloatArray
     strays: BoolArray
     discrepancy: FloatArray
 
@@ -431,9 +469,10 @@ def set_up(
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
     of_units = unit_gains(table)
-    own = np.where(field, 0.0, of_units[table.specimen])
-    in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
     stray = np.array([s.id in strays for s in campaign.specimens])
+    apart = _levels_apart(campaign, model, ~stray)
+    own = np.where(field, 0.0, (of_units + apart)[table.specimen])
+    in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
     counts = ~stray[table.specimen]
     scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside, counts)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
@@ -478,6 +517,7 @@ def set_up(
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
         unknown=unknown,
         of_laws=of_laws,
+        apart=apart,
         strays=stray,
         discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )

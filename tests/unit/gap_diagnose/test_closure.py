@@ -89,10 +89,14 @@ def test_the_floor_is_the_scatter_of_replicates(planned, imitated) -> None:
     plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.85, 8.5])
     exact = imitated(plan, scatter=0.0)
     problem = ready(scaled(exact, [1.04, 0.96, 1.08, 0.92]))
-    measured = problem.model.measured_N
-    course = np.mean((measured / measured.max(axis=1, keepdims=True)) ** 2, axis=1)
+    pairs = problem.model.measured_N.reshape(2, 2, -1)
+    # Over the pair's mean largest force, as both are.
+    mean = pairs.mean(axis=1)
+    course = np.repeat(np.mean((mean / mean.max(axis=1, keepdims=True)) ** 2, axis=1), 2)
     # Variance of two, of which the mean is known from themselves alone: 2 d^2.
-    by_hand = np.sqrt(np.mean(2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 * course))
+    # And what the one batch shares, of which the pairs know nothing.
+    level = 2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 + problem.scatter.batch**2
+    by_hand = np.sqrt(np.mean(level * course))
     assert closed(problem).floor == pytest.approx(by_hand, rel=0.02)
 
 
