@@ -160,6 +160,8 @@ class Evidence:
     within_floor, scatter_like
         Whether the palette misses by no more than replicates differ by, and these along no column;
         and the effects that look like scatter then.
+    closing_nothing
+        Effects of the library with which errors do not fall.
     specimens
         How many.
     """
@@ -169,6 +171,7 @@ class Evidence:
     specimens: int = ENOUGH_SPECIMENS
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
+    closing_nothing: frozenset[Effects] = frozenset()
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
@@ -189,7 +192,39 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             for b in problem.branches
             if b.effect.stage == "sensor" and len(problem.model.tests) == 1
         ),
+        closing_nothing=_closing_nothing(problem, weighed),
     )
+
+
+_LOOKED_AT = 12
+"""Effects, the best ones by evidence, of which is asked whether errors fall. Convention: as many as
+a diagnosis ranks."""
+
+
+def _closing_nothing(problem: Problem, weighed: Weighed) -> frozenset[Effects]:
+    """Return the effects with which tests' errors do not fall.
+
+    Laws are as they likeliest are with the effects, and without: what the palette is off by is no
+    effect's to close.
+    """
+    value = {
+        e: weighed.log_evidence[e, ""] for e in weighed.best if (e, "") in weighed.log_evidence
+    }
+    found = set()
+    for effects in sorted(filter(None, value), key=lambda e: -value[e])[:_LOOKED_AT]:
+        best = weighed.best[effects]
+        world = weighed.world_of(best)
+        before, after = (
+            np.where(
+                problem.strays,
+                np.nan,
+                squared_errors(problem, specimen_forces_N(problem, one, world.calibrated(one))),
+            )
+            for one in (Candidate(()), best)
+        )
+        if falls(problem, before, after) < 0.5:
+            found.add(effects)
+    return frozenset(found)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -238,7 +273,8 @@ def ranking_of(evidence: Evidence, temperature: float) -> tuple[Hypothesis, ...]
     """Return hypotheses, the most probable first.
 
     Evidence counts `temperature` of itself: see `Priors`. A gap no larger than what replicates
-    differ by is no unknown one; a right effect may be smaller than that. Very few specimens show a
+    differ by is no unknown one; a right effect may be smaller than that. Of a larger gap, what
+    closes nothing is no explanation: it is unknown. Very few specimens show a
     gap, not its cause: the rest of what they name is unknown.
     """
     odds = {
@@ -249,6 +285,8 @@ def ranking_of(evidence: Evidence, temperature: float) -> tuple[Hypothesis, ...]
     if evidence.within_floor:
         scatter = {UNKNOWN, *((id,) for id in evidence.scatter_like)}
         ranking = _given(ranking, dict.fromkeys(scatter, 1.0), ())
+    else:
+        ranking = _given(ranking, dict.fromkeys(evidence.closing_nothing, 1.0), UNKNOWN)
     none = sum(h.probability for h in ranking if h.effects == ())
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
     most = (_LEAST_SHARE + _SHARE_EACH * evidence.specimens) * (1.0 - none)
@@ -273,7 +311,8 @@ def _given(
         for h, given in left.items()
         if given < 1.0
     ]
-    return tuple(sorted([*kept, Hypothesis(to, whole)], key=lambda h: (-h.probability, h.effects)))
+    kept += [Hypothesis(to, whole)] if whole else []
+    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
 
 
 def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:

@@ -146,3 +146,25 @@ def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded(
     alone, beside = along(True, True), along(True, True, False)
     assert alone == beside[:2] == pytest.approx([np.log(0.5 * 0.01 / 2.0)] * 2)
     assert beside[2] == pytest.approx(np.log(0.5 * 0.99))
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_what_closes_nothing_of_a_gap_is_unknown(within: bool) -> None:
+    """Of one that is larger than the floor: below it nothing closes anything."""
+    plain = probabilities(evidence(3.0, within_floor=within))
+    found = probabilities(
+        evidence(3.0, within_floor=within, closing_nothing=frozenset({RATE, BOTH}))
+    )
+    if within:
+        assert found == plain
+        return
+    assert set(found) == {(), SLIP, UNKNOWN}
+    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + plain[RATE] + plain[BOTH])
+
+
+@pytest.mark.parametrize(("specimens", "most"), [(1, 0.465), (5, 0.725)])
+def test_very_few_specimens_name_little(specimens: int, most: float) -> None:
+    found = probabilities(evidence(50.0, specimens=specimens))
+    assert found[RATE] == pytest.approx(most, abs=1e-6)
+    assert found[UNKNOWN] == pytest.approx(1.0 - most, abs=1e-6)
+    assert probabilities(evidence(50.0, specimens=6))[RATE] == pytest.approx(1.0, abs=1e-6)
