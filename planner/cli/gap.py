@@ -1,6 +1,7 @@
 """planner gap diagnose, design, simulate and correct."""
 
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -120,13 +121,10 @@ def _next_command(
     """
     from planner.gap.effects import EFFECTS
 
-    own = campaign / "palette.toml"
-    given = palette or (str(own) if own.is_file() else None)
-    of_palette = f" --palette {given}" if given else ""
+    again = f" --palette {shlex.quote(palette)}" if palette else ""
     if found.unit_of:
-        units = "".join(f" --unit-of {unit.text}" for unit in found.unit_of)
-        again = f" --palette {palette}" if palette else ""
-        return f"planner gap diagnose {campaign}{again}{units}"
+        units = "".join(f" --unit-of {shlex.quote(unit.text)}" for unit in found.unit_of)
+        return f"planner gap diagnose {shlex.quote(str(campaign))}{again}{units}"
     known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
     known = [effect for effect in known if effect.advice is None]
     if not known or output is None:
@@ -137,7 +135,21 @@ def _next_command(
         if levels:
             level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
             use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
-    return f"planner gap correct {output}{of_palette}{use} -o palette-corrected.toml"
+    own = campaign / "palette.toml"
+    if not palette and own.is_file() and not _brought(found):
+        again = f" --palette {shlex.quote(str(own))}"
+    return f"planner gap correct {shlex.quote(str(output))}{again}{use} -o palette-corrected.toml"
+
+
+def _brought(found: "Diagnosis") -> bool:
+    """Return whether the palette is, byte for byte, one that the usual printer brings."""
+    from planner.errors import PlannerError
+    from planner.printers import load_printer
+
+    try:
+        return load_printer("connex3").palette(found.palette).sha256 == found.palette_sha256
+    except PlannerError:
+        return False
 
 
 # ------------------------------------------------------------------------------------------------
