@@ -7,8 +7,8 @@ python -m benchmarks.withheld.calibrate DIR --jobs 2
 DIR holds `campaigns/` and `truth.json`. What each campaign's ranking goes by is kept in
 `evidence-METHOD.jsonl` there, METHOD the hash of the sources of `planner/gap` when the run began;
 `--evidence FILE` goes on from one that is there. The library's campaigns are weighed once more
-without the effect that they hide. Priors and temperature are those that give the truth the
-highest mean log probability, tiers by their weights, with a weak pull to the present ones; what
+without the effect that they hide. Priors, temperature and coarseness are those that give the truth
+the highest mean log probability, tiers by their weights, with a weak pull to the present ones; what
 they are worth is shown on fifths of the campaigns that took no part.
 """
 
@@ -95,14 +95,14 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
 
 
 # ------------------------------------------------------------------------------------------------
-# Priors of kinds, and the temperature of evidence, as free numbers.
+# Priors of kinds, and how much evidence counts, as free numbers.
 
 
 def vector(p: Priors) -> FloatArray:
     """Return priors as free numbers; the single effects' is what the others go by."""
     odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
     shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed)]
-    return np.array([*odds, *shares, math.log(p.temperature)])
+    return np.array([*odds, *shares, math.log(p.temperature), math.log(p.coarseness_nats)])
 
 
 def priors_of(vector: FloatArray) -> Priors:
@@ -119,7 +119,8 @@ def priors_of(vector: FloatArray) -> Priors:
         beside=beside,
         axes=axes,
         claimed=claimed,
-        temperature=math.exp(v[6]),
+        temperature=min(math.exp(v[6]), 1.0),
+        coarseness_nats=math.exp(v[7]),
     )
 
 
@@ -147,7 +148,7 @@ def _ranking(case: Case, new: Priors) -> dict[Effects, float]:
         for key, value in case.evidence.log_prior.items()
     }
     evidence = replace(case.evidence, log_prior=moved)
-    return {h.effects: h.probability for h in ranking_of(evidence, new.temperature)}
+    return {h.effects: h.probability for h in ranking_of(evidence, new)}
 
 
 # ------------------------------------------------------------------------------------------------

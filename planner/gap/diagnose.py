@@ -323,7 +323,7 @@ def _diagnose(
     campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    ranking = ranking_of(evidence_of(problem, weighed), priors.temperature)
+    ranking = ranking_of(evidence_of(problem, weighed), priors)
     verdict = verdict_of(ranking)
     gap = closure(problem, priors, weighed, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))

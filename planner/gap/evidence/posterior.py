@@ -23,7 +23,7 @@ from planner.gap.evidence.surrogate import (
     SignedForm,
     node_weights,
 )
-from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed
+from planner.gap.evidence.weigh import ANY, Effects, HypothesisKey, Priors, Weighed
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -269,18 +269,19 @@ NO_GAP = 1.02
 known no better, and a share of nothing is none."""
 
 
-def ranking_of(evidence: Evidence, temperature: float) -> tuple[Hypothesis, ...]:
+def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
-    Evidence counts `temperature` of itself: see `Priors`. A gap no larger than what replicates
+    Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
     differ by is no unknown one; a right effect may be smaller than that. Of a larger gap, what
     closes nothing is no explanation: it is unknown. Very few specimens show a
     gap, not its cause: the rest of what they name is unknown.
     """
-    odds = {
-        key: prior + temperature * evidence.log_evidence[key]
-        for key, prior in evidence.log_prior.items()
-    }
+    found = evidence.log_evidence
+    # Over no effect in models that are exact, or that all miss.
+    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
+    share = priors.counted(max(found.values()) - none)
+    odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
     ranking = posterior(odds)
     if evidence.within_floor:
         scatter = {UNKNOWN, *((id,) for id in evidence.scatter_like)}
@@ -417,7 +418,11 @@ def detectable_sizes(
 
 def needed_nats(priors: Priors, effects: int) -> float:
     """Return the gain at which one of so many effects is named rather than none."""
-    return float(np.log(priors.none * effects / priors.single)) / priors.temperature + _WIDTH_NATS
+    odds = float(np.log(priors.none * effects / priors.single))
+    # Where what counts of a gain g, T g + (1 - T) c g / (c + g), makes up for the odds.
+    t, c = priors.temperature, priors.coarseness_nats
+    gain = (odds - c + float(np.sqrt((c - odds) ** 2 + 4.0 * t * odds * c))) / (2.0 * t)
+    return gain + _WIDTH_NATS
 
 
 def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:

@@ -23,7 +23,7 @@ def ready(campaign: Campaign, *effects: str) -> Problem:
 
 def verdict(problem: Problem) -> tuple[str, ...]:
     evidence = evidence_of(problem, weigh(problem, Priors()))
-    return verdict_of(ranking_of(evidence, Priors().temperature))
+    return verdict_of(ranking_of(evidence, Priors()))
 
 
 def stretched(campaign: Campaign, factor: float) -> Campaign:

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from planner.gap.diagnosis import Hypothesis
+from planner.gap.evidence import posterior as posterior_module
 from planner.gap.evidence import weigh
 from planner.gap.evidence.posterior import (
     UNKNOWN,
     Evidence,
+    needed_nats,
     posterior,
     ranking_of,
     verdict_of,
 )
-from planner.gap.evidence.weigh import Effects, HypothesisKey, Weighed
+from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
 PRIOR = {
@@ -85,8 +87,11 @@ def evidence(gain: float, **changed: object) -> Evidence:
     return replace(Evidence(PRIOR, log_evidence), **changed)  # type: ignore[arg-type]
 
 
-def probabilities(found: Evidence, temperature: float = 1.0) -> dict[Effects, float]:
-    return {h.effects: h.probability for h in ranking_of(found, temperature)}
+def probabilities(
+    found: Evidence, temperature: float = 1.0, coarseness_nats: float = 1e-12
+) -> dict[Effects, float]:
+    priors = Priors(temperature=temperature, coarseness_nats=coarseness_nats)
+    return {h.effects: h.probability for h in ranking_of(found, priors)}
 
 
 def test_at_full_temperature_the_ranking_is_the_posterior() -> None:
@@ -104,6 +109,24 @@ def test_evidence_counts_its_share(temperature: float) -> None:
     share = np.exp(alone[RATE, ""]) / sum(np.exp(v) for v in alone.values())
     expected = np.log(share * np.exp(10.0 * temperature) + 1.0 - share)
     assert moved == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("gain", [0.0, 1.0, 8.0, 1e3])
+def test_the_more_the_best_gains_the_less_evidence_counts(gain: float) -> None:
+    """All of it where nothing gains, half of what is beyond the temperature at the coarseness."""
+    priors = Priors(temperature=0.1, coarseness_nats=8.0)
+    share = {0.0: 1.0, 1.0: 0.9, 8.0: 0.55, 1e3: 0.1 + 0.9 * 8.0 / 1008.0}[gain]
+    assert priors.counted(gain) == pytest.approx(share)
+    found = probabilities(evidence(gain), 0.1, 8.0)
+    assert found == pytest.approx(probabilities(evidence(gain), share))
+
+
+@pytest.mark.parametrize("effects", [1, 5, 20])
+def test_what_is_needed_is_what_then_counts(effects: int) -> None:
+    priors = Priors()
+    needed = needed_nats(priors, effects) - posterior_module._WIDTH_NATS
+    odds = np.log(priors.none * effects / priors.single)
+    assert priors.counted(needed) * needed == pytest.approx(odds)
 
 
 def test_a_gap_within_the_floor_is_no_unknown_one() -> None:
