@@ -273,8 +273,8 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
-    differ by is no unknown one; a right effect may be smaller than that. Of a larger gap, what
-    closes nothing is no explanation: it is unknown. Very few specimens show a
+    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
+    explanation: it is unknown, of a gap that is larger. Very few specimens show a
     gap, not its cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
@@ -283,11 +283,11 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     share = priors.counted(max(found.values()) - none)
     odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
     ranking = posterior(odds)
+    vain = set(evidence.closing_nothing)
     if evidence.within_floor:
-        scatter = {UNKNOWN, *((id,) for id in evidence.scatter_like)}
-        ranking = _given(ranking, dict.fromkeys(scatter, 1.0), ())
-    else:
-        ranking = _given(ranking, dict.fromkeys(evidence.closing_nothing, 1.0), UNKNOWN)
+        vain |= {UNKNOWN, *((id,) for id in evidence.scatter_like)}
+    to = () if evidence.within_floor else UNKNOWN
+    ranking = _given(ranking, dict.fromkeys(vain, 1.0), to)
     none = sum(h.probability for h in ranking if h.effects == ())
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
     most = (_LEAST_SHARE + _SHARE_EACH * evidence.specimens) * (1.0 - none)
