@@ -176,7 +176,7 @@ def _how_far(d: Diagnosis) -> str:
         floor = "there are no replicates to say how much of that is scatter"
     else:
         floor = f"replicates differ by {percent(gap.floor)}"
-    if gap.floor is not None and gap.before <= gap.floor and d.verdict in ("none", "unknown"):
+    if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
         return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
         within = ""
