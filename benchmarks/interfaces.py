@@ -4,17 +4,20 @@ python -m benchmarks.interfaces
 
 Prints each part's displacement at several sizes of cells, as deviation in per cent from the
 reference. References are CalculiX 2.20's, C3D20R elements 0.25 to 0.5 mm long whose faces are the
-interfaces, linear, with Young's moduli 0.36972 and 344.95 MPa and Poisson's ratio 0.49: those of
-the palette's TangoPlus and VeroWhitePlus at rest.
+interfaces, linear, with Young's moduli 0.36972 (Tango) and 344.95 MPa (Vero) and Poisson's
+ratio 0.49.
 """
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 import planner
+from planner.palette import LawParameters
+from planner.printers import load_printer
 
 SIZES_MM = (0.5, 0.69, 0.87, 1.05)
 
@@ -25,6 +28,18 @@ FACES = np.array(
     [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
      [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5]]
 )  # fmt: skip
+
+
+def palette() -> planner.Palette:
+    """Return the bundled palette with the moduli of the references."""
+    bundled = load_printer("connex3").palette()
+    modulus_MPa = {"TangoPlus": 0.36972, "VeroWhitePlus": 344.95}
+    laws = {
+        name: LawParameters("neo-hookean", {"mu_MPa": (modulus / 3.0,)})
+        for name, modulus in modulus_MPa.items()
+    }
+    materials = [replace(one, law=laws.get(one.id, one.law)) for one in bundled.materials]
+    return replace(bundled, materials=tuple(materials))
 
 
 class Layered(NamedTuple):
@@ -59,15 +74,19 @@ class Layered(NamedTuple):
         ]
         part = (np.array(self.size_mm) * BOX, FACES)
         if not self.aslant:
-            return planner.grade(part, axis=self.axis, profile=profile, snap_mm=0, name="bar")
+            return planner.grade(
+                part, axis=self.axis, profile=profile, snap_mm=0, name="bar", palette=palette()
+            )
         field = f"expression: min(max((x - {self.aslant} * z - {low}) / {high - low}, 0), 1)"
-        return planner.grade(part, field=field, profile=profile, snap_mm=0, name="bar")
+        return planner.grade(
+            part, field=field, profile=profile, snap_mm=0, name="bar", palette=palette()
+        )
 
     def moved_mm(self, cell_mm: float) -> float:
         """Return how far the loaded end moves along its load."""
         found = planner.simulate(
             self.plan(), fix="x=min", load=f"x=max: {self.load_N} N", cell_mm=cell_mm, steps=1,
-            compare_cells=False,
+            compare_cells=False, palette=palette(),
         )  # fmt: skip
         assert found.main is not None
         return float(found.main.along_mm[-1])

@@ -409,7 +409,7 @@ def _pieces(
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
     pairs = _touch_across(material, piece, np.zeros(3))
-    firm = _without_skins(n, pairs, _touch_across(material, piece, thin))
+    firm = _without_skins(pairs, _touch_across(material, piece, thin), place, np.ptp(ends, axis=1))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
@@ -535,21 +535,27 @@ def _touch_across(
     return np.unique(pairs, axis=0)
 
 
-def _without_skins(n: int, pairs: NDArray[np.int32], firm: NDArray[np.int32]) -> NDArray[np.int32]:
+def _without_skins(
+    pairs: NDArray[np.int32], firm: NDArray[np.int32], place: IntArray, span: FloatArray
+) -> NDArray[np.int32]:
     """Leave out pairs that touch only in a skin along an edge, and beyond that edge firmly.
 
     Where the ground of a gap lies just above a face of the lattice, two walls on it touch across
     the next face in a skin: with nodes in common, the gap could not open as far as the cells are
-    high. What the skin lies on joins them.
+    high. What the skin lies on joins them. Slivers, which are less than half a cell along the face,
+    have nodes in common: they hold each other.
     """
     from scipy.sparse import coo_array
 
-    ends = np.concatenate([firm, firm[:, ::-1]])
+    n, ends = len(place), np.concatenate([firm, firm[:, ::-1]])
     beside = coo_array((np.ones(len(ends), np.float32), tuple(ends.T)), (n, n)).tocsr()
     is_firm = np.isin(pairs @ np.array([n, 1]), firm @ np.array([n, 1]))
     loose = pairs[~is_firm]
-    around = (beside[loose[:, 0]] @ beside).multiply(beside[loose[:, 1]]).sum(axis=1) > 0
-    return np.concatenate([firm, loose[~around]])
+    one, other = loose.T
+    around = (beside[one] @ beside).multiply(beside[other]).sum(axis=1) > 0
+    along = place[one] == place[other]
+    walls = (np.minimum(span[one], span[other]) >= 0.5) | ~along
+    return np.concatenate([firm, loose[~(around & walls.all(axis=1))]])
 
 
 @kernel
