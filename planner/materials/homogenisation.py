@@ -154,5 +154,8 @@ def dithered_fraction(soft_MPa: float, hard_MPa: float, modulus_MPa: ArrayLike) 
     ladder = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, volume))
     wanted = np.log(np.asarray(modulus_MPa, dtype=np.float64))
     found = np.interp(wanted, ladder, volume)
+    slope = np.interp(found, volume, np.gradient(ladder, volume))  # and a step of Newton's
+    off = np.log(dithered_modulus_MPa(soft_MPa, hard_MPa, found)) - wanted
+    found = np.clip(found - off / slope, 0.0, 1.0)
     found = np.where(wanted <= np.log(soft_MPa), 0.0, found)
     return np.asarray(np.where(wanted >= np.log(hard_MPa), 1.0, found))

@@ -15,7 +15,7 @@ def plans(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
     """The dogbone in two halves, soft to hard, and with a harder end."""
     root = tmp_path_factory.mktemp("plans")
     folders = []
-    for to in ("FLX9750", "FLX9760"):
+    for to in ("FLX9750", "FLX9770"):
         plan = planner.grade(samples / "dogbone.stl", from_="FLX9740", to=to, bands=2)
         folders.append(plan.write(root / to))
     return folders[0], folders[1]

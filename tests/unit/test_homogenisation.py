@@ -66,7 +66,7 @@ def test_the_estimate_lies_within_the_bounds_and_rises(pair, f):
 def test_the_inverse_of_the_estimate(soft, contrast, f):
     hard = soft * contrast
     back = dithered_fraction(soft, hard, dithered_modulus_MPa(soft, hard, f))
-    assert float(back) == pytest.approx(f, abs=2e-6)
+    assert float(back) == pytest.approx(f, abs=1e-6)
     assert dithered_fraction(soft, hard, [soft, hard, soft / 2, hard * 2]).tolist() == [0, 1, 0, 1]
 
 
