@@ -460,7 +460,7 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
 def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
     found: list[_Piece] = []
-    groups, marked = list[tuple[str, list[int]]](), ""
+    groups, marked = list[tuple[str, list[int], str]](), ""
     for block in blocks:
         block, told = _with_mark10_units(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
@@ -473,10 +473,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         mark, headed = _marked(grid, block), block.place not in block.rows
         if mark or headed or not groups:  # else it goes on with the names of the one before
             groups, marked = _groups(grid, block), mark
-        for name, places in groups:
+        for name, places, material in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
             own = _split(grid, block, places, label, told)
+            if material:
+                own = [replace(one, texts={"material": material, **one.texts}) for one in own]
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
                 own[0] = replace(own[0], name=found[-1].name)
             found += own
@@ -492,39 +494,60 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
     return kept
 
 
-def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
-    """Return the columns of each record that stands in a block, with its name.
+def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
+    """Return the columns of each record that stands in a block, with its name and its material.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
-    then headings that come again.
+    then headings that come again. Names that come again are a material's, or a batch's.
     """
 
     def whole(places: Iterable[int]) -> bool:
         return _suffice(headings[i] for i in places)
 
+    def walk(places: Iterable[int]) -> list[list[int]]:
+        walked: list[list[int]] = [[]]
+        for i in places:
+            if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
+                walked.append([])
+            walked[-1].append(i)
+        return walked
+
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
-    above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
-    for names in (
-        *(_carried([*cells, ""]) for cells in above),
-        [h.tag for h in headings],
-    ):
+    above = [_carried([*grid.rows[r][1], ""]) for r in _rows_above(grid, block)]
+    tags = [h.tag for h in headings]
+    above_of: dict[int, str] = {}
+    numbered: list[tuple[str, list[int], str]] = []
+    for names in (*above, tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
         shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
         if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
             continue  # "Force 1" and "Force 2" may be load cells
-        if len(by_name) > 1 and all(whole([*shared, *places]) for places in by_name.values()):
-            return [
-                (" ".join(name.split()) if "" not in by_name else str(n), sorted(shared + places))
-                for n, (name, places) in enumerate(by_name.items(), start=1)
+        if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
+            continue
+        called = {
+            name: " ".join(name.split()) if "" not in by_name else str(n)
+            for n, name in enumerate(by_name, start=1)
+        }
+        parts = {name: walk(places) for name, places in by_name.items()}
+        if any(len(walked) > 1 and all(map(whole, walked)) for walked in parts.values()):
+            if names is not tags:
+                above_of = above_of or {i: called[name] for name, at in by_name.items() for i in at}
+            numbered = numbered or [
+                (f"{called[name]} {n}", sorted(shared + places), above_of.get(places[0], ""))
+                for name, walked in parts.items()
+                for n, places in enumerate(walked, start=1)
             ]
-    walked: list[list[int]] = [[]]
-    for i in known:
-        if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
-            walked.append([])
-        walked[-1].append(i)
+            continue
+        return [
+            (called[name], sorted(shared + places), above_of.get(places[0], ""))
+            for name, places in by_name.items()
+        ]
+    if numbered:
+        return numbered
+    walked = walk(known)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
     kinds = {"time"} | (_LENGTHS if grid.by_position else set())
     once = [
@@ -533,8 +556,23 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
     ]  # fmt: skip
     found = [walked[0], *([*once, *places] for places in walked[1:])]
     if len(found) < 2 or not all(map(whole, found)):
-        return [("", known)]
-    return [(str(n), places) for n, places in enumerate(found, start=1)]
+        return [("", known, "")]
+    return [(str(n), places, "") for n, places in enumerate(found, start=1)]
+
+
+def _rows_above(grid: _Grid, block: _Block) -> list[int]:
+    """Return the rows near above a block that may name its records: of words, then of numbers.
+
+    Figures are sizes; whole numbers may be those of specimens.
+    """
+    rows = range(block.place - 1, max(block.place - 4, -1), -1)
+    figures = {
+        r: [c for c in grid.rows[r][1] if c and grid.number(c) is not None]
+        for r in rows
+        if not any(size_of(c)[0] for c in grid.rows[r][1][:1])
+    }
+    return sorted((r for r, cells in figures.items() if all(map(str.isdigit, cells))),
+                  key=lambda r: bool(figures[r]))  # fmt: skip
 
 
 def _carried(cells: Iterable[str]) -> list[str]:

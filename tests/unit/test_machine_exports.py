@@ -467,3 +467,40 @@ def test_hostile_workbooks_are_refused_in_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert err.strip().count("\n") == 0
+
+
+# ------------------------------------------------------------------------------------------------
+# Names and sizes of records side by side, and of several series.
+
+
+def _beside(
+    *above: str,
+) -> str:
+    heads = [",".join(["Time (s),Load (N),Extension (mm)"] * 3)]
+    sizes = [f"{name},{value:g},mm" for name, value in zip(HEAD, SIZES.values(), strict=True)]
+    rows = MADE.beside([1, 2, 3], "{t},{f},{d}", ",", 3)
+    return "\n".join([*sizes, "", *above, *heads, *rows])
+
+
+HEAD = ("Width", "Thickness", "Gauge length")
+
+
+@pytest.mark.parametrize(
+    ("above", "names", "materials"),
+    [
+        (["PU,,,PU,,,EP,,"], ["PU 1", "PU 2", "EP 1"], ["PU", "PU", "EP"]),
+        (["S1,,,S2,,,S3,,", "PU,,,PU,,,EP,,"], ["S1", "S2", "S3"], ["PU", "PU", "EP"]),
+        (["S1,,,S2,,,S3,,", "2.0,,,2.2,,,1.8,,"], ["S1", "S2", "S3"], ["a"] * 3),
+        (["S1,,,S2,,,S3,,", "5,,,6,,,7,,"], ["S1", "S2", "S3"], ["a"] * 3),
+        (["11,,,12,,,14,,"], ["11", "12", "14"], ["a"] * 3),
+    ],
+)
+def test_names_that_come_again_are_of_a_material_and_figures_are_none(
+    tmp_path: Path, above: list[str], names: list[str], materials: list[str]
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(_beside(*above), encoding="utf-8")
+    study = read_study([path])
+    check(study, 3)
+    assert [r.specimen for r in study.records] == names
+    assert [r.material for r in study.records] == materials
