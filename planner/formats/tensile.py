@@ -1,5 +1,6 @@
 """Tensile test files, and the list of specimens: its columns, and what an empty cell stands for."""
 
+import functools
 import math
 import re
 from collections import Counter
@@ -869,13 +870,14 @@ def _tables(
         ]
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
+    labels = {_series(grid): _labels(_series(grid), pieces, names) for grid in grids}
     for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
         if names.count(name) > 1:
             raise FileError(
                 f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
                 "a name of its own"
             )
-        metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
+        metadata, sources, unclear = _metadata(piece, place, pieces, said, labels)
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
@@ -1040,7 +1042,11 @@ _LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
 
 
 def _metadata(
-    piece: _Piece, name: str, place: int, pieces: Sequence[_Piece], said: Sequence[_Said]
+    piece: _Piece,
+    place: int,
+    pieces: Sequence[_Piece],
+    said: Sequence[_Said],
+    labels: Mapping[str, Mapping[int, str]],
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
@@ -1050,6 +1056,8 @@ def _metadata(
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
     scopes: tuple[list[_Said], ...] = ([], [], [])
     for one in said:
+        if place not in labels[_series(one.grid)]:
+            continue
         if one.grid is not piece.grid:
             scopes[2].append(one)
         elif piece.block.start <= one.row <= piece.block.rows[-1]:
@@ -1059,8 +1067,10 @@ def _metadata(
     found: dict[str, tuple[float | str | None, str]] = {}
     for scope in scopes:
         here: dict[str, dict[float | str | None, str]] = {}
+        open_: dict[str, str] = {}
         for one in scope:
-            value = _value_for(one, name or piece.name, place, len(pieces))
+            beside = one.grid is piece.grid and one.row == piece.block.place
+            value = _value_for(one, place, labels[_series(one.grid)], beside)
             of = here.setdefault(one.name, {})
             if value is not None:
                 of.pop(value, None)  # the last place of a value is told
@@ -1069,12 +1079,16 @@ def _metadata(
                 readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
                 gives = f"gives {readings} of specimens" if one.values else "without a unit"
                 of[None] = f"{one.place()} {gives}"
+                if one.values:
+                    open_[one.name] = of[None]
         for size, values in here.items():
             known = [(v, at) for v, at in values.items() if v is not None]
             if found.get(size, (None, ""))[0] is not None:
                 continue
-            if len(known) > 1 and isinstance(known[0][0], float):
-                found[size] = None, " and ".join(f"{v:g} ({at})" for v, at in known)
+            several = [f"{v:g} ({at})" for v, at in known if isinstance(v, float)]
+            several += [open_[size]] if size in open_ and several else []
+            if len(several) > 1:
+                found[size] = None, " and ".join(several)
             elif known or size not in found:
                 found[size] = known[-1] if known else (None, values[None])
     ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
@@ -1087,20 +1101,47 @@ def _metadata(
     return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
 
 
-def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | None:
-    """Return the value that holds for a specimen: by its name, else by its place."""
+def _series(grid: _Grid) -> str:
+    """Return the number of a series' sheet: the "2" of "Results Series 2"; "" of any other."""
+    match = _SERIES.search(grid.sheet)
+    return match[1] if match else ""
+
+
+_SERIES = re.compile(r"s[eé]rie[sn]?\s*(\d+)$", re.IGNORECASE)
+
+
+def _labels(series: str, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
+    """Return the records that a series' sheet may speak of, by place: the name of each there."""
+    places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
+    count = Counter(pieces[i].name for i in places)
+    return {
+        i: _plain_name(pieces[i].name if count[pieces[i].name] == 1 else names[i]) for i in places
+    }
+
+
+def _value_for(
+    one: _Said, place: int, labels: Mapping[int, str], beside: bool
+) -> float | str | None:
+    """Return the value that holds for a specimen: by its name, else by its place.
+
+    By place only where no label is another specimen's, save in a column beside the records.
+    """
     values = {value for _, value in one.values}
-    if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
+    if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
-    plain = _plain_name(name)
-    named = {value for label, value in one.values if plain and _plain_name(label) == plain}
+    plain = labels[place]
+    told = [_plain_name(label) for label, _ in one.values]
+    named = {v for label, (_, v) in zip(told, one.values, strict=True) if plain and label == plain}
     if len(named) == 1:
         return named.pop()
-    if len(one.values) == count:
-        return one.values[place][1]
+    if not beside and not set(labels.values()).isdisjoint({*told} - {""}):
+        return values.pop() if len(values) == 1 < len(one.values) else None
+    if len(one.values) == len(labels):
+        return one.values[[*labels].index(place)][1]
     return values.pop() if len(values) == 1 else None
 
 
+@functools.lru_cache(maxsize=8192)
 def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 

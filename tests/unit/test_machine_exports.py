@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from planner.cli import run
 from planner.errors import FileError, PlannerError
-from planner.formats.tensile import read_tensile
+from planner.formats.tensile import TensileTable, read_tensile
 from planner.formats.workbook import read_sheets
 from planner.materials.study import Study, read_study
 
@@ -504,3 +505,78 @@ def test_names_that_come_again_are_of_a_material_and_figures_are_none(
     check(study, 3)
     assert [r.specimen for r in study.records] == names
     assert [r.material for r in study.records] == materials
+
+
+def _stacked(results: list[tuple[str, float]], marks: Sequence[str]) -> str:
+    rows = [f"{name}\t{thickness:g}\t6" for name, thickness in results]
+    blocks = [
+        "\n".join([f"Specimen {m}", "Time (s)\tLoad (N)\tExtension (mm)", *MADE.lines(n, FORM), ""])
+        for n, m in enumerate(marks, start=1)
+    ]
+    return "\n".join(
+        ["Gage Length\t25\tmm", "", "Specimen #\tThickness\tWidth", "\tmm\tmm", *rows, "", *blocks]
+    )
+
+
+FORM = "{t}\t{f}\t{d}"
+
+
+@pytest.mark.parametrize(
+    ("results", "marks", "thicknesses"),
+    [
+        ([("3", 1.8), ("1", 2.0), ("2", 2.2)], "123", [2.0, 2.2, 1.8]),  # by name
+        ([("1", 2.0), ("2", 2.2), ("3", 9.0), ("4", 1.8)], "124", [2.0, 2.2, 1.8]),
+        ([("1", 2.0), ("2", 2.2), ("3", 2.1)], "124", [2.0, 2.2, None]),
+        ([("2", 2.2)], "123", [None, 2.2, None]),
+        ([("1", 2.0), ("2", 2.0)], "123", [2.0, 2.0, 2.0]),  # all alike
+        ([("P-A", 2.0), ("P-B", 2.2), ("P-C", 1.8)], "123", [2.0, 2.2, 1.8]),  # by place
+    ],
+)
+def test_no_size_is_taken_from_another_specimen(
+    tmp_path: Path,
+    results: list[tuple[str, float]],
+    marks: str,
+    thicknesses: list[float | None],
+) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(_stacked(results, marks), encoding="utf-8")
+    tables = read_tensile(path)
+    assert [table.metadata.get("thickness_mm") for table in tables] == thicknesses
+    assert [("thickness_mm" in table.unclear) for table in tables] == [
+        thickness is None for thickness in thicknesses
+    ]
+
+
+def _of_two_series(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: Sequence[str]
+) -> tuple[TensileTable, ...]:
+    sheets = [("Parameters", [["Gage length", "25", "mm"]])]
+    for name, sizes in zip(results, (("2.0", "2.2"), ("1.8",)), strict=True):
+        rows = [[f"Specimen {n}", size, "6"] for n, size in enumerate(sizes, start=1)]
+        sheets.append((name, [["", "a0", "b0"], ["", "mm", "mm"], *rows]))
+    for series, numbers in (("1", [1, 2]), ("2", [3])):
+        heads = [",".join(f"Specimen {n},," for n in range(1, len(numbers) + 1))]
+        heads += [",".join(["Test time,Standard force,Standard travel"] * len(numbers))]
+        rows = [*heads, ",".join(["s,N,mm"] * len(numbers))]
+        rows += MADE.beside(numbers, "{t},{f},{d}", ",", 3)
+        sheets.append((f"Values Series {series}", [row.split(",") for row in rows]))
+    path = tmp_path / "two.xlsx"
+    path.write_bytes(b"PK")
+    monkeypatch.setattr("planner.formats.tensile.is_workbook", lambda data: True)
+    monkeypatch.setattr("planner.formats.tensile.read_sheets", lambda data, name: sheets)
+    return read_tensile(path)
+
+
+def test_results_of_a_series_are_of_its_values_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = _of_two_series(tmp_path, monkeypatch, ["Results Series 1", "Results Series 2"])
+    assert [table.metadata["thickness_mm"] for table in tables] == [2.0, 2.2, 1.8]
+
+
+def test_results_that_may_be_of_either_series_are_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = _of_two_series(tmp_path, monkeypatch, ["Results A", "Results B"])
+    assert not any("thickness_mm" in table.metadata for table in tables)
+    assert all("thickness_mm" in table.unclear for table in tables)
