@@ -68,12 +68,18 @@ _NUMBERED = re.compile(
     re.IGNORECASE,
 )
 _TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
-_SYMBOL = re.compile(r"(.+) [abdhls]\s?[0o]")
+_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
 
+_GAUGE = re.compile(
+    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+)
+"""Which travel or strain it is of may stand behind."""
+
 _MARK = re.compile(
-    rf"[#*%\s]*(?:{_SPECIMEN}|(?P<test>test|prüfung|versuch|essai|ensayo|prova))"
-    r"\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*(?:(?(test)[.#]|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    rf"[#*%\s]*(?:{_SPECIMEN}n?|(?P<test>test(?: run)?|prüfung|versuch|essai|ensayo|prova|kurve|"
+    r"curve))[\s-]*(?P<counted>(?:no|nr|n|name|id|number|nummer|n°|№)(?!\w))?"
+    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
     r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
     re.IGNORECASE,
 )
@@ -317,8 +323,10 @@ def size_of(cell: str) -> tuple[str | None, str]:
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
         speed = _SPEED.get(_folded(name)) or _SPEED.get(numbered[1] if numbered else "")
-        if (size := _looked_up(name, _SIZE) or speed) is not None:
-            return size, unit
+        gauge = "gauge_mm" if _GAUGE.match(_folded(name)) else None
+        if (size := _looked_up(name, _SIZE) or speed or gauge) is not None:
+            of_area = _folded(name) == "a0" and "area" in quantities_of(unit)
+            return "area_mm2" if of_area else size, unit
     return None, unit
 
 

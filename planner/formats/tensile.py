@@ -421,6 +421,8 @@ def _numbers_below(
     gap = False
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
+        if _cell(cells, 0) == "Channels":  # LabVIEW's next segment, with a head of its own
+            return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
@@ -737,8 +739,12 @@ def _used_columns(
         except FileError as error:
             others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if not is_time and not (heading.meaning in ("elongation", "position") and others):
-                if heading.unit is not None or grid.by_position:
+                if grid.by_position or (heading.unit is not None and not grid.option):
                     raise
+                if heading.unit is not None:
+                    raise FileError(
+                        f"{error}, or name the columns with units that are known by {grid.option}"
+                    ) from error
                 example = _example(headings)
                 raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
             notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
@@ -971,7 +977,7 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
         if split is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
-        elif column < at + 3 and not unit and _factor(size, value) is not None:
+        elif column < at + 3 and not unit and _is_of_size(value):
             unit = value
         else:
             break
@@ -979,7 +985,9 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):
         below = _cell(grid.rows[row + 1][1], at + 1)
-        unit = below if _factor(size, below) is not None else ""
+        unit = below if _is_of_size(below) else ""
+    if unit:
+        size = size_of(f"{key} [{unit.strip('()[] ')}]")[0] or size  # A0 in mm² is an area
     factor = _factor(size, unit)
     if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
         raise FileError(
@@ -989,6 +997,10 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     if figures and (factor is not None or not unit):
         values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
         yield _Said(grid, row, key, size, values)
+
+
+def _is_of_size(unit: str) -> bool:
+    return not {"length", "area", "speed"}.isdisjoint(quantities_of(unit.strip("()[] ")))
 
 
 def _factor(size: str, unit: str) -> float | None:
@@ -1023,7 +1035,10 @@ def _figures_below(
             unit = bare
             continue
         label = _cell(cells, named) if named != at else ""
-        if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
+        # "Mean" may stand before an empty label; an "x" behind the first cell is an orientation.
+        first = next(cell for cell in cells if cell)
+        words = [label, first, *(c for c in cells[:at] if len(c) > 2 and not label)]
+        if any(_STATISTIC.fullmatch(word.strip(" .:").casefold()) for word in words):
             break
         label = label or (figures[-1][0] if figures else "")
         if (label, value[0]) not in figures[-1:]:

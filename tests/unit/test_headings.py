@@ -8,7 +8,7 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError
-from planner.formats.headings import parse_heading, size_of
+from planner.formats.headings import marked_specimen, parse_heading, size_of
 from planner.formats.tables import number
 from planner.formats.tensile import read_tensile
 
@@ -148,6 +148,42 @@ def test_headings_are_taken_apart(heading: str, meaning: str, unit: str | None) 
 )
 def test_what_only_sounds_alike_is_none(heading: str) -> None:
     assert parse_heading(heading) is None
+
+
+@pytest.mark.parametrize(
+    ("cell", "size"),
+    [
+        *((cell, "gauge_mm") for cell in (
+            "Messlänge Standardweg", "Meßlänge Traverse", "Messlaenge grob", "Anfangsmeßlänge L0",
+            "Gauge length (extensometer)", "Gage length, fine strain", "Gauge Length 1", "Lo",
+            "L 0", "L₀", "Original length", "Original gauge length", "Anfangslänge",
+            "Bezugslänge", "標線間距離",
+        )),
+        *((cell, "grip_mm") for cell in ("Jaw separation", "Distance between grips")),
+        *((cell, "width_mm") for cell in ("Probenbreite b [mm]:", "Width w", "幅(W)")),
+        *((cell, "thickness_mm") for cell in ("Dicke a", "Thickness t", "Dicke h", "a0 (mm)")),
+        *((cell, "area_mm2") for cell in ("A0 [mm²]", "Querschnitt A0")),
+        *((cell, None) for cell in ("Messlänge nach Bruch", "Gauge length at break", "low", "t")),
+    ],
+)  # fmt: skip
+def test_sizes_and_their_symbols(cell: str, size: str | None) -> None:
+    assert size_of(cell)[0] == size
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["Test No: 1", "Test Number: 1", "Test No. 1", "Test Run 1", "Specimen Number: 1", "Kurve 1",
+     "Curve 1", "Prova N. 1", "Proben-Nr. 1", "Proben-Nr.: 1", "Specimen 1", "Test #1"],
+)  # fmt: skip
+def test_marks_of_a_specimen(cell: str) -> None:
+    assert marked_specimen(cell) == "1"
+
+
+@pytest.mark.parametrize(
+    "cell", ["Test: Tensile", "Test Date: 3", "Test speed: 5", "Curve: Force", "Sample rate: 100"]
+)
+def test_what_marks_no_specimen(cell: str) -> None:
+    assert marked_specimen(cell) is None
 
 
 def test_the_travel_goes_before_a_crossheads_position(tmp_path: Path) -> None:

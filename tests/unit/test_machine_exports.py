@@ -580,3 +580,76 @@ def test_results_that_may_be_of_either_series_are_asked(
     tables = _of_two_series(tmp_path, monkeypatch, ["Results A", "Results B"])
     assert not any("thickness_mm" in table.metadata for table in tables)
     assert all("thickness_mm" in table.unclear for table in tables)
+
+
+# ------------------------------------------------------------------------------------------------
+# Sizes beside the columns, and what ends a record.
+
+
+@pytest.mark.parametrize("said", ["A0;12,00;mm²", "A0 = 12,00 mm²", "A0 [mm²];12,00"])
+def test_a_section_a0_in_square_millimetres(tmp_path: Path, said: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t};{f};{d}", comma=True)
+    head = [said, "L0;25,00;mm", "", "Zeit;Kraft;Weg", "s;N;mm"]
+    path.write_text("\n".join([*head, *rows]), encoding="utf-8")
+    check(read_study([path]), 1)
+
+
+@pytest.mark.parametrize("label", ["", "-"])
+def test_rows_of_statistics_are_no_specimens(tmp_path: Path, label: str) -> None:
+    results = [f"{n},P-{n},{size},6.00" for n, size in enumerate((2.0, 2.2, 1.8), start=1)]
+    results += [f"Mean,{label},2.00,6.00", f"Standard deviation,{label},0.20,0.00"]
+    blocks = [
+        "\n".join(
+            [f"Specimen {n}", "Time (s),Load (N),Extension (mm)", *MADE.lines(n, "{t},{f},{d}"), ""]
+        )
+        for n in (1, 2, 3)
+    ]
+    head = "No,Specimen label,Thickness (mm),Width (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *results, "", *blocks]), encoding="utf-8")
+    tables = read_tensile(path)
+    assert [table.metadata["thickness_mm"] for table in tables] == [2.0, 2.2, 1.8]
+
+
+def test_an_orientation_beside_sizes_is_no_mean(tmp_path: Path) -> None:
+    rows = [f"P1,x,2,6,{row}" for row in MADE.lines(1, "{t},{f},{d}")]
+    head = "Specimen,Orientation,Thickness (mm),Width (mm),Time (s),Load (N),Extension (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    check(read_study([path], gauge_mm=25.0), 1)
+
+
+def test_segments_of_a_labview_file_are_told_apart(tmp_path: Path) -> None:
+    units = ("Newtons", "Millimeters")
+    text = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End_of_Header***\t\n"
+    for n in (1, 2):
+        text += f"Channels\t2\t\t\nSamples\t{MADE.points(n)}\t{MADE.points(n)}\t\n"
+        text += "\t".join(["Y_Unit_Label", *units, ""]) + "\nX0\t0.0\t0.0\t\n"
+        text += "Delta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\nX_Value\tLoad\tDisplacement\t\n"
+        text += "\n".join(MADE.lines(n, "{t}\t{f}\t{d}\t")) + "\n"
+    path = tmp_path / "a.lvm"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match="--blocks apart"):
+        read_tensile(path, option="--columns")
+    check(read_study([path], blocks="apart", **SIZES), 2)  # type: ignore[arg-type]  # sizes alone
+
+
+@pytest.mark.parametrize(
+    ("stress", "scale", "strain", "per"),
+    [("daN/mm²", 10.0, "mm/m", 1e-3), ("MPa", 1.0, "µm/m", 1e-6), ("MPa", 1.0, "μm/m", 1e-6)],
+)
+def test_units_of_bridges_and_old_machines(
+    tmp_path: Path, stress: str, scale: float, strain: str, per: float
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{e},{s}", e=per, s=scale)
+    path.write_text("\n".join([f"Strain [{strain}],Stress [{stress}]", *rows]), encoding="utf-8")
+    check(read_study([path]), 1)
+
+
+def test_an_unknown_unit_names_the_option(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Strain (%),Stress (stone)\n0,0\n1,1\n2,2\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"unknown unit 'stone'.* by --columns"):
+        read_tensile(path, option="--columns")
