@@ -21,6 +21,7 @@ __all__ = [
     "head_text",
     "is_of_crosshead",
     "marked_specimen",
+    "may_be_nearer",
     "mode_of",
     "parse_heading",
     "size_of",
@@ -335,6 +336,20 @@ def is_of_crosshead(heading: str) -> bool:
     return _CROSSHEAD.search(_folded(heading)) is not None
 
 
+def may_be_nearer(heading: str) -> bool:
+    """Say whether a column that is not understood may be a sensor's, or a strain of the gauge."""
+    folded = _folded(heading)
+    return _NEARER.search(folded) is not None and _OTHERWISE.search(folded) is None
+
+
+_NEARER = re.compile(
+    r"strain|dehn|exten|verlang|laser|video|\b(?:ave|dic|lve|d ?l)\b|[δ∆]l|\beps|ε|elong|deform|"
+    r"allong|allung|ひすみ|伸|应变"
+)
+_OTHERWISE = re.compile(
+    r"quer|lateral|trans|width|breite|rate|speed|soll|command|setpoint|target|plastic|shear|error|"
+    r"exx|epsx"
+)
 _CROSSHEAD = re.compile(
     r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
     r"クロスヘット|横梁|夹头|十字头"

@@ -22,6 +22,7 @@ from planner.formats.headings import (
     head_text,
     is_of_crosshead,
     marked_specimen,
+    may_be_nearer,
     mode_of,
     parse_heading,
     size_of,
@@ -530,6 +531,8 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
             continue  # "Force 1" and "Force 2" may be load cells
         if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
             continue
+        if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
+            raise FileError(_two_axes(grid, headings, by_name))
         called = {
             name: " ".join(name.split()) if "" not in by_name else str(n)
             for n, name in enumerate(by_name, start=1)
@@ -561,6 +564,20 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
     if len(found) < 2 or not all(map(whole, found)):
         return [("", known, "")]
     return [(str(n), places, "") for n, places in enumerate(found, start=1)]
+
+
+def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> str:
+    """Return what is said of a test with a load and a length along each of two axes."""
+    said = f"{grid.where}: loads and lengths along {' and '.join(by_name)}, two axes of one test"
+    if not grid.option:
+        return f"{said}; keep one in the file, with the mode 'equibiaxial' if both are loaded alike"
+    examples = [
+        _example([h if i in at or h.meaning == "time" else Heading("", "", None)
+                  for i, h in enumerate(headings)], twice=True)
+        for at in by_name.values()
+    ]  # fmt: skip
+    choice = " or ".join(f"{grid.option} {example}" for example in examples)
+    return f"{said}; take one of them by {choice}, with --mode equibiaxial if both are loaded alike"
 
 
 def _rows_above(grid: _Grid, block: _Block) -> list[int]:
@@ -759,11 +776,44 @@ def _used_columns(
         )
         if rank(i) == rank(same) and not is_time:
             doubles.append((same, i, column.factor))
+    _refuse_far(grid, lined, list(found.values()), headings)
     strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
     for one, other, factor in doubles:
         if not (strains and found[one].name == "displacement_mm"):
             _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
     return {i: found[i] for i in sorted(found)}, notes
+
+
+def _refuse_far(
+    grid: _Grid, lined: Sequence[int], used: Sequence[HeadedColumn], headings: _Headings
+) -> None:
+    """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
+    lengths = [column.heading for column in used if column.name in _LENGTH_COLUMNS]
+    if (
+        grid.by_position
+        or not lengths
+        or {h.meaning for h in lengths} - {"displacement", "position"}
+    ):
+        return
+    near: dict[int, Heading] = {}
+    for i, h in enumerate(headings):
+        unit = h.unit or _unit_at_end(h.text)
+        kinds = quantities_of(unit) & {"length", "strain"}
+        if h.meaning or unit.isdigit() or not kinds or not may_be_nearer(h.text):
+            continue
+        numbers = {grid.number(_cell(grid.rows[r][1], i)) for r in lined}
+        if None not in numbers and len(numbers) > 1:
+            near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
+    if near:
+        blank = Heading("", "", None)
+        taken = [near.get(i, blank if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
+        first, twice = next(iter(near.values())), len(near) > 1
+        other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
+        raise FileError(
+            f"{grid.where}: {first.text!r} is not understood, and may be nearer to the specimen "
+            f"than {lengths[0].text!r}; to take it, "
+            f"{_advice(grid.option, _example(taken, twice=twice))}{other}"
+        )
 
 
 def _refuse_two(
@@ -1241,19 +1291,20 @@ def _not_understood(grid: _Grid) -> str:
     unknown = [
         repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
     ]
-    missing = [
-        what
-        for what, kinds in _SOUGHT.items()
-        if kinds.isdisjoint(h.meaning for h in headings)
-    ]  # fmt: skip
+    missing = _missing(headings)
     said = (
         f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
-    if not _suffice(map(_heading, example.split(","))):
+    if example.split(",").count("?") < len(_missing(map(_heading, example.split(",")))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(grid.option, example)}"
+
+
+def _missing(headings: Iterable[Heading]) -> list[str]:
+    meanings = {heading.meaning for heading in headings}
+    return [what for what, kinds in _SOUGHT.items() if kinds.isdisjoint(meanings)]
 
 
 _SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
@@ -1262,6 +1313,11 @@ _SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGT
 def _advice(option: str, example: str) -> str:
     if not option:
         return f"head the columns {example}"
+    if "?" in example.split(","):
+        return (
+            f"name the columns by position: {option} {example} with time_s, displacement_mm, "
+            "force_N, strain or stress_MPa for a '?', or '-' for a column to leave out"
+        )
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"
 
@@ -1273,14 +1329,15 @@ _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "str
 def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
-    Where units tell nothing, the first columns that are left stand for what is missing. `twice`
-    keeps a quantity that comes again.
+    Where a load or a length is missing, a "?" stands for what units do not tell. `twice` keeps a
+    quantity that comes again.
     """
     names, meant = list[str](), list[str]()
+    told = Counter(kind for h in headings if not h.meaning for kind in quantities_of(h.unit or ""))
     for heading in headings:
         unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
         kinds = quantities_of(unit)
-        if not name and len(kinds) == 1 and not twice:
+        if not name and len(kinds) == 1 and told[min(kinds)] == 1 and not twice:
             name = _BY_KIND.get(min(kinds), "")
         if not name or (name in meant and not twice):
             names.append("-")
@@ -1288,9 +1345,11 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
         meant.append(name)
         bare = name.replace(" ", "_")
         names.append(f"{bare}_{unit}" if unit and name != "specimen" else _BARE.get(bare, bare))
-    for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
-        if meanings.isdisjoint(meant) and "-" in names:
-            names[names.index("-")] = wanted
+    if any(kinds.isdisjoint(meant) for kinds in _SOUGHT.values()):
+        names = [
+            "?" if h.text and not h.meaning and name == "-" else name
+            for h, name in zip(headings, names, strict=True)
+        ]
     return ",".join(names)
 
 

@@ -237,7 +237,7 @@ def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None
         ("Czas;Siła;Droga\ns;N;mm\n", "understood: none; not understood: 'Czas', 'Siła', 'Droga'"),
         ("Run 7\n\nCzas [s];Siła [kN];Wydłużenie [%]\n", "line 3: no heading"),
         ("Temps;Charge;Déplacement\n", r"'Charge': no unit; write it .* as .Charge \(N"),
-        ("a,b,c\n", "not understood: 'a', 'b', 'c'"),
+        ("Time (s),Load (N),Laser travel (mm)\n", "not understood: 'Laser travel"),
     ],
 )  # fmt: skip
 def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, said: str) -> None:
@@ -253,6 +253,24 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     # Where no such option is, as for campaigns, the same stands as headings.
     with pytest.raises(FileError, match="head the columns " + re.escape(example[1])):
         read_tensile(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "example"),
+    [
+        ("a,b,c", "?,?,?"),
+        ("Czas [s],Siła,Droga", "time_s,?,?"),
+        ("Time (s),Load (N),b", "time_s,force_N,?"),
+        ("Time (s),Slack (mm),Gap (mm)", "time_s,?,?"),
+    ],
+)
+def test_no_order_of_columns_is_guessed(tmp_path: Path, head: str, example: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(head + "\n" + columns(",", comma=False), encoding="utf-8")
+    with pytest.raises(FileError, match=rf"--columns {re.escape(example)} with .* for a '\?'"):
+        read_tensile(path, option="--columns")
+    with pytest.raises(FileError, match=r"column '\?' is unknown"):
+        read_tensile(path, columns=example.split(","))
 
 
 def test_a_file_without_a_load_is_told_so(tmp_path: Path) -> None:

@@ -653,3 +653,65 @@ def test_an_unknown_unit_names_the_option(tmp_path: Path) -> None:
     path.write_text("Strain (%),Stress (stone)\n0,0\n1,1\n2,2\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"unknown unit 'stone'.* by --columns"):
         read_tensile(path, option="--columns")
+
+
+# ------------------------------------------------------------------------------------------------
+# What is not understood, and what is of two axes.
+
+
+@pytest.mark.parametrize(
+    ("far", "near", "unit", "per"),
+    [
+        ("Crosshead (mm)", "Laser 2 head (mm)", "displacement_mm", 0.04),
+        ("Weg [mm]", "Dehnungsmesser [mm]", "displacement_mm", 0.04),
+        ("Extension (mm)", "Video signal (%)", "strain_%", 0.01),
+        ("Position (mm)", "DIC eps1 [%]", "strain_%", 0.01),
+    ],
+)
+def test_a_column_that_may_be_nearer_stops_and_both_readings_work(
+    tmp_path: Path, far: str, near: str, unit: str, per: float
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = [
+        f"{row},{float(e) / per:.9g}"
+        for row, e in zip(MADE.lines(1, "{t},{f},{d}"), MADE.lines(1, "{e}"), strict=True)
+    ]
+    path.write_text("\n".join([f"Time (s),Load (N),{far},{near}", *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=re.escape(f"{near!r} is not understood")) as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns (\S+)", str(caught.value))
+    assert examples == [f"time_s,force_N,-,{unit}", "time_s,force_N,displacement_mm,-"]
+    for example in examples:
+        check(read_study([path], columns=example.split(","), **SIZES), 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "other", ["Strain rate (%)", "Querdehnung (%)", "Laser setpoint (mm)", "Strain limit"]
+)
+def test_a_column_of_another_matter_stops_nothing(tmp_path: Path, other: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t},{f},{d},{e}")
+    path.write_text("\n".join([f"Time (s),Load (N),Weg (mm),{other}", *rows]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]  # sizes alone
+
+
+@pytest.mark.parametrize("near", ["Laser (mm)", "AVE axial displacement (mm)", "dL [mm]",
+                                  "Verlängerung dL [mm]", "ΔL (mm)", "Extenso [mm]"])  # fmt: skip
+def test_sensors_go_before_the_crosshead(tmp_path: Path, near: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{row},{2.0 * n}" for n, row in enumerate(MADE.lines(1, "{t},{f},{d}"))]
+    path.write_text("\n".join([f"Time (s),Load (N),{near},Weg (mm)", *rows]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]  # sizes alone
+
+
+def test_two_axes_of_one_test_are_no_two_specimens(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t},{f},{f},{d},{d}")
+    head = "Time (s),Force X (N),Force Y (N),Displacement X (mm),Displacement Y (mm)"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"two axes of one test.*--mode equibiaxial") as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns ([^\s,]\S*[^\s,])", str(caught.value))
+    assert examples == ["time_s,force_N,-,displacement_mm,-", "time_s,-,force_N,-,displacement_mm"]
+    for example in examples:
+        check(read_study([path], columns=example.split(","), **SIZES), 1)  # type: ignore[arg-type]
