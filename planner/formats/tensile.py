@@ -357,6 +357,8 @@ def _blocks(grid: _Grid) -> list[_Block]:
     while at < len(rows):
         own = _headings(rows[at][1]) if grid.by_position is None else None
         place = at
+        if grid.by_position is None and _cell(rows[at][1], 0) == _SEGMENT:
+            headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
             found.append(_Block(start, place, headings, []))
@@ -422,7 +424,7 @@ def _numbers_below(
     gap = False
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
-        if _cell(cells, 0) == "Channels":  # LabVIEW's next segment, with a head of its own
+        if _cell(cells, 0) == _SEGMENT:
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
@@ -440,6 +442,9 @@ def _numbers_below(
             gap = False
     return found, len(grid.rows)
 
+
+_SEGMENT = "Channels"
+"""With what a head of LabVIEW's begins, each segment's own."""
 
 _WORD = re.compile(r"[^\W\d_]{3}")
 
@@ -1073,7 +1078,9 @@ def _figures_below(
     grid: _Grid, row: int, at: int, unit: str
 ) -> tuple[list[tuple[str, float]], str]:
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
-    named = next((i for i, c in enumerate(grid.rows[row][1]) if head_text(c) == "specimen"), 0)
+    heads = grid.rows[row][1]
+    counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
+    named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
     figures: list[tuple[str, float]] = []
     for _, cells in grid.rows[row + 1 :]:
         cell = _cell(cells, at)

@@ -625,7 +625,7 @@ def test_segments_of_a_labview_file_are_told_apart(tmp_path: Path) -> None:
     text = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End_of_Header***\t\n"
     for n in (1, 2):
         text += f"Channels\t2\t\t\nSamples\t{MADE.points(n)}\t{MADE.points(n)}\t\n"
-        text += "\t".join(["Y_Unit_Label", *units, ""]) + "\nX0\t0.0\t0.0\t\n"
+        text += "\t".join(["Y_Unit_Label", *units, ""]) + "\nTime\t10:22:13\t10:22:13\t\n"
         text += "Delta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\nX_Value\tLoad\tDisplacement\t\n"
         text += "\n".join(MADE.lines(n, "{t}\t{f}\t{d}\t")) + "\n"
     path = tmp_path / "a.lvm"
@@ -715,3 +715,22 @@ def test_two_axes_of_one_test_are_no_two_specimens(tmp_path: Path) -> None:
     assert examples == ["time_s,force_N,-,displacement_mm,-", "time_s,-,force_N,-,displacement_mm"]
     for example in examples:
         check(read_study([path], columns=example.split(","), **SIZES), 1)  # type: ignore[arg-type]
+
+
+def test_results_numbered_in_a_later_column_go_by_the_number(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    text = _stacked([("1", 2.0), ("2", 2.2), ("3", 1.8)], "13")
+    head, rest = text.split("Specimen #", 1)
+    table, blocks = f"No.{rest}".split("\n\n", 1)
+    table = "\n".join("\t" + line for line in table.split("\n"))
+    path.write_text(f"{head}{table}\n\n{blocks}", encoding="utf-8")
+    assert [table.metadata["thickness_mm"] for table in read_tensile(path)] == [2.0, 1.8]
+
+
+def test_two_directions_of_image_correlation_stop(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{f},{-0.3 * float(f)},{f}" for f in MADE.lines(1, "{f}")]
+    head = "Load [N],exx [1] - Engr. (mean),eyy [1] - Engr. (mean)"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"two lengths of one record.*--columns force_N,-,strain"):
+        read_tensile(path, option="--columns")
