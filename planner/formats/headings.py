@@ -79,7 +79,7 @@ _GAUGE = re.compile(
 
 _MARK = re.compile(
     rf"[#*%\s]*(?:{_SPECIMEN}n?|(?P<test>test(?: run)?|prüfung|versuch|essai|ensayo|prova|kurve|"
-    r"curve))[\s-]*(?P<counted>(?:no|nr|n|name|id|number|nummer|n°|№)(?!\w))?"
+    r"curve))[\s-]*(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
     r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
     r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
     re.IGNORECASE,
@@ -347,7 +347,7 @@ _NEARER = re.compile(
     r"allong|allung|ひすみ|伸|应变"
 )
 _OTHERWISE = re.compile(
-    r"quer|lateral|trans|width|breite|rate|speed|soll|command|setpoint|target|plastic|shear|error|"
+    r"quer|lateral|transv|width|breite|rate\b|speed|soll|command|setpoint|target|plastic|shear|error|"
     r"exx|epsx"
 )
 _CROSSHEAD = re.compile(

@@ -1092,9 +1092,8 @@ def _figures_below(
             unit = bare
             continue
         label = _cell(cells, named) if named != at else ""
-        # "Mean" may stand before an empty label; an "x" behind the first cell is an orientation.
-        first = next(cell for cell in cells if cell)
-        words = [label, first, *(c for c in cells[:at] if len(c) > 2 and not label)]
+        # "Mean" may stand before an empty label; an "x" beside one is an orientation.
+        words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
         if any(_STATISTIC.fullmatch(word.strip(" .:").casefold()) for word in words):
             break
         label = label or (figures[-1][0] if figures else "")
@@ -1105,8 +1104,8 @@ def _figures_below(
 
 
 _STATISTIC = re.compile(
-    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|std.*|standard.*|coefficient.*|cv|"
-    r"n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
+    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|(?:std|standard)\W*(?:(?:dev|abw|err).*)?|"
+    r"coefficient.*|cv|n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
 )
 
 

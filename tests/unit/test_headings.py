@@ -180,7 +180,17 @@ def test_marks_of_a_specimen(cell: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "cell", ["Test: Tensile", "Test Date: 3", "Test speed: 5", "Curve: Force", "Sample rate: 100"]
+    "cell",
+    [
+        "Test: Tensile",
+        "Test name: ISO 37",
+        "Test ID: 5",
+        "Probenbreite: 6",
+        "Test Date: 3",
+        "Test speed: 5",
+        "Curve: Force",
+        "Sample rate: 100",
+    ],
 )
 def test_what_marks_no_specimen(cell: str) -> None:
     assert marked_specimen(cell) is None

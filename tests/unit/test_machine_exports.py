@@ -613,8 +613,8 @@ def test_rows_of_statistics_are_no_specimens(tmp_path: Path, label: str) -> None
 
 
 def test_an_orientation_beside_sizes_is_no_mean(tmp_path: Path) -> None:
-    rows = [f"P1,x,2,6,{row}" for row in MADE.lines(1, "{t},{f},{d}")]
-    head = "Specimen,Orientation,Thickness (mm),Width (mm),Time (s),Load (N),Extension (mm)"
+    rows = [f"x,STD-1,2,6,{row}" for row in MADE.lines(1, "{t},{f},{d}")]
+    head = "Orientation,Specimen,Thickness (mm),Width (mm),Time (s),Load (N),Extension (mm)"
     path = tmp_path / "a.csv"
     path.write_text("\n".join([head, *rows]), encoding="utf-8")
     check(read_study([path], gauge_mm=25.0), 1)
@@ -664,7 +664,7 @@ def test_an_unknown_unit_names_the_option(tmp_path: Path) -> None:
     [
         ("Crosshead (mm)", "Laser 2 head (mm)", "displacement_mm", 0.04),
         ("Weg [mm]", "Dehnungsmesser [mm]", "displacement_mm", 0.04),
-        ("Extension (mm)", "Video signal (%)", "strain_%", 0.01),
+        ("Extension (mm)", "Calibrated video transducer (%)", "strain_%", 0.01),
         ("Position (mm)", "DIC eps1 [%]", "strain_%", 0.01),
     ],
 )
