@@ -36,7 +36,7 @@ __all__ = [
 _SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
 _SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
 _BEFORE = re.compile(
-    r"^(?:standard|tensile|compressive|axial|engineering|eng|nominale?|technische|nenn|zug|druck|"
+    r"^(?:standard|tensile|compressive|axial|engineering|eng|nomin(?:al|ell?)e?|technische|nenn|zug|druck|"
     r"引張|圧縮|公称|拉伸|压缩|工程|轴向|machine|primary|measured|actual|corrected|raw|applied|"
     r"video|optical|instron|specimen|sample|proben|試験片|试样|test|avg|average|initial)\s*"
 )

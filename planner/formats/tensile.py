@@ -1036,6 +1036,8 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
             unit = value
         else:
             break
+    if len(figures) == 1:
+        figures = [("", figures[0][1])]  # of all, though it stands below the first name
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):

@@ -507,6 +507,17 @@ def test_names_that_come_again_are_of_a_material_and_figures_are_none(
     assert [r.material for r in study.records] == materials
 
 
+def test_a_size_of_all_stands_in_the_column_of_the_first_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    above = ["Sample,S1,,,S2,,,S3,,", "Operator,JD,,,JD,,,JD,,"]
+    head, _, rows = _beside().partition("\n\n")
+    beside = ["," + row for row in rows.split("\n")]
+    path.write_text("\n".join([head, "", *above, *beside]), encoding="utf-8")
+    study = read_study([path])
+    check(study, 3)
+    assert [record.specimen for record in study.records] == ["S1", "S2", "S3"]
+
+
 def _stacked(results: list[tuple[str, float]], marks: Sequence[str]) -> str:
     rows = [f"{name}\t{thickness:g}\t6" for name, thickness in results]
     blocks = [
