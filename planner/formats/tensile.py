@@ -523,11 +523,10 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
 
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
-    above = [_carried([*grid.rows[r][1], ""]) for r in _rows_above(grid, block)]
     tags = [h.tag for h in headings]
     above_of: dict[int, str] = {}
     numbered: list[tuple[str, list[int], str]] = []
-    for names in (*above, tags):
+    for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
@@ -585,19 +584,20 @@ def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[i
     return f"{said}; take one of them by {choice}, with --mode equibiaxial if both are loaded alike"
 
 
-def _rows_above(grid: _Grid, block: _Block) -> list[int]:
+def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     """Return the rows near above a block that may name its records: of words, then of numbers.
 
     Figures are sizes; whole numbers may be those of specimens.
     """
-    rows = range(block.place - 1, max(block.place - 4, -1), -1)
-    figures = {
-        r: [c for c in grid.rows[r][1] if c and grid.number(c) is not None]
-        for r in rows
-        if not any(size_of(c)[0] for c in grid.rows[r][1][:1])
-    }
-    return sorted((r for r, cells in figures.items() if all(map(str.isdigit, cells))),
-                  key=lambda r: bool(figures[r]))  # fmt: skip
+    words, numbers = list[list[str]](), list[list[str]]()
+    for row in range(block.place - 1, max(block.place - 4, -1), -1):
+        cells = [*grid.rows[row][1], ""]
+        figures = [cell for cell in cells if grid.number(cell) is not None]
+        if not figures:
+            words.append(_carried(cells))
+        elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
+            numbers.append(_carried(cells))
+    return words + numbers
 
 
 def _carried(cells: Iterable[str]) -> list[str]:
