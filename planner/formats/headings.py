@@ -21,6 +21,7 @@ __all__ = [
     "head_text",
     "is_of_crosshead",
     "marked_specimen",
+    "may_be_nearer",
     "mode_of",
     "parse_heading",
     "size_of",
@@ -35,7 +36,7 @@ __all__ = [
 _SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
 _SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
 _BEFORE = re.compile(
-    r"^(?:standard|tensile|compressive|axial|engineering|eng|nominale?|technische|nenn|zug|druck|"
+    r"^(?:standard|tensile|compressive|axial|engineering|eng|nomin(?:al|ell?)e?|technische|nenn|zug|druck|"
     r"引張|圧縮|公称|拉伸|压缩|工程|轴向|machine|primary|measured|actual|corrected|raw|applied|"
     r"video|optical|instron|specimen|sample|proben|試験片|试样|test|avg|average|initial)\s*"
 )
@@ -68,12 +69,18 @@ _NUMBERED = re.compile(
     re.IGNORECASE,
 )
 _TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
-_SYMBOL = re.compile(r"(.+) [abdhls]\s?[0o]")
+_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
 """A size with its symbol in ISO 527: "Probendicke a0"."""
 
+_GAUGE = re.compile(
+    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+)
+"""Which travel or strain it is of may stand behind."""
+
 _MARK = re.compile(
-    rf"[#*%\s]*(?:{_SPECIMEN}|(?P<test>test|prüfung|versuch|essai|ensayo|prova))"
-    r"\s*(?:(?:no|nr|name|id|n°|№)\b)?\s*(?:(?(test)[.#]|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    rf"[#*%\s]*(?:{_SPECIMEN}n?|(?P<test>test(?: run)?|prüfung|versuch|essai|ensayo|prova|kurve|"
+    r"curve))[\s-]*(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
+    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
     r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
     re.IGNORECASE,
 )
@@ -317,8 +324,10 @@ def size_of(cell: str) -> tuple[str | None, str]:
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
         speed = _SPEED.get(_folded(name)) or _SPEED.get(numbered[1] if numbered else "")
-        if (size := _looked_up(name, _SIZE) or speed) is not None:
-            return size, unit
+        gauge = "gauge_mm" if _GAUGE.match(_folded(name)) else None
+        if (size := _looked_up(name, _SIZE) or speed or gauge) is not None:
+            of_area = _folded(name) == "a0" and "area" in quantities_of(unit)
+            return "area_mm2" if of_area else size, unit
     return None, unit
 
 
@@ -327,6 +336,20 @@ def is_of_crosshead(heading: str) -> bool:
     return _CROSSHEAD.search(_folded(heading)) is not None
 
 
+def may_be_nearer(heading: str) -> bool:
+    """Say whether a column that is not understood may be a sensor's, or a strain of the gauge."""
+    folded = _folded(heading)
+    return _NEARER.search(folded) is not None and _OTHERWISE.search(folded) is None
+
+
+_NEARER = re.compile(
+    r"strain|dehn|exten|verlang|laser|video|\b(?:ave|dic|lve|d ?l)\b|[δ∆]l|\beps|ε|elong|deform|"
+    r"allong|allung|ひすみ|伸|应变"
+)
+_OTHERWISE = re.compile(
+    r"quer|lateral|transv|width|breite|rate\b|speed|soll|command|setpoint|target|plastic|shear|error|"
+    r"exx|epsx"
+)
 _CROSSHEAD = re.compile(
     r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
     r"クロスヘット|横梁|夹头|十字头"

@@ -303,7 +303,9 @@ QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 _UNIT_WORDS = {
     "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
     "min": "minuten, minutes, minutos, minuti, 分",
-    "mm": "millimeter, millimètres, milímetros, millimetri, ミリ, 毫米",
+    "mm": "millimeter, millimeters, millimetre, millimetres, millimètres, milímetros, millimetri, "
+    "ミリ, 毫米",
+    "cm": "centimeter, centimeters, centimetre, centimetres",
     "N": "牛, 牛顿",
     "kN": "千牛",
     "MPa": "兆帕",
@@ -314,9 +316,12 @@ _UNIT_WORDS = {
 
 _READ_ALONE = {
     "force": {"dan": 10.0, "cn": 0.01, "kp": 9.80665},
-    "stress": {"kgf/cm2": 9.80665e-2, "kg/cm2": 9.80665e-2, "kg/mm2": 9.80665, "n/cm2": 1e-2},
-    "strain": {"‰": 1e-3},
-}
+    "stress": {
+        "kgf/cm2": 9.80665e-2, "kg/cm2": 9.80665e-2, "kg/mm2": 9.80665, "n/cm2": 1e-2,
+        "dan/mm2": 10.0,
+    },
+    "strain": {"‰": 1e-3, "mm/m": 1e-3, "\u03bcm/m": 1e-6, "um/m": 1e-6},
+}  # fmt: skip
 """Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
 2 %, nearer than a load cell's gain is known."""
 

@@ -1,5 +1,6 @@
 """Tensile test files, and the list of specimens: its columns, and what an empty cell stands for."""
 
+import functools
 import math
 import re
 from collections import Counter
@@ -21,6 +22,7 @@ from planner.formats.headings import (
     head_text,
     is_of_crosshead,
     marked_specimen,
+    may_be_nearer,
     mode_of,
     parse_heading,
     size_of,
@@ -355,6 +357,8 @@ def _blocks(grid: _Grid) -> list[_Block]:
     while at < len(rows):
         own = _headings(rows[at][1]) if grid.by_position is None else None
         place = at
+        if grid.by_position is None and _cell(rows[at][1], 0) == _SEGMENT:
+            headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
             found.append(_Block(start, place, headings, []))
@@ -420,6 +424,8 @@ def _numbers_below(
     gap = False
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
+        if _cell(cells, 0) == _SEGMENT:
+            return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
         if not any(cells):
@@ -436,6 +442,9 @@ def _numbers_below(
             gap = False
     return found, len(grid.rows)
 
+
+_SEGMENT = "Channels"
+"""With what a head of LabVIEW's begins, each segment's own."""
 
 _WORD = re.compile(r"[^\W\d_]{3}")
 
@@ -460,7 +469,7 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
 def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Piece]:
     found: list[_Piece] = []
-    groups, marked = list[tuple[str, list[int]]](), ""
+    groups, marked = list[tuple[str, list[int], str]](), ""
     for block in blocks:
         block, told = _with_mark10_units(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
@@ -473,10 +482,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         mark, headed = _marked(grid, block), block.place not in block.rows
         if mark or headed or not groups:  # else it goes on with the names of the one before
             groups, marked = _groups(grid, block), mark
-        for name, places in groups:
+        for name, places, material in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
             label = marked if len(groups) == 1 else several
             own = _split(grid, block, places, label, told)
+            if material:
+                own = [replace(one, texts={"material": material, **one.texts}) for one in own]
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
                 own[0] = replace(own[0], name=found[-1].name)
             found += own
@@ -492,39 +503,61 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
     return kept
 
 
-def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
-    """Return the columns of each record that stands in a block, with its name.
+def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
+    """Return the columns of each record that stands in a block, with its name and its material.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
-    then headings that come again.
+    then headings that come again. Names that come again are a material's, or a batch's.
     """
 
     def whole(places: Iterable[int]) -> bool:
         return _suffice(headings[i] for i in places)
 
+    def walk(places: Iterable[int]) -> list[list[int]]:
+        walked: list[list[int]] = [[]]
+        for i in places:
+            if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
+                walked.append([])
+            walked[-1].append(i)
+        return walked
+
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
-    above = [grid.rows[r][1] for r in range(block.place - 1, max(block.place - 4, -1), -1)]
-    for names in (
-        *(_carried([*cells, ""]) for cells in above),
-        [h.tag for h in headings],
-    ):
+    tags = [h.tag for h in headings]
+    above_of: dict[int, str] = {}
+    numbered: list[tuple[str, list[int], str]] = []
+    for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
         shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
         if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
             continue  # "Force 1" and "Force 2" may be load cells
-        if len(by_name) > 1 and all(whole([*shared, *places]) for places in by_name.values()):
-            return [
-                (" ".join(name.split()) if "" not in by_name else str(n), sorted(shared + places))
-                for n, (name, places) in enumerate(by_name.items(), start=1)
+        if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
+            continue
+        if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
+            raise FileError(_two_axes(grid, headings, by_name))
+        called = {
+            name: " ".join(name.split()) if "" not in by_name else str(n)
+            for n, name in enumerate(by_name, start=1)
+        }
+        parts = {name: walk(places) for name, places in by_name.items()}
+        if any(len(walked) > 1 and all(map(whole, walked)) for walked in parts.values()):
+            if names is not tags:
+                above_of = above_of or {i: called[name] for name, at in by_name.items() for i in at}
+            numbered = numbered or [
+                (f"{called[name]} {n}", sorted(shared + places), above_of.get(places[0], ""))
+                for name, walked in parts.items()
+                for n, places in enumerate(walked, start=1)
             ]
-    walked: list[list[int]] = [[]]
-    for i in known:
-        if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
-            walked.append([])
-        walked[-1].append(i)
+            continue
+        return [
+            (called[name], sorted(shared + places), above_of.get(places[0], ""))
+            for name, places in by_name.items()
+        ]
+    if numbered:
+        return numbered
+    walked = walk(known)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
     kinds = {"time"} | (_LENGTHS if grid.by_position else set())
     once = [
@@ -533,8 +566,38 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int]]]:
     ]  # fmt: skip
     found = [walked[0], *([*once, *places] for places in walked[1:])]
     if len(found) < 2 or not all(map(whole, found)):
-        return [("", known)]
-    return [(str(n), places) for n, places in enumerate(found, start=1)]
+        return [("", known, "")]
+    return [(str(n), places, "") for n, places in enumerate(found, start=1)]
+
+
+def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> str:
+    """Return what is said of a test with a load and a length along each of two axes."""
+    said = f"{grid.where}: loads and lengths along {' and '.join(by_name)}, two axes of one test"
+    if not grid.option:
+        return f"{said}; keep one in the file, with the mode 'equibiaxial' if both are loaded alike"
+    examples = [
+        _example([h if i in at or h.meaning == "time" else Heading("", "", None)
+                  for i, h in enumerate(headings)], twice=True)
+        for at in by_name.values()
+    ]  # fmt: skip
+    choice = " or ".join(f"{grid.option} {example}" for example in examples)
+    return f"{said}; take one of them by {choice}, with --mode equibiaxial if both are loaded alike"
+
+
+def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
+    """Return the rows near above a block that may name its records: of words, then of numbers.
+
+    Figures are sizes; whole numbers may be those of specimens.
+    """
+    words, numbers = list[list[str]](), list[list[str]]()
+    for row in range(block.place - 1, max(block.place - 4, -1), -1):
+        cells = [*grid.rows[row][1], ""]
+        figures = [cell for cell in cells if grid.number(cell) is not None]
+        if not figures:
+            words.append(_carried(cells))
+        elif all(map(str.isdigit, figures)) and size_of(cells[0])[0] is None:
+            numbers.append(_carried(cells))
+    return words + numbers
 
 
 def _carried(cells: Iterable[str]) -> list[str]:
@@ -698,8 +761,12 @@ def _used_columns(
         except FileError as error:
             others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if not is_time and not (heading.meaning in ("elongation", "position") and others):
-                if heading.unit is not None or grid.by_position:
+                if grid.by_position or (heading.unit is not None and not grid.option):
                     raise
+                if heading.unit is not None:
+                    raise FileError(
+                        f"{error}, or name the columns with units that are known by {grid.option}"
+                    ) from error
                 example = _example(headings)
                 raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
             notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
@@ -714,11 +781,44 @@ def _used_columns(
         )
         if rank(i) == rank(same) and not is_time:
             doubles.append((same, i, column.factor))
+    _refuse_far(grid, lined, list(found.values()), headings)
     strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
     for one, other, factor in doubles:
         if not (strains and found[one].name == "displacement_mm"):
             _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
     return {i: found[i] for i in sorted(found)}, notes
+
+
+def _refuse_far(
+    grid: _Grid, lined: Sequence[int], used: Sequence[HeadedColumn], headings: _Headings
+) -> None:
+    """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
+    lengths = [column.heading for column in used if column.name in _LENGTH_COLUMNS]
+    if (
+        grid.by_position
+        or not lengths
+        or {h.meaning for h in lengths} - {"displacement", "position"}
+    ):
+        return
+    near: dict[int, Heading] = {}
+    for i, h in enumerate(headings):
+        unit = h.unit or _unit_at_end(h.text)
+        kinds = quantities_of(unit) & {"length", "strain"}
+        if h.meaning or unit.isdigit() or not kinds or not may_be_nearer(h.text):
+            continue
+        numbers = {grid.number(_cell(grid.rows[r][1], i)) for r in lined}
+        if None not in numbers and len(numbers) > 1:
+            near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
+    if near:
+        blank = Heading("", "", None)
+        taken = [near.get(i, blank if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
+        first, twice = next(iter(near.values())), len(near) > 1
+        other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
+        raise FileError(
+            f"{grid.where}: {first.text!r} is not understood, and may be nearer to the specimen "
+            f"than {lengths[0].text!r}; to take it, "
+            f"{_advice(grid.option, _example(taken, twice=twice))}{other}"
+        )
 
 
 def _refuse_two(
@@ -831,13 +931,14 @@ def _tables(
         ]
     found = []
     said = [size for grid in grids for size in _said_sizes(grid, pieces)]
+    labels = {_series(grid): _labels(_series(grid), pieces, names) for grid in grids}
     for place, (piece, name) in enumerate(zip(pieces, names, strict=True)):
         if names.count(name) > 1:
             raise FileError(
                 f"{piece.grid.where}: {names.count(name)} records of specimen {name!r}; give each "
                 "a name of its own"
             )
-        metadata, sources, unclear = _metadata(piece, name, place, pieces, said)
+        metadata, sources, unclear = _metadata(piece, place, pieces, said, labels)
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
@@ -931,15 +1032,19 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
         if split is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
-        elif column < at + 3 and not unit and _factor(size, value) is not None:
+        elif column < at + 3 and not unit and _is_of_size(value):
             unit = value
         else:
             break
+    if len(figures) == 1:
+        figures = [("", figures[0][1])]  # of all, though it stands below the first name
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):
         below = _cell(grid.rows[row + 1][1], at + 1)
-        unit = below if _factor(size, below) is not None else ""
+        unit = below if _is_of_size(below) else ""
+    if unit:
+        size = size_of(f"{key} [{unit.strip('()[] ')}]")[0] or size  # A0 in mm² is an area
     factor = _factor(size, unit)
     if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
         raise FileError(
@@ -949,6 +1054,10 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     if figures and (factor is not None or not unit):
         values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
         yield _Said(grid, row, key, size, values)
+
+
+def _is_of_size(unit: str) -> bool:
+    return not {"length", "area", "speed"}.isdisjoint(quantities_of(unit.strip("()[] ")))
 
 
 def _factor(size: str, unit: str) -> float | None:
@@ -971,7 +1080,9 @@ def _figures_below(
     grid: _Grid, row: int, at: int, unit: str
 ) -> tuple[list[tuple[str, float]], str]:
     """Return the figures below a cell of a table of results, by specimen, and their unit."""
-    named = next((i for i, c in enumerate(grid.rows[row][1]) if head_text(c) == "specimen"), 0)
+    heads = grid.rows[row][1]
+    counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
+    named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
     figures: list[tuple[str, float]] = []
     for _, cells in grid.rows[row + 1 :]:
         cell = _cell(cells, at)
@@ -983,7 +1094,9 @@ def _figures_below(
             unit = bare
             continue
         label = _cell(cells, named) if named != at else ""
-        if _STATISTIC.fullmatch(label.strip(" .:").casefold()):
+        # "Mean" may stand before an empty label; an "x" beside one is an orientation.
+        words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
+        if any(_STATISTIC.fullmatch(word.strip(" .:").casefold()) for word in words):
             break
         label = label or (figures[-1][0] if figures else "")
         if (label, value[0]) not in figures[-1:]:
@@ -993,8 +1106,8 @@ def _figures_below(
 
 
 _STATISTIC = re.compile(
-    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|std.*|standard.*|coefficient.*|cv|"
-    r"n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
+    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|(?:std|standard)\W*(?:(?:dev|abw|err).*)?|"
+    r"coefficient.*|cv|n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
 )
 
 
@@ -1002,7 +1115,11 @@ _LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
 
 
 def _metadata(
-    piece: _Piece, name: str, place: int, pieces: Sequence[_Piece], said: Sequence[_Said]
+    piece: _Piece,
+    place: int,
+    pieces: Sequence[_Piece],
+    said: Sequence[_Said],
+    labels: Mapping[str, Mapping[int, str]],
 ) -> tuple[dict[str, float | str], dict[str, str], dict[str, str]]:
     """Return what a file says of one record, where it says so, and what it leaves unclear.
 
@@ -1012,6 +1129,8 @@ def _metadata(
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
     scopes: tuple[list[_Said], ...] = ([], [], [])
     for one in said:
+        if place not in labels[_series(one.grid)]:
+            continue
         if one.grid is not piece.grid:
             scopes[2].append(one)
         elif piece.block.start <= one.row <= piece.block.rows[-1]:
@@ -1021,8 +1140,10 @@ def _metadata(
     found: dict[str, tuple[float | str | None, str]] = {}
     for scope in scopes:
         here: dict[str, dict[float | str | None, str]] = {}
+        open_: dict[str, str] = {}
         for one in scope:
-            value = _value_for(one, name or piece.name, place, len(pieces))
+            beside = one.grid is piece.grid and one.row == piece.block.place
+            value = _value_for(one, place, labels[_series(one.grid)], beside)
             of = here.setdefault(one.name, {})
             if value is not None:
                 of.pop(value, None)  # the last place of a value is told
@@ -1031,12 +1152,16 @@ def _metadata(
                 readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
                 gives = f"gives {readings} of specimens" if one.values else "without a unit"
                 of[None] = f"{one.place()} {gives}"
+                if one.values:
+                    open_[one.name] = of[None]
         for size, values in here.items():
             known = [(v, at) for v, at in values.items() if v is not None]
             if found.get(size, (None, ""))[0] is not None:
                 continue
-            if len(known) > 1 and isinstance(known[0][0], float):
-                found[size] = None, " and ".join(f"{v:g} ({at})" for v, at in known)
+            several = [f"{v:g} ({at})" for v, at in known if isinstance(v, float)]
+            several += [open_[size]] if size in open_ and several else []
+            if len(several) > 1:
+                found[size] = None, " and ".join(several)
             elif known or size not in found:
                 found[size] = known[-1] if known else (None, values[None])
     ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
@@ -1049,20 +1174,47 @@ def _metadata(
     return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
 
 
-def _value_for(one: _Said, name: str, place: int, count: int) -> float | str | None:
-    """Return the value that holds for a specimen: by its name, else by its place."""
+def _series(grid: _Grid) -> str:
+    """Return the number of a series' sheet: the "2" of "Results Series 2"; "" of any other."""
+    match = _SERIES.search(grid.sheet)
+    return match[1] if match else ""
+
+
+_SERIES = re.compile(r"s[eé]rie[sn]?\s*(\d+)$", re.IGNORECASE)
+
+
+def _labels(series: str, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
+    """Return the records that a series' sheet may speak of, by place: the name of each there."""
+    places = [i for i, p in enumerate(pieces) if not series or _series(p.grid) in ("", series)]
+    count = Counter(pieces[i].name for i in places)
+    return {
+        i: _plain_name(pieces[i].name if count[pieces[i].name] == 1 else names[i]) for i in places
+    }
+
+
+def _value_for(
+    one: _Said, place: int, labels: Mapping[int, str], beside: bool
+) -> float | str | None:
+    """Return the value that holds for a specimen: by its name, else by its place.
+
+    By place only where no label is another specimen's, save in a column beside the records.
+    """
     values = {value for _, value in one.values}
-    if len(one.values) == 1 and (count == 1 or not one.values[0][0]):
+    if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
-    plain = _plain_name(name)
-    named = {value for label, value in one.values if plain and _plain_name(label) == plain}
+    plain = labels[place]
+    told = [_plain_name(label) for label, _ in one.values]
+    named = {v for label, (_, v) in zip(told, one.values, strict=True) if plain and label == plain}
     if len(named) == 1:
         return named.pop()
-    if len(one.values) == count:
-        return one.values[place][1]
+    if not beside and not set(labels.values()).isdisjoint({*told} - {""}):
+        return values.pop() if len(values) == 1 < len(one.values) else None
+    if len(one.values) == len(labels):
+        return one.values[[*labels].index(place)][1]
     return values.pop() if len(values) == 1 else None
 
 
+@functools.lru_cache(maxsize=8192)
 def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
@@ -1147,19 +1299,20 @@ def _not_understood(grid: _Grid) -> str:
     unknown = [
         repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
     ]
-    missing = [
-        what
-        for what, kinds in _SOUGHT.items()
-        if kinds.isdisjoint(h.meaning for h in headings)
-    ]  # fmt: skip
+    missing = _missing(headings)
     said = (
         f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
-    if not _suffice(map(_heading, example.split(","))):
+    if example.split(",").count("?") < len(_missing(map(_heading, example.split(",")))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(grid.option, example)}"
+
+
+def _missing(headings: Iterable[Heading]) -> list[str]:
+    meanings = {heading.meaning for heading in headings}
+    return [what for what, kinds in _SOUGHT.items() if kinds.isdisjoint(meanings)]
 
 
 _SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
@@ -1168,6 +1321,11 @@ _SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGT
 def _advice(option: str, example: str) -> str:
     if not option:
         return f"head the columns {example}"
+    if "?" in example.split(","):
+        return (
+            f"name the columns by position: {option} {example} with time_s, displacement_mm, "
+            "force_N, strain or stress_MPa for a '?', or '-' for a column to leave out"
+        )
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"
 
@@ -1179,14 +1337,15 @@ _EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "str
 def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
-    Where units tell nothing, the first columns that are left stand for what is missing. `twice`
-    keeps a quantity that comes again.
+    Where a load or a length is missing, a "?" stands for what units do not tell. `twice` keeps a
+    quantity that comes again.
     """
     names, meant = list[str](), list[str]()
+    told = Counter(kind for h in headings if not h.meaning for kind in quantities_of(h.unit or ""))
     for heading in headings:
         unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
         kinds = quantities_of(unit)
-        if not name and len(kinds) == 1 and not twice:
+        if not name and len(kinds) == 1 and told[min(kinds)] == 1 and not twice:
             name = _BY_KIND.get(min(kinds), "")
         if not name or (name in meant and not twice):
             names.append("-")
@@ -1194,9 +1353,11 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
         meant.append(name)
         bare = name.replace(" ", "_")
         names.append(f"{bare}_{unit}" if unit and name != "specimen" else _BARE.get(bare, bare))
-    for wanted, meanings in (("displacement_mm", _LENGTHS), ("force_N", _LOADS)):
-        if meanings.isdisjoint(meant) and "-" in names:
-            names[names.index("-")] = wanted
+    if any(kinds.isdisjoint(meant) for kinds in _SOUGHT.values()):
+        names = [
+            "?" if h.text and not h.meaning and name == "-" else name
+            for h, name in zip(headings, names, strict=True)
+        ]
     return ",".join(names)
 
 

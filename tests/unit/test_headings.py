@@ -8,7 +8,7 @@ import pytest
 
 from planner.cli import run
 from planner.errors import FileError
-from planner.formats.headings import parse_heading, size_of
+from planner.formats.headings import marked_specimen, parse_heading, size_of
 from planner.formats.tables import number
 from planner.formats.tensile import read_tensile
 
@@ -150,6 +150,52 @@ def test_what_only_sounds_alike_is_none(heading: str) -> None:
     assert parse_heading(heading) is None
 
 
+@pytest.mark.parametrize(
+    ("cell", "size"),
+    [
+        *((cell, "gauge_mm") for cell in (
+            "Messlänge Standardweg", "Meßlänge Traverse", "Messlaenge grob", "Anfangsmeßlänge L0",
+            "Gauge length (extensometer)", "Gage length, fine strain", "Gauge Length 1", "Lo",
+            "L 0", "L₀", "Original length", "Original gauge length", "Anfangslänge",
+            "Bezugslänge", "標線間距離",
+        )),
+        *((cell, "grip_mm") for cell in ("Jaw separation", "Distance between grips")),
+        *((cell, "width_mm") for cell in ("Probenbreite b [mm]:", "Width w", "幅(W)")),
+        *((cell, "thickness_mm") for cell in ("Dicke a", "Thickness t", "Dicke h", "a0 (mm)")),
+        *((cell, "area_mm2") for cell in ("A0 [mm²]", "Querschnitt A0")),
+        *((cell, None) for cell in ("Messlänge nach Bruch", "Gauge length at break", "low", "t")),
+    ],
+)  # fmt: skip
+def test_sizes_and_their_symbols(cell: str, size: str | None) -> None:
+    assert size_of(cell)[0] == size
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["Test No: 1", "Test Number: 1", "Test No. 1", "Test Run 1", "Specimen Number: 1", "Kurve 1",
+     "Curve 1", "Prova N. 1", "Proben-Nr. 1", "Proben-Nr.: 1", "Specimen 1", "Test #1"],
+)  # fmt: skip
+def test_marks_of_a_specimen(cell: str) -> None:
+    assert marked_specimen(cell) == "1"
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        "Test: Tensile",
+        "Test name: ISO 37",
+        "Test ID: 5",
+        "Probenbreite: 6",
+        "Test Date: 3",
+        "Test speed: 5",
+        "Curve: Force",
+        "Sample rate: 100",
+    ],
+)
+def test_what_marks_no_specimen(cell: str) -> None:
+    assert marked_specimen(cell) is None
+
+
 def test_the_travel_goes_before_a_crossheads_position(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text(
@@ -201,7 +247,7 @@ def test_what_may_be_a_length_or_a_strain_needs_its_unit(tmp_path: Path) -> None
         ("Czas;Siła;Droga\ns;N;mm\n", "understood: none; not understood: 'Czas', 'Siła', 'Droga'"),
         ("Run 7\n\nCzas [s];Siła [kN];Wydłużenie [%]\n", "line 3: no heading"),
         ("Temps;Charge;Déplacement\n", r"'Charge': no unit; write it .* as .Charge \(N"),
-        ("a,b,c\n", "not understood: 'a', 'b', 'c'"),
+        ("Time (s),Load (N),Laser travel (mm)\n", "not understood: 'Laser travel"),
     ],
 )  # fmt: skip
 def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, said: str) -> None:
@@ -217,6 +263,24 @@ def test_the_columns_option_that_is_proposed_works(tmp_path: Path, head: str, sa
     # Where no such option is, as for campaigns, the same stands as headings.
     with pytest.raises(FileError, match="head the columns " + re.escape(example[1])):
         read_tensile(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "example"),
+    [
+        ("a,b,c", "?,?,?"),
+        ("Czas [s],Siła,Droga", "time_s,?,?"),
+        ("Time (s),Load (N),b", "time_s,force_N,?"),
+        ("Time (s),Slack (mm),Gap (mm)", "time_s,?,?"),
+    ],
+)
+def test_no_order_of_columns_is_guessed(tmp_path: Path, head: str, example: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(head + "\n" + columns(",", comma=False), encoding="utf-8")
+    with pytest.raises(FileError, match=rf"--columns {re.escape(example)} with .* for a '\?'"):
+        read_tensile(path, option="--columns")
+    with pytest.raises(FileError, match=r"column '\?' is unknown"):
+        read_tensile(path, columns=example.split(","))
 
 
 def test_a_file_without_a_load_is_told_so(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from planner.cli import run
 from planner.errors import FileError, PlannerError
-from planner.formats.tensile import read_tensile
+from planner.formats.tensile import TensileTable, read_tensile
 from planner.formats.workbook import read_sheets
 from planner.materials.study import Study, read_study
 
@@ -467,3 +468,280 @@ def test_hostile_workbooks_are_refused_in_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert err.strip().count("\n") == 0
+
+
+# ------------------------------------------------------------------------------------------------
+# Names and sizes of records side by side, and of several series.
+
+
+def _beside(
+    *above: str,
+) -> str:
+    heads = [",".join(["Time (s),Load (N),Extension (mm)"] * 3)]
+    sizes = [f"{name},{value:g},mm" for name, value in zip(HEAD, SIZES.values(), strict=True)]
+    rows = MADE.beside([1, 2, 3], "{t},{f},{d}", ",", 3)
+    return "\n".join([*sizes, "", *above, *heads, *rows])
+
+
+HEAD = ("Width", "Thickness", "Gauge length")
+
+
+@pytest.mark.parametrize(
+    ("above", "names", "materials"),
+    [
+        (["PU,,,PU,,,EP,,"], ["PU 1", "PU 2", "EP 1"], ["PU", "PU", "EP"]),
+        (["S1,,,S2,,,S3,,", "PU,,,PU,,,EP,,"], ["S1", "S2", "S3"], ["PU", "PU", "EP"]),
+        (["S1,,,S2,,,S3,,", "2.0,,,2.2,,,1.8,,"], ["S1", "S2", "S3"], ["a"] * 3),
+        (["S1,,,S2,,,S3,,", "5,,,6,,,7,,"], ["S1", "S2", "S3"], ["a"] * 3),
+        (["11,,,12,,,14,,"], ["11", "12", "14"], ["a"] * 3),
+    ],
+)
+def test_names_that_come_again_are_of_a_material_and_figures_are_none(
+    tmp_path: Path, above: list[str], names: list[str], materials: list[str]
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(_beside(*above), encoding="utf-8")
+    study = read_study([path])
+    check(study, 3)
+    assert [r.specimen for r in study.records] == names
+    assert [r.material for r in study.records] == materials
+
+
+def test_a_size_of_all_stands_in_the_column_of_the_first_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    above = ["Sample,S1,,,S2,,,S3,,", "Operator,JD,,,JD,,,JD,,"]
+    head, _, rows = _beside().partition("\n\n")
+    beside = ["," + row for row in rows.split("\n")]
+    path.write_text("\n".join([head, "", *above, *beside]), encoding="utf-8")
+    study = read_study([path])
+    check(study, 3)
+    assert [record.specimen for record in study.records] == ["S1", "S2", "S3"]
+
+
+def _stacked(results: list[tuple[str, float]], marks: Sequence[str]) -> str:
+    rows = [f"{name}\t{thickness:g}\t6" for name, thickness in results]
+    blocks = [
+        "\n".join([f"Specimen {m}", "Time (s)\tLoad (N)\tExtension (mm)", *MADE.lines(n, FORM), ""])
+        for n, m in enumerate(marks, start=1)
+    ]
+    return "\n".join(
+        ["Gage Length\t25\tmm", "", "Specimen #\tThickness\tWidth", "\tmm\tmm", *rows, "", *blocks]
+    )
+
+
+FORM = "{t}\t{f}\t{d}"
+
+
+@pytest.mark.parametrize(
+    ("results", "marks", "thicknesses"),
+    [
+        ([("3", 1.8), ("1", 2.0), ("2", 2.2)], "123", [2.0, 2.2, 1.8]),  # by name
+        ([("1", 2.0), ("2", 2.2), ("3", 9.0), ("4", 1.8)], "124", [2.0, 2.2, 1.8]),
+        ([("1", 2.0), ("2", 2.2), ("3", 2.1)], "124", [2.0, 2.2, None]),
+        ([("2", 2.2)], "123", [None, 2.2, None]),
+        ([("1", 2.0), ("2", 2.0)], "123", [2.0, 2.0, 2.0]),  # all alike
+        ([("P-A", 2.0), ("P-B", 2.2), ("P-C", 1.8)], "123", [2.0, 2.2, 1.8]),  # by place
+    ],
+)
+def test_no_size_is_taken_from_another_specimen(
+    tmp_path: Path,
+    results: list[tuple[str, float]],
+    marks: str,
+    thicknesses: list[float | None],
+) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(_stacked(results, marks), encoding="utf-8")
+    tables = read_tensile(path)
+    assert [table.metadata.get("thickness_mm") for table in tables] == thicknesses
+    assert [("thickness_mm" in table.unclear) for table in tables] == [
+        thickness is None for thickness in thicknesses
+    ]
+
+
+def _of_two_series(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: Sequence[str]
+) -> tuple[TensileTable, ...]:
+    sheets = [("Parameters", [["Gage length", "25", "mm"]])]
+    for name, sizes in zip(results, (("2.0", "2.2"), ("1.8",)), strict=True):
+        rows = [[f"Specimen {n}", size, "6"] for n, size in enumerate(sizes, start=1)]
+        sheets.append((name, [["", "a0", "b0"], ["", "mm", "mm"], *rows]))
+    for series, numbers in (("1", [1, 2]), ("2", [3])):
+        heads = [",".join(f"Specimen {n},," for n in range(1, len(numbers) + 1))]
+        heads += [",".join(["Test time,Standard force,Standard travel"] * len(numbers))]
+        rows = [*heads, ",".join(["s,N,mm"] * len(numbers))]
+        rows += MADE.beside(numbers, "{t},{f},{d}", ",", 3)
+        sheets.append((f"Values Series {series}", [row.split(",") for row in rows]))
+    path = tmp_path / "two.xlsx"
+    path.write_bytes(b"PK")
+    monkeypatch.setattr("planner.formats.tensile.is_workbook", lambda data: True)
+    monkeypatch.setattr("planner.formats.tensile.read_sheets", lambda data, name: sheets)
+    return read_tensile(path)
+
+
+def test_results_of_a_series_are_of_its_values_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = _of_two_series(tmp_path, monkeypatch, ["Results Series 1", "Results Series 2"])
+    assert [table.metadata["thickness_mm"] for table in tables] == [2.0, 2.2, 1.8]
+
+
+def test_results_that_may_be_of_either_series_are_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = _of_two_series(tmp_path, monkeypatch, ["Results A", "Results B"])
+    assert not any("thickness_mm" in table.metadata for table in tables)
+    assert all("thickness_mm" in table.unclear for table in tables)
+
+
+# ------------------------------------------------------------------------------------------------
+# Sizes beside the columns, and what ends a record.
+
+
+@pytest.mark.parametrize("said", ["A0;12,00;mm²", "A0 = 12,00 mm²", "A0 [mm²];12,00"])
+def test_a_section_a0_in_square_millimetres(tmp_path: Path, said: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t};{f};{d}", comma=True)
+    head = [said, "L0;25,00;mm", "", "Zeit;Kraft;Weg", "s;N;mm"]
+    path.write_text("\n".join([*head, *rows]), encoding="utf-8")
+    check(read_study([path]), 1)
+
+
+@pytest.mark.parametrize("label", ["", "-"])
+def test_rows_of_statistics_are_no_specimens(tmp_path: Path, label: str) -> None:
+    results = [f"{n},P-{n},{size},6.00" for n, size in enumerate((2.0, 2.2, 1.8), start=1)]
+    results += [f"Mean,{label},2.00,6.00", f"Standard deviation,{label},0.20,0.00"]
+    blocks = [
+        "\n".join(
+            [f"Specimen {n}", "Time (s),Load (N),Extension (mm)", *MADE.lines(n, "{t},{f},{d}"), ""]
+        )
+        for n in (1, 2, 3)
+    ]
+    head = "No,Specimen label,Thickness (mm),Width (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *results, "", *blocks]), encoding="utf-8")
+    tables = read_tensile(path)
+    assert [table.metadata["thickness_mm"] for table in tables] == [2.0, 2.2, 1.8]
+
+
+def test_an_orientation_beside_sizes_is_no_mean(tmp_path: Path) -> None:
+    rows = [f"x,STD-1,2,6,{row}" for row in MADE.lines(1, "{t},{f},{d}")]
+    head = "Orientation,Specimen,Thickness (mm),Width (mm),Time (s),Load (N),Extension (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    check(read_study([path], gauge_mm=25.0), 1)
+
+
+def test_segments_of_a_labview_file_are_told_apart(tmp_path: Path) -> None:
+    units = ("Newtons", "Millimeters")
+    text = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End_of_Header***\t\n"
+    for n in (1, 2):
+        text += f"Channels\t2\t\t\nSamples\t{MADE.points(n)}\t{MADE.points(n)}\t\n"
+        text += "\t".join(["Y_Unit_Label", *units, ""]) + "\nTime\t10:22:13\t10:22:13\t\n"
+        text += "Delta_X\t0.1\t0.1\t\n***End_of_Header***\t\t\t\nX_Value\tLoad\tDisplacement\t\n"
+        text += "\n".join(MADE.lines(n, "{t}\t{f}\t{d}\t")) + "\n"
+    path = tmp_path / "a.lvm"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match="--blocks apart"):
+        read_tensile(path, option="--columns")
+    check(read_study([path], blocks="apart", **SIZES), 2)  # type: ignore[arg-type]  # sizes alone
+
+
+@pytest.mark.parametrize(
+    ("stress", "scale", "strain", "per"),
+    [("daN/mm²", 10.0, "mm/m", 1e-3), ("MPa", 1.0, "µm/m", 1e-6), ("MPa", 1.0, "μm/m", 1e-6)],
+)
+def test_units_of_bridges_and_old_machines(
+    tmp_path: Path, stress: str, scale: float, strain: str, per: float
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{e},{s}", e=per, s=scale)
+    path.write_text("\n".join([f"Strain [{strain}],Stress [{stress}]", *rows]), encoding="utf-8")
+    check(read_study([path]), 1)
+
+
+def test_an_unknown_unit_names_the_option(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Strain (%),Stress (stone)\n0,0\n1,1\n2,2\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"unknown unit 'stone'.* by --columns"):
+        read_tensile(path, option="--columns")
+
+
+# ------------------------------------------------------------------------------------------------
+# What is not understood, and what is of two axes.
+
+
+@pytest.mark.parametrize(
+    ("far", "near", "unit", "per"),
+    [
+        ("Crosshead (mm)", "Laser 2 head (mm)", "displacement_mm", 0.04),
+        ("Weg [mm]", "Dehnungsmesser [mm]", "displacement_mm", 0.04),
+        ("Extension (mm)", "Calibrated video transducer (%)", "strain_%", 0.01),
+        ("Position (mm)", "DIC eps1 [%]", "strain_%", 0.01),
+    ],
+)
+def test_a_column_that_may_be_nearer_stops_and_both_readings_work(
+    tmp_path: Path, far: str, near: str, unit: str, per: float
+) -> None:
+    path = tmp_path / "a.csv"
+    rows = [
+        f"{row},{float(e) / per:.9g}"
+        for row, e in zip(MADE.lines(1, "{t},{f},{d}"), MADE.lines(1, "{e}"), strict=True)
+    ]
+    path.write_text("\n".join([f"Time (s),Load (N),{far},{near}", *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=re.escape(f"{near!r} is not understood")) as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns (\S+)", str(caught.value))
+    assert examples == [f"time_s,force_N,-,{unit}", "time_s,force_N,displacement_mm,-"]
+    for example in examples:
+        check(read_study([path], columns=example.split(","), **SIZES), 1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "other", ["Strain rate (%)", "Querdehnung (%)", "Laser setpoint (mm)", "Strain limit"]
+)
+def test_a_column_of_another_matter_stops_nothing(tmp_path: Path, other: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t},{f},{d},{e}")
+    path.write_text("\n".join([f"Time (s),Load (N),Weg (mm),{other}", *rows]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]  # sizes alone
+
+
+@pytest.mark.parametrize("near", ["Laser (mm)", "AVE axial displacement (mm)", "dL [mm]",
+                                  "Verlängerung dL [mm]", "ΔL (mm)", "Extenso [mm]"])  # fmt: skip
+def test_sensors_go_before_the_crosshead(tmp_path: Path, near: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{row},{2.0 * n}" for n, row in enumerate(MADE.lines(1, "{t},{f},{d}"))]
+    path.write_text("\n".join([f"Time (s),Load (N),{near},Weg (mm)", *rows]), encoding="utf-8")
+    check(read_study([path], **SIZES), 1)  # type: ignore[arg-type]  # sizes alone
+
+
+def test_two_axes_of_one_test_are_no_two_specimens(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = MADE.lines(1, "{t},{f},{f},{d},{d}")
+    head = "Time (s),Force X (N),Force Y (N),Displacement X (mm),Displacement Y (mm)"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"two axes of one test.*--mode equibiaxial") as caught:
+        read_tensile(path, option="--columns")
+    examples = re.findall(r"--columns ([^\s,]\S*[^\s,])", str(caught.value))
+    assert examples == ["time_s,force_N,-,displacement_mm,-", "time_s,-,force_N,-,displacement_mm"]
+    for example in examples:
+        check(read_study([path], columns=example.split(","), **SIZES), 1)  # type: ignore[arg-type]
+
+
+def test_results_numbered_in_a_later_column_go_by_the_number(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    text = _stacked([("1", 2.0), ("2", 2.2), ("3", 1.8)], "13")
+    head, rest = text.split("Specimen #", 1)
+    table, blocks = f"No.{rest}".split("\n\n", 1)
+    table = "\n".join("\t" + line for line in table.split("\n"))
+    path.write_text(f"{head}{table}\n\n{blocks}", encoding="utf-8")
+    assert [table.metadata["thickness_mm"] for table in read_tensile(path)] == [2.0, 1.8]
+
+
+def test_two_directions_of_image_correlation_stop(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = [f"{f},{-0.3 * float(f)},{f}" for f in MADE.lines(1, "{f}")]
+    head = "Load [N],exx [1] - Engr. (mean),eyy [1] - Engr. (mean)"
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    with pytest.raises(FileError, match=r"two lengths of one record.*--columns force_N,-,strain"):
+        read_tensile(path, option="--columns")
