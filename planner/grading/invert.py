@@ -236,6 +236,10 @@ def _ends(model: CoefficientModel, blend: Blend) -> list[Material]:
 _POINTS = 60
 """Strains that a mixture's law is fitted at, even up to the first break."""
 
+_RIDGE = 3e-3
+"""Where the curve is nearly straight, flow stress, hardening and sharpness stand in for one
+another; numerical: an error of 0.70 % for 0.67, and the same digits on all processors."""
+
 
 def _law(model: CoefficientModel, blend: Blend, wanted: str | None) -> MixtureLaw:
     """Return the law of a material, or one that is fitted to the mixture.
@@ -255,7 +259,7 @@ def _law(model: CoefficientModel, blend: Blend, wanted: str | None) -> MixtureLa
         wanted = "yielding"
     if wanted == "yielding":
         at_rest, _ = _modulus(model, blend.coordinate, 0.0)
-        fitted, _ = least_yielding(at_rest, sample)
+        fitted, _ = least_yielding(at_rest, sample, ridge=_RIDGE)
         parameters = LawParameters(fitted.model, by_symbol(logs(fitted)))
     else:
         if wanted is None:

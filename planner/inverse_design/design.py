@@ -43,6 +43,10 @@ if TYPE_CHECKING:
 __all__ = ["DesignFinding", "PartDesign", "Reached", "design"]
 
 _MOST_KNOTS = 40
+
+_NUDGE = 1e-3
+"""Of the range of ln(modulus): a profile that cuts a band thinner than a layer is moved by it."""
+
 _PREFER = ("smooth", "soft")
 
 
@@ -401,17 +405,24 @@ def design(
             for case in cases_on(Body(cells, table, filling, densities=densities))
         ]
 
-    def printed(values: FloatArray) -> "tuple[Plan, list[Solved]]":
+    def planned(values: FloatArray) -> Plan:
         profile = Profile(
             "designed", tuple(unknowns.positions.tolist()),
             tuple(unknowns.modulus_MPa(values).tolist()), "log",
         )  # fmt: skip
-        plan = grade(
+        return grade(
             part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
             printer=machine, palette=chosen, unit=unit, bodies=bodies, name=name,
             force_oversize=force_oversize,
         )  # fmt: skip
-        return plan, solved_with(plan)
+
+    def printed(values: FloatArray) -> "tuple[FloatArray, Plan, list[Solved]]":
+        try:
+            plan = planned(values)
+        except ArgumentError:  # a band thinner than a layer, which goes where all is a bit softer
+            values = values - _NUDGE * (values > _NUDGE)
+            plan = planned(values)
+        return values, plan, solved_with(plan)
 
     def offs(solved: "list[Solved]") -> FloatArray:
         figures = np.concatenate([s.values() for s in solved])
@@ -419,12 +430,12 @@ def design(
             [_off(goal, f) for goal, f in zip(problem.goals, figures.tolist(), strict=True)]
         )
 
-    plan, solved = printed(best.values)
+    values, plan, solved = printed(best.values)
     tried += 1
     missed = offs(solved)[hard]
-    least, kept = float(np.abs(missed).max(initial=0.0)), (best.values, plan, missed)
+    least, kept = float(np.abs(missed).max(initial=0.0)), (values, plan, missed)
     # One offset of the whole profile; brackets close in where a secant may jump.
-    base, way = best.values, np.ones(knots)
+    base, way = values, np.ones(knots)
     trail = [_Try(0.0, _signed(missed, best.slopes[hard], way), plan)]
     for _ in range(8 if len(missed) else 0):
         if least <= 0.2 * tolerance:
@@ -440,7 +451,7 @@ def design(
         if shift in [t.shift for t in trail] or np.array_equal(values, kept[0]):
             break
         progress(f"printed materials: off by {percent(least)}")
-        plan, solved = printed(values)
+        values, plan, solved = printed(values)
         tried += 1
         missed = offs(solved)[hard]
         trail.append(_Try(shift, _signed(missed, best.slopes[hard], way), plan))

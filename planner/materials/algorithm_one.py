@@ -208,7 +208,8 @@ def individual_fit(curve: LiteralCurve, level: float = 0.95) -> LiteralFit:
 
     start = np.array(_START)
     shape = literal_stress_MPa(start, curve.strain)
-    start[::2] *= float(shape @ curve.stress_MPa) / float(shape @ shape)
+    # sums, as dot products end in bits that differ between processors
+    start[::2] *= float(np.sum(shape * curve.stress_MPa)) / float(np.sum(shape * shape))
 
     def residuals(c: FloatArray) -> FloatArray:
         # Large numbers in place of infinite ones, which the method turns back from.

@@ -136,10 +136,13 @@ def _mean(sample: Sample) -> float:
     return float(sample.stress_MPa.mean())
 
 
-def least_yielding(modulus_MPa: float, sample: Sample) -> tuple[Yielding, IntArray]:
+def least_yielding(
+    modulus_MPa: float, sample: Sample, *, ridge: float = 0.0
+) -> tuple[Yielding, IntArray]:
     """Return the law of about this modulus whose weighted squares are least, from several starts.
 
-    Of each parameter also -1 or 1 where it lies at its lower or upper bound, else 0.
+    Of each parameter also -1 or 1 where it lies at its lower or upper bound, else 0. A ridge, the
+    weight of the logarithms' distance from a start's, settles those that a curve leaves open.
     """
     from scipy.optimize import least_squares
 
@@ -159,7 +162,8 @@ def least_yielding(modulus_MPa: float, sample: Sample) -> tuple[Yielding, IntArr
 
     def residuals(logs: FloatArray) -> FloatArray:
         stress = law_of(logs).nominal_stress_MPa(sample.stretch)
-        return np.asarray((stress - sample.stress_MPa) * sample.factor)
+        off = (stress - sample.stress_MPa) * sample.factor
+        return np.append(off, ridge * (logs - starts[0])) if ridge else np.asarray(off)
 
     hardening = np.clip(0.05 * largest / strain, *np.exp([low[2], high[2]]))
     starts = [np.log([modulus_MPa, 0.9 * largest, hardening, n]) for n in _SHARPNESS_STARTS]
