@@ -24,7 +24,10 @@ _FINDINGS_SHOWN = 10
 
 def grade(
     context: Context,
-    part: Annotated[Path, Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
+    part: Annotated[
+        Path,
+        Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio."),
+    ],
     like: Annotated[
         Path | None,
         Option(
@@ -67,8 +70,8 @@ def grade(
         str | None,
         Option(
             help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
-            "material between the ends), or a CSV file with position (0..1) and modulus_MPa or "
-            "material."
+            "material from the one nearest to --from to that nearest to --to), or a CSV file with "
+            "position (0..1) and modulus_MPa or material."
         ),
     ] = None,
     bands: Annotated[
@@ -110,12 +113,12 @@ def grade(
         ),
     ] = None,
     tolerance: Annotated[
-        float | None,
+        float,
         Option(
-            help="Relative error of the stiffness that is accepted, as 0.25; by default what is "
-            "left where each place is printed in the material nearest to its target."
+            help="How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
+            "1 a share, as 0.25 for 25 %."
         ),
-    ] = None,
+    ] = 2.0,
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
     bodies: MeshBodies = None,
     printer: Annotated[

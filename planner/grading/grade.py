@@ -50,7 +50,7 @@ from planner.grading.profile import (
 )
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
-from planner.grading.stiffness_error import alternatives, stiffness_check, tolerance_for
+from planner.grading.stiffness_error import alternatives, stiffness_check, tolerated_ratio
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
@@ -429,7 +429,7 @@ def grade(
     cell_mm: float | None = None,
     snap_mm: float | None = None,
     at_strain: float | None = None,
-    tolerance: float | None = None,
+    tolerance: float = 2.0,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
@@ -458,9 +458,10 @@ def grade(
         extent by default.
     profile
         ``log`` (by default), ``linear``, ``smooth``, ``steps:N``, ``grades`` (an equal length of
-        each material between the ends), a CSV file, or a `Profile`. Also rows of (position,
-        modulus), positions rising from 0 to 1, moduli as `from_` and `to`; or a function of the
-        position that returns MPa. What is not a name has its own targets.
+        each material from the one nearest to `from_` to that nearest to `to`), a CSV file, or a
+        `Profile`. Also rows of (position, modulus), positions rising from 0 to 1, moduli as
+        `from_` and `to`; or a function of the position that returns MPa. What is not a name has
+        its own targets.
     bands
         Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
         the cuts lie where the nearest material, or the mixture, changes.
@@ -485,9 +486,9 @@ def grade(
     at_strain
         Working strain of the secant modulus; 0.1 by default.
     tolerance
-        Relative error of the stiffness that is accepted, as 0.25: the check
-        ``worst_stiffness_error`` holds up to a ratio of 1.25 between target and achieved modulus,
-        either way. By default what the nearest material at every place leaves.
+        Largest ratio between target and achieved modulus, either way, that is no finding, as 1.25;
+        or below 1 a share, as 0.25 for 25 %. It is the limit of the check
+        ``worst_stiffness_error``.
     printer, palette
         By name, file or value; the Connex3 and the printer's default palette if not given.
     unit
@@ -535,7 +536,7 @@ def grade(
     choice = _blend_choice(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
-    accepted = None if tolerance is None else as_number(tolerance, "`tolerance`")
+    limit = tolerated_ratio(as_number(tolerance, "`tolerance`"))
     farthest_mm = snap_limit_mm(
         None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
     )
@@ -574,8 +575,6 @@ def grade(
     printing, findings = design.held(
         mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
     )
-    free = choice.kind == "nearest" and wish.bands is None
-    limit = tolerance_for(accepted, target, scale, regions if free else ())
     known = _remarks(scale, regions)
     others = alternatives(regions, target, scale, equal_bands=wish.bands is not None)
     stiffness, off = stiffness_check(regions, limit, others)
