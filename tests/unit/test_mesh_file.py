@@ -145,7 +145,8 @@ def test_3mf_as_trimesh_writes_it_is_read_without_a_warning(box, tmp_path):
         'p:UUID="62a479ad-ef7c-4580-8493-edccfbed9db8"><mesh>'
         f"<vertices>{vertices}</vertices><triangles>{faces}</triangles></mesh></object>"
         '</resources><build p:UUID="e5ce6545-8d2d-4219-afcb-4e22171fdf62">'
-        f'<item xmlns:m="{schema}/material/2015/02" objectid="1" partnumber="geometry_0" '
+        f'<item xmlns="{schema}/core/2015/02" xmlns:b="{schema}/beamlattice/2017/02" '
+        f'xmlns:s="{schema}/slice/2015/07" objectid="1" partnumber="geometry_0" '
         'p:UUID="22994b6b-71bb-4bc5-b41e-68d2643cec39"/></build></model>'
     )
     packages = "http://schemas.openxmlformats.org/package/2006"
