@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Context, Option
 
 from planner.cli.first_run import share_compiling
-from planner.cli.output import AsJson, ForceOversize, MeshBodies, PaletteName, Quiet, check_targets
+from planner.cli.output import (
+    AsJson,
+    ForceOversize,
+    MeshBodies,
+    MinimumFeatureMm,
+    MinimumWallMm,
+    PaletteName,
+    Quiet,
+    TrayMm,
+    check_targets,
+    limited_printer,
+)
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -123,8 +134,14 @@ def grade(
     bodies: MeshBodies = None,
     printer: Annotated[
         str | None,
-        Option(help="Installed printer; see [bold]planner printers[/bold]; connex3 by default."),
+        Option(
+            help="Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
+            "by default."
+        ),
     ] = None,
+    tray: TrayMm = None,
+    minimum_wall_mm: MinimumWallMm = None,
+    minimum_feature_mm: MinimumFeatureMm = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
@@ -163,6 +180,7 @@ def grade(
     from planner.formats.slicers import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
+    machine = limited_printer(printer, like, tray, minimum_wall_mm, minimum_feature_mm)
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
@@ -186,7 +204,7 @@ def grade(
             tolerance=tolerance,
             unit=unit,
             bodies=bodies,
-            printer=printer,
+            printer=machine,
             palette=palette,
             force_oversize=force_oversize,
             progress=stage,
@@ -449,7 +467,9 @@ def slices(
     indexed: Annotated[
         bool, Option("--indexed", help="Write palette images: smaller, the same colours.")
     ] = False,
-    printer: Annotated[str | None, Option(help="Installed printer; by default the plan's.")] = None,
+    printer: Annotated[
+        str | None, Option(help="Installed printer or its file; else the plan's.")
+    ] = None,
     scheduler: Annotated[
         str | None,
         Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),

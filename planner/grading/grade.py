@@ -54,7 +54,7 @@ from planner.grading.stiffness_error import alternatives, stiffness_check, toler
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
-from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place
+from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
 from planner.notes import Caution
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette
@@ -121,7 +121,8 @@ def open_part(
         file = read_mesh(path, unit)
         called = _safe(path.stem if name is None else name)
         made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
-        warnings = (*file.notes, *made.warnings)
+        asked = None if unit else undersize(made.mesh)
+        warnings = (*file.notes, *made.warnings, *([asked] if asked else []))
         shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
         return PartSource(made, called, shown, file.sha256, file.unit, warnings)
     vertices, faces = _arrays(part)
@@ -430,7 +431,7 @@ def grade(
     snap_mm: float | None = None,
     at_strain: float | None = None,
     tolerance: float = 2.0,
-    printer: str | Printer | None = None,
+    printer: str | Path | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     bodies: str | None = None,
