@@ -148,6 +148,14 @@ def grade(
     ] = None,
     force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
     force_oversize: ForceOversize = False,
+    coupons: Annotated[
+        bool,
+        Option(
+            "--coupons",
+            help="Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
+            "be printed and pulled with it: the folder coupons.",
+        ),
+    ] = False,
     strict: Annotated[
         bool, Option("--strict", help="Write nothing when something was found.")
     ] = False,
@@ -206,6 +214,7 @@ def grade(
             bodies=bodies,
             printer=machine,
             palette=palette,
+            coupons=coupons,
             force_oversize=force_oversize,
             progress=stage,
         )
@@ -214,11 +223,14 @@ def grade(
             stage("writing the files")
             page = None if no_page else planner.plan_page(plan)
             plan.write(folder, force=force, page=page, slicer=slicer)
-    _grade_report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
+    written = None if dry_run or refused else folder
+    _grade_report(plan, written, like=like, as_json=as_json, quiet=quiet)
     return 0 if plan.ok else 1
 
 
-def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+def _grade_report(
+    plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
+) -> None:
     from planner.cli.output import finding, print_document, say, tell_notes
     from planner.notes import Caution
     from planner.report.plan_text import error_words, moved_words, unreachable_words
@@ -248,8 +260,13 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     )
     if folder is None:
         say("nothing was written")
-    else:
-        say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+        return
+    say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+    if like is not None:
+        say(
+            f"what changed: planner diff {like} {folder}; once it is printed and pulled: "
+            "planner gap next CAMPAIGN, with it in specimens.csv"
+        )
 
 
 def _table(plan: "Plan") -> None:

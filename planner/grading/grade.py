@@ -28,6 +28,7 @@ from planner.grading.blends import (
     with_laminates,
 )
 from planner.grading.check import plan_checks
+from planner.grading.coupons import coupons_beside
 from planner.grading.dither import (
     CellCounts,
     DitherField,
@@ -37,7 +38,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.howto import job_notes
+from planner.grading.howto import job_notes, tray_notes
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -436,6 +437,7 @@ def grade(
     unit: str | None = None,
     bodies: str | None = None,
     name: str | None = None,
+    coupons: bool = False,
     force_oversize: bool = False,
     progress: _Progress = lambda stage: None,
 ) -> Plan:
@@ -500,6 +502,8 @@ def grade(
         one, whichever way it is wound, and all are united.
     name
         Name of the part; its file's stem by default.
+    coupons
+        Lay a tensile coupon of each material beside the part: further files of the folder.
     force_oversize
         Plan a part that the printer's tray does not hold, whichever way it is turned by right
         angles: a finding then, an error otherwise.
@@ -616,7 +620,10 @@ def grade(
     )
     progress("verifying the shells")
     plan = _verified(plan, mesh)
-    return replace(plan, notes=job_notes(machine, scale, findings=plan.findings, warnings=known))
+    laid = coupons_beside(shells, mesh.bounds_mm, machine) if coupons else {}
+    tray = tray_notes(machine, mesh, len(shells) if coupons else 0)
+    notes = job_notes(machine, scale, tray=tray, findings=plan.findings, warnings=known)
+    return replace(plan, notes=notes, coupons=laid)
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:
