@@ -32,11 +32,13 @@ __all__ = [
     "LawParameters",
     "Material",
     "Palette",
+    "PaletteFile",
     "Reading",
     "Reference",
     "Temperature",
     "Uncertainty",
     "encode_palette",
+    "law_schema",
     "load_palette",
     "parse_palette",
     "write_palette",
@@ -65,6 +67,23 @@ _LENGTH = {
     "martins": {"c1": 1, "c2_MPa": 1, "c3": 1, "c4_MPa": 1},
     "ogden-thesis": {"c": 6, "strain_min": 1, "strain_max": 1},
 }
+
+
+def law_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a law in a palette file: of each model its parameters."""
+
+    def values(count: int | None) -> dict[str, Any]:
+        kind = "array" if count and count > 1 else ["number", "array"]
+        most = {} if count is None else {"maxItems": count}
+        return {"type": kind, "items": {"type": "number"}, "minItems": count or 1, **most}
+
+    def one(model: str) -> dict[str, Any]:
+        lengths = _LENGTH.get(model, {})
+        known = {name: values(lengths.get(name)) for name in LAW_PARAMETERS[model]}
+        known["model"] = {"const": model}
+        return {"properties": known, "required": list(known), "additionalProperties": False}
+
+    return {"type": "object", "oneOf": [one(model) for model in LAW_PARAMETERS]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,7 +351,9 @@ class _HardnessFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     shore_A: list[float]
 
 
-class _PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class PaletteFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What a palette file holds, as far as types say it."""
+
     schema: int
     name: str
     kind: Literal["palette"]
@@ -388,7 +409,7 @@ def parse_palette(data: bytes, *, name: str) -> Palette:
     except FileError as error:
         raise PaletteError(str(error)) from error
     try:
-        file = msgspec.convert(document, _PaletteFile)
+        file = msgspec.convert(document, PaletteFile)
     except msgspec.ValidationError as error:
         raise PaletteError(f"palette {name}: {error}") from error
     if file.schema != 1:

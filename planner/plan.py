@@ -43,6 +43,9 @@ __all__ = [
 ]
 
 
+_BESIDE = ("shells", "notes", "coupons", "file")
+"""What a plan just made holds and plan.json does not."""
+
 _MIXTURES = (
     "",
     "Files with two materials are mixtures. Only a printer whose software takes such ratios can",
@@ -280,6 +283,8 @@ class Plan:
 
     Attributes
     ----------
+    coupons
+        Of a plan just made: the files of test coupons, by their paths in its folder.
     file
         The plan.json that it was read from, where its shells are; None of a plan just made.
     files_sha256
@@ -300,6 +305,7 @@ class Plan:
     unreachable: tuple[Unreachable, ...] = ()
     shells: tuple[Shell, ...] = field(default=(), repr=False, compare=False)
     notes: str = field(default="", repr=False, compare=False)
+    coupons: Mapping[str, bytes] = field(default_factory=dict, repr=False, compare=False)
     file: Path | None = field(default=None, repr=False, compare=False)
     files_sha256: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
 
@@ -341,9 +347,12 @@ class Plan:
     def document(self) -> dict[str, Any]:
         """Return the plan as plan.json holds it."""
         warnings = tuple(map(str, self.warnings))  # a caution is a text in files
-        bare = dataclasses.replace(self, shells=(), notes="", warnings=warnings, file=None)
+        bare = dataclasses.replace(
+            self, shells=(), notes="", coupons={}, warnings=warnings, file=None
+        )
         document: dict[str, Any] = _without_none(msgspec.to_builtins(bare))
-        del document["shells"], document["notes"]
+        for kept_beside in _BESIDE:
+            document.pop(kept_beside, None)
         gradient = document["gradient"]
         document["gradient"] = {
             "field": gradient["field"],
@@ -367,13 +376,18 @@ class Plan:
         return "\n".join([self.notes.rstrip(), "", *self._files_table(), ""])
 
     def _files_table(self) -> list[str]:
+        grams: dict[str, float] = {}
+        for region in self.regions:
+            grams[region.file] = grams.get(region.file, 0.0) + region.mass_g
         rows = [
-            f"| `{Path(shell.file).name}` | {as_words(shell.operator_name)} | {shell.colour} |"
+            f"| `{Path(shell.file).name}` | {as_words(shell.operator_name)} | "
+            f"{grams.get(shell.file, 0.0):#.3g} | {shell.colour} |"
             for shell in self.shells
         ]
         mixed = any(shell.constituents for shell in self.shells)
-        head = ["## Which material to which file", "", "| file | material | colour |"]
-        return [*head, "| --- | --- | --- |", *rows, *(_MIXTURES if mixed else ())]
+        head = ["## Which material to which file", "", "| file | material | grams | colour |"]
+        total = f"| all | | {sum(grams.values()):#.3g} | |"
+        return [*head, "| --- | --- | --- | --- |", *rows, total, *(_MIXTURES if mixed else ())]
 
     def write(
         self,
@@ -477,7 +491,8 @@ class Plan:
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:
                 (scratch / "plan.html").write_bytes(page)
-            for name, data in beside.items():
+            for name, data in {**self.coupons, **beside}.items():
+                (scratch / name).parent.mkdir(exist_ok=True)
                 (scratch / name).write_bytes(data)
             (scratch / "plan.json").write_bytes(self.json())
         return target
@@ -563,7 +578,7 @@ def decode_plan(data: bytes, name: str) -> Plan:
     gradient = document.get("gradient")
     if isinstance(gradient, dict):
         gradient["start"], gradient["end"] = gradient.pop("from", None), gradient.pop("to", None)
-    for kept_beside in ("shells", "notes", "file"):
+    for kept_beside in _BESIDE:
         document.pop(kept_beside, None)
     try:
         plan = msgspec.convert(document, Plan)

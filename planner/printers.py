@@ -26,7 +26,14 @@ from planner.formats.toml import decode_toml
 from planner.glance import brief
 from planner.palette import Palette, load_palette, parse_palette
 
-__all__ = ["Printer", "installed_printers", "load_printer", "load_profile", "palette_of"]
+__all__ = [
+    "Printer",
+    "ProfileFile",
+    "installed_printers",
+    "load_printer",
+    "load_profile",
+    "palette_of",
+]
 
 
 _GROUP = "planner.printers"
@@ -99,7 +106,9 @@ class Printer(Protocol):
         ...
 
 
-class _ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What a ``printer.toml`` holds. With `like`, what it leaves out is as of that printer."""
+
     schema: int
     name: str
     title: str
@@ -113,11 +122,24 @@ class _ProfileFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     palettes: tuple[str, ...]
     operator_names: dict[str, str] = {}
     source: str = ""
+    like: str = ""
+
+
+_LENGTHS = ("tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "minimum_feature_mm")
+_SAME_AS_BASE = ("name", "title", *_LENGTHS, "base_resins", "support", "palettes")
 
 
 @dataclass(frozen=True, slots=True)
 class PrinterProfile:
-    """A `Printer` described by files: ``printer.toml``, ``palettes/*.toml``, ``job_notes.md``."""
+    """A `Printer` described by files: ``printer.toml``, ``palettes/*.toml``, ``job_notes.md``.
+
+    Attributes
+    ----------
+    folder
+        That holds palettes and notes.
+    base
+        Another printer, whose palettes, notes and names it has instead.
+    """
 
     name: str
     title: str
@@ -131,6 +153,7 @@ class PrinterProfile:
     palettes: tuple[str, ...]
     operator_names: Mapping[str, str]
     folder: Traversable
+    base: Printer | None = None
 
     __repr__ = brief
 
@@ -151,44 +174,66 @@ class PrinterProfile:
                 f"no palette {wanted!r} for printer {self.name}; {hint}"
                 f"it has {', '.join(self.palettes)}"
             )
+        if self.base is not None:
+            return self.base.palette(wanted)
         file = self.folder / "palettes" / f"{wanted}.toml"
         return parse_palette(file.read_bytes(), name=wanted)
 
     def operator_name(self, material_id: str) -> str:
         """Return what the printer's own software calls a material."""
-        return self.operator_names.get(material_id, material_id)
+        other = material_id if self.base is None else self.base.operator_name(material_id)
+        return self.operator_names.get(material_id, other)
 
     def job_notes(self) -> str:
         """Return the how-to (Markdown) that goes beside the files, for the operator."""
-        return (self.folder / "job_notes.md").read_text(encoding="utf-8")
+        if self.base is None:
+            return (self.folder / "job_notes.md").read_text(encoding="utf-8")
+        pairs = ((key, getattr(self, key), getattr(self.base, key)) for key in _LENGTHS)
+        other = [f"{key} {own}, not {its}" for key, own, its in pairs if own != its]
+        stated = f"\nStated for this plan: {'; '.join(other)}.\n" if other else ""
+        return self.base.job_notes() + stated
 
 
-def load_profile(folder: Traversable) -> PrinterProfile:
-    """Read the profile in a plugin's package folder (``importlib.resources.files(__name__)``).
+def load_profile(folder: Traversable, name: str = "printer.toml") -> PrinterProfile:
+    """Read a printer's profile.
+
+    Parameters
+    ----------
+    folder
+        Of its files, as a plugin's package (``importlib.resources.files(__name__)``).
+    name
+        Of the profile in it. With the key `like`, an installed printer, what the file leaves out is
+        as there, palettes included.
 
     Raises
     ------
     PaletteError
-        ``printer.toml`` breaks its schema; the message names the key.
+        The profile breaks its schema; the message names the key.
+    UnknownNameError
+        No printer is called as `like` says.
     """
     try:
-        document = decode_toml((folder / "printer.toml").read_bytes(), "printer.toml")
-        file = msgspec.convert(document, _ProfileFile)
+        document = decode_toml((folder / name).read_bytes(), name)
+        like = document.get("like")
+        base = _installed(like) if isinstance(like, str) else None
+        given = {} if base is None else {key: getattr(base, key) for key in _SAME_AS_BASE}
+        file = msgspec.convert(given | document, ProfileFile)
     except (OSError, FileError, msgspec.ValidationError) as error:
-        raise PaletteError(f"printer {folder}: printer.toml: {error}") from error
+        raise PaletteError(f"printer {folder}: {name}: {error}") from error
     if file.schema != 1 or not file.palettes:
-        raise PaletteError(f"printer {file.name}: printer.toml needs schema = 1 and a palette")
-    for key in ("tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "minimum_feature_mm"):
-        lengths = getattr(file, key)
-        for length in lengths if isinstance(lengths, tuple) else (lengths,):
-            if not 0.0 < length < math.inf:
-                raise PaletteError(
-                    f"printer {file.name}: printer.toml: {key} has {length:g}; it must be a "
-                    "length above 0 mm"
-                )
+        raise PaletteError(f"printer {file.name}: {name} needs schema = 1 and a palette")
     stated = msgspec.structs.asdict(file)
-    del stated["schema"], stated["source"]
-    return PrinterProfile(**stated, folder=folder)
+    for key in _LENGTHS:
+        _check_lengths(stated[key], f"printer {file.name}: {name}: {key}")
+    for key in ("schema", "source", "like"):
+        del stated[key]
+    return PrinterProfile(**stated, folder=folder, base=base)
+
+
+def _check_lengths(lengths: float | tuple[float, ...], what: str) -> None:
+    for length in lengths if isinstance(lengths, tuple) else (lengths,):
+        if not 0.0 < length < math.inf:
+            raise PaletteError(f"{what} has {length:g}; it must be a length above 0 mm")
 
 
 def installed_printers() -> dict[str, EntryPoint]:
@@ -207,13 +252,22 @@ def installed_printers() -> dict[str, EntryPoint]:
     return {e.name: e for e in sorted(entry_points(group=_GROUP), key=lambda e: e.name)}
 
 
-def load_printer(name: str | Printer) -> Printer:
-    """Load an installed printer.
+def load_printer(
+    name: str | Path | Printer,
+    *,
+    tray_mm: tuple[float, float, float] | None = None,
+    minimum_wall_mm: float | None = None,
+    minimum_feature_mm: float | None = None,
+) -> Printer:
+    """Load a printer.
 
     Parameters
     ----------
     name
-        As `installed_printers` lists it; a printer given as such is returned as it is.
+        As `installed_printers` lists it; or a profile file (TOML), see `load_profile`; a printer
+        given as such is returned as it is.
+    tray_mm, minimum_wall_mm, minimum_feature_mm
+        Limits in place of the printer's own.
 
     Returns
     -------
@@ -226,21 +280,45 @@ def load_printer(name: str | Printer) -> Printer:
         Neither a name nor a printer.
     UnknownNameError
         No printer of that name is installed, or its plugin is not a printer.
+    PaletteError
+        A limit that is no length above 0, or a file that breaks its schema.
 
     Examples
     --------
     >>> planner.load_printer("connex3").palette().name  # doctest: +SKIP
     'connex3-tango-vero'
     """
-    if isinstance(name, Printer):
-        return name
-    if not isinstance(name, str):
+    limits = {
+        "tray_mm": tray_mm,
+        "minimum_wall_mm": minimum_wall_mm,
+        "minimum_feature_mm": minimum_feature_mm,
+    }
+    stated = {key: value for key, value in limits.items() if value is not None}
+    machine = name if isinstance(name, Printer) else _found(name)
+    if not stated:
+        return machine
+    for key, lengths in stated.items():
+        _check_lengths(lengths, f"`{key}`")
+    given = {key: getattr(machine, key) for key in _SAME_AS_BASE} | stated
+    return PrinterProfile(**given, operator_names={}, folder=Path(), base=machine)
+
+
+def _found(name: str | Path) -> Printer:
+    if not isinstance(name, (str, Path)):
         raise ArgumentError(f"printer is a {type(name).__name__}; give a name or a Printer")
+    if isinstance(name, Path) or name.endswith(".toml"):
+        return load_profile(Path(name).parent, Path(name).name)
+    return _installed(name)
+
+
+def _installed(name: str) -> Printer:
     found = installed_printers()
     if name not in found:
         hint = did_you_mean(name, found)
         known = ", ".join(found) or "none"
-        raise UnknownNameError(f"no printer {name!r}; {hint}installed: {known}")
+        raise UnknownNameError(
+            f"no printer {name!r}; {hint}installed: {known}; or give its file, as printer.toml"
+        )
     try:
         loaded = found[name].load()
     except Exception as error:  # whatever a plugin of others may raise
@@ -257,7 +335,7 @@ def load_printer(name: str | Printer) -> Printer:
 
 
 def palette_of(
-    palette: str | Path | Palette | None = None, printer: str | Printer | None = None
+    palette: str | Path | Palette | None = None, printer: str | Path | Printer | None = None
 ) -> Palette:
     """Return the palette that is meant: a value, a file, a name, or the printer's default.
 

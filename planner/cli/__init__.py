@@ -24,6 +24,7 @@ from planner.cli import export as _export
 from planner.cli import gap as _gap
 from planner.cli import materials as _materials
 from planner.cli import plans as _plans
+from planner.cli import printers as _printers
 from planner.cli import simulate as _simulate
 
 __all__ = ["app", "main", "run"]
@@ -227,4 +228,5 @@ app.command()(_plans.check)
 app.command()(_plans.diff)
 app.command()(_plans.compare)
 app.command()(_plans.slices)
-app.command()(_materials.printers)
+app.add_typer(_printers.app)
+app.command()(_printers.schema)

@@ -15,12 +15,16 @@ from planner.cli.output import (
     Loads,
     MeshBodies,
     MeshUnit,
+    MinimumFeatureMm,
+    MinimumWallMm,
     Moments,
     Moves,
     PaletteName,
     Pressures,
     Quiet,
+    TrayMm,
     check_targets,
+    limited_printer,
 )
 
 if TYPE_CHECKING:
@@ -75,7 +79,12 @@ def design(
     tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
     unit: MeshUnit = None,
     bodies: MeshBodies = None,
-    printer: Annotated[str | None, Option(help="Installed printer; connex3 by default.")] = None,
+    printer: Annotated[
+        str | None, Option(help="Installed printer, or its TOML file; connex3 by default.")
+    ] = None,
+    tray: TrayMm = None,
+    minimum_wall_mm: MinimumWallMm = None,
+    minimum_feature_mm: MinimumFeatureMm = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-designed by default.")
@@ -99,6 +108,7 @@ def design(
     from planner.simulation.loads import read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
+    machine = limited_printer(printer, None, tray, minimum_wall_mm, minimum_feature_mm)
     check_targets(context, force=force, folders={"output": (folder, "plan.json")})
     with progress(not quiet and not as_json) as stage:
         made = planner.design(
@@ -106,7 +116,7 @@ def design(
             moment=moment or (), pressure=pressure or (), move=move or (), gravity=gravity,
             cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
             axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
-            cell_mm=cell_mm, tolerance=tolerance, unit=unit, bodies=bodies, printer=printer,
+            cell_mm=cell_mm, tolerance=tolerance, unit=unit, bodies=bodies, printer=machine,
             palette=palette, force_oversize=force_oversize, progress=stage,
         )  # fmt: skip
         stage("writing the files")

@@ -1,4 +1,4 @@
-"""planner gap diagnose, design, simulate and correct."""
+"""planner gap diagnose, design, next, simulate and correct."""
 
 import math
 from pathlib import Path
@@ -170,11 +170,11 @@ def correct(
         file = output.name if made.corrected else None
         print_document({"schema": 1, "file": file, **made.document()})
     elif not quiet:
-        _correct_report(made, output)
+        _correct_report(made, output, "" if printer == "connex3" else f" --printer {printer}")
     return 0 if made.ok else 1
 
 
-def _correct_report(made: "Correction", output: Path) -> None:
+def _correct_report(made: "Correction", output: Path, options: str) -> None:
     from planner.cli.output import finding, format_number, format_range, print_table, say, warn
     from planner.materials.laws import make_law, secant_modulus_MPa
 
@@ -200,7 +200,7 @@ def _correct_report(made: "Correction", output: Path) -> None:
         right=right,
     )
     say("(rigid grades: at half their break)")
-    say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output})")
+    say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output}{options})")
 
 
 # ------------------------------------------------------------------------------------------------
@@ -315,7 +315,41 @@ def _design_report(made: "CampaignDesign", output: Path, *, listed: bool) -> Non
     if listed:
         say(f"wrote {output} (to practise: planner gap simulate --design {output} -o practice)")
     else:
-        say(f"wrote {output} (next: measure, fill curves.csv, planner gap diagnose {output})")
+        say(f"wrote {output} (next: print, pull, fill curves.csv; planner gap next {output})")
+
+
+# ------------------------------------------------------------------------------------------------
+# planner gap next.
+
+
+@app.command("next")
+def next_(
+    campaign: Annotated[Path, Argument(help="Folder with campaign.toml and specimens.csv.")],
+    as_json: AsJson = False,
+) -> int:
+    """Say where a campaign stands, what is missing, and which command comes next.
+
+    Example: [bold]planner gap next lab[/bold]
+    """
+    from planner.cli.output import print_document, say
+    from planner.gap.campaign import named
+    from planner.gap.standing import standing_of
+
+    found = standing_of(campaign)
+    if as_json:
+        print_document(found.document())
+        return 0
+    measured = len(found.listed) - len(found.missing)
+    say(f"{found.campaign}: {measured} of {len(found.listed)} specimens have a curve")
+    for name, ids in found.unknown.items():
+        say(f"{name} is unknown of {named(ids)}: no effect of it is tested there")
+    if found.missing:
+        say(f"missing: {named(found.missing)}; pull them, and write their curves to curves.csv")
+    if found.diagnosis is not None:
+        say(f"diagnosed in {found.diagnosis}: {found.verdict}")
+    if found.next:
+        say(f"next: {found.next}")
+    return 0
 
 
 # ------------------------------------------------------------------------------------------------

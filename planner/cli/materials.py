@@ -1,9 +1,9 @@
-"""planner materials, invert, fit, characterise and printers: what can be printed."""
+"""planner materials, invert, fit and characterise: what can be printed."""
 
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
@@ -36,58 +36,6 @@ if TYPE_CHECKING:
     from planner.materials.palette_study import PaletteStudy
     from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
     from planner.materials.study import ReadRecord
-
-# ------------------------------------------------------------------------------------------------
-# planner printers.
-
-
-_STATED = (
-    "title", "tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "base_resins", "palettes",
-)  # fmt: skip
-
-
-def printers(as_json: AsJson = False) -> int:
-    """List the installed printers, what they print and where each comes from.
-
-    Example: [bold]planner printers --json[/bold]
-    """
-    from planner.cli.output import finding, print_document, print_table
-    from planner.errors import PlannerError
-    from planner.printers import installed_printers, load_printer
-
-    rows: list[dict[str, Any]] = []
-    broken = []
-    for name, entry in installed_printers().items():
-        try:
-            machine = load_printer(name)
-        except PlannerError as error:
-            broken.append(str(error))
-            continue
-        made_by = None if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
-        stated = {key: getattr(machine, key) for key in _STATED}
-        rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
-    if as_json:
-        print_document({"schema": 1, "printers": rows, "broken": broken})
-        return 1 if broken else 0
-    print_table(
-        ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
-        [
-            [
-                row["name"],
-                row["title"],
-                " x ".join(f"{v:g}" for v in row["tray_mm"]),
-                " x ".join(f"{1000 * v:g}" for v in (*row["pixel_mm"], row["layer_mm"])),
-                ", ".join(row["palettes"]),
-                str(row["distribution"] or row["plugin"]),
-            ]
-            for row in rows
-        ],
-        droppable=["from", "voxel um"],
-    )
-    for problem in broken:
-        finding(problem)
-    return 1 if broken else 0
-
 
 # ------------------------------------------------------------------------------------------------
 # planner materials.

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rich.console import JustifyMethod
     from rich.table import Table
 
+    from planner.printers import Printer
+
 __all__ = [
     "AsJson",
     "AtStrain",
@@ -39,6 +41,8 @@ __all__ = [
     "MeshBodies",
     "MeshMaterial",
     "MeshUnit",
+    "MinimumFeatureMm",
+    "MinimumWallMm",
     "Moments",
     "Moves",
     "NumberBlocks",
@@ -49,6 +53,7 @@ __all__ = [
     "SpecimensFile",
     "TensileFiles",
     "ThicknessMm",
+    "TrayMm",
     "UnitsOf",
     "WidthMm",
     "check_targets",
@@ -57,6 +62,7 @@ __all__ = [
     "format_interval",
     "format_number",
     "format_range",
+    "limited_printer",
     "print_document",
     "print_table",
     "progress",
@@ -287,7 +293,21 @@ def _stderr_line(kind: str, colour: str, message: str) -> None:
 AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print nothing but errors.")]
 PrinterName = Annotated[
-    str, Option("--printer", help="Installed printer; see [bold]planner printers[/bold].")
+    str,
+    Option(
+        "--printer", help="Installed printer, see [bold]planner printers[/bold]; or its TOML file."
+    ),
+]
+TrayMm = Annotated[
+    str | None, Option("--tray", help="Largest part, X,Y,Z in mm, in place of the printer's own.")
+]
+MinimumWallMm = Annotated[
+    float | None,
+    Option("--minimum-wall", help="Thinnest wall in mm, in place of the printer's own."),
+]
+MinimumFeatureMm = Annotated[
+    float | None,
+    Option("--minimum-feature", help="Smallest detail in mm, in place of the printer's own."),
 ]
 PaletteName = Annotated[
     str | None, Option("--palette", help="Palette file (TOML), or one of the printer's palettes.")
@@ -299,6 +319,30 @@ AtStrain = Annotated[
         help="Working strain: stiffness is the secant modulus of the nominal stress up to it.",
     ),
 ]
+
+
+def limited_printer(
+    printer: str | None,
+    like: Path | None,
+    tray: str | None,
+    wall_mm: float | None,
+    feature_mm: float | None,
+) -> "str | Printer | None":
+    """Return the printer that is asked for, or that a plan to follow has, with stated limits."""
+    import planner
+
+    if tray is None and wall_mm is None and feature_mm is None:
+        return printer
+    words = (tray or "").split(",")
+    try:
+        x, y, z = map(float, words) if tray else (None, None, None)
+    except ValueError:
+        raise ArgumentError(f"--tray {tray}: give X,Y,Z in mm, as 300,200,150") from None
+    size = None if x is None or y is None or z is None else (x, y, z)
+    name = printer or ("connex3" if like is None else planner.read_plan(like).printer)
+    return planner.load_printer(
+        name, tray_mm=size, minimum_wall_mm=wall_mm, minimum_feature_mm=feature_mm
+    )
 
 
 def check_targets(

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Context, Option
 
 from planner.cli.first_run import share_compiling
-from planner.cli.output import AsJson, ForceOversize, MeshBodies, PaletteName, Quiet, check_targets
+from planner.cli.output import (
+    AsJson,
+    ForceOversize,
+    MeshBodies,
+    MinimumFeatureMm,
+    MinimumWallMm,
+    PaletteName,
+    Quiet,
+    TrayMm,
+    check_targets,
+    limited_printer,
+)
 from planner.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,7 +35,10 @@ _FINDINGS_SHOWN = 10
 
 def grade(
     context: Context,
-    part: Annotated[Path, Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB.")],
+    part: Annotated[
+        Path,
+        Argument(help="Mesh: STL, 3MF, PLY, OBJ, OFF, GLB; or STEP, with the package cascadio."),
+    ],
     like: Annotated[
         Path | None,
         Option(
@@ -67,8 +81,8 @@ def grade(
         str | None,
         Option(
             help="log (by default), linear, smooth, steps:N, grades (an equal length of each "
-            "material between the ends), or a CSV file with position (0..1) and modulus_MPa or "
-            "material."
+            "material from the one nearest to --from to that nearest to --to), or a CSV file with "
+            "position (0..1) and modulus_MPa or material."
         ),
     ] = None,
     bands: Annotated[
@@ -110,24 +124,38 @@ def grade(
         ),
     ] = None,
     tolerance: Annotated[
-        float | None,
+        float,
         Option(
-            help="Relative error of the stiffness that is accepted, as 0.25; by default what is "
-            "left where each place is printed in the material nearest to its target."
+            help="How many times as stiff or as soft as asked is no finding yet, as 1.25; or below "
+            "1 a share, as 0.25 for 25 %."
         ),
-    ] = None,
+    ] = 2.0,
     unit: Annotated[str | None, Option(help="Unit of the mesh: mm, cm, m, um, inch, ft.")] = None,
     bodies: MeshBodies = None,
     printer: Annotated[
         str | None,
-        Option(help="Installed printer; see [bold]planner printers[/bold]; connex3 by default."),
+        Option(
+            help="Installed printer, see [bold]planner printers[/bold], or its TOML file; connex3 "
+            "by default."
+        ),
     ] = None,
+    tray: TrayMm = None,
+    minimum_wall_mm: MinimumWallMm = None,
+    minimum_feature_mm: MinimumFeatureMm = None,
     palette: PaletteName = None,
     output: Annotated[
         Path | None, Option("--output", "-o", help="Folder to write; <part>-graded by default.")
     ] = None,
     force: Annotated[bool, Option("--force", help="Replace an earlier plan there.")] = False,
     force_oversize: ForceOversize = False,
+    coupons: Annotated[
+        bool,
+        Option(
+            "--coupons",
+            help="Lay a tensile coupon of each material (ASTM D638, type IV) beside the part, to "
+            "be printed and pulled with it: the folder coupons.",
+        ),
+    ] = False,
     strict: Annotated[
         bool, Option("--strict", help="Write nothing when something was found.")
     ] = False,
@@ -160,6 +188,7 @@ def grade(
     from planner.formats.slicers import needs_one_mesh
 
     folder = Path(f"{part.stem}-graded") if output is None else output
+    machine = limited_printer(printer, like, tray, minimum_wall_mm, minimum_feature_mm)
     if slicer is not None:
         needs_one_mesh(slicer)  # a slip is told before the work
     if not dry_run:
@@ -183,8 +212,9 @@ def grade(
             tolerance=tolerance,
             unit=unit,
             bodies=bodies,
-            printer=printer,
+            printer=machine,
             palette=palette,
+            coupons=coupons,
             force_oversize=force_oversize,
             progress=stage,
         )
@@ -193,11 +223,14 @@ def grade(
             stage("writing the files")
             page = None if no_page else planner.plan_page(plan)
             plan.write(folder, force=force, page=page, slicer=slicer)
-    _grade_report(plan, None if dry_run or refused else folder, as_json=as_json, quiet=quiet)
+    written = None if dry_run or refused else folder
+    _grade_report(plan, written, like=like, as_json=as_json, quiet=quiet)
     return 0 if plan.ok else 1
 
 
-def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+def _grade_report(
+    plan: "Plan", folder: Path | None, *, like: Path | None, as_json: bool, quiet: bool
+) -> None:
     from planner.cli.output import finding, print_document, say, tell_notes
     from planner.notes import Caution
     from planner.report.plan_text import error_words, moved_words, unreachable_words
@@ -227,8 +260,13 @@ def _grade_report(plan: "Plan", folder: Path | None, *, as_json: bool, quiet: bo
     )
     if folder is None:
         say("nothing was written")
-    else:
-        say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+        return
+    say(f"wrote {folder} (next: planner check {folder}; planner view {folder})")
+    if like is not None:
+        say(
+            f"what changed: planner diff {like} {folder}; once it is printed and pulled: "
+            "planner gap next CAMPAIGN, with it in specimens.csv"
+        )
 
 
 def _table(plan: "Plan") -> None:
@@ -446,7 +484,9 @@ def slices(
     indexed: Annotated[
         bool, Option("--indexed", help="Write palette images: smaller, the same colours.")
     ] = False,
-    printer: Annotated[str | None, Option(help="Installed printer; by default the plan's.")] = None,
+    printer: Annotated[
+        str | None, Option(help="Installed printer or its file; else the plan's.")
+    ] = None,
     scheduler: Annotated[
         str | None,
         Option(help="Make the layers on a Dask cluster: its scheduler, tcp://HOST:PORT."),

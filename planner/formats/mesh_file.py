@@ -5,8 +5,12 @@ import io
 import json
 import os
 import re
-from collections.abc import Mapping
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
@@ -38,7 +42,8 @@ _ALIASES = (
 )
 _ALSO_CALLED = MappingProxyType({alias: unit for unit, known in _ALIASES for alias in known})
 _BY_TRIMESH = ("ply", "obj", "off", "glb")
-EXTENSIONS = ("stl", "3mf", *_BY_TRIMESH)
+_BY_CASCADIO = ("step", "stp")
+EXTENSIONS = ("stl", "3mf", *_BY_TRIMESH, *_BY_CASCADIO)
 """What `read_mesh` reads, by the ending of the file's name."""
 
 
@@ -70,7 +75,7 @@ class MeshFile:
 def read_mesh(
     path: str | Path, unit: str | None = None, limits: UnfoldingLimits = USUAL_LIMITS
 ) -> MeshFile:
-    """Read STL, 3MF, PLY, OBJ, OFF or GLB.
+    """Read STL, 3MF, PLY, OBJ, OFF, GLB or STEP.
 
     All the file's objects are read, each where the file places it.
 
@@ -80,7 +85,7 @@ def read_mesh(
         The file; its ending says what it is.
     unit
         mm, cm, m, inch, ft or um: the unit of the file's figures. By default what the file
-        says (3MF), m for GLB as glTF prescribes, and mm for the formats that have none.
+        says (3MF, STEP), m for GLB as glTF prescribes, and mm for the formats that have none.
     limits
         What a 3MF or GLB may unfold to, whose objects may be placed many times.
 
@@ -107,7 +112,12 @@ def read_mesh(
     elif kind == "3mf":
         triangles, own, notes = _threemf(data, str(path), limits)
     elif kind in _BY_TRIMESH:
-        triangles, own, notes = _trimesh(data, kind, str(path), limits)
+        triangles, _ = _trimesh(data, kind, str(path), limits)
+        if kind == "glb":
+            own = "m"
+            notes = ("read in m, the unit of glTF; use --unit if the file keeps another",)
+    elif kind in _BY_CASCADIO:
+        triangles, own, notes = _step(data, str(path), limits)
     else:
         raise MeshError(
             f"{path}: files ending in {path.suffix or 'nothing'} are not read; convert it to one "
@@ -180,13 +190,76 @@ def _threemf(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
     for item in model.objects:
         begin, end = end, end + len(item.faces)
         triangles[begin:end] = item.vertices[item.faces]
-    notes = model.remarks
-    if len(model.objects) > 1:
-        notes = (*notes, f"holds {len(model.objects)} placed objects, graded together as one part")
-    return triangles, model.unit, notes
+    names = [item.name for item in model.objects]
+    return triangles, model.unit, (*model.remarks, *_together(names))
 
 
-def _trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Read:
+def _together(names: Sequence[str]) -> tuple[str, ...]:
+    """Say that a file's objects are one part to planner, and what they are called."""
+    if len(names) < 2:
+        return ()
+    called = ", ".join(name for name in names[:_NAMES_SHOWN] if name)
+    more = ", ..." if called and len(names) > _NAMES_SHOWN else ""
+    told = f" ({called}{more})" if called else ""
+    return (f"holds {len(names)} placed objects{told}, graded together as one part",)
+
+
+_NAMES_SHOWN = 4
+
+
+_DEFLECTION_MM = 0.01
+"""Between a face of a STEP file and its triangles: a quarter of a jetting printer's pixel."""
+
+_CONVERTED = rb"CONVERSION_BASED_UNIT\s*\(\s*'(\w+)'"
+_STEP_UNIT = re.compile(  # an inch is stated by a metre: what is converted counts first
+    rb"%b[^;]*LENGTH_UNIT|LENGTH_UNIT[^;]*%b" % (_CONVERTED, _CONVERTED)
+)
+_STEP_METRES = re.compile(rb"LENGTH_UNIT[^;]*SI_UNIT\s*\(\s*(?:\.(\w+)\.|\$)\s*,\s*\.METRE\.")
+_STEP_UNITS: Mapping[bytes, str] = MappingProxyType(
+    {b"MILLI": "mm", b"CENTI": "cm", b"MICRO": "um", b"": "m", b"INCH": "inch", b"FOOT": "ft"}
+)
+
+
+def _step(data: bytes, name: str, limits: UnfoldingLimits) -> _Read:
+    """Read the bodies of a STEP file as triangles, in the file's own unit."""
+    if not data.lstrip().startswith(b"ISO-10303-21") or b"END-ISO-10303-21" not in data[-4096:]:
+        raise MeshError(
+            f"{name}: not a whole STEP file, from ISO-10303-21 to END-ISO-10303-21; copy or export "
+            "it again"
+        )
+    if find_spec("cascadio") is None:
+        raise MeshError(
+            f"{name}: STEP is read by cascadio, which is not installed: pip install cascadio, or "
+            "export the part as 3MF or STL"
+        )
+    empty = MeshError(
+        f"{name}: Open CASCADE finds no solid in it; export the part again as a solid"
+    )
+    # In a process of its own: Open CASCADE prints, and files that break its rules can crash it.
+    with tempfile.TemporaryDirectory() as folder:
+        step, made = Path(folder, "part.step"), Path(folder, "part.glb")
+        step.write_bytes(data)
+        call = "import sys, cascadio; cascadio.step_to_glb(*sys.argv[1:3], float(sys.argv[3]))"
+        command = [sys.executable, "-c", call, str(step), str(made), str(_DEFLECTION_MM)]
+        ended = subprocess.run(command, capture_output=True, check=False)
+        if ended.returncode or not made.is_file():
+            raise empty
+        glb = made.read_bytes()
+    in_m, names = _trimesh(glb, "glb", name, limits)
+    if not len(in_m):
+        raise empty
+    stated = _STEP_UNIT.search(data) or _STEP_METRES.search(data)
+    word = b"MILLI" if stated is None else next(filter(None, stated.groups()), b"")
+    own = _STEP_UNITS.get(word.upper(), MILLIMETRES)
+    # As precise as it was in metres; and both ends of a seam are equal again, to 10 nm.
+    in_mm = np.round(1000.0 * in_m, 5).astype(np.float32).astype(np.float64)
+    return in_mm / unit_scale_mm(own), own, _together(names)
+
+
+def _trimesh(
+    data: bytes, kind: str, name: str, limits: UnfoldingLimits
+) -> tuple[FloatArray, list[str]]:
+    """Return triangles, and what the placed objects are called."""
     import trimesh
 
     _require_whole(data, kind, name)
@@ -218,9 +291,7 @@ def _trimesh(data: bytes, kind: str, name: str, limits: UnfoldingLimits) -> _Rea
             f"{name}: not a {kind.upper()} file that can be read ({reason}); export the part "
             "again, as STL or 3MF if you can"
         ) from error
-    if kind != "glb":
-        return triangles, None, ()
-    return triangles, "m", ("read in m, the unit of glTF; use --unit if the file keeps another",)
+    return triangles, [str(scene.graph[node][1]) for node in scene.graph.nodes_geometry]
 
 
 def _check_tree(data: bytes, limits: UnfoldingLimits) -> None:

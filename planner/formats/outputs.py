@@ -127,6 +127,8 @@ _claims: dict[Path, bool] = {}
 def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
     """Keep other runs from a target; within, this process may claim it again.
 
+    Folders above it that are missing are made, and are gone again where nothing came into them.
+
     Parameters
     ----------
     output
@@ -148,6 +150,9 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
         try:
             target = Path(output).resolve()
             if target not in _claims:
+                for missing in reversed([p for p in target.parents if not p.exists()]):
+                    missing.mkdir(exist_ok=True)
+                    held.callback(_remove_empty, missing)
                 lock = target.with_name(f".{target.name}.partial-0")
                 lock.touch()
                 while not held.enter_context(_locked(lock)):
@@ -165,6 +170,11 @@ def claimed(output: str | Path, *, force: bool = True) -> Iterator[Path]:
                 f"{output}: cannot be written ({_reason(error)}); choose another place"
             ) from error
         yield target
+
+
+def _remove_empty(folder: Path) -> None:
+    with contextlib.suppress(OSError):
+        folder.rmdir()
 
 
 # ------------------------------------------------------------------------------------------------
@@ -433,13 +443,10 @@ def check_target(
             _refuse(folder, changed, "was changed since planner wrote it", option)
         elif target.exists():
             raise OutputError(f"{folder}: is a file; name a folder with `{option}`")
-        elif not target.parent.is_dir():
+        above = next(path for path in target.parents if path.exists())
+        if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
             raise OutputError(
-                f"{folder}: there is no folder {target.parent} to put it into; create that first"
-            )
-        if not os.access(target.parent, os.W_OK | os.X_OK):  # where the scratch folder comes to be
-            raise OutputError(
-                f"{folder}: the folder {target.parent} cannot be written into; choose another "
+                f"{folder}: the folder {above} cannot be written into; choose another "
                 f"place with `{option}`"
             )
     except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links

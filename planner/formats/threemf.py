@@ -149,6 +149,11 @@ _UNITS = {
 }
 
 
+_UNKNOWN_ATTRIBUTE = 0x80A7
+"""Of an extension, where lib3mf does not look for it, as trimesh writes them. The specification has
+readers ignore what they do not know, unless the file requires the extension, which is an error."""
+
+
 def read_threemf(path: str | Path, limits: UnfoldingLimits = USUAL_LIMITS) -> ThreemfModel:
     """Read a 3MF file; see `decode_threemf`.
 
@@ -192,8 +197,9 @@ def decode_threemf(
     remarks = []
     try:
         _read_from(reader, data)
-        warnings = [reader.GetWarning(i)[-1] for i in range(reader.GetWarningCount())]
-        remarks += [f"3MF reader: {text}" for text in dict.fromkeys(warnings)]
+        warnings = [reader.GetWarning(i) for i in range(reader.GetWarningCount())]
+        told = [text for code, text in warnings if code != _UNKNOWN_ATTRIBUTE]
+        remarks += [f"3MF reader: {text}" for text in dict.fromkeys(told)]
         stored: dict[int, list[ThreemfObject]] = {}
         objects: list[ThreemfObject] = []
         for mesh, matrix in _meshes(model.GetBuildItems(), name, remarks):

@@ -28,6 +28,7 @@ from planner.grading.blends import (
     with_laminates,
 )
 from planner.grading.check import plan_checks
+from planner.grading.coupons import coupons_beside
 from planner.grading.dither import (
     CellCounts,
     DitherField,
@@ -37,7 +38,7 @@ from planner.grading.dither import (
     dither_regions,
     fraction_checks,
 )
-from planner.grading.howto import job_notes
+from planner.grading.howto import job_notes, tray_notes
 from planner.grading.printability import CutPart, print_checks
 from planner.grading.profile import (
     Band,
@@ -50,11 +51,11 @@ from planner.grading.profile import (
 )
 from planner.grading.regions import Printed, catalogue_material, point, regions_of, shells_of
 from planner.grading.snap import MovedCut, moved_cuts, snap_limit_mm, snapped_bands
-from planner.grading.stiffness_error import alternatives, stiffness_check, tolerance_for
+from planner.grading.stiffness_error import alternatives, stiffness_check, tolerated_ratio
 from planner.grading.wish import End, Wish, Wished, targets_of, whole_wish
 from planner.mesh.audit import join_shells
 from planner.mesh.mesh import Mesh, weld
-from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place
+from planner.mesh.part import Part, make_part, oversize, part_from_arrays, place, undersize
 from planner.notes import Caution
 from planner.numerics import Float32Array, FloatArray, IntArray, Point
 from planner.palette import Palette
@@ -121,7 +122,8 @@ def open_part(
         file = read_mesh(path, unit)
         called = _safe(path.stem if name is None else name)
         made = make_part(file.triangles, name=called, tray_mm=tray_mm, bodies=bodies)
-        warnings = (*file.notes, *made.warnings)
+        asked = None if unit else undersize(made.mesh)
+        warnings = (*file.notes, *made.warnings, *([asked] if asked else []))
         shown = path.name.encode("utf-8", "replace").decode("utf-8")  # any bytes make a name
         return PartSource(made, called, shown, file.sha256, file.unit, warnings)
     vertices, faces = _arrays(part)
@@ -429,12 +431,13 @@ def grade(
     cell_mm: float | None = None,
     snap_mm: float | None = None,
     at_strain: float | None = None,
-    tolerance: float | None = None,
-    printer: str | Printer | None = None,
+    tolerance: float = 2.0,
+    printer: str | Path | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
     bodies: str | None = None,
     name: str | None = None,
+    coupons: bool = False,
     force_oversize: bool = False,
     progress: _Progress = lambda stage: None,
 ) -> Plan:
@@ -458,9 +461,10 @@ def grade(
         extent by default.
     profile
         ``log`` (by default), ``linear``, ``smooth``, ``steps:N``, ``grades`` (an equal length of
-        each material between the ends), a CSV file, or a `Profile`. Also rows of (position,
-        modulus), positions rising from 0 to 1, moduli as `from_` and `to`; or a function of the
-        position that returns MPa. What is not a name has its own targets.
+        each material from the one nearest to `from_` to that nearest to `to`), a CSV file, or a
+        `Profile`. Also rows of (position, modulus), positions rising from 0 to 1, moduli as
+        `from_` and `to`; or a function of the position that returns MPa. What is not a name has
+        its own targets.
     bands
         Cut into so many equal steps of the field, with `blend` ``nearest`` or ``mix``; by default
         the cuts lie where the nearest material, or the mixture, changes.
@@ -485,9 +489,9 @@ def grade(
     at_strain
         Working strain of the secant modulus; 0.1 by default.
     tolerance
-        Relative error of the stiffness that is accepted, as 0.25: the check
-        ``worst_stiffness_error`` holds up to a ratio of 1.25 between target and achieved modulus,
-        either way. By default what the nearest material at every place leaves.
+        Largest ratio between target and achieved modulus, either way, that is no finding, as 1.25;
+        or below 1 a share, as 0.25 for 25 %. It is the limit of the check
+        ``worst_stiffness_error``.
     printer, palette
         By name, file or value; the Connex3 and the printer's default palette if not given.
     unit
@@ -498,6 +502,8 @@ def grade(
         one, whichever way it is wound, and all are united.
     name
         Name of the part; its file's stem by default.
+    coupons
+        Lay a tensile coupon of each material beside the part: further files of the folder.
     force_oversize
         Plan a part that the printer's tray does not hold, whichever way it is turned by right
         angles: a finding then, an error otherwise.
@@ -535,7 +541,7 @@ def grade(
     choice = _blend_choice(wish.blend)
     scale = stiffness_scale(palette_of(wish.palette, machine), wish.at_strain)
     target, start, end = targets_of(wish, scale)
-    accepted = None if tolerance is None else as_number(tolerance, "`tolerance`")
+    limit = tolerated_ratio(as_number(tolerance, "`tolerance`"))
     farthest_mm = snap_limit_mm(
         None if snap_mm is None else as_number(snap_mm, "`snap_mm`"), machine
     )
@@ -574,8 +580,6 @@ def grade(
     printing, findings = design.held(
         mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
     )
-    free = choice.kind == "nearest" and wish.bands is None
-    limit = tolerance_for(accepted, target, scale, regions if free else ())
     known = _remarks(scale, regions)
     others = alternatives(regions, target, scale, equal_bands=wish.bands is not None)
     stiffness, off = stiffness_check(regions, limit, others)
@@ -616,7 +620,10 @@ def grade(
     )
     progress("verifying the shells")
     plan = _verified(plan, mesh)
-    return replace(plan, notes=job_notes(machine, scale, findings=plan.findings, warnings=known))
+    laid = coupons_beside(shells, mesh.bounds_mm, machine) if coupons else {}
+    tray = tray_notes(machine, mesh, len(shells) if coupons else 0)
+    notes = job_notes(machine, scale, tray=tray, findings=plan.findings, warnings=known)
+    return replace(plan, notes=notes, coupons=laid)
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:

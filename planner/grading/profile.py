@@ -208,7 +208,10 @@ def between(spec: str, start_MPa: float, end_MPa: float) -> Profile:
 
 
 def grades_between(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]) -> Profile:
-    """Give each material between two moduli, both included, an equal length of the field.
+    """Give each material from one modulus to another an equal length of the field.
+
+    The first and the last are those nearest to the ends in log stiffness. What is wanted there is
+    the end itself, so that the material's distance from it counts as an error.
 
     Parameters
     ----------
@@ -218,23 +221,21 @@ def grades_between(start_MPa: float, end_MPa: float, moduli_MPa: Sequence[float]
     Raises
     ------
     ArgumentError
-        Fewer than two materials lie there.
+        Both ends are nearest to one material.
     """
-    low, high = sorted((start_MPa, end_MPa))
-    slack = 1.0 + _SAME_MODULUS
-    steps = [modulus for modulus in moduli_MPa if low / slack <= modulus <= high * slack]
-    if len(steps) < 2:
+    first, last = nearest_on(moduli_MPa, (start_MPa, end_MPa)).tolist()
+    if first == last:
         raise ArgumentError(
-            f"`profile` grades: {len(steps) or 'no'} material of the palette lies between "
-            f"{low:.3g} and {high:.3g} MPa; it takes two or more"
+            f"`profile` grades: {start_MPa:.3g} and {end_MPa:.3g} MPa are both nearest to one "
+            f"material of the palette, with {moduli_MPa[first]:.3g} MPa; it takes two or more"
         )
-    if start_MPa > end_MPa:
-        steps.reverse()
-    positions = [i / len(steps) for i in range(len(steps) + 1)]
+    step = 1 if first < last else -1
+    wanted = [start_MPa, *moduli_MPa[first + step : last : step], end_MPa]
+    positions = [i / len(wanted) for i in range(len(wanted) + 1)]
     return Profile(
         "grades",
         tuple(u for pair in itertools.pairwise(positions) for u in pair),
-        tuple(modulus for modulus in steps for _ in range(2)),
+        tuple(modulus for modulus in wanted for _ in range(2)),
         "log",
     )
 

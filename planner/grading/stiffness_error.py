@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from planner.errors import ArgumentError
 from planner.glance import percent
@@ -11,73 +10,51 @@ from planner.grading.profile import Profile, StiffnessScale, natural_bands
 from planner.materials.homogenisation import dither_table
 from planner.plan import Check, Finding, Region
 
-__all__ = ["Tolerance", "alternatives", "error_text", "stiffness_check", "tolerance_for"]
+__all__ = ["alternatives", "error_text", "stiffness_check", "tolerated_ratio"]
 
 # An error is a ratio, 1 or more: achieved over target where what is printed is too stiff, target
 # over achieved where it is too soft. A ratio of 2 is as bad either way.
 
 
 _ROUNDING = 1e-9
-"""Relative: a band that ends where the material changes misses its target by the limit itself."""
+"""Relative: a stated tolerance is often the error that an earlier plan told, as printed."""
 
 _LARGEST = 1e6
 """Of a tolerance; a palette from rubber to glass spans less."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """How far the printed stiffness may be off its target, as a ratio.
-
-    Attributes
-    ----------
-    ratio
-        At most so many times as stiff or as soft as wanted.
-    stated
-        Whether the user said so; else it is what the nearest material leaves at the worst place.
-    """
-
-    ratio: float
-    stated: bool
-
-
-def tolerance_for(
-    stated: float | None, target: Profile, scale: StiffnessScale, nearest: Sequence[Region] = ()
-) -> Tolerance:
-    """Return the limit of the stiffness error.
+def tolerated_ratio(stated: float) -> float:
+    """Return the largest ratio that is no finding.
 
     Parameters
     ----------
     stated
-        Relative error that is accepted, as 0.25; by default what is left where every place of
-        the target is printed in the material nearest to it.
-    nearest
-        Regions that are just that, but for cuts moved off faces of the part.
+        The ratio, as 1.25; or, below 1, by what share the stiffness may be too large, as 0.25.
 
     Raises
     ------
     ArgumentError
-        A tolerance below 0, or so large that nothing could miss it.
+        Below 0, or so large that nothing could miss it.
     """
-    if stated is None:
-        cut = [region_error(region) for region in nearest]
-        return Tolerance(max(_of_nearest(target, scale), *cut, 1.0), False)
     if not 0.0 <= stated <= _LARGEST:
         raise ArgumentError(
-            f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}; it is a fraction, so "
-            "25 % is 0.25"
+            f"`tolerance` {stated:g}: it must be from 0 to {_LARGEST:g}: a ratio, as 1.25, or "
+            "below 1 a share, as 0.25 for 25 %"
         )
-    return Tolerance(1.0 + stated, True)
+    return stated if stated >= 1.0 else 1.0 + stated
 
 
 def stiffness_check(
     regions: Sequence[Region],
-    tolerance: Tolerance,
+    limit: float,
     others: Mapping[str, float],
 ) -> tuple[Check, tuple[Finding, ...]]:
     """Hold the stiffness of all regions against what was wanted there.
 
     Parameters
     ----------
+    limit
+        Of `tolerated_ratio`.
     others
         Of `alternatives`.
 
@@ -90,18 +67,17 @@ def stiffness_check(
     """
     worst = max(regions, key=region_error)
     ratio = region_error(worst)
-    ok = ratio <= tolerance.ratio * (1.0 + _ROUNDING)
-    check = Check(ratio, tolerance.ratio, ok)
+    ok = ratio <= limit * (1.0 + _ROUNDING)
+    check = Check(ratio, limit, ok)
     if ok:
         return check, ()
     low, high = worst.target_modulus_MPa
-    limit = "the tolerance" if tolerance.stated else "what the nearest material leaves"
     better = [f"{option} it is {error_text(error)}" for option, error in others.items()]
-    cures = [*better, f"--tolerance {_rounded_up(ratio - 1.0):g} accepts it"]
+    cures = [*better, f"--tolerance {_rounded_up(ratio):g} accepts it"]
     message = (
         f"{worst.printed}: {worst.modulus_MPa:.3g} MPa where {low:.3g} .. {high:.3g} MPa is "
         f"wanted, at field {worst.field[0]:.3f} .. {worst.field[1]:.3f}: the stiffness is off by "
-        f"up to {error_text(ratio)}, more than {limit}, {error_text(tolerance.ratio)}; "
+        f"up to {error_text(ratio)}, more than the tolerance, {error_text(limit)}; "
         + "; ".join(cures)
     )
     return check, (Finding("stiffness", message, worst.material),)

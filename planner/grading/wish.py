@@ -61,7 +61,7 @@ class Wish:
     blend: str | None = None
     cell_mm: float | None = None
     at_strain: float | None = None
-    printer: str | Printer | None = None
+    printer: str | Path | Printer | None = None
     palette: str | Path | Palette | None = None
     unit: str | None = None
 
@@ -167,7 +167,7 @@ class Earlier:
                 "targets of your own with `profile`"
             )
 
-    def _own_palette(self, printer: str | Printer | None) -> Palette:
+    def _own_palette(self, printer: str | Path | Printer | None) -> Palette:
         used = self.plan.palette
         try:
             palette = load_printer(printer or self.plan.printer).palette(used.name)

@@ -19,7 +19,7 @@ from planner.mesh.mesh import (
 from planner.mesh.repair import READINGS, arrange_bodies, close_mesh, describe_faults, find_crossing
 from planner.numerics import FloatArray, IntArray
 
-__all__ = ["Part", "fits_turned", "make_part", "oversize", "part_from_arrays", "place"]
+__all__ = ["Part", "fits_turned", "make_part", "oversize", "part_from_arrays", "place", "undersize"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -123,7 +123,6 @@ def _least_taken(mesh: Mesh, translation_mm: FloatArray) -> FloatArray:
 
 
 _FARTHEST_MM = 1e6
-_SMALL_MM = 1.0
 _LIKELY_MM = (5.0, 300.0)
 _LIKELY_UNITS = ("mm", "inch", "cm", "m", "um")
 
@@ -287,13 +286,22 @@ def _is_flat(mesh: Mesh) -> bool:
 
 def _size_warnings(mesh: Mesh, tray_mm: tuple[float, float, float] | None) -> Iterator[str]:
     extent = mesh.bounds_mm[1] - mesh.bounds_mm[0]
-    size = " x ".join(f"{length:.4g}" for length in extent)
-    if (extent < _SMALL_MM).all():
-        yield f"the part is {size} mm, under 1 mm in every direction{_unit_hint(extent)}"
-    elif tray_mm is not None and (extent > np.array(tray_mm)).any():
+    if tray_mm is not None and (extent > np.array(tray_mm)).any():
         tray = " x ".join(f"{length:g}" for length in tray_mm)
         hint = "; turn it to fit" if fits_turned(extent, tray_mm) else _unit_hint(extent)
-        yield f"the part is {size} mm, the tray {tray} mm{hint}"
+        yield f"the part is {_size(extent)} mm, the tray {tray} mm{hint}"
+
+
+def undersize(mesh: Mesh) -> str | None:
+    """Ask whether a part whose unit no one stated is in mm; None where it is as large as most."""
+    extent = np.ptp(mesh.bounds_mm, axis=0)
+    if extent.max() >= _LIKELY_MM[0]:
+        return None
+    return f"the part is {_size(extent)} mm{_unit_hint(extent)}"
+
+
+def _size(extent: FloatArray, digits: int = 4) -> str:
+    return " x ".join(f"{length:.{digits}g}" for length in extent)
 
 
 def fits_turned(extent_mm: FloatArray, tray_mm: tuple[float, float, float]) -> bool:
@@ -313,10 +321,9 @@ def oversize(mesh: Mesh, tray_mm: tuple[float, float, float], unit: str) -> str 
     extent = np.ptp(mesh.bounds_mm, axis=0)
     if fits_turned(extent, tray_mm):
         return None
-    size = " x ".join(f"{length:.4g}" for length in extent)
     tray = " x ".join(f"{length:g}" for length in tray_mm)
     hint = _unit_hint(extent, unit).replace("--unit", "`unit`")
-    return f"the part is {size} mm, too large for the tray of {tray} mm{hint}"
+    return f"the part is {_size(extent)} mm, too large for the tray of {tray} mm{hint}"
 
 
 def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
@@ -325,6 +332,6 @@ def _unit_hint(extent: FloatArray, stated: str = "mm") -> str:
     for unit in _LIKELY_UNITS:
         scale = unit_scale_mm(unit) / unit_scale_mm(stated)
         if unit != stated and low <= scale * extent.max() <= high:
-            size = " x ".join(f"{scale * length:.4g}" for length in extent)
-            return f"; it looks like {unit}: with --unit {unit} it is {size} mm"
+            name = {"inch": "inches"}.get(unit, unit)
+            return f"; in {name} it would be {_size(scale * extent, 3)} mm: --unit {unit}"
     return "; check its unit (--unit)"

@@ -35,9 +35,9 @@ def test_a_part_over_the_tray_is_planned_and_reported(length_mm: float, tmp_path
 @pytest.mark.parametrize(
     ("unit", "hint"),
     [
-        ("cm", "it looks like mm: with --unit mm it is 100 x 50 x 40 mm"),
-        ("inch", "it looks like mm: with --unit mm it is 100 x 50 x 40 mm"),
-        ("ft", "it looks like mm: with --unit mm it is 100 x 50 x 40 mm"),
+        ("cm", "in mm it would be 100 x 50 x 40 mm: --unit mm"),
+        ("inch", "in mm it would be 100 x 50 x 40 mm: --unit mm"),
+        ("ft", "in mm it would be 100 x 50 x 40 mm: --unit mm"),
     ],
 )
 @pytest.mark.parametrize("command", ["grade", "design"])

@@ -244,12 +244,20 @@ def test_empty_folder_is_filled(tmp_path, force):
     assert "plan.json" in content(tmp_path / "out")
 
 
-def test_file_and_missing_parent(tmp_path):
+def test_a_file_in_the_way(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(OutputError, match="is a file"):
         check_target(tmp_path / "file", force=True)
-    with pytest.raises(OutputError, match="there is no folder"):
-        check_target(tmp_path / "no" / "out")
+    with pytest.raises(OutputError, match="file cannot be written into"):
+        check_target(tmp_path / "file" / "out")
+
+
+def test_missing_folders_are_made_and_gone_again_where_nothing_was_written(tmp_path):
+    write(tmp_path / "a" / "b" / "out")
+    assert "plan.json" in content(tmp_path / "a" / "b" / "out")
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "a" / "c" / "d" / "out"):
+        raise KeyboardInterrupt
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]
 
 
 def test_link_keeps_pointing(tmp_path):

@@ -2,8 +2,12 @@
 
 import hashlib
 import json
+import math
 import time
 import warnings
+import zipfile
+from importlib.util import find_spec
+from pathlib import Path
 
 import lib3mf
 import numpy as np
@@ -15,6 +19,7 @@ from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
 from planner.formats.stl import encode_stl
 from planner.formats.threemf import ThreemfObject, write_threemf
 from planner.formats.threemf_structure import UnfoldingLimits
+from planner.mesh.part import make_part
 
 
 @pytest.fixture
@@ -26,7 +31,11 @@ def corners(triangles):
     return np.unique(np.asarray(triangles).reshape(-1, 3).round(6), axis=0)
 
 
-@pytest.mark.parametrize("kind", EXTENSIONS)
+MESHES = [kind for kind in EXTENSIONS if kind not in ("step", "stp")]  # trimesh writes no STEP
+STEP = Path(__file__).parents[1] / "data" / "two-cylinders-inch.step"
+
+
+@pytest.mark.parametrize("kind", MESHES)
 def test_each_format_gives_the_same_triangles(kind, box, tmp_path):
     path = tmp_path / f"part.{kind}"
     if kind == "3mf":
@@ -125,6 +134,75 @@ def test_3mf_unit_and_objects(box, tmp_path):
     assert asked.triangles[..., 0].max() == pytest.approx(110)
 
 
+def test_3mf_as_trimesh_writes_it_is_read_without_a_warning(box, tmp_path):
+    """It puts attributes of the production extension where lib3mf does not expect them."""
+    vertices = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*v) for v in box.vertices)
+    faces = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*f) for f in box.faces)
+    schema = "http://schemas.microsoft.com/3dmanufacturing"
+    model = (
+        f'<model xmlns="{schema}/core/2015/02" xmlns:p="{schema}/production/2015/06" '
+        'unit="millimeter"><resources><object id="1" name="geometry_0" type="model" '
+        'p:UUID="62a479ad-ef7c-4580-8493-edccfbed9db8"><mesh>'
+        f"<vertices>{vertices}</vertices><triangles>{faces}</triangles></mesh></object>"
+        '</resources><build p:UUID="e5ce6545-8d2d-4219-afcb-4e22171fdf62">'
+        f'<item xmlns="{schema}/core/2015/02" xmlns:b="{schema}/beamlattice/2017/02" '
+        f'xmlns:s="{schema}/slice/2015/07" objectid="1" partnumber="geometry_0" '
+        'p:UUID="22994b6b-71bb-4bc5-b41e-68d2643cec39"/></build></model>'
+    )
+    packages = "http://schemas.openxmlformats.org/package/2006"
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+        archive.writestr(
+            "_rels/.rels",
+            f'<Relationships xmlns="{packages}/relationships"><Relationship '
+            f'Type="{schema}/2013/01/3dmodel" Target="/3D/3dmodel.model" Id="rel0"/>'
+            "</Relationships>",
+        )
+        archive.writestr(
+            "[Content_Types].xml",
+            f'<Types xmlns="{packages}/content-types"><Default Extension="model" '
+            'ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/><Default '
+            'Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships'
+            '+xml"/></Types>',
+        )
+    mesh = read_mesh(tmp_path / "a.3mf")
+    assert mesh.notes == ()
+    assert np.array_equal(corners(mesh.triangles), corners(box.triangles))
+
+
+def test_step_has_its_unit_its_bodies_names_and_closed_surfaces():
+    """Cylinders along x: 2 inches of radius 1/4, and 1 inch of radius 1/2."""
+    pytest.importorskip("cascadio")
+    mesh = read_mesh(STEP)
+    assert mesh.unit == "inch"
+    (note,) = mesh.notes
+    assert "2 placed objects (root, tip)" in note
+    part = make_part(mesh.triangles, name="part")
+    assert part.repairs == ()
+    assert part.mesh.bounds_mm[:, 0] == pytest.approx([0.0, 4.0 * 25.4])
+    # Chords 10 um inside an arc of 6.35 mm take 2/3 of 10 um of it, 0.2 % of the section.
+    volume_mm3 = math.pi * (2.0 * 0.25**2 + 0.5**2) * 25.4**3
+    assert 0.996 * volume_mm3 < part.mesh.volume_mm3 < volume_mm3
+    asked = read_mesh(STEP, "mm")
+    assert asked.notes[-1] == "read in mm as asked, though the file says inch"
+    assert asked.triangles.max() == pytest.approx(4.0)
+
+
+def test_step_that_no_solid_is_in_or_no_one_reads_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "part.stp"
+    whole = STEP.read_bytes()
+    path.write_bytes(whole[:5000])
+    with pytest.raises(MeshError, match="not a whole STEP file"):
+        read_mesh(path)
+    path.write_bytes(whole.replace(b"MANIFOLD_SOLID_BREP", b"NOTHING_KNOWN"))
+    if find_spec("cascadio"):
+        with pytest.raises(MeshError, match="no solid"):
+            read_mesh(path)
+    monkeypatch.setattr("planner.formats.mesh_file.find_spec", lambda name: None)
+    with pytest.raises(MeshError, match="pip install cascadio"):
+        read_mesh(path)
+
+
 def test_missing_file_names_a_near_one(box, tmp_path):
     box.export(tmp_path / "finger.stl")
     with pytest.raises(FileError, match=r"no such file; did you mean finger\.stl\?"):
@@ -139,7 +217,7 @@ def test_folder(tmp_path):
         read_mesh(tmp_path / "part.stl")
 
 
-@pytest.mark.parametrize("name", ["part.step", "part", "part.stl.zip"])
+@pytest.mark.parametrize("name", ["part.iges", "part", "part.stl.zip"])
 def test_ending_that_is_not_read(name, tmp_path):
     (tmp_path / name).write_bytes(b"x")
     with pytest.raises(MeshError, match="stl, 3mf, ply, obj, off, glb"):

@@ -10,7 +10,7 @@ import trimesh
 
 from planner.errors import ArgumentError, MeshError
 from planner.mesh.mesh import Topology, weld
-from planner.mesh.part import make_part, part_from_arrays
+from planner.mesh.part import make_part, part_from_arrays, undersize
 
 BOX_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 BOX_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -478,14 +478,18 @@ def test_one_body_that_overlaps_itself():
 
 
 def test_unit_hints():
-    small = part(sphere(0.02)).warnings
-    assert "under 1 mm in every direction; it looks like m: with --unit m it is 40" in small[0]
+    assert undersize(part(sphere(0.02)).mesh).endswith("in m it would be 40 x 40 x 40 mm: --unit m")
+    few_mm = undersize(part(box((4.3, 0.8, 0.9))).mesh)
+    assert few_mm == (
+        "the part is 4.3 x 0.8 x 0.9 mm; in inches it would be 109 x 20.3 x 22.9 mm: --unit inch"
+    )
+    assert undersize(part(box((5.0, 0.8, 0.9))).mesh) is None
     tray = (490.0, 390.0, 200.0)
     assert part(box((400, 300, 100)), tray_mm=tray).warnings == ()
     (long,) = part(box((100, 480, 100)), tray_mm=tray).warnings
     assert "turn it to fit" in long
     (huge,) = part(box((1e5, 1e4, 1e4)), tray_mm=tray).warnings
-    assert "--unit um it is 100 x 10 x 10 mm" in huge
+    assert "in um it would be 100 x 10 x 10 mm: --unit um" in huge
 
 
 def test_arrays():

@@ -1,14 +1,20 @@
 """Printers are found by entry point, and a plugin's faults are named."""
 
 import dataclasses
+import importlib
+import json
+import tomllib
 from pathlib import Path
 
 import pytest
+import trimesh
 
+from planner.cli import run
 from planner.errors import PaletteError, UnknownNameError
 from planner.printers import installed_printers, load_printer, load_profile
 from planner.testing import check_printer
 
+ROOT = Path(__file__).parents[2]
 PALETTE = """
 schema = 1
 name = "myjet-soft"
@@ -50,6 +56,108 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "printer.toml").write_text(PROFILE)
     (tmp_path / "job_notes.md").write_text("# Print it\n")
     return tmp_path
+
+
+def test_a_lone_file_is_a_printer_like_another(folder: Path) -> None:
+    own = folder / "own.toml"
+    own.write_text('schema = 1\nname = "own"\nlike = "connex3"\nminimum_wall_mm = 0.8\n')
+    machine, base = load_printer(str(own)), load_printer("connex3")
+    check_printer(machine)
+    assert (machine.name, machine.minimum_wall_mm) == ("own", 0.8)
+    assert (machine.tray_mm, machine.palette()) == (base.tray_mm, base.palette())
+    assert machine.operator_name("Vero") == base.operator_name("Vero")
+    assert machine.job_notes().endswith("Stated for this plan: minimum_wall_mm 0.8, not 0.6.\n")
+    own.write_text('schema = 1\nname = "own"\nlike = "own.toml"\n')
+    with pytest.raises(UnknownNameError, match=r"own\.toml"):  # not itself, over and over
+        load_printer(own)
+    own.write_text('schema = 1\nname = "own"\n')
+    with pytest.raises(PaletteError, match="missing required field `title`"):
+        load_printer(own)
+
+
+def test_single_limits_are_stated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine = load_printer("connex3", minimum_wall_mm=0.8, tray_mm=(50.0, 50.0, 50.0))
+    check_printer(machine)
+    assert (machine.minimum_wall_mm, machine.minimum_feature_mm) == (0.8, 0.42)
+    with pytest.raises(PaletteError, match="above 0"):
+        load_printer("connex3", minimum_feature_mm=0.0)
+    part = str(tmp_path / "bar.stl")
+    trimesh.creation.box((40.0, 10.0, 0.7)).export(part)
+    words = ["grade", part, "--from", "Tango", "--to", "Vero", "--dry-run"]
+    assert run(words) == 0
+    assert run([*words, "--minimum-wall", "0.8"]) == 1
+    assert "below the minimum wall of 0.8 mm" in capsys.readouterr().err
+    assert run([*words, "--tray", "30,30,30"]) == 2
+    assert "too large for the tray of 30 x 30 x 30 mm" in capsys.readouterr().err
+    assert run([*words, "--tray", "30"]) == 2
+
+
+def test_a_new_printer_is_a_whole_plugin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["printers", "new", "my-jet"]) == 0
+    folder = tmp_path / "my-jet-printer"
+    project = tomllib.loads((folder / "pyproject.toml").read_text())
+    points = project["project"]["entry-points"]["planner.printers"]
+    assert points == {"my-jet": "my_jet_printer:PRINTER"}
+    monkeypatch.syspath_prepend(str(folder))
+    check_printer(importlib.import_module("my_jet_printer").PRINTER)
+    exec((folder / "test_my_jet_printer.py").read_text(), checks := {})
+    checks["test_it_is_a_printer"]()
+    # The editor's line names a file that is there, as seen from the file that has it.
+    for file in folder.glob("**/*.toml"):
+        first = file.read_text().partition("\n")[0]
+        if file.name != "pyproject.toml":
+            assert (file.parent / first.removeprefix("#:schema ")).is_file()
+    capsys.readouterr()
+    assert run(["printers", "show", str(folder / "my_jet_printer" / "printer.toml")]) == 0
+    assert "minimum wall: 0.6 mm" in capsys.readouterr().out
+    assert run(["printers", "new", "my-jet"]) == 2  # never over what is there
+    assert run(["printers", "new", "../jet"]) == 2
+
+
+def test_show_says_what_the_printers_software_calls_materials(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["printers", "show", "connex3", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["minimum_feature_mm"] == 0.42
+    assert shown["palettes"]["connex3-tango-vero"]["TangoPlus"] == "TangoPlus FLX930"
+
+
+@pytest.mark.parametrize("kind", ["printer", "palette", "campaign"])
+def test_schemas_take_what_planner_takes_and_refuse_what_it_refuses(
+    kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every file of ours is valid; one more key, or one of another type, is not."""
+    jsonschema = pytest.importorskip("jsonschema")
+    assert run(["schema", kind]) == 0
+    judge = jsonschema.Draft202012Validator(json.loads(capsys.readouterr().out))
+    files = {
+        "printer": [
+            ROOT / "printers/connex3/printer.toml",
+            *ROOT.glob("tests/plugins/*/*/p*.toml"),
+        ],
+        "palette": [
+            *ROOT.glob("printers/*/palettes/*.toml"),
+            *ROOT.glob("tests/**/palettes/*.toml"),
+        ],
+        "campaign": [*ROOT.glob("samples/*/campaign.toml")],
+    }[kind]
+    assert files
+    for file in files:
+        document = tomllib.loads(file.read_text())
+        assert judge.is_valid(document), file
+        assert not judge.is_valid(document | {"nonsense": 1})
+        assert not judge.is_valid(document | {"name": 1})
+        assert not judge.is_valid({key: document[key] for key in document if key != "schema"})
+    if kind == "palette":
+        document["material"][0]["law"]["nonsense"] = 1.0
+        assert not judge.is_valid(document)
+    if kind == "printer":
+        assert judge.is_valid({"schema": 1, "name": "own", "like": "connex3"})
+        assert not judge.is_valid({"schema": 1, "name": "own"})
 
 
 def test_connex3_is_installed_and_passes_its_check() -> None:

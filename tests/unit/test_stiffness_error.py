@@ -3,6 +3,7 @@
 import itertools
 import math
 import re
+from dataclasses import replace
 
 import manifold3d as m3
 import numpy as np
@@ -35,8 +36,25 @@ def test_nearest_materials_leave_half_of_the_largest_step(moduli) -> None:
     steps = [b / a for a, b in itertools.pairwise(ladder)]
     check = plan.checks["worst_stiffness_error"]
     assert check.value == pytest.approx(math.sqrt(max(steps)), rel=1e-9)
-    assert check.limit == pytest.approx(check.value, rel=1e-9)
+    assert check.limit == 2.0
     assert plan.ok
+    strict = planner.grade(MESH, **ENDS, tolerance=1.5)
+    assert not strict.ok
+    assert strict.checks["worst_stiffness_error"].limit == 1.5
+    # Below 1 it is a share.
+    share = planner.grade(MESH, **ENDS, tolerance=0.5)
+    assert share.checks == strict.checks
+
+
+def test_a_coarse_palette_is_a_finding_with_its_remedy() -> None:
+    """Two materials a factor of 69 apart: half-way between them either is off by 8.3."""
+    palette = planner.load_printer("connex3").palette()
+    two = replace(palette, materials=(palette.materials[0], palette.materials[6]))
+    plan = planner.grade(MESH, from_="Tango", to="FLX9795", palette=two)
+    (finding,) = plan.findings
+    assert "a factor of 8.3" in finding.message
+    assert "the tolerance, a factor of 2" in finding.message
+    assert "with --blend dither" in finding.message
 
 
 def test_coarse_bands_fail_and_the_remedies_keep_their_word(capsys, tmp_path) -> None:
@@ -63,7 +81,7 @@ def test_coarse_bands_fail_and_the_remedies_keep_their_word(capsys, tmp_path) ->
 
 
 @pytest.mark.parametrize("tolerance", [-0.1, math.nan, 1e9])
-def test_a_tolerance_is_a_fraction(tolerance) -> None:
+def test_a_tolerance_is_a_ratio_or_a_share(tolerance) -> None:
     with pytest.raises(ArgumentError, match="tolerance"):
         planner.grade(MESH, **ENDS, tolerance=tolerance)
 
@@ -77,9 +95,13 @@ def test_grades_have_equal_lengths_and_no_error(moduli) -> None:
     assert _error(plan) == pytest.approx(1.0, rel=1e-9)
     back = planner.grade(MESH, from_="FLX9760", to="FLX9740", profile="grades")
     assert [r.material for r in back.regions] == ["FLX9760", "FLX9750", "FLX9740"]
-    # Between moduli: those that lie there, and no other.
+    # Between moduli: to what is nearest to them, and what is off there is told.
     some = planner.grade(MESH, from_="1MPa", to="0.01GPa", profile="grades")
     assert [r.material for r in some.regions] == ["FLX9750", "FLX9760", "FLX9770", "FLX9785"]
+    assert some.regions[-1].error == pytest.approx((moduli["FLX9785"] / 10.0 - 1.0,) * 2)
+    assert _error(some) == pytest.approx(10.0 / moduli["FLX9785"])
+    beyond = planner.grade(MESH, from_="20MPa", to="1MPa", profile="grades")
+    assert beyond.regions[0].material == "FLX9795"
     with pytest.raises(ArgumentError, match="two or more"):
         planner.grade(MESH, from_="1MPa", to="1.1MPa", profile="grades")
 

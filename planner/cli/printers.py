@@ -1,0 +1,284 @@
+"""planner printers and schema: what machines there are, one of your own, and what editors check."""
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from typer import Argument, Context, Option
+
+from planner.cli.output import AsJson, Force, check_targets
+from planner.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from planner.printers import Printer
+
+app = typer.Typer(name="printers", rich_markup_mode="rich", invoke_without_command=True)
+
+_STATED = (
+    "title", "tray_mm", "pixel_mm", "layer_mm", "minimum_wall_mm", "base_resins", "palettes",
+)  # fmt: skip
+
+
+@app.callback()
+def _printers(context: typer.Context, as_json: AsJson = False) -> int:
+    """List the installed printers, what they print and where each comes from.
+
+    Example: [bold]planner printers --json[/bold]
+    """
+    return 0 if context.invoked_subcommand else _list(as_json=as_json)
+
+
+def _list(*, as_json: bool) -> int:
+    from planner.cli.output import finding, print_document, print_table
+    from planner.errors import PlannerError
+    from planner.printers import installed_printers, load_printer
+
+    rows: list[dict[str, Any]] = []
+    broken = []
+    for name, entry in installed_printers().items():
+        try:
+            machine = load_printer(name)
+        except PlannerError as error:
+            broken.append(str(error))
+            continue
+        made_by = None if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+        stated = {key: getattr(machine, key) for key in _STATED}
+        rows.append({"name": name, **stated, "plugin": entry.value, "distribution": made_by})
+    if as_json:
+        print_document({"schema": 1, "printers": rows, "broken": broken})
+        return 1 if broken else 0
+    print_table(
+        ["name", "machine", "tray mm", "voxel um", "palettes", "from"],
+        [
+            [
+                row["name"],
+                row["title"],
+                _lengths(row["tray_mm"]),
+                _lengths(1000 * v for v in (*row["pixel_mm"], row["layer_mm"])),
+                ", ".join(row["palettes"]),
+                str(row["distribution"] or row["plugin"]),
+            ]
+            for row in rows
+        ],
+        droppable=["from", "voxel um"],
+    )
+    for problem in broken:
+        finding(problem)
+    return 1 if broken else 0
+
+
+def _lengths(values: Any) -> str:
+    return " x ".join(f"{value:g}" for value in values)
+
+
+# ------------------------------------------------------------------------------------------------
+# planner printers show.
+
+
+@app.command()
+def show(
+    name: Annotated[str, Argument(help="Installed printer, or its file, as my.toml.")],
+    as_json: AsJson = False,
+) -> int:
+    """Show a printer: its limits, its resins, its palettes and what its software calls materials.
+
+    Example: [bold]planner printers show connex3[/bold]
+    """
+    from planner.cli.output import print_document, print_table, say
+    from planner.printers import load_printer
+
+    machine = load_printer(name)
+    palettes = [machine.palette(palette) for palette in machine.palettes]
+    rows = [
+        [palette.name, material.id, machine.operator_name(material.id)]
+        for palette in palettes
+        for material in palette.materials
+    ]
+    limits = {key: getattr(machine, key) for key in (*_STATED[1:5], "minimum_feature_mm")}
+    resins = {"base_resins": machine.base_resins, "support": machine.support}
+    if as_json:
+        named: dict[str, dict[str, str]] = {palette.name: {} for palette in palettes}
+        for palette, id, operator_name in rows:
+            named[palette][id] = operator_name
+        document = {"name": machine.name, "title": machine.title, **limits, **resins}
+        print_document({"schema": 1, **document, "palettes": named})
+        return 0
+    say(f"{machine.title} ({machine.name})")
+    for key, value in limits.items():
+        words = _lengths(value if isinstance(value, tuple) else (value,))
+        say(f"  {key.removesuffix('_mm').replace('_', ' ')}: {words} mm")
+    say(f"  resins: {', '.join(machine.base_resins)}; support: {machine.support}")
+    print_table(["palette", "material", "in its software"], rows)
+    say(f"(stiffness: planner materials --printer {name} --palette NAME)")
+    return 0
+
+
+# ------------------------------------------------------------------------------------------------
+# planner printers new.
+
+
+_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+
+
+@app.command()
+def new(
+    context: Context,
+    name: Annotated[str, Argument(help="Of the printer: small letters, digits, - and _.")],
+    like: Annotated[
+        str, Option(help="Printer whose figures, palette and notes it begins with.")
+    ] = "connex3",
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="Folder to write; NAME-printer by default.")
+    ] = None,
+) -> int:
+    """Write a plugin for a printer of your own: figures, palette, notes, schemas and its test.
+
+    Example: [bold]planner printers new myjet[/bold]
+    """
+    from planner.cli.output import say
+    from planner.formats.outputs import new_folder
+    from planner.printers import load_printer
+
+    if not _NAME.fullmatch(name):
+        raise ArgumentError(f"{name}: give a name of small letters, digits, - and _, as myjet")
+    folder = Path(f"{name}-printer") if output is None else output
+    check_targets(context, force=False, folders={"output": (folder, None)})
+    package = f"{name.replace('-', '_')}_printer"
+    with new_folder(folder, record=None) as scratch:
+        for path, data in _plugin(name, package, load_printer(like)).items():
+            (scratch / path).parent.mkdir(parents=True, exist_ok=True)
+            (scratch / path).write_bytes(data)
+    profile = folder / package / "printer.toml"
+    say(f"wrote {folder}: put your printer's figures into {profile}, its materials beside it")
+    say(f"use it at once: planner grade PART --printer {profile}")
+    say(f"or by its name: pip install -e {folder} (its test: pytest {folder})")
+    return 0
+
+
+def _plugin(name: str, package: str, base: "Printer") -> dict[str, bytes]:
+    """Return the files of a plugin by their paths, each figure as the other printer has it."""
+    from dataclasses import replace
+
+    from planner.palette import encode_palette
+    from planner.printers import ProfileFile
+
+    palette = replace(base.palette(), name=f"{name}-palette")
+    names = {m.id: base.operator_name(m.id) for m in palette.materials}
+    figures: dict[str, Any] = {
+        key: getattr(base, key)
+        for key in ProfileFile.__struct_fields__
+        if hasattr(base, key) and key not in ("operator_names", "base")
+    }
+    figures |= {"name": name, "title": name, "palettes": [palette.name]}
+    # JSON's texts, numbers and lists are TOML's.
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in figures.items()]
+    called = [f"{json.dumps(id)} = {json.dumps(said)}" for id, said in names.items()]
+    profile = f"""#:schema ./printer.schema.json
+# Figures of {base.title}: put your own in their place, and say where they are from.
+schema = 1
+{chr(10).join(lines)}
+
+[operator_names]
+{chr(10).join(called)}
+"""
+    texts = {
+        "pyproject.toml": f"""[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+
+[project]
+name = "{name}-printer"
+version = "0.1.0"
+dependencies = ["jetting-planner"]
+
+[project.entry-points."planner.printers"]
+{name} = "{package}:PRINTER"
+
+[tool.hatch.build.targets.wheel]
+packages = ["{package}"]
+""",
+        f"{package}/__init__.py": f'''"""The printer {name}, for planner."""
+
+from importlib.resources import files
+
+from planner.printers import load_profile
+
+PRINTER = load_profile(files(__name__))
+''',
+        f"{package}/printer.toml": profile,
+        f"{package}/job_notes.md": base.job_notes().replace(base.title, name),
+        f"test_{package}.py": f"""from planner.testing import check_printer
+from {package} import PRINTER
+
+
+def test_it_is_a_printer() -> None:
+    check_printer(PRINTER)
+""",
+    }
+    written = b"#:schema ../palette.schema.json\n" + encode_palette(palette)
+    return {
+        **{path: text.encode() for path, text in texts.items()},
+        f"{package}/palettes/{palette.name}.toml": written,
+        f"{package}/printer.schema.json": _schema("printer"),
+        f"{package}/palette.schema.json": _schema("palette"),
+    }
+
+
+# ------------------------------------------------------------------------------------------------
+# planner schema.
+
+
+_Kind = Literal["printer", "palette", "campaign"]
+
+
+def schema(
+    context: Context,
+    kind: Annotated[_Kind, Argument(help="printer, palette or campaign.")],
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="File to write; else it is printed.")
+    ] = None,
+    force: Force = False,
+) -> int:
+    """Write the JSON Schema by which an editor checks a printer's, palette's or campaign's file.
+
+    Editors that know TOML (taplo, Even Better TOML) follow a first line
+    [bold]#:schema ./palette.schema.json[/bold]. What no schema can say, planner checks on reading.
+
+    Example: [bold]planner schema palette -o palette.schema.json[/bold]
+    """
+    from planner.cli.output import print_document, say
+    from planner.formats.outputs import write_whole
+
+    check_targets(context, force=force, output=output)
+    if output is None:
+        print_document(_schema(kind))
+        return 0
+    write_whole(output, _schema(kind))
+    say(f"wrote {output} (first line of your file: #:schema ./{output.name})")
+    return 0
+
+
+def _schema(kind: _Kind) -> bytes:
+    """Derive a schema from the types that the file's reader converts to."""
+    import msgspec
+
+    from planner.formats.files import encode_document
+    from planner.gap.campaign_folder import CampaignFile
+    from planner.palette import PaletteFile, law_schema
+    from planner.printers import ProfileFile
+
+    files = {"printer": ProfileFile, "palette": PaletteFile, "campaign": CampaignFile}
+    document = msgspec.json.schema(files[kind])
+    parts = document["$defs"]
+    for part in parts.values():
+        if "law" in part["properties"]:
+            part["properties"]["law"] = law_schema()
+    if kind == "printer":  # what it need not say is as of the printer that it is like
+        whole = parts["ProfileFile"]
+        always = ["schema", "name"]
+        whole["anyOf"] = [{"required": ["like"]}, {"required": whole["required"]}]
+        whole["required"] = always
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return encode_document({"$schema": dialect, **document})

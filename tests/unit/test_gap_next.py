@@ -1,0 +1,83 @@
+"""Where a campaign stands, and the command that comes next."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from planner.cli import run
+
+LAB = Path(__file__).parents[2] / "samples" / "warm-lab"
+DIAGNOSIS = {
+    "schema": 1,
+    "campaign": "warm lab (simulated)",
+    "specimens": 18,
+    "verdict": "temperature",
+    "ranking": [{"effects": ["temperature"], "probability": 0.97}],
+    "class": [["temperature"]],
+    "not_testable": [],
+    "where": [],
+    "gap": {
+        "before": 0.21,
+        "after": 0.03,
+        "floor": 0.025,
+        "closed": 0.97,
+        "closed_interval": [0.93, 0.99],
+        "recalibration_only": 0.35,
+        "held_out": "leave one condition out",
+    },
+    "effect": {},
+    "remainder": {"significant": False, "where": []},
+    "data_quality": [],
+    "next_experiments": [],
+}
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(LAB, tmp_path / "lab")
+    monkeypatch.chdir(tmp_path)
+    return Path("lab")
+
+
+def _standing(capsys: pytest.CaptureFixture[str]) -> dict:
+    assert run(["gap", "next", "lab", "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_from_a_list_alone_to_a_correction(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    curves = (lab / "curves.csv").read_text()
+    heading, _, rows = curves.partition("\n")
+    (lab / "curves.csv").write_text(f"{heading}\n")
+    found = _standing(capsys)
+    assert found["missing"] == found["listed"]
+    assert found["next"] == ""
+
+    first = found["listed"][0]
+    lines = [line for line in rows.splitlines(keepends=True) if not line.startswith(f"{first},")]
+    (lab / "curves.csv").write_text(f"{heading}\n{''.join(lines)}")
+    assert _standing(capsys)["missing"] == [first]
+    assert run(["gap", "next", "lab"]) == 0
+    assert f"missing: specimen {first}; pull" in capsys.readouterr().out
+
+    (lab / "curves.csv").write_text(curves)
+    assert _standing(capsys)["next"] == "planner gap diagnose lab -o lab-diagnosis"
+
+    for campaign, expected in (("another", "diagnose lab"), (DIAGNOSIS["campaign"], "correct why")):
+        Path("why").mkdir(exist_ok=True)
+        document = DIAGNOSIS | {"campaign": campaign}
+        Path("why/diagnosis.json").write_text(json.dumps(document))
+        assert expected in _standing(capsys)["next"]
+
+
+def test_conditions_that_no_one_wrote_down_are_told(
+    lab: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heading, *rows = (lab / "specimens.csv").read_text().splitlines()
+    at = heading.split(",").index("temperature_C")
+    cells = rows[0].split(",")
+    cells[at] = ""
+    (lab / "specimens.csv").write_text("\n".join([heading, ",".join(cells), *rows[1:]]) + "\n")
+    assert _standing(capsys)["unknown"] == {"temperature_C": [cells[0]]}
+    assert run(["gap", "next", "nothing"]) == 2
