@@ -33,6 +33,7 @@ __all__ = [
     "ForceOversize",
     "GaugeMm",
     "Gravity",
+    "LeaveOut",
     "LoadingMode",
     "Loads",
     "MaterialName",
@@ -509,6 +510,11 @@ LoadingMode = Annotated[
         "equibiaxial.",
     ),
 ]
+LeaveOut = Annotated[
+    list[str] | None,
+    Option("--leave-out", help="Specimen or material to leave out; repeatable."),
+]
+
 NumberBlocks = Annotated[
     str | None,
     Option(

@@ -616,7 +616,9 @@ def grade(
     )
     progress("verifying the shells")
     plan = _verified(plan, mesh)
-    return replace(plan, notes=job_notes(machine, scale, findings=plan.findings, warnings=known))
+    resins = plan.shells[0].properties["base_resins"].split(", ")
+    notes = job_notes(machine, scale, resins=resins, findings=plan.findings, warnings=known)
+    return replace(plan, notes=notes)
 
 
 def _verified(plan: Plan, placed: Mesh) -> Plan:

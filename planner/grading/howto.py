@@ -14,6 +14,7 @@ def job_notes(
     machine: Printer,
     scale: StiffnessScale,
     *,
+    resins: Sequence[str],
     findings: Sequence[Finding],
     warnings: Sequence[str],
 ) -> str:
@@ -21,13 +22,14 @@ def job_notes(
 
     Parameters
     ----------
+    resins
+        What the plan's materials are jetted from.
     findings
         What will not come out as planned; told as they are.
     warnings
         What to know of the stiffness of the materials used.
     """
     palette = scale.palette
-    resins = palette.base_resins or machine.base_resins
     lines = [
         machine.job_notes().rstrip(),
         "",
