@@ -248,7 +248,8 @@ class Palette:
     materials
         Sorted by `Material.coordinate`, at least one.
     base_resins
-        What its materials are jetted from; empty means the printer's own.
+        What its materials are jetted from; empty means the printer's own resins, or, of materials
+        that the printer does not know, themselves.
     hardness
         Nominal Shore A of the printer's rubbers over the coordinate, soft to hard, of mixtures
         that are no material of the palette too; pairs of (coordinate, Shore A), none if unknown.

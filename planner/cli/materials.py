@@ -15,6 +15,7 @@ from planner.cli.output import (
     ComparedWith,
     Force,
     GaugeMm,
+    LeaveOut,
     LoadingMode,
     MaterialName,
     NumberBlocks,
@@ -307,6 +308,7 @@ def characterise(
     unit_of: UnitsOf = None,
     mode: LoadingMode = None,
     blocks: NumberBlocks = None,
+    leave_out: LeaveOut = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -349,6 +351,7 @@ def characterise(
         unit_of=unit_of or (),
         mode=mode,
         blocks=blocks,
+        leave_out=leave_out or (),
         printer=printer,
         palette=palette,
         compare=compare,
@@ -492,6 +495,10 @@ def fit(
     coordinate: Annotated[
         list[str] | None, Option(help="ID=M, repeatable; else 0..1 in order of stiffness.")
     ] = None,
+    order: Annotated[
+        str | None,
+        Option(help="All materials from soft to hard, with commas, where tests leave it open."),
+    ] = None,
     density: Annotated[list[str] | None, Option(help="ID=G_CM3, repeatable.")] = None,
     starts: Annotated[int, Option(min=1, max=2000, help="Starts of each search.")] = 50,
     level: Annotated[float, Option(min=0.5, max=0.999, help="Coverage of the intervals.")] = 0.95,
@@ -511,6 +518,7 @@ def fit(
     unit_of: UnitsOf = None,
     mode: LoadingMode = None,
     blocks: NumberBlocks = None,
+    leave_out: LeaveOut = None,
     printer: PrinterName = "connex3",
     palette: ComparedWith = None,
     compare: Compared = True,
@@ -528,8 +536,8 @@ def fit(
 ) -> int:
     """Fit laws to tensile tests, choose one a material, and write a palette with intervals.
 
-    Exit code 1 when the palette cannot be used as it is, because its laws cross, when replicates
-    are more than twice apart, or when a law describes its material badly.
+    Exit code 1 when the palette cannot be used as it is, when replicates are more than twice
+    apart, or when a law describes its material badly.
 
     Example: [bold]planner fit samples/tensile -o lab.toml --figure lab.svg --tables lab[/bold]
     """
@@ -550,6 +558,7 @@ def fit(
             name=name or output.stem,
             weighting=weighting,
             coordinate=_figures(coordinate, "--coordinate"),
+            order=order and [name.strip() for name in order.split(",")],
             density=_figures(density, "--density"),
             starts=starts,
             level=level,
@@ -563,6 +572,7 @@ def fit(
             unit_of=unit_of or (),
             mode=mode,
             blocks=blocks,
+            leave_out=leave_out or (),
             printer=printer,
             palette=palette,
             compare=compare,

@@ -35,6 +35,7 @@ __all__ = [
     "ForceOversize",
     "GaugeMm",
     "Gravity",
+    "LeaveOut",
     "LoadingMode",
     "Loads",
     "MaterialName",
@@ -553,6 +554,11 @@ LoadingMode = Annotated[
         "equibiaxial.",
     ),
 ]
+LeaveOut = Annotated[
+    list[str] | None,
+    Option("--leave-out", help="Specimen or material to leave out; repeatable."),
+]
+
 NumberBlocks = Annotated[
     str | None,
     Option(

@@ -315,20 +315,25 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
             yield part, unit
 
 
-def size_of(cell: str) -> tuple[str | None, str]:
-    """Return the size that a cell beside the columns names, and its unit or "".
+def size_of(cell: str) -> tuple[str | None, str, str]:
+    """Return the size that a cell beside the columns names, its unit or "", and its number or "".
 
-    A size as width_mm, or rate_mm_s, the crosshead's speed.
+    A size as width_mm, or rate_mm_s, the crosshead's speed. "Width 2" has the number 2: one of
+    several readings.
     """
     unit = ""
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
-        speed = _SPEED.get(_folded(name)) or _SPEED.get(numbered[1] if numbered else "")
+        stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
+        speed = _SPEED.get(_folded(name)) or _SPEED.get(stem)
         gauge = "gauge_mm" if _GAUGE.match(_folded(name)) else None
         if (size := _looked_up(name, _SIZE) or speed or gauge) is not None:
             of_area = _folded(name) == "a0" and "area" in quantities_of(unit)
-            return "area_mm2" if of_area else size, unit
-    return None, unit
+            return "area_mm2" if of_area else size, unit, ""
+        size = _looked_up(stem, _SIZE) if len(stem) > 1 and count.isdigit() else None
+        if size in ("width_mm", "thickness_mm", "diameter_mm"):
+            return size, unit, count
+    return None, unit, ""
 
 
 def is_of_crosshead(heading: str) -> bool:

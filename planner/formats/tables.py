@@ -56,6 +56,10 @@ Record = dict[str | Any, str | Any]
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
+_BY_THOUSANDS = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+"), ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+"),
+}  # fmt: skip
+_BY_BLANKS = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+([.,]\d*)?")
 _GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
                           "\N{MINUS SIGN}": "-"})  # fmt: skip
 """What groups digits by thousands besides dot and comma: French and Swiss programs write these."""
@@ -238,11 +242,17 @@ def number(cell: str, separator: str) -> float | None:
     """Return the number in a cell, or None where there is none.
 
     A comma is the decimal sign where it does not separate cells; in a file separated by commas,
-    "1,234.5" in quotes is one thousand and some, elsewhere "1.234,5".
+    "1,234.5" in quotes is one thousand and some, elsewhere "1.234,5". Where the decimal sign is
+    known it stands behind the separator: "1,234" is a thousand and some with ",.", as "1.234" is
+    with ";,".
     """
     cell = cell.translate(_GROUPED)
+    if _BY_BLANKS.fullmatch(cell):
+        cell = cell.replace(" ", "")
+    if separator[1:] in (".", ",") and _BY_THOUSANDS[separator[1:]].fullmatch(cell):
+        return float(re.sub("[.,]", "", cell))
     if "," in cell:
-        if separator == ",":
+        if separator[0] == ",":
             if not _THOUSANDS.fullmatch(cell):
                 return None
             cell = cell.replace(",", "")
@@ -315,11 +325,7 @@ _UNIT_WORDS = {
 """Units as other languages spell them out, by planner's own word."""
 
 _READ_ALONE = {
-    "force": {"dan": 10.0, "cn": 0.01, "kp": 9.80665},
-    "stress": {
-        "kgf/cm2": 9.80665e-2, "kg/cm2": 9.80665e-2, "kg/mm2": 9.80665, "n/cm2": 1e-2,
-        "dan/mm2": 10.0,
-    },
+    "force": {"dan": 10.0, "dn": 0.1, "cn": 0.01, "kp": 9.80665},
     "strain": {"‰": 1e-3, "mm/m": 1e-3, "\u03bcm/m": 1e-6, "um/m": 1e-6},
 }  # fmt: skip
 """Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
@@ -339,12 +345,20 @@ _FOLDED = {
 }
 _LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
 _FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
+_FOLDED["stress"] |= {
+    f"{force}/{area}": newtons / mm2
+    for force, newtons in {**_FOLDED["force"], "mn": 1e-3}.items()
+    for area, mm2 in _FOLDED["area"].items()
+    if f"{force}/{area}" not in _FOLDED["stress"]
+}
 _FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
 
 
 def _find(quantity: str, unit: str) -> float | None:
     # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
     unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
+    if quantity == "stress" and unit.startswith("MN/"):
+        return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
     factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
     return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
 

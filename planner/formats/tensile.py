@@ -312,17 +312,21 @@ def _decimals(rows: Sequence[TextRow], separator: str) -> str:
     """Return the separator by which numbers are read (see `number`).
 
     Cells in quotes may have decimal commas between commas: "0,5","12,25". A cell that cannot be
-    thousands tells, where no number has a dot.
+    thousands tells, where no number has a dot. Where one sign is seen to be the decimal one, the
+    other stands between thousands.
     """
-    if separator != ",":
-        return separator
     cells = [cell for _, row in rows for cell in row if cell[:1].isdigit() or cell[:1] in "+-,."]
-    if any("." in cell and number(cell, separator) is not None for cell in cells):
-        return separator
-    return ";" if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells) else separator
+    dots = any(_DECIMAL_DOT.fullmatch(cell) for cell in cells)
+    commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    if separator == ",":
+        return ",." if dots else ";," if commas else separator
+    return f"{separator}," if commas and not dots and separator.strip(" ") else separator
 
 
-_DECIMAL_COMMA = re.compile(r"[+-]?(\d{4,},\d*|\d+,(\d{1,2}|\d{4,})|0\d*,\d+)")
+_DECIMAL_COMMA, _DECIMAL_DOT = (
+    re.compile(rf"[+-]?(\d{{4,}}{sign}\d*|\d+{sign}(\d{{1,2}}|\d{{4,}})|0\d*{sign}\d+)")
+    for sign in (",", r"\.")
+)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -428,9 +432,10 @@ def _numbers_below(
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
+        name_alone = any(_cell(cells, i) for i in named) and head_text(cells[0]) != "specimen"
         if not any(cells):
             gap = True
-        elif words == filled and (filled or not found or not any(_cell(cells, i) for i in named)):
+        elif _sums_up(grid, place) or (words == filled and (filled or not found or not name_alone)):
             if found or not headed or _headings(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
@@ -441,6 +446,13 @@ def _numbers_below(
             found.append(place)
             gap = False
     return found, len(grid.rows)
+
+
+def _sums_up(grid: _Grid, place: int) -> bool:
+    """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
+    rows = [grid.rows[at][1] for at in range(max(place - 1, 0), min(place + 2, len(grid.rows)))]
+    label, *others = (next(filter(None, cells), "") for cells in (grid.rows[place][1], *rows))
+    return len(label) > 1 and others.count(label) == 1 and _is_statistic(label)
 
 
 _SEGMENT = "Channels"
@@ -471,9 +483,9 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
     found: list[_Piece] = []
     groups, marked = list[tuple[str, list[int], str]](), ""
     for block in blocks:
-        block, told = _with_mark10_units(grid, block)
+        block, told = _with_units_of_head(grid, block)
         longer = [r for r in block.rows if any(grid.rows[r][1][len(block.headings) :])]
-        if grid.separator == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
+        if grid.separator[0] == "," and not grid.by_position and 2 * len(longer) > len(block.rows):
             line, cells = grid.rows[longer[0]]
             raise FileError(
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
@@ -491,6 +503,10 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
                 own[0] = replace(own[0], name=found[-1].name)
             found += own
+    if results := _results(found):
+        line = results[0].lines[0]
+        notes.append(f"{grid.where}: from line {line} on a row a specimen, results of the others")
+        found = [piece for piece in found if piece not in results]
     longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
     kept: list[_Piece] = []
     for at, piece in enumerate(found):
@@ -501,6 +517,15 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         else:
             kept.append(piece)
     return kept
+
+
+def _results(pieces: Sequence[_Piece]) -> list[_Piece]:
+    """Return what is headed like a record and has one row for each of the records below it."""
+    first = [piece for piece in pieces if piece.block is pieces[0].block]
+    others = pieces[len(first) :]
+    rows = sum(len(piece.lines) for piece in first)
+    ends = len(others) < 2 or rows != len(others) or _goes_on(first[-1], others[0])
+    return [] if ends or any(len(piece.lines) <= rows for piece in others) else first
 
 
 def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
@@ -781,12 +806,35 @@ def _used_columns(
         )
         if rank(i) == rank(same) and not is_time:
             doubles.append((same, i, column.factor))
+    _refuse_ramp(grid, lined, headings)
     _refuse_far(grid, lined, list(found.values()), headings)
     strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
     for one, other, factor in doubles:
         if not (strains and found[one].name == "displacement_mm"):
             _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
     return {i: found[i] for i in sorted(found)}, notes
+
+
+_ONE_TEMPERATURE_C = 4.0
+"""From the lowest to the highest of a test at one temperature (ISO 23529: within 2 degrees)."""
+
+
+def _refuse_ramp(grid: _Grid, lined: Sequence[int], headings: _Headings) -> None:
+    """Refuse a record through which the temperature goes, as a dynamic test's does."""
+    for i, heading in enumerate(headings):
+        if heading.meaning or not _TEMPERATURE.search(heading.text):
+            continue
+        found = [grid.number(_cell(grid.rows[r][1], i)) for r in lined]
+        known = [value for value in found if value is not None]
+        if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
+            raise FileError(
+                f"{grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; a "
+                "law is of one temperature: give tests at one each, and what it was in the column "
+                "temperature_C of specimens.csv"
+            )
+
+
+_TEMPERATURE = re.compile(r"temp[eé]?rat|\btemp\b|温度|気温", re.IGNORECASE)
 
 
 def _refuse_far(
@@ -979,20 +1027,24 @@ def _behind(piece: _Piece, pieces: Sequence[_Piece]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """What a sheet says: one value, or one a specimen with its label; none without a unit."""
+    """What a sheet says: one value, or one a specimen with its label; none without a unit.
+
+    Of several readings of one size `number` counts them.
+    """
 
     grid: _Grid
     row: int
     key: str
     name: str
     values: tuple[tuple[str, float | str], ...]
+    number: str = ""
 
     def place(self) -> str:
         sheet = f"sheet {self.grid.sheet!r}, " if self.grid.sheet else ""
         return f"{sheet}line {self.grid.rows[self.row][0]}, {self.key!r}"
 
 
-_ONE_CELL = re.compile(r"([^:=]+?)\s*[:=]\s*([+-]?[\d.,]+\s*\S+)")
+_ONE_CELL = re.compile(r"([^:：=]+?)\s*[:：=]\s*([+-]?[\d.,]+\s*\S+)")
 _NEAR = 30
 _BESIDE = 200
 """Rows of numbers beside which sizes are looked for; programs write them at the top."""
@@ -1023,12 +1075,12 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     text = head_text(key)
     if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
-    size, unit = size_of(key)
+    size, unit, count = size_of(key)
     if size is None:
         return
     figures: list[tuple[str, float]] = []
     for column, value in enumerate(right, start=at + 1):
-        split = split_value(value, grid.separator)
+        split = split_value(value, grid.separator[0])
         if split is not None:
             figures.append((_label_above(grid, row, column), split[0]))
             unit = unit or split[1]
@@ -1053,7 +1105,7 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
         )
     if figures and (factor is not None or not unit):
         values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
-        yield _Said(grid, row, key, size, values)
+        yield _Said(grid, row, key, size, values, count)
 
 
 def _is_of_size(unit: str) -> bool:
@@ -1086,7 +1138,7 @@ def _figures_below(
     figures: list[tuple[str, float]] = []
     for _, cells in grid.rows[row + 1 :]:
         cell = _cell(cells, at)
-        value = split_value(cell, grid.separator)
+        value = split_value(cell, grid.separator[0])
         if value is None:
             bare = cell.strip("()[] ")
             if figures or not any(cells) or (bare and (unit or not is_unit(bare))):
@@ -1096,7 +1148,7 @@ def _figures_below(
         label = _cell(cells, named) if named != at else ""
         # "Mean" may stand before an empty label; an "x" beside one is an orientation.
         words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
-        if any(_STATISTIC.fullmatch(word.strip(" .:").casefold()) for word in words):
+        if any(map(_is_statistic, words)):
             break
         label = label or (figures[-1][0] if figures else "")
         if (label, value[0]) not in figures[-1:]:
@@ -1105,13 +1157,17 @@ def _figures_below(
     return figures, unit
 
 
+def _is_statistic(word: str) -> bool:
+    return _STATISTIC.fullmatch(word.strip(" .:").casefold()) is not None
+
+
 _STATISTIC = re.compile(
     r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|(?:std|standard)\W*(?:(?:dev|abw|err).*)?|"
     r"coefficient.*|cv|n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
 )
 
 
-_LENGTH_RANKS = ("gauge_mm", "length_mm", "grip_mm")
+_LENGTH_RANKS = ("gauge_mm", "height_mm", "length_mm", "grip_mm")
 
 
 def _metadata(
@@ -1141,11 +1197,14 @@ def _metadata(
     for scope in scopes:
         here: dict[str, dict[float | str | None, str]] = {}
         open_: dict[str, str] = {}
+        readings_of: dict[str, dict[str, tuple[float, _Said]]] = {}
         for one in scope:
             beside = one.grid is piece.grid and one.row == piece.block.place
             value = _value_for(one, place, labels[_series(one.grid)], beside)
             of = here.setdefault(one.name, {})
-            if value is not None:
+            if one.number and isinstance(value, float):
+                readings_of.setdefault(one.name, {})[one.number] = value, one
+            elif value is not None:
                 of.pop(value, None)  # the last place of a value is told
                 of[value] = one.place()
             else:
@@ -1154,6 +1213,14 @@ def _metadata(
                 of[None] = f"{one.place()} {gives}"
                 if one.values:
                     open_[one.name] = of[None]
+        for size, each in readings_of.items():
+            figures, told = zip(*each.values(), strict=True)
+            at = " and ".join(one.place() for one in told)
+            alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
+            if alone and len(told) > 1 and len({*figures}) > 1:  # or one of each specimen
+                here[size][None] = f"{at}, of one specimen or of {len(told)}"
+            else:
+                here[size][math.fsum(figures) / len(figures)] = at
         for size, values in here.items():
             known = [(v, at) for v, at in values.items() if v is not None]
             if found.get(size, (None, ""))[0] is not None:
@@ -1164,6 +1231,9 @@ def _metadata(
                 found[size] = None, " and ".join(several)
             elif known or size not in found:
                 found[size] = known[-1] if known else (None, values[None])
+    compressed = any(column.heading.compressed for column in piece.used)
+    if not compressed and mode_of(str(found.get("mode", ("",))[0])) != "compression":
+        found.pop("height_mm", None)  # a section's
     ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
     if ranked:
         found["gauge_mm"] = ranked[0]
@@ -1219,11 +1289,11 @@ def _plain_name(name: str) -> str:
     return re.sub(r"[\s_.-]+", "", marked_specimen(name) or name).casefold()
 
 
-def _with_mark10_units(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
-    """Return a block with the units that a Mark-10 MESURgauge file states above its columns.
+def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
+    """Return a block with the units that a file's head states by lines of their own.
 
-    The head has "Units: N" (of the load), "Travel Unit: mm", "Readings: ..." and "X-Axis: ...";
-    the columns are Reading, Load, Travel and Time without units, time in seconds.
+    A Mark-10 MESURgauge has "Units: N" (of the load), "Travel Unit: mm", an Emperor "Force Units",
+    "N"; the columns are without units, time in seconds.
 
     Raises
     ------
@@ -1232,10 +1302,10 @@ def _with_mark10_units(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
     """
     units: dict[str, str] = {}
     for line, cells in grid.rows[: block.place]:
-        key, _, value = " ".join(cell for cell in cells if cell).partition(":")
-        meaning = _MARK10.get(key.strip().casefold().removesuffix("s"))
-        unit = value.strip(" ()[]")
-        if meaning and unit and units.setdefault(meaning, unit) != unit:
+        told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
+        meaning = told and (_heading(told[1]).meaning if told[1] else "force")
+        unit = told[2] if told else ""
+        if meaning and is_unit(unit) and units.setdefault(meaning, unit) != unit:
             raise FileError(
                 f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
                 f"{units[meaning]!r} above; keep the right one"
@@ -1249,11 +1319,10 @@ def _with_mark10_units(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
     if filled == [*block.headings]:
         return block, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
-    told = f"{grid.where}: a MESURgauge file, {stated} by its head"
-    return replace(block, headings=filled), [told]
+    return replace(block, headings=filled), [f"{grid.where}: {stated} by its head"]
 
 
-_MARK10 = {"unit": "force", "load unit": "force", "travel unit": "displacement"}
+_UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re.IGNORECASE)
 
 
 # ------------------------------------------------------------------------------------------------

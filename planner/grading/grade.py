@@ -622,7 +622,10 @@ def grade(
     plan = _verified(plan, mesh)
     laid = coupons_beside(shells, mesh.bounds_mm, machine) if coupons else {}
     tray = tray_notes(machine, mesh, len(shells) if coupons else 0)
-    notes = job_notes(machine, scale, tray=tray, findings=plan.findings, warnings=known)
+    resins = plan.shells[0].properties["base_resins"].split(", ")
+    notes = job_notes(
+        machine, scale, tray=tray, resins=resins, findings=plan.findings, warnings=known
+    )
     return replace(plan, notes=notes, coupons=laid)
 
 

@@ -21,6 +21,7 @@ def job_notes(
     scale: StiffnessScale,
     *,
     tray: Sequence[str],
+    resins: Sequence[str],
     findings: Sequence[Finding],
     warnings: Sequence[str],
 ) -> str:
@@ -30,13 +31,14 @@ def job_notes(
     ----------
     tray
         Of `tray_notes`.
+    resins
+        What the plan's materials are jetted from.
     findings
         What will not come out as planned; told as they are.
     warnings
         What to know of the stiffness of the materials used.
     """
     palette = scale.palette
-    resins = palette.base_resins or machine.base_resins
     lines = [
         machine.job_notes().rstrip(),
         "",

@@ -343,8 +343,8 @@ class StiffnessScale:
     Attributes
     ----------
     moduli_MPa
-        Secant moduli of the nominal stress at `at_strain`, strictly rising; at its break of a
-        material that breaks before.
+        Secant moduli of the nominal stress at `at_strain`, never falling
+        (`CoefficientModel.ladder_MPa`); at its break of a material that breaks before.
     intervals_MPa
         95 % interval of each.
     warming
@@ -385,8 +385,9 @@ class StiffnessScale:
     def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
         """Return what a reader of the moduli has to know, a sentence each.
 
-        Which materials break before the working strain, which are read otherwise by others, and
-        which laws are not stable up to the break. What asks for an act is a `Caution`.
+        Which materials break before the working strain, which are read otherwise by others,
+        which laws are not stable up to the break, and which cross. What asks for an act is a
+        `Caution`.
 
         Parameters
         ----------
@@ -408,7 +409,7 @@ class StiffnessScale:
                     f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
                     f"{_at_rest(material.law):.4g})"
                 )
-        said += _unsound(shown)
+        said += (*_unsound(shown), *self.model.remarks(ids))
         if ids is None:
             said += left_out_remark(self.palette)
         said += [
@@ -526,15 +527,9 @@ def stiffness_scale(palette: Palette, at_strain: float) -> StiffnessScale:
         The palette's stiffness does not rise with the coordinate at that strain.
     """
     model = CoefficientModel(palette)
-    if not 0.0 <= at_strain <= model.strain_limit:
-        raise ArgumentError(
-            f"`at_strain` {at_strain:g}: the working strain must be from 0 (at rest) to "
-            f"{model.strain_limit:g}, where the first elastic material of palette {palette.name} "
-            "breaks; strains are fractions, so 10 % is 0.1"
-        )
-    coordinates = np.array([material.coordinate for material in palette.materials])
-    moduli = model.modulus_MPa(coordinates, at_strain)
-    low, high = model.modulus_interval_MPa(coordinates, at_strain)
+    moduli = model.ladder_MPa(at_strain)
+    low, high = model.modulus_interval_MPa(model.coordinates, at_strain)
+    high = np.maximum(high, moduli)
     return StiffnessScale(
         palette=palette,
         at_strain=at_strain,

@@ -15,7 +15,7 @@ from planner.materials.mixtures import blend_for
 from planner.mesh.mesh import compact
 from planner.numerics import FloatArray, Point
 from planner.plan import Region, Shell
-from planner.printers import Printer
+from planner.printers import Printer, resins_of
 
 __all__ = [
     "Printed",
@@ -115,10 +115,12 @@ def shells_of(
     pieces: Pieces, printed: Sequence[Printed], scale: StiffnessScale, machine: Printer, name: str
 ) -> tuple[Shell, ...]:
     """Unite the pieces of each material or mixture into one shell set, from soft to hard."""
-    resins = scale.palette.base_resins or machine.base_resins
     names = np.array([what.name for what in printed])
     occupied = piece_volumes_mm3(pieces) > 0.0
     used_ones = {what.name: what for what, some in zip(printed, occupied, strict=True) if some}
+    mixed = (part.name for what in used_ones.values() for part in what.constituents)
+    ids = {*mixed, *(what.material for what in used_ones.values() if what.material)}
+    resins = resins_of(scale.palette, machine, ids)
     shells: list[Shell] = []
     for what in sorted(used_ones.values(), key=lambda what: what.coordinate):
         faces = shell_faces(pieces, np.flatnonzero(names == what.name))

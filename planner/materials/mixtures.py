@@ -1,7 +1,6 @@
 """Stiffness between a palette's grades, and the grade or blend that has a wanted one."""
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 from statistics import NormalDist
 from typing import TypeVar
@@ -12,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import ArgumentError, PaletteError
 from planner.glance import brief
 from planner.materials.laws import Law, make_law, positive_stretch, secant_modulus_MPa
-from planner.numerics import FloatArray, IntArray
+from planner.notes import Caution
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.palette import Palette
 
 __all__ = [
@@ -162,13 +162,18 @@ def _scale(hardness: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatAr
 #
 # At every strain the logarithm of the secant modulus is the monotone cubic above in the place.
 # Hence a blend is stress-free at rest, is exact at the grades, lies between its neighbours and
-# stiffens with m at every strain; the course has no kink at a grade. About it stands a Wiener
+# stiffens with m where the grades do; the course has no kink at a grade. About it stands a Wiener
 # process in the place known at the grades, which gives the interval: a Brownian bridge between
 # grades that are themselves uncertain.
+#
+# Laws of grades near to each other cross. Planning needs a ladder that rises at the one strain it
+# works at; there a grade that lies below a softer one, but within both intervals, is taken as
+# stiff as that one.
 
 
 _LADDER_STRAINS = 201
 _PLACES = (1 / 3, 1 / 2, 2 / 3)  # between grades: the middle, and where slopes weigh most
+_NORMAL = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,17 +191,16 @@ class CoefficientModel:
     readings
         Of each grade, what others say: a law and the standard deviation of ln(modulus) about it.
     strain_limit
-        Smallest elongation at break of the elastic grades (of all, if none is elastic): the
-        working strains, over which stiffness is known to rise with the coordinate.
+        Smallest elongation at break of the elastic grades (of all, if none is elastic): up to
+        there go the working strains.
     chosen
         Whether the way between grades was chosen already, from more grades than these.
 
     Raises
     ------
     PaletteError
-        The stiffness does not rise strictly from grade to grade at some working strain, is not
-        positive there, a law is not stress-free at rest, or the stress of a mixture falls with
-        strain where those of its two grades rise.
+        A grade is softer than one below it at every working strain, by more than their intervals
+        leave open, its stiffness is not positive there, or a law is not stress-free at rest.
     """
 
     palette: Palette
@@ -227,6 +231,67 @@ class CoefficientModel:
         object.__setattr__(self, "readings", tuple(readings))
         object.__setattr__(self, "strain_limit", limit)
         _check_ladder(self)
+
+    def ladder_MPa(self, at_strain: float) -> FloatArray:
+        """Return the moduli that planning goes by at a strain: no grade's is below a softer one's.
+
+        Raises
+        ------
+        ArgumentError
+            The strain is no working strain.
+        PaletteError
+            A grade is softer there than one below it, by more than their intervals leave open.
+        """
+        if not 0.0 <= at_strain <= self.strain_limit:
+            raise ArgumentError(
+                f"`at_strain` {at_strain:g}: the working strain must be from 0 (at rest) to "
+                f"{self.strain_limit:g}, where the first elastic material of palette "
+                f"{self.palette.name} breaks; strains are fractions, so 10 % is 0.1"
+            )
+        for one in _behind(self, np.array([at_strain])):
+            if one.beyond.all():
+                strains = _working_strains(self)
+                turned = np.any([pair.beyond for pair in _behind(self, strains)], axis=0)
+                good = f"at strains {_runs(strains, ~turned)} it does (`at_strain`); or "
+                raise PaletteError(
+                    f"palette {self.palette.name}: {one.said(self, 0)} at strain {at_strain:g}; "
+                    "stiffness must rise with the coordinate there: "
+                    f"{'' if turned.all() else good}{_MEND}"
+                )
+        return np.maximum.accumulate(self.grade_moduli_MPa(at_strain))
+
+    def remarks(self, ids: Collection[str] | None = None) -> tuple[str, ...]:
+        """Say where laws cross and where mixtures soften, of the materials named, or of all.
+
+        What goes beyond the intervals is a `Caution`.
+        """
+        names, strains = [m.id for m in self.palette.materials], _working_strains(self)
+        said: list[str] = []
+        for one in _behind(self, strains):
+            pairs = {(one.grade, int(k)) for k in one.other[one.lag > 0.0]}
+            for grade, other in sorted(pairs):
+                if ids is not None and not {names[grade], names[other]} <= {*ids}:
+                    continue
+                turned = (one.other == other) & (one.lag > 0.0)
+                most = 100.0 * -np.expm1(-one.lag[turned].max())
+                softer = (
+                    f"{names[grade]} is softer than {names[other]} at strains "
+                    f"{_runs(strains, turned)}, by up to {most:.2g} %"
+                )
+                if not (turned & one.beyond).any():
+                    said.append(f"{softer}, within their intervals; planned as equal there")
+                else:
+                    said.append(Caution(f"{softer}, beyond their intervals: plan at other strains"))
+        for k, strain in _falling(self):
+            if ids is None or {*names[k : k + 2]} <= {*ids}:
+                said.append(
+                    Caution(
+                        f"between {names[k]} and {names[k + 1]} the stress of a mixture "
+                        f"falls from strain {strain:.3g} on, though that of both rises: do not "
+                        "blend them, or leave a material beside them out"
+                    )
+                )
+        return tuple(said)
 
     @property
     def coordinates(self) -> FloatArray:
@@ -423,12 +488,67 @@ def _rows(table: FloatArray, row: IntArray) -> FloatArray:
     return np.asarray(np.take_along_axis(table, np.broadcast_to(row, columns)[None], axis=0)[0])
 
 
-def _check_ladder(model: CoefficientModel) -> None:
-    name, materials = model.palette.name, model.palette.materials
-    strains = np.linspace(0.0, model.strain_limit, _LADDER_STRAINS)
+_MEND = "give the materials in the order of their stiffness (`order` of a fit), or leave one out"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Behind:
+    """How far a grade's law lies below the stiffest of those softer, strain by strain.
+
+    Attributes
+    ----------
+    other : (n,)
+        Which one that is.
+    lag : (n,)
+        ln of its modulus over the grade's.
+    beyond : (n,)
+        Whether it is the stiffer by more than both 95 % intervals leave open.
+    """
+
+    grade: int
+    moduli_MPa: FloatArray
+    other: IntArray
+    lag: FloatArray
+    beyond: BoolArray
+
+    def said(self, model: CoefficientModel, at: int) -> str:
+        """Say it of one strain."""
+        own, other = (model.palette.materials[int(k)].id for k in (self.grade, self.other[at]))
+        moduli = self.moduli_MPa[[self.grade, self.other[at]], at]
+        return f"{own} ({moduli[0]:.4g} MPa) is not stiffer than {other} ({moduli[1]:.4g} MPa)"
+
+
+def _behind(model: CoefficientModel, strains: FloatArray) -> Iterator[_Behind]:
+    """Compare every grade with all that are softer."""
     moduli = model.grade_moduli_MPa(strains)
-    breaks = np.array([m.elongation_at_break for m in materials])
-    for material, row in zip(materials, moduli, strict=True):
+    down, up = _NORMAL * model.own_log_sds(strains, _NORMAL)
+    for grade in range(1, len(moduli)):
+        other = np.argmax(moduli[:grade], axis=0)
+        lag = np.log(_rows(moduli, other) / moduli[grade])
+        yield _Behind(
+            grade,
+            moduli,
+            other,
+            lag,
+            (lag >= 0.0) & (lag >= np.hypot(up[grade], _rows(down, other))),
+        )
+
+
+def _working_strains(model: CoefficientModel) -> FloatArray:
+    return np.linspace(0.0, model.strain_limit, _LADDER_STRAINS)
+
+
+def _runs(strains: FloatArray, held: BoolArray) -> str:
+    """Return the strains at which something holds: "0 to 0.04, 0.3 to 0.72"."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
+    ends = zip(strains[edges[::2]], strains[edges[1::2] - 1], strict=True)
+    return ", ".join(f"{a:.2g} to {b:.2g}" if a < b else f"{a:.2g}" for a, b in ends)
+
+
+def _check_ladder(model: CoefficientModel) -> None:
+    name, strains = model.palette.name, _working_strains(model)
+    moduli = model.grade_moduli_MPa(strains)
+    for material, row in zip(model.palette.materials, moduli, strict=True):
         bad = ~((row > 0.0) & np.isfinite(row))
         if bad.any():
             raise PaletteError(
@@ -436,29 +556,30 @@ def _check_ladder(model: CoefficientModel) -> None:
                 f"{row[bad][0]:g} MPa at strain {strains[bad][0]:g}; it must be above 0 at all "
                 f"working strains, 0 to {model.strain_limit:g}"
             )
-    for (i, softer), (j, harder) in itertools.pairwise(enumerate(materials)):
-        bad = moduli[i] >= moduli[j]
-        if bad.any():
+    for one in _behind(model, strains):
+        if one.beyond.all():
             raise PaletteError(
-                f"palette {name}: {harder.id} ({moduli[j][bad][0]:.4g} MPa) is not stiffer than "
-                f"{softer.id} ({moduli[i][bad][0]:.4g} MPa) at strain {strains[bad][0]:g}; "
-                f"stiffness must rise with the coordinate at all working strains, 0 to "
-                f"{model.strain_limit:g}: reorder the materials or correct a law"
+                f"palette {name}: {one.said(model, 0)} at any working strain, 0 to "
+                f"{model.strain_limit:g}, beyond what their intervals leave open: {_MEND}"
             )
-    # The slope at a grade weighs the one beyond it up to -0.3: where that stiffens while it draws
-    # near, and the two between hardly rise, a mixture's stress may fall.
+
+
+def _falling(model: CoefficientModel) -> Iterator[tuple[int, float]]:
+    """Yield the softer of two whose mixtures' stress falls where theirs rises, and from where on.
+
+    The slope at a grade weighs the one beyond it up to -0.3: where that stiffens while it draws
+    near, and the two between hardly rise, a mixture's stress may fall.
+    """
+    strains = _working_strains(model)
     between = model.coordinates[:-1] + np.outer(_PLACES, np.diff(model.coordinates))
     stress = model.nominal_stress_MPa(between[..., None], 1.0 + strains)
-    rising = np.diff(moduli * strains) > 0.0
+    rising = np.diff(model.grade_moduli_MPa(strains) * strains) > 0.0
+    breaks = np.array([m.elongation_at_break for m in model.palette.materials])
     rising &= strains[1:] <= breaks[:, None]  # beyond its break nothing is known of a grade
     bad = (np.diff(stress) <= 0.0) & rising[:-1] & rising[1:]
-    if bad.any():
-        _, k, n = np.argwhere(bad)[0].tolist()
-        raise PaletteError(
-            f"palette {name}: between {materials[k].id} and {materials[k + 1].id} the stress of a "
-            f"mixture falls at strain {strains[n + 1]:.3g}, though that of both rises: the "
-            "materials beside them bend too differently; correct a law or leave a material out"
-        )
+    for k in range(len(breaks) - 1):
+        if bad[:, k].any():
+            yield k, float(strains[1:][bad[:, k].any(axis=0)][0])
 
 
 # ------------------------------------------------------------------------------------------------
@@ -573,9 +694,10 @@ def thresholds_of(ladder_MPa: ArrayLike) -> FloatArray:
 
 
 def nearest_on(ladder_MPa: ArrayLike, modulus_MPa: ArrayLike) -> IntArray:
-    """Return the rung nearest in log stiffness on a ladder of rising moduli; see `nearest`."""
-    thresholds = thresholds_of(ladder_MPa)
-    return np.asarray(np.searchsorted(thresholds, _positive(modulus_MPa), side="left"))
+    """Return the rung nearest in log stiffness on a ladder, of equal ones the first; `nearest`."""
+    ladder = np.asarray(ladder_MPa, dtype=np.float64)
+    rung = np.searchsorted(thresholds_of(ladder), _positive(modulus_MPa), side="left")
+    return np.asarray(np.searchsorted(ladder, ladder[rung], side="left"))
 
 
 def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> IntArray:
@@ -585,21 +707,23 @@ def nearest(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -
     ------
     ArgumentError
         A modulus is not above 0, or the strain not a working strain.
+    PaletteError
+        As `CoefficientModel.ladder_MPa`.
     """
-    return nearest_on(_ladder_MPa(model, at_strain), modulus_MPa)
+    return nearest_on(model.ladder_MPa(at_strain), modulus_MPa)
 
 
 def coordinate_for(model: CoefficientModel, modulus_MPa: ArrayLike, at_strain: float) -> FloatArray:
     """Return the coordinate whose secant modulus is wanted, clamped to the palette.
 
-    The exact inverse of `CoefficientModel.modulus_MPa` within the range.
+    The exact inverse of `CoefficientModel.modulus_MPa` within the range, where grades do not cross.
 
     Raises
     ------
     ArgumentError
         As `nearest`.
     """
-    ladder, c = _ladder_MPa(model, at_strain), model.coordinates
+    ladder, c = model.ladder_MPa(at_strain), model.coordinates
     target = np.clip(_positive(modulus_MPa), ladder[0], ladder[-1])
     places, moduli = model.places, np.log(ladder)
     place = _inverse(places, moduli, pchip_slopes(places, moduli), np.log(target))
@@ -687,15 +811,6 @@ def blend_at(model: CoefficientModel, coordinate: float) -> Blend:
     lower, upper, t = model.bracket(coordinate)
     ids = [material.id for material in model.palette.materials]
     return Blend(ids[int(lower)], ids[int(upper if t > 0.0 else lower)], float(t), coordinate)
-
-
-def _ladder_MPa(model: CoefficientModel, at_strain: float) -> FloatArray:
-    if not 0.0 <= at_strain <= model.strain_limit:
-        raise ArgumentError(
-            f"strain {at_strain:g}: the working strain must be from 0 to {model.strain_limit:g}, "
-            f"where the first elastic material of palette {model.palette.name} breaks"
-        )
-    return model.grade_moduli_MPa(at_strain)
 
 
 def _positive(modulus_MPa: ArrayLike) -> FloatArray:

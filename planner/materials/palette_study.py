@@ -150,6 +150,7 @@ def characterise(
     unit_of: str | Sequence[str] = (),
     mode: str | None = None,
     blocks: str | None = None,
+    leave_out: Collection[str] = (),
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     compare: bool = True,
@@ -179,6 +180,8 @@ def characterise(
     blocks
         Blocks of numbers in one sheet that nothing names: ``join`` reads them as one record,
         ``apart`` as specimens.
+    leave_out
+        Specimens and materials that no figure is to rest on.
     printer, palette
         By name, file or value: what materials of the same names are compared with.
     compare
@@ -198,7 +201,7 @@ def characterise(
     ArgumentError
         A size or strain that is not above 0, or no file at all.
     UnknownNameError
-        A unit, specimen or material in `unit_of` that there is not.
+        A unit, specimen or material in `unit_of` or `leave_out` that there is not.
 
     Examples
     --------
@@ -217,6 +220,7 @@ def characterise(
         unit_of=unit_of,
         mode=mode,
         blocks=blocks,
+        leave_out=leave_out,
     )
     strains = SECANT_STRAINS if at_strain is None else tuple(at_strain)
     _other_modes(study)
@@ -337,7 +341,7 @@ class PaletteStudy:
     notes
         What was corrected, assumed or doubtful, one sentence each.
     problem
-        Why the palette cannot be planned with as it is (its laws cross), or None.
+        Why the palette cannot be planned with as it is, or None.
     findings
         What speaks against a material's figures or its law, one sentence each; the problem is
         not among them.
@@ -386,6 +390,7 @@ def fit(
     name: str | None = None,
     weighting: str = "relative",
     coordinate: Mapping[str, float] | None = None,
+    order: Sequence[str] | None = None,
     density: Mapping[str, float] | None = None,
     starts: int = STARTS,
     level: float = 0.95,
@@ -399,6 +404,7 @@ def fit(
     unit_of: str | Sequence[str] = (),
     mode: str | None = None,
     blocks: str | None = None,
+    leave_out: Collection[str] = (),
     printer: str | Printer = "connex3",
     palette: str | Path | Palette | None = None,
     compare: bool = True,
@@ -410,6 +416,8 @@ def fit(
     ----------
     files, specimens, material, width_mm, thickness_mm, gauge_mm, columns, unit_of, mode, blocks
         The tests; see `characterise`.
+    leave_out
+        Specimens and materials that are not to be fitted.
     printer, palette, compare
         What they are compared with; see `characterise`.
     law
@@ -422,6 +430,8 @@ def fit(
     coordinate
         Coordinate m by material. Without it: the column ``coordinate`` of specimens.csv, else
         0 to 1 evenly in the order of stiffness.
+    order
+        All materials from soft to hard, in place of coordinates, where tests leave it open.
     density
         In g/cm3 by material. Without it: the column ``density_g_cm3``, else 1.14, which is noted.
     starts
@@ -442,8 +452,8 @@ def fit(
     Raises
     ------
     ArgumentError
-        An unknown weighting or material, no stable law, or coordinates that do not rise with
-        stiffness.
+        An unknown weighting or material, no stable law, or coordinates or an order that go
+        against stiffness by more than the intervals leave open.
     UnknownNameError
         An unknown law.
     FileError
@@ -465,6 +475,7 @@ def fit(
         unit_of=unit_of,
         mode=mode,
         blocks=blocks,
+        leave_out=leave_out,
     )
     if weighting not in WEIGHTINGS:
         raise ArgumentError(f"weighting {weighting!r}: choose {' or '.join(WEIGHTINGS)}")
@@ -491,8 +502,8 @@ def fit(
             f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
             "strain left out"
         )
-    ordered = sorted(fits, key=lambda called: _stiffness(fits[called], fits))
-    places = _coordinates(study, ordered, coordinate, notes, slips)
+    places = _coordinates(study, fits, coordinate, order, notes, slips)
+    ordered = sorted(places, key=places.__getitem__)
     densities = _densities(study, ordered, density, notes)
     ids = _ids(ordered)
     materials = tuple(
@@ -520,9 +531,12 @@ def fit(
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
-    problem = _problem(fitted_palette)
-    if problem is None:
+    problem = None
+    try:
+        notes += CoefficientModel(fitted_palette).remarks()
         notes += left_out_remark(fitted_palette)
+    except PaletteError as error:
+        problem = str(error)
     quadratic = None
     if coefficients is not None:
         progress("running Algorithm 1")
@@ -553,14 +567,6 @@ def _warming(palette: Palette, table: Temperature) -> str:
 def _stiffness(fit: MaterialFit, fits: Mapping[str, MaterialFit]) -> float:
     strain = min(_RANKING_STRAIN, *(f.elongation_at_break for f in fits.values()))
     return float(secant_modulus_MPa(make_law(fit.law), strain))
-
-
-def _problem(palette: Palette) -> str | None:
-    try:
-        CoefficientModel(palette)
-    except PaletteError as error:
-        return str(error)
-    return None
 
 
 def _names(slips: Sequence[str], material: str) -> bool:
@@ -594,31 +600,43 @@ def _findings(fit: MaterialFit, unit_told: bool) -> list[str]:
 
 def _coordinates(
     study: Study,
-    ordered: Sequence[str],
+    fits: Mapping[str, MaterialFit],
     given: Mapping[str, float] | None,
+    order: Sequence[str] | None,
     notes: list[str],
     slips: Sequence[str],
 ) -> dict[str, float]:
-    found = _by_material(study, ordered, "coordinate", given)
+    """Return coordinates by material: as given, else even in the order given, else of stiffness."""
+    stiffness = {called: _stiffness(fit, fits) for called, fit in fits.items()}
+    found = {} if order else _by_material(study, tuple(fits), "coordinate", given)
+    ordered = list(order) if order else sorted(fits, key=stiffness.__getitem__)
+    if order and (sorted(order) != sorted(fits) or given):
+        raise ArgumentError(
+            f"`order` {', '.join(order)}: give each of {', '.join(fits)} once, and no `coordinate`"
+        )
     if not found:
         if len(ordered) > 1:
+            how = "given" if order else f"of the secant modulus at strain {_RANKING_STRAIN:g}"
             notes.append(
-                f"coordinates go from 0 to 1 evenly in the order of the secant modulus at strain "
-                f"{_RANKING_STRAIN:g}; give --coordinate for others"
+                f"coordinates go from 0 to 1 evenly in the order {how}; give --coordinate for "
+                f"others{'' if order else ', or --order'}"
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
-        return {material: float(m) for material, m in zip(ordered, steps, strict=True)}
+        found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
     missing = [material for material in ordered if material not in found]
     if missing:
         raise ArgumentError(
             f"material {missing[0]}: no coordinate, though others have one; give all of them by "
             f"`coordinate` {missing[0]}=... or a column coordinate in specimens.csv, or none"
         )
-    for softer, harder in itertools.pairwise(ordered):
-        if not found[softer] < found[harder]:
+    for softer, harder in itertools.pairwise(sorted(found, key=found.__getitem__)):
+        beyond = np.log(stiffness[softer] / stiffness[harder])
+        spare = _NORMAL * np.hypot(fits[softer].scatter.log_sd, fits[harder].scatter.log_sd)
+        if found[softer] == found[harder] or beyond > spare:
+            low, high = sorted((softer, harder), key=stiffness.__getitem__)
             raise ArgumentError(
-                f"coordinate of {harder} is {found[harder]:g}, not above {found[softer]:g} of "
-                f"{softer}, which is softer; coordinates must rise with stiffness"
+                f"coordinate of {high} is {found[high]:g}, not above {found[low]:g} of "
+                f"{low}, which is softer; coordinates must rise with stiffness"
                 + "".join(f" ({said})" for said in slips)
             )
     return found

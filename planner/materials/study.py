@@ -1,7 +1,7 @@
 """A set of tensile tests: specimens read, converted, held against what is plausible."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -600,6 +600,7 @@ def read_study(
     unit_of: str | Sequence[str] = (),
     mode: str | None = None,
     blocks: str | None = None,
+    leave_out: Collection[str] = (),
 ) -> Study:
     """Read tests and group them by material.
 
@@ -626,6 +627,8 @@ def read_study(
         ``compression``, ``planar`` or ``equibiaxial``.
     blocks
         See `planner.formats.tensile.read_tensile`.
+    leave_out
+        Specimens and materials that no figure is to rest on.
 
     Raises
     ------
@@ -635,7 +638,7 @@ def read_study(
     ArgumentError
         A size that is not above 0, or no file at all.
     UnknownNameError
-        A unit, specimen or material in `unit_of` that there is not.
+        A unit, specimen or material in `unit_of` or `leave_out` that there is not.
     """
     if isinstance(files, Study):
         return files
@@ -684,6 +687,18 @@ def read_study(
     used = {name: record for name, record in records.items() if not record.left_out}
     materials = _materials(used, material or "", notes)
     units = _stated_units(unit_of, materials)
+    for name in leave_out:
+        known = sorted({*materials, *materials.values()})
+        if name not in known:
+            raise UnknownNameError(
+                f"leave_out {name}: no specimen and no material of that name; "
+                f"{did_you_mean(name, known)}there are materials "
+                f"{', '.join(dict.fromkeys(materials.values()))}"
+            )
+    asked = {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}
+    if asked:
+        records |= {name: replace(used.pop(name), left_out="as asked") for name in sorted(asked)}
+        notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)))}")
     found: dict[str, Curve] = {}
     sizes: dict[str, Dimensions] = {}
     modes: dict[str, str] = {}
@@ -704,7 +719,9 @@ def read_study(
     notes.extend(
         absent(f"specimen {row.specimen}: no curve among the files")
         for row in rows.values()
-        if row.specimen not in found and not row.profile and row.protocol in (None, "monotonic")
+        if row.specimen not in {*found, *asked}
+        and not row.profile
+        and row.protocol in (None, "monotonic")
     )
     if unstated:
         largest = [float(found[name].strain[-1]) for name in unstated]

@@ -111,7 +111,9 @@ def fit_figure(study: PaletteStudy) -> bytes:
         parts += drawn
         width = max(width, reach)
     if study.problem is not None:
-        parts.append(text(20.0, top, "The laws cross: nothing is drawn between all materials."))
+        parts.append(
+            text(20.0, top, "Not fit to plan with: nothing is drawn between all materials.")
+        )
         top += 20.0
     title = f"{study.palette.name}: laws fitted to tensile tests"
     return picture(width, top - 20.0, parts, title=title)

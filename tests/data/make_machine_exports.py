@@ -203,7 +203,98 @@ def texts() -> dict[str, tuple[str, str]]:
             "8/14/2017  10:46 AM", "Units: N", "Readings: Continuous", "X-Axis: Travel",
             "Travel Unit: mm", "Reading\tLoad\tTravel\tTime",
             [f"{i}\t{x}" for i, x in enumerate(lines(1, "{f}\t{d}\t{t}"), start=1)])),
+        # A table of results that is headed like a record; rows of statistics behind one.
+        "bluehill_results.csv": ("utf-8", text(
+            '"Results Table 1"', '"","Specimen","Load (N)","Extension (mm)"',
+            [f'"{n}","A{n}","{9 + n}","20.0"' for n in (1, 2, 3, 4)], '"Mean","","11.5","20.0"',
+            "", [row for n in (1, 2, 3, 4) for row in
+                 (f'"Specimen","A{n}"', '"Width","6.00","mm"', '"Thickness","2.00","mm"',
+                  '"Length","25.00","mm"', '"Time","Extension","Load"', '"(s)","(mm)","(N)"',
+                  *lines(n, '"{t}","{d}","{f}"'), "")])),
+        "mecmesin_results.csv": ("utf-8", text(
+            "Sample,Width [mm],Thickness [mm],Gauge length [mm],Load @ Break [N]",
+            [f"{n},6,2,25,9.9" for n in (1, 2, 3)], "Mean,6,2,25,9.9", "Std Dev,0,0,0,0", "",
+            [row for n in (1, 2, 3) for row in
+             (f"Sample {n}", "Load [N],Displacement [mm],Time [s]",
+              *lines(n, "{f},{d},{t}"), "")])),
+        "statistics_behind.csv": ("utf-8", text(
+            "Width (mm),6", "Thickness (mm),2", "Gauge length (mm),25",
+            "No,Time (s),Load (N),Extension (mm)",
+            [f"{i},{x}" for i, x in enumerate(lines(1, "{t},{f},{d}"), start=1)],
+            "Max,,9.9,20", "Min,,0,0", "Mean,5,5,10", "", "Std. Dev.,1,1,1")),
+        # Digits in groups of three.
+        "thousands.csv": ("utf-8", text(
+            "Width (mm),6", "Thickness (mm),2", "Gauge length (mm),25",
+            "Time (s),Extension (mm),Stress (Pa)", in_pascal('"{t}","{d}","{s}"', ".,"))),
+        "thousands_de.csv": ("cp1252", text(
+            "Breite;6,00;mm", "Dicke;2,00;mm", "Messlänge;25,00;mm",
+            "Zeit [s];Weg [mm];Spannung [Pa]", in_pascal("{t};{d};{s}", ",."))),
+        "thousands_fr.csv": ("utf-8", text(
+            "Largeur;6,00;mm", "Épaisseur;2,00;mm", "Longueur initiale;25,00;mm",
+            "Temps [s];Course [mm];Contrainte [Pa]", in_pascal("{t};{d};{s}", ", "))),
+        # Several readings of one size; rare units.
+        "three_widths.csv": ("utf-8", text(
+            "Sample,S1", "Width 1,5.9,mm", "Width 2,6.0,mm", "Width 3,6.1,mm",
+            "Thickness 1,1.9,mm", "Thickness 2,2.1,mm", "Gauge Length,25,mm",
+            "Time (s),Load (N),Extension (mm)", lines(1, "{t},{f},{d}"))),
+        "two_widths_table.csv": ("utf-8", text(
+            "Specimen,Width 1,Width 2,Thickness 1,Thickness 2,Gauge length", ",mm,mm,mm,mm,mm",
+            [f"S{n},5.9,6.1,1.95,2.05,25" for n in (1, 2)], "",
+            [row for n in (1, 2) for row in (f"Specimen S{n}", "Time (s),Load (N),Extension (mm)",
+                                             *lines(n, "{t},{f},{d}"), "")])),
+        "decinewton.csv": ("utf-8", text(
+            "Strain (%),Stress (dN/mm²)", lines(1, "{e},{s}", e=0.01, s=0.1))),
+        # MTS TestSuite, Mecmesin Emperor, Lloyd Nexygen, TA.XT, Testometric.
+        "mts_testsuite.txt": ("utf-8", text(
+            "MTS TW Elite Test Run Data", "Date:\t11/23/2026 10:00:00 AM", "",
+            "Width\t6.000\tmm", "Thickness\t2.000\tmm", "Grip Separation\t60\tmm",
+            "Gauge Length\t25.000\tmm", "", "Crosshead \tLoad \tTime \tExtensometer ",
+            "mm\tN\ts\tmm/mm", lines(1, "{d}\t{f}\t{t}\t{e}"))),
+        "mts_test_runs.csv": ("utf-8-sig", text(
+            '"Test Run Name","Width (mm)","Thickness (mm)","Gauge length (mm)","Crosshead (mm)",'
+            '"Load (N)","Time (s)"',
+            [f'"Test Run {n}",6,2,25,{x}' for n in (1, 2) for x in lines(n, "{d},{f},{t}")])),
+        "emperor.txt": ("utf-8", text(
+            "Emperor (TM)", "Sample\tTest 1", "Force Units\tN", "Displacement Units\tmm",
+            "Width\t6 mm", "Thickness\t2 mm", "Gauge Length\t25 mm", "",
+            "Point\tForce\tDisplacement\tTime",
+            [f"{i}\t{x}" for i, x in enumerate(lines(1, "{f}\t{d}\t{t}"), start=1)])),
+        "nexygen.csv": ("cp1252", text(
+            "NEXYGENPlus 3", "Batch Reference,B1", "Sample,1 of 2", "Width,6.00,mm",
+            "Thickness,2.00,mm", "Gauge Length,25.00,mm", "Preload/Stress,0.1,N",
+            "Preload/Stress Speed,20,mm/min", "Load at Maximum,9.9,N", "Extension at Maximum,20,mm",
+            '"Time (s)","Load (N)","Extension from Preload (mm)","Machine Extension (mm)"',
+            [f"{x},{x.split(',')[2]}" for x in lines(1, "{t},{f},{d}")])),
+        "ta_xt.csv": ("utf-8", text(
+            "Test ID,Batch,Width,Thickness,Length", "S1,1,6 mm,2 mm,25 mm", "",
+            "Force,Distance,Time", "g,mm,sec", lines(1, "{f},{d},{t}", f=9.80665e-3))),
+        "wintest.csv": ("utf-8", text(
+            "Testometric winTest Analysis", "Test No,1,2", "Width mm,6,6", "Thickness mm,2,2",
+            "Gauge Length mm,25,25", "Test 1,,,Test 2,,",
+            ",".join(["Force N,Extension mm,Time s"] * 2), beside([1, 2], "{f},{d},{t}", ",", 3))),
+        "utm_colon.txt": ("gb18030", text(
+            "试样编号：A1", "宽度：6.00 mm", "厚度：2.00 mm", "标距：25.00 mm", "",
+            "时间(s)  试验力(N)  位移(mm)", lines(1, "{t}  {f}  {d}"))),
+        "trapezium_utf16.txt": ("utf-16", text(
+            "名前\t1 _ 1\t1 _ 2", "厚さ(mm)\t2\t2", "幅(mm)\t6\t6", "ゲージ長(mm)\t25\t25", "",
+            "1 _ 1\t\t\t1 _ 2\t\t", "\t".join(["時間", "試験力", "ストローク"] * 2),
+            "\t".join(["sec", "N", "mm"] * 2), beside([1, 2], "{t}\t{f}\t{d}", "\t", 3))),
+        # Remarks between rows of numbers.
+        "events.csv": ("utf-8", text(
+            "Width (mm),6", "Thickness (mm),2", "Gauge length (mm),25",
+            "Time (s),Load (N),Extension (mm)", "Preload reached", lines(1, "{t},{f},{d}")[:10],
+            "--- speed change ---", lines(1, "{t},{f},{d}")[10:], "Specimen broke")),
     }  # fmt: skip
+
+
+def in_pascal(form: str, signs: str) -> list[str]:
+    """Rows of the first specimen with stress in whole pascal, by thousands."""
+    swapped = str.maketrans(".,", signs)
+    return [
+        form.format(t=f"{t:.4f}".translate(swapped), d=f"{d:.9f}".translate(swapped),
+                    s=f"{round(1e6 * f / AREA_MM2):,}".translate(swapped))
+        for t, f, d in zip(*specimen(1), strict=True)
+    ]  # fmt: skip
 
 
 def mts_blocks(separator: str, heads: str) -> list[str]:
@@ -318,7 +409,45 @@ def workbooks() -> dict[str, Sheets]:
                   cells(1, 0, 1, 2), cells(2, 0, 1, 2), fillvalue=[""] * 3))),
         ],
     }  # fmt: skip
+    merged: Sheets = {
+        "Parameters": [["Test standard", "ISO 37"], ["Pre-load", 0.1, "N"],
+                       ["Notes", "Gauge length 25 mm as marked by hand; discard specimen 9"]],
+        "Results": [
+            ["Legend", "Specimen ID", "Width", "Thickness", "Gage length", "Fmax", "Note"],
+            ["", "", "b0", "a0", "L0", "", ""], ["", "", "mm", "mm", "mm", "N", ""],
+            *([f"Specimen {n}", f"A{n}", WIDTH_MM, THICKNESS_MM, GAUGE_MM, 9.9, "slipped?"]
+              for n in (1, 2, 3)),
+        ],
+        "Statistics": [["Series", "Width", "Thickness"], ["n = 3", "mm", "mm"], ["x̄", 6, 2],
+                       ["s", 0.01, 0.01], ["ν [%]", 0.2, 0.5]],
+        "Values Series": [
+            ["Specimen 1", "", "", "Specimen 2", "", "", "Specimen 3", "", ""],
+            ["Strain", "Standard force", "Standard travel"] * 3, ["%", "N", "mm"] * 3,
+            *([cell for row in rows for cell in row] for rows in itertools.zip_longest(
+                *([[4.0 * d, f, d] for d, f in cells(n, 2, 1)] for n in (1, 2, 3)),
+                fillvalue=[""] * 3)),
+        ],
+    }  # fmt: skip
+    japanese: Sheets = {
+        f"試験片{n}": [
+            ["厚さ", THICKNESS_MM, "㎜"], ["幅", WIDTH_MM, "㎜"], ["標点間距離", GAUGE_MM, "㎜"],
+            ["変位（㎜）", "荷重（Ｎ）", "時間（秒）"], *cells(n, 2, 1, 0),
+        ]
+        for n in (1, 2)
+    }  # fmt: skip
+    chinese_beside: Sheets = {
+        "数据": [
+            ["试样1", "", "", "试样2", "", ""], ["时间", "力值", "变形"] * 2, ["s", "N", "mm"] * 2,
+            *([cell for row in rows for cell in row] for rows in itertools.zip_longest(
+                cells(1, 0, 1, 2), cells(2, 0, 1, 2), fillvalue=[""] * 3)),
+        ],
+        "结果": [["试样编号", "宽度(mm)", "厚度(mm)", "标距(mm)", "最大力(N)"],
+                 *([f"试样{n}", WIDTH_MM, THICKNESS_MM, GAUGE_MM, 9.9] for n in (1, 2)),
+                 ["平均值", 6, 2, 25, 9.9]],
+    }  # fmt: skip
     return {
+        "testxpert_merged.xlsx": merged, "utm_ja.xlsx": japanese,
+        "utm_zh_beside.xlsx": chinese_beside,
         "testxpert_series.xlsx": series, "listed_beside.xlsx": listed,
         "testxpert_en.xlsx": english, "testxpert_de.xlsx": german, "dion7.xlsx": dion,
         "remarks.xlsx": remarks, "utm_zh.xlsx": chinese,

@@ -114,7 +114,7 @@ def test_refuses_what_is_no_modulus(function, modulus: float) -> None:  # type: 
 
 @pytest.mark.parametrize("strain", [-0.01, 0.56, np.nan])
 def test_refuses_what_is_no_working_strain(strain: float) -> None:
-    with pytest.raises(ArgumentError, match=r"working strain must be from 0 to 0\.55"):
+    with pytest.raises(ArgumentError, match=r"working strain must be from 0 \(at rest\) to 0\.55"):
         coordinate_for(CONNEX3, 1.0, strain)
-    with pytest.raises(ArgumentError, match=r"working strain must be from 0 to 0\.55"):
+    with pytest.raises(ArgumentError, match=r"working strain must be from 0 \(at rest\) to 0\.55"):
         nearest(CONNEX3, 1.0, strain)

@@ -1,5 +1,6 @@
 """planner fit from files to a palette that planning takes, and what it refuses."""
 
+import itertools
 import json
 import re
 import subprocess
@@ -9,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planner import fit, list_materials
 from planner.cli import run
 from planner.cli.materials import _interval
+from planner.errors import ArgumentError
 from planner.materials.fit import law_stress_MPa
 from planner.materials.laws import FITTED_MODELS
 from planner.palette import load_palette
@@ -112,15 +115,75 @@ def test_order_of_stiffness_gives_coordinates_and_what_is_assumed_is_said(capsys
     assert "reference conditions unknown" in said
 
 
-def test_a_law_that_softens_into_another_is_a_finding(capsys) -> None:
-    """Two materials whose curves cross cannot form a ladder: written, but exit code 1."""
+def test_laws_that_cross_are_told_and_planned_with_where_they_do_not(capsys) -> None:
+    """Beyond their intervals from strain 0.62 on, which no plan at 0.1 needs."""
     strain = np.linspace(0.0, 1.0, 81)
     for name, stress in (("a", 0.5 * np.tanh(3 * strain) + 0.1 * strain), ("b", strain**1.3)):
         rows = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(strain, stress, strict=True))
         Path(f"{name}.csv").write_text(f"strain (mm/mm),stress (MPa)\n{rows}", encoding="utf-8")
-    assert run(["fit", "a.csv", "b.csv"]) == 1
-    assert "not stiffer" in capsys.readouterr().err
-    assert Path("palette.toml").is_file()
+    assert run(["fit", "a.csv", "b.csv"]) == 0
+    assert "warning: a is softer than b at strains" in capsys.readouterr().err
+    assert run(["materials", "--palette", "palette.toml"]) == 0
+    capsys.readouterr()
+    assert run(["materials", "--palette", "palette.toml", "--at-strain", "0.9"]) == 2
+    said = capsys.readouterr().err
+    assert "is not stiffer than" in said
+    assert "at strains 0 to" in said
+    assert "(--at-strain)" in said
+
+
+def test_tests_of_resins_as_near_as_their_scatter_make_a_palette_in_either_order(capsys) -> None:
+    """Three of four differ by less than specimens scatter; every command takes the palette."""
+    strain = np.linspace(0.0, 1.0, 61)
+    rows = ["specimen,material,file"]
+    laws = {"Gum A": (0.453, 2.5), "Gum B": (0.499, 2.3), "Gum C": (0.552, 2.1), "Hard": (2.0, 2.0)}
+    for resin, (mu, alpha) in laws.items():
+        for number in range(4):
+            stretch = 1.0 + strain
+            stress = mu * (stretch ** (alpha - 1.0) - stretch ** (-alpha / 2.0 - 1.0))
+            stress *= 0.91 + 0.06 * number
+            name = f"{resin} {number}"
+            lines = "".join(f"{e:.6f},{s:.6f}\n" for e, s in zip(strain, stress, strict=True))
+            Path(f"{name}.csv").write_text(f"strain (mm/mm),stress (MPa)\n{lines}")
+            rows.append(f"{name},{resin},{name}.csv")
+    Path("specimens.csv").write_text("\n".join(rows) + "\n")
+    assert run(["fit", "specimens.csv", "--law", "ogden-1"]) == 0
+    assert "within their intervals; planned as equal there" in capsys.readouterr().err
+    ids = [material.id for material in load_palette("palette.toml").materials]
+    for order in itertools.permutations(("Gum A", "Gum B", "Gum C")):
+        command = ["fit", "specimens.csv", "--law", "ogden-1", "--force", "--order"]
+        assert run([*command, ",".join((*order, "Hard"))]) == 0
+        ids = [material.id for material in load_palette("palette.toml").materials]
+        assert ids == [*(name.replace(" ", "-") for name in order), "Hard"]
+        for strain_asked in ("0", "0.1", "0.9"):
+            scale = list_materials(palette="palette.toml", at_strain=float(strain_asked))
+            assert list(scale.moduli_MPa) == sorted(scale.moduli_MPa)
+        assert run(["materials", "--palette", "palette.toml"]) == 0
+        assert run(["invert", "--palette", "palette.toml", "--modulus", "3"]) == 0
+    part = str(Path(__file__).parents[2] / "samples" / "finger.stl")
+    assert run(["grade", part, "--palette", "palette.toml", "--from", ids[0], "--to", "Hard",
+                "--axis", "x", "--no-page", "--tolerance", "3", "-o", "out"]) == 0  # fmt: skip
+    howto = Path("out/HOWTO.md").read_text(encoding="utf-8")
+    assert f"Resins to load: **{ids[0]}**, **Hard**;" in howto
+    assert "Tango" not in howto
+    assert "Vero" not in howto
+    with pytest.raises(ArgumentError, match="coordinates must rise with stiffness"):
+        fit(["specimens.csv"], law="ogden-1", order=["Hard", "Gum A", "Gum B", "Gum C"])
+    with pytest.raises(ArgumentError, match="give each of"):
+        fit(["specimens.csv"], order=["Hard"])
+
+
+def test_specimens_and_materials_are_left_out_as_asked(capsys) -> None:
+    for name, mu in (("hard", 3.0), ("soft-1", 0.3), ("soft-2", 0.9)):
+        write_curve(f"{name}.csv", mu)
+    files = ["hard.csv", "soft-1.csv", "soft-2.csv"]
+    command = ["fit", *files, "--law", "ogden-1", "--leave-out", "hard", "--leave-out", "soft-2"]
+    assert run(command) == 0
+    assert "left out as asked: hard and soft-2" in capsys.readouterr().err
+    (material,) = load_palette("palette.toml").materials
+    assert (material.id, material.uncertainty.specimens) == ("soft", 1)
+    assert run(["characterise", *files, "--leave-out", "soft-3"]) == 2
+    assert "no specimen and no material of that name; did you mean soft-" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_algorithm_one_is_drawn_beside(compared: PaletteStudy) -> None:
 def test_laws_that_cross_are_drawn_by_themselves(fitted: PaletteStudy) -> None:
     crossing = replace(fitted, problem="laws cross")
     said = words(planner.fit_figure(crossing))
-    assert "The laws cross: nothing is drawn between all materials." in said
+    assert "Not fit to plan with: nothing is drawn between all materials." in said
     assert not any(text.startswith("secant modulus") for text in said)
 
 

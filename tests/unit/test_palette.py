@@ -154,11 +154,13 @@ def test_names_that_stand_for_nothing_or_too_much(name: str, words: str) -> None
 
 @pytest.mark.parametrize("resins", [("Rubber", "Glass"), ()])
 def test_the_3mf_names_the_resins_of_the_palette(resins: tuple[str, ...], tmp_path: Path) -> None:
-    """Its own, or else the printer's."""
+    """Its own; else the printer's, and what the printer does not know (Soft-1 is its Tango)."""
     head = f"base_resins = {list(resins)}\n[reference]"
     path = tmp_path / "two.toml"
     path.write_text(SOUND.replace("[reference]", head, 1))
     part = Path(__file__).parents[2] / "samples" / "finger.stl"
     plan = planner.grade(part, from_="Soft-1", to="Stiff", palette=path)
-    expected = ", ".join(resins or load_printer("connex3").base_resins)
+    expected = ", ".join(resins or (*load_printer("connex3").base_resins, "Stiff"))
     assert {shell.properties["base_resins"] for shell in plan.shells} == {expected}
+    loaded = ", ".join(f"**{resin}**" for resin in expected.split(", "))
+    assert f"Resins to load: {loaded}; support" in plan.howto()

@@ -103,7 +103,7 @@ def test_the_head_tells_sizes_and_units(tmp_path: Path) -> None:
     # 1e-12: one product.
     assert table.metadata["thickness_mm"] == pytest.approx(2.54, rel=1e-12)
     assert table.metadata["specimen"] == "x1"
-    assert "MESURgauge" in read(tmp_path, MARK10).notes[0]
+    assert "displacement in in, time in s by its head" in read(tmp_path, MARK10).notes[0]
 
 
 def test_thousands_in_quotes(tmp_path: Path) -> None:
