@@ -8,6 +8,7 @@
     │   └── PaletteError     a palette or printer file that breaks its schema
     ├── UnknownNameError     a material, printer or palette that nothing is called
     ├── ArgumentError        an option or argument outside what it may be
+    │   └── ThinBandError    a gradient with a band thinner than a printed layer
     └── OutputError          the result cannot be written
 
 Every message says what is wrong, where, what was got against what is allowed, and what to do, on
@@ -31,6 +32,7 @@ __all__ = [
     "OutputError",
     "PaletteError",
     "PlannerError",
+    "ThinBandError",
     "UnknownNameError",
     "as_count",
     "as_number",
@@ -97,6 +99,10 @@ class UnknownNameError(PlannerError):
 
 class ArgumentError(PlannerError):
     """An option or argument outside what it may be."""
+
+
+class ThinBandError(ArgumentError):
+    """A gradient that has a band thinner than a layer of the printer."""
 
 
 class OutputError(PlannerError):

@@ -20,6 +20,7 @@ __all__ = [
     "Point",
     "at_first_compilation",
     "inner_kernel",
+    "interrupted",
     "kernel",
     "one_blas_thread",
 ]
@@ -153,3 +154,16 @@ def _blas() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+# ------------------------------------------------------------------------------------------------
+# An interrupt, seen through compiled loops.
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Tell whether an interrupt is behind an error: compiled loops wrap it in a SystemError."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

@@ -60,11 +60,12 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments), commands or app)
         if sys.stdout is not None:
             sys.stdout.flush()
+        return code
     except PlannerError as error:
         complain(_with_options(str(error), commands or app))
         return BAD_INPUT
-    except KeyboardInterrupt:  # while what was done is said
-        code = INTERRUPTED
+    except KeyboardInterrupt:
+        pass
     except BrokenPipeError:
         # The reader went away (as with `| head`): no one is left to tell, and nothing is wrong.
         _discard_stdout()
@@ -82,17 +83,16 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = N
         complain(f"not enough memory{said}{left}; take a smaller input, or coarser steps")
         return BAD_INPUT
     except Exception as error:
-        if not _interrupted(error):
+        from planner.numerics import interrupted
+
+        if not interrupted(error):
             import traceback
 
             complain("".join(traceback.format_exception(error)).rstrip())
             complain("this is a bug in planner: please report the lines above and the command")
             return INTERNAL_ERROR
-        code = INTERRUPTED
-    if code == INTERRUPTED:
-        complain("interrupted; nothing was left behind")
-        return TERMINATED if _told_to_end else INTERRUPTED
-    return code
+    complain("interrupted; nothing was left behind")
+    return TERMINATED if _told_to_end else INTERRUPTED
 
 
 _told_to_end: set[int] = set()
@@ -145,8 +145,8 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         )
     except usage_error as error:
         raise ArgumentError(f"{error.format_message()} (see planner --help)") from error
-    except (KeyboardInterrupt, typer.Abort):
-        return INTERRUPTED
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     except SystemExit as error:
         # rich exits by itself where the reader of its output went away.
         raise BrokenPipeError from error
@@ -167,15 +167,6 @@ def _with_options(message: str, commands: typer.Typer) -> str:
 def _long(names: list[str]) -> str:
     """Return the name of an option that messages use: the first that is no letter."""
     return next((name for name in names if name.startswith("--")), names[0])
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Tell whether an interrupt is behind an error: compiled loops wrap it in a SystemError."""
-    while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
 
 
 def _discard_stdout() -> None:

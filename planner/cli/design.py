@@ -1,5 +1,6 @@
 """planner design: the gradient with which a part deforms as wanted."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,8 +43,10 @@ def design(
     target: Annotated[
         list[str] | None,
         Option(
-            help="What is wanted, as 'x=min uz=-12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 "
-            "N' or 'shape: points.csv'. Repeatable."
+            help="What is wanted, as 'x=min uz=-12 mm', 'x=min ry=30 deg' (the faces turn), 'z=max "
+            "to z=min distance=12 mm', 'x=min stiffness=0.05 N/mm', 'x=max fz=2 N', 'shape: "
+            "bent.stl' (the surface as it is to be) or 'shape: points.csv'; 'weight 2' behind one "
+            "makes its miss count twice. Repeatable."
         ),
     ] = None,
     fix: FixedFaces = None,
@@ -53,9 +56,33 @@ def design(
     move: Moves = None,
     gravity: Gravity = None,
     cases: CasesFile = None,
-    limit: Annotated[
-        list[str] | None, Option(help="'strain/break<0.5' or 'slope<0.1 /mm'. Repeatable.")
+    case: Annotated[
+        list[str] | None,
+        Option(
+            help="A further load case: 'side; load x=min: 0,0.1,0 N; limit x=min uy<1 mm': its "
+            "name, then target, limit, fix, load, ..., as in a file; held as the first one if "
+            "nothing is said. Repeatable."
+        ),
     ] = None,
+    limit: Annotated[
+        list[str] | None,
+        Option(
+            help="'strain/break<0.5', 'slope<0.1 /mm', or a figure without its sign: 'x=min uy<1 "
+            "mm'. Repeatable."
+        ),
+    ] = None,
+    free: Annotated[
+        str | None,
+        Option(
+            help="A gradient free in space: on a lattice of 6x3x3 controls, one each 8mm, or auto."
+        ),
+    ] = None,
+    symmetric: Annotated[
+        str, Option(help="With --free: its own mirror image across the part's middle along y, say.")
+    ] = "",
+    robust: Annotated[
+        bool, Option("--robust", help="Limits hold at the worst of the palette's interval.")
+    ] = False,
     knots: Annotated[int, Option(help="Of the profile, between which it is even.")] = 7,
     axis: Annotated[
         str | None, Option(help="Direction of the gradient; the longest side by default.")
@@ -75,6 +102,9 @@ def design(
     cell_mm: Annotated[
         float | None,
         Option("--cell", "--cell-mm", help="Edge of the cells; about 2000 by default."),
+    ] = None,
+    minutes: Annotated[
+        float | None, Option(help="Take the finest cells that are done in about that time.")
     ] = None,
     tolerance: Annotated[float, Option(help="Relative miss of a target that is accepted.")] = 0.01,
     unit: MeshUnit = None,
@@ -97,27 +127,36 @@ def design(
 ) -> int:
     """Find the gradient with which a part bends, stretches or holds as wanted, and plan its print.
 
-    The profile is found on the whole part, planned in printed materials, simulated in those, and
-    corrected. Exit code 1 when a target or limit is missed: the nearest is written.
+    The gradient is found on the whole part, planned in printed materials, simulated in those, and
+    corrected. Exit code 1 when a target or limit is missed: the nearest is written. Ctrl-C ends the
+    search and writes the best so far (a second one writes nothing); the same command goes on.
 
     Example: [bold]planner design finger.stl --from Tango --to Vero --axis x --fix x=max --load
     "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
     """
     import planner
-    from planner.cli.output import print_document, progress
-    from planner.simulation.loads import read_cases
+    from planner.cli.output import long_progress, print_document
+    from planner.inverse_design.design import interrupted_design
+    from planner.simulation.loads import case_of, read_cases
 
     folder = Path(f"{part.stem}-designed") if output is None else output
     machine = limited_printer(printer, None, tray, minimum_wall_mm, minimum_feature_mm)
+    goes_on = interrupted_design(folder)
+    force = force or goes_on
     check_targets(context, force=force, folders={"output": (folder, "plan.json")})
-    with progress(not quiet and not as_json) as stage:
+    further = [
+        one if one.fix or one.move else replace(one, fix=fix or (), move=move or ())
+        for one in map(case_of, case or ())
+    ]
+    with long_progress(not quiet and not as_json) as stage:
         made = planner.design(
             part, from_=from_, to=to, target=target or (), fix=fix or (), load=load or (),
             moment=moment or (), pressure=pressure or (), move=move or (), gravity=gravity,
-            cases=() if cases is None else read_cases(cases), limit=limit or (), knots=knots,
-            axis=axis, field=field, prefer=prefer, blend=blend, at_strain=at_strain,
-            cell_mm=cell_mm, tolerance=tolerance, unit=unit, bodies=bodies, printer=machine,
-            palette=palette, force_oversize=force_oversize, progress=stage,
+            cases=(*(() if cases is None else read_cases(cases)), *further), limit=limit or (),
+            knots=knots, axis=axis, field=field, free=free, symmetric=symmetric, robust=robust,
+            prefer=prefer, blend=blend, at_strain=at_strain, cell_mm=cell_mm, minutes=minutes,
+            tolerance=tolerance, start=folder if goes_on else None, unit=unit, bodies=bodies,
+            printer=machine, palette=palette, force_oversize=force_oversize, progress=stage,
         )  # fmt: skip
         stage("writing the files")
         made.write(folder, force=force, page=None if no_page else planner.plan_page(made.plan))
@@ -125,7 +164,7 @@ def design(
         print_document(made.json())
     elif not quiet:
         _report(made, folder)
-    return 0 if made.ok else 1
+    return 130 if made.interrupted else 0 if made.ok else 1
 
 
 def _report(made: "PartDesign", folder: Path) -> None:
@@ -135,7 +174,7 @@ def _report(made: "PartDesign", folder: Path) -> None:
     columns = [
         "target",
         "wanted",
-        "profile",
+        "gradient",
         "printed",
         "error",
         f"{100 * made.level:g} % interval",
@@ -143,20 +182,22 @@ def _report(made: "PartDesign", folder: Path) -> None:
     rows = [
         [
             f"{row.case}: {row.target}" if row.case else row.target,
-            f"{row.wanted:.4g} {row.unit}",
+            f"{row.kind if row.kind in '<>' else ''}{row.wanted:.4g} {row.unit}",
             f"{row.continuous:.4g}",
             f"{row.printed:.4g}",
-            "" if row.error is None else f"{100 * row.error:+.2f} %",
-            format_range(list(row.interval)),
+            "" if row.error is None or row.kind in "<>" else f"{100 * row.error:+.2f} %",
+            "" if row.interval is None else format_range(list(row.interval)),
         ]
         for row in made.reached
     ]
     print_table(columns, rows, title=repr(made)[1:-1], right=columns[1:])
-    knots = zip(made.positions, made.moduli_MPa, strict=True)
-    say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
+    if made.free is None:
+        knots = zip(made.positions, made.moduli_MPa, strict=True)
+        say("profile: " + ", ".join(f"{E:.3g} MPa at {u:.3g}" for u, E in knots))
     if made.strain_over_break is not None:
         say(f"largest strain over elongation at break: {made.strain_over_break:.3g}")
     told = [f.message for f in made.findings] + [f.message for f in made.plan.findings[:3]]
     for words in told:
         finding(words)
-    say(f"wrote {folder}: what planner grade writes, design.json and profile.csv")
+    more = "" if made.table is None else "field.vti (opens in ParaView), "
+    say(f"wrote {folder}: what planner grade writes, {more}design.json and profile.csv")

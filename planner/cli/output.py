@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import sys
+import time
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -259,6 +260,34 @@ def progress(enabled: bool) -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting")
         yield lambda stage: bar.update(task, description=stage)
+
+
+_PAUSE_S = 10.0
+"""Between lines of progress where no terminal is."""
+
+
+@contextlib.contextmanager
+def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
+    """Show stages and the time left on stderr, a line each ten seconds where it is no terminal.
+
+    Stages that know which share of the work is done have it as `done`.
+    """
+    begun = said = time.monotonic()
+    with progress(enabled) as show:
+
+        def tell(stage: str) -> None:
+            nonlocal said
+            now = time.monotonic()
+            spent, done = now - begun, float(getattr(stage, "done", 0.0))
+            if done > 0.05 and spent > _PAUSE_S:
+                left = spent * (1.0 - done) / done
+                stage += f"; about {f'{left / 60:.0f} min' if left > 90 else f'{left:.0f} s'} left"
+            show(stage)
+            if enabled and now - said > _PAUSE_S and not (sys.stderr and sys.stderr.isatty()):
+                said = now
+                _stderr_line("working", "cyan", stage)
+
+        yield tell
 
 
 @contextlib.contextmanager

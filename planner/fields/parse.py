@@ -1,6 +1,7 @@
 """Fields as a user writes them: NAME: arguments, formulas, and fields made of fields."""
 
 import ast
+import hashlib
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -39,15 +40,17 @@ from planner.fields.solved import (
     points_field,
     solve_pitch_mm,
 )
-from planner.formats.field_file import read_grid_table, read_point_table
+from planner.formats.field_file import GridTable, read_grid_table, read_point_table
+from planner.formats.files import read_file
 from planner.formats.mesh_file import EXTENSIONS, read_mesh
+from planner.formats.within import path_within
 from planner.mesh.distance import TriangleTree, triangle_tree, united
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import make_part
 from planner.numerics import FloatArray, Point
 from planner.voxels.columns import Grid
 
-__all__ = ["Setting", "build_field", "field_text"]
+__all__ = ["Setting", "TableFile", "build_field", "field_of", "field_text"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -535,14 +538,57 @@ def _expression(given: FieldArguments, setting: Setting) -> Field:
 def _table(given: FieldArguments, setting: Setting) -> Field:
     path = _file(given, ".csv, .npy or .vti")
     first, step = given.triple("origin"), given.triple("step")
-    array = given.named.get("array")
-    table = read_grid_table(path, array=array, first_mm=first, spacing_mm=step)
+    table = read_grid_table(path, array=given.named.get("array"), first_mm=first, spacing_mm=step)
+    return _tabled(path.name, table, given, setting)
+
+
+def _tabled(name: str, table: GridTable, given: FieldArguments, setting: Setting) -> Field:
     corner = np.array(table.first_mm) - 0.5 * np.array(table.spacing_mm) + setting.origin_mm
     x, y, z = corner.tolist()
     nx, ny, nz = table.values.shape
     quantity = between_cells(Grid((x, y, z), table.spacing_mm, (nx, ny, nz)), table.values)
-    says = {"file": path.name, "sha256": table.sha256}
+    says = {"file": name, "sha256": table.sha256}
+    if given.named.get("array"):
+        says["array"] = given.named["array"]
     return _ramp(given, setting, quantity).along(quantity, "table", says, length=False)
+
+
+@dataclass(frozen=True)
+class TableFile:
+    """A table of values beside a plan, and which of them are its field: as it stands, 0 to 1.
+
+    Attributes
+    ----------
+    data
+        The file's bytes, where it is not yet written.
+    """
+
+    path: Path
+    array: str
+    data: bytes | None = None
+
+    def field(self, setting: Setting) -> Field:
+        """Return the field of the values."""
+        table = read_grid_table(self.path, array=self.array, data=self.data)
+        named = {"array": self.array, "from": "0", "to": "1"}
+        given = FieldArguments("table", (), named, setting.origin_mm)
+        return _tabled(self.path.name, table, given, setting)
+
+
+def field_of(says: Mapping[str, Any], origin_mm: Point, folder: Path | None) -> str | TableFile:
+    """Return a plan's field as `build_field` takes it; see `field_text`.
+
+    Parameters
+    ----------
+    folder
+        The plan's own, if it has one: a table there is read from there.
+    """
+    ours = says.get("name") == "table" and says.get("array") and (says.get("from"), says.get("to"))
+    if folder is not None and ours == (0.0, 1.0):
+        path = path_within(folder, str(says["file"]))
+        if path.is_file() and hashlib.sha256(read_file(path)).hexdigest() == says.get("sha256"):
+            return TableFile(path, str(says["array"]))
+    return field_text(says, origin_mm)
 
 
 def _points(given: FieldArguments, setting: Setting) -> Field:
@@ -609,6 +655,8 @@ def build_field(wish: object, setting: Setting) -> Field:
     """
     if isinstance(wish, str):
         return _parse(wish, setting, 0)
+    if isinstance(wish, TableFile):
+        return wish.field(setting)
     if isinstance(wish, Field):
         return wish
     if callable(wish):

@@ -21,7 +21,7 @@ from planner.formats.archive import most_unpacked
 from planner.formats.files import read_file
 from planner.numerics import FloatArray, Point
 
-__all__ = ["read_grid_table", "read_point_table"]
+__all__ = ["GridTable", "read_grid_table", "read_point_table"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -290,6 +290,7 @@ def read_grid_table(
     array: str | None = None,
     first_mm: Point | None = None,
     spacing_mm: Point | None = None,
+    data: bytes | None = None,
 ) -> GridTable:
     """Read values on a regular grid.
 
@@ -302,13 +303,15 @@ def read_grid_table(
         Name of the values where a file has several.
     first_mm, spacing_mm
         Of a ``.npy``, which does not say.
+    data
+        The file's bytes, where it is not on disk.
 
     Raises
     ------
     FileError, ArgumentError
         The file cannot be read, or holds something else; the message says what.
     """
-    data = _bytes(path)
+    data = _bytes(path) if data is None else data
     kind = path.suffix.casefold()
     if kind == ".npy":
         if first_mm is None or spacing_mm is None:

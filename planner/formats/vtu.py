@@ -1,4 +1,4 @@
-"""VTU, unstructured grids of VTK, written: points, cells, and values at both."""
+"""VTU and VTI, grids of VTK, written: cells or a lattice of points, and values there."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -17,6 +17,7 @@ __all__ = [
     "TRIANGLE",
     "VERTEX",
     "WEDGE",
+    "encode_vti",
     "encode_vtu",
 ]
 
@@ -59,45 +60,78 @@ def encode_vtu(
     ArgumentError
         Values for another number of points or cells, or of a type that VTU has not.
     """
-    body, blocks = io.StringIO(), io.BytesIO()
     count, cell_count = len(points), sum(len(nodes) for _, nodes in cells)
+    file = _Document("UnstructuredGrid", "")
+    file.body.write(f'<Piece NumberOfPoints="{count}" NumberOfCells="{cell_count}">\n')
+    file.group("PointData", point_data or {}, count)
+    file.group("CellData", cell_data or {}, cell_count)
+    file.body.write("<Points>\n")
+    file.array(points, "Points")
+    file.body.write("</Points>\n<Cells>\n")
+    nodes = [np.asarray(given, dtype=np.int64) for _, given in cells]
+    file.array(np.concatenate([np.empty(0, np.int64), *(n.ravel() for n in nodes)]), "connectivity")
+    sizes = np.repeat([n.shape[1] for n in nodes], [len(n) for n in nodes])
+    file.array(np.cumsum(sizes, dtype=np.int64), "offsets")
+    file.array(
+        np.repeat(np.array([t for t, _ in cells], np.uint8), [len(n) for n in nodes]), "types"
+    )
+    file.body.write("</Cells>\n")
+    return file.encoded()
 
-    def array(values: NDArray[np.generic], name: str) -> None:
+
+def encode_vti(first_mm: FloatArray, spacing_mm: FloatArray, values: _Values) -> bytes:
+    """Return the bytes of a VTI file: values (nx, ny, nz) at the points of a lattice, by name.
+
+    Data are appended as by `encode_vtu`.
+    """
+    shape = next(iter(values.values())).shape
+    extent = " ".join(f"0 {n - 1}" for n in shape)
+    origin, spacing = (" ".join(f"{v:.9g}" for v in one) for one in (first_mm, spacing_mm))
+    lattice = f'WholeExtent="{extent}" Origin="{origin}" Spacing="{spacing}"'
+    file = _Document("ImageData", lattice)
+    file.body.write(f'<Piece Extent="{extent}">\n')
+    flat = {name: each.ravel(order="F") for name, each in values.items()}  # x runs fastest
+    file.group("PointData", flat, int(np.prod(shape)))
+    return file.encoded()
+
+
+class _Document:
+    """A file of VTK in the making: its head, and the arrays appended to it."""
+
+    def __init__(self, kind: str, attributes: str) -> None:
+        self.kind, self.body, self.blocks = kind, io.StringIO(), io.BytesIO()
+        self.body.write(
+            f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" '
+            f'byte_order="LittleEndian" header_type="UInt64">\n<{kind}{attributes and " "}'
+            f"{attributes}>\n"
+        )
+
+    def array(self, values: NDArray[np.generic], name: str) -> None:
+        """Add an array, (n,) or (n, c)."""
         kind = _NAMES.get(values.dtype.newbyteorder("<").str[1:])
         if kind is None:
             raise ArgumentError(
                 f"{name}: values of type {values.dtype} have no place in a VTU file"
             )
         width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
-        body.write(
+        self.body.write(
             f'<DataArray type="{kind}" Name={quoteattr(name)}{width} format="appended" '
-            f'offset="{blocks.tell()}"/>\n'
+            f'offset="{self.blocks.tell()}"/>\n'
         )
         data = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()
-        blocks.write(len(data).to_bytes(8, "little") + data)
+        self.blocks.write(len(data).to_bytes(8, "little") + data)
 
-    def group(tag: str, values_of: _Values, size: int) -> None:
-        body.write(f"<{tag}>\n")
+    def group(self, tag: str, values_of: _Values, size: int) -> None:
+        """Add values of so many points or cells."""
+        self.body.write(f"<{tag}>\n")
         for name, values in values_of.items():
             if len(values) != size or values.ndim > 2:
                 raise ArgumentError(f"{name}: {values.shape} values for {size} of {tag}")
-            array(np.asarray(values), name)
-        body.write(f"</{tag}>\n")
+            self.array(np.asarray(values), name)
+        self.body.write(f"</{tag}>\n")
 
-    body.write(
-        '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" '
-        'byte_order="LittleEndian" header_type="UInt64">\n<UnstructuredGrid>\n'
-        f'<Piece NumberOfPoints="{count}" NumberOfCells="{cell_count}">\n'
-    )
-    group("PointData", point_data or {}, count)
-    group("CellData", cell_data or {}, cell_count)
-    body.write("<Points>\n")
-    array(points, "Points")
-    body.write("</Points>\n<Cells>\n")
-    nodes = [np.asarray(given, dtype=np.int64) for _, given in cells]
-    array(np.concatenate([np.empty(0, np.int64), *(n.ravel() for n in nodes)]), "connectivity")
-    sizes = np.repeat([n.shape[1] for n in nodes], [len(n) for n in nodes])
-    array(np.cumsum(sizes, dtype=np.int64), "offsets")
-    array(np.repeat(np.array([t for t, _ in cells], np.uint8), [len(n) for n in nodes]), "types")
-    body.write('</Cells>\n</Piece>\n</UnstructuredGrid>\n<AppendedData encoding="raw">\n_')
-    return body.getvalue().encode() + blocks.getvalue() + b"\n</AppendedData>\n</VTKFile>\n"
+    def encoded(self) -> bytes:
+        """Return the whole file."""
+        self.body.write(f'</Piece>\n</{self.kind}>\n<AppendedData encoding="raw">\n_')
+        end = b"\n</AppendedData>\n</VTKFile>\n"
+        return self.body.getvalue().encode() + self.blocks.getvalue() + end

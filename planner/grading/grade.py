@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from planner import __version__
 from planner.cutting.grid import affordable_pitch_mm, default_pitch_mm
 from planner.cutting.pieces import Pieces, split
-from planner.errors import ArgumentError, MeshError, as_count, as_number, did_you_mean, positive
+from planner.errors import (
+    ArgumentError,
+    MeshError,
+    ThinBandError,
+    as_count,
+    as_number,
+    did_you_mean,
+    positive,
+)
 from planner.fields.basic import Field, PlanarField, axis_field
-from planner.fields.parse import Setting, build_field
+from planner.fields.parse import Setting, TableFile, build_field
 from planner.formats.mesh_file import MILLIMETRES, canonical_unit, read_mesh, unit_scale_mm
 from planner.formats.stl import decode_stl, stl_holds
 from planner.grading.blends import (
@@ -425,7 +433,7 @@ def grade(
     axis: str | tuple[float, float, float] | None = None,
     profile: Wished | None = None,
     bands: int | None = None,
-    field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
+    field: str | Field | TableFile | Callable[[FloatArray], FloatArray] | None = None,
     pitch_mm: float | None = None,
     blend: str | None = None,
     cell_mm: float | None = None,
@@ -682,7 +690,7 @@ def _check_thickness(
     if thickness_mm < machine.layer_mm:
         fit = int(span_mm / machine.layer_mm)
         unit = next((w.replace("--unit", "`unit`") for w in warnings if "--unit" in w), None)
-        raise ArgumentError(
+        raise ThinBandError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
             f"{span_mm:.4g} mm; "

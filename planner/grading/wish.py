@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import ArgumentError, PlannerError, UnknownNameError, positive
 from planner.fields.basic import Field
-from planner.fields.parse import field_text
+from planner.fields.parse import TableFile, field_of
 from planner.formats.mesh_file import MILLIMETRES
 from planner.formats.tables import QUANTITY_UNITS
 from planner.grading.profile import (
@@ -55,7 +55,7 @@ class Wish:
     end: End | None = None
     profile: Wished | None = None
     axis: str | tuple[float, float, float] | None = None
-    field: str | Field | Callable[[FloatArray], FloatArray] | None = None
+    field: str | Field | TableFile | Callable[[FloatArray], FloatArray] | None = None
     pitch_mm: float | None = None
     bands: int | None = None
     blend: str | None = None
@@ -132,7 +132,7 @@ class Earlier:
             start=target.moduli_MPa[0] if ends else None,
             end=target.moduli_MPa[-1] if ends else None,
             profile=target,
-            field=None if laid_anew else field_text(gradient.field, part.translation_mm),
+            field=None if laid_anew else self._own_field(),
             pitch_mm=None if laid_anew else _number(gradient.field.get("pitch_mm")),
             at_strain=self.plan.stiffness.at_strain,
             printer=self.plan.printer,
@@ -140,6 +140,10 @@ class Earlier:
             unit=None if part.unit == MILLIMETRES else part.unit,
             **({} if stated.blend is not None else _blending(gradient)),
         )
+
+    def _own_field(self) -> str | TableFile:
+        plan = self.plan
+        return field_of(plan.gradient.field, plan.part.translation_mm, plan.folder)
 
     def remarks(self, part_sha256: str) -> tuple[str, ...]:
         """Return what a reader of the new plan should know, a sentence each."""

@@ -1,6 +1,6 @@
 """Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.cutting.grid import default_pitch_mm
-from planner.errors import ArgumentError, did_you_mean, positive
+from planner.errors import ArgumentError, FileError, ThinBandError, did_you_mean, positive
 from planner.fields.basic import Field, axis_field
-from planner.fields.parse import Setting, build_field
-from planner.formats.files import encode_document
+from planner.fields.parse import Setting, TableFile, build_field
+from planner.formats.files import decode_document, encode_document, read_file
+from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import encode_csv
+from planner.formats.vtu import encode_vti
 from planner.glance import counted, html_of, one_line, outcome, percent
 from planner.grading.grade import grade, open_part, refuse_oversize
 from planner.grading.profile import Profile, stiffness_scale
 from planner.grading.regions import point
 from planner.grading.wish import Wish, targets_of
-from planner.inverse_design.goals import Functional, functionals, read_limits, read_target
+from planner.inverse_design.controls import Controls, lattice, lattice_counts, profile_knots
+from planner.inverse_design.goals import Functional, Target, functionals, read_limits, read_target
 from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
@@ -34,13 +37,14 @@ from planner.simulation.part import (
     check_effort,
     default_cell_mm,
     filling_along,
+    finest_cell_mm,
     open_solid,
 )
 
 if TYPE_CHECKING:
-    from planner.inverse_design.search import Solved
+    from planner.inverse_design.search import Case, Problem, Solved, Stiffness, Tried
 
-__all__ = ["DesignFinding", "PartDesign", "Reached", "design"]
+__all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
 
 _MOST_KNOTS = 40
 
@@ -50,35 +54,61 @@ _NUDGE = 1e-3
 _PREFER = ("smooth", "soft")
 
 
+class DesignStage(str):
+    """What a design is doing, in words; `done` is about which share of the work is behind it."""
+
+    done: float
+
+    def __new__(cls, words: str, done: float) -> "DesignStage":
+        """Return the words with the share."""
+        made = super().__new__(cls, words)
+        made.done = done
+        return made
+
+
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """One target, and what it came to.
+    """One target or limit, and what it came to.
 
     Attributes
     ----------
     target, case
         As it was written, and the load case's name.
+    kind
+        ``target``; ``near`` of what the design comes as near to as it can: points, and surfaces,
+        whose figure is the root mean square deviation; ``<`` or ``>`` of a limit.
     wanted, unit
         The figure: of a stiffness, the displacement or force that it means.
     continuous, printed
-        With the profile as it is wanted, and with the materials of the plan.
+        With the gradient as it is wanted, and with the materials of the plan.
     interval
-        Holds what a print does, from the palette's uncertainty.
+        Holds what a print does, from the palette's uncertainty; None of a surface.
     error
-        (printed - wanted) over wanted; None where nothing is wanted to move.
-    hard
-        Whether it is to be met; points of a shape are only come near to.
+        (printed - wanted) over wanted, of a surface over its longest way; None where nothing is
+        wanted to move.
+    reach
+        The figure in the softest and in the stiffest material that is allowed; None where the part
+        is not stable in it.
+    largest
+        Of a surface: the largest deviation of the printed part, mm.
     """
 
     target: str
     case: str
+    kind: str
     unit: str
     wanted: float
     continuous: float
     printed: float
-    interval: tuple[float, float]
+    interval: tuple[float, float] | None
     error: float | None
-    hard: bool
+    reach: tuple[float | None, float | None] = (None, None)
+    largest: float | None = None
+
+    @property
+    def hard(self) -> bool:
+        """Whether it is to be met or kept."""
+        return self.kind != "near"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,18 +121,27 @@ class DesignFinding:
 
 @dataclass(frozen=True, eq=False)
 class PartDesign:
-    """A profile that was found, and the plan that prints it.
+    """A gradient that was found, and the plan that prints it.
 
     Attributes
     ----------
     positions, moduli_MPa : (knots,)
-        The profile along the field.
+        The profile along the field; of a lattice, its softest and stiffest.
+    values : (n,)
+        Of the knots or controls, from 0 (softest) to 1 (stiffest).
+    free
+        Of a lattice: its ``counts`` along x, y and z, the box it is over, ``bounds_mm``, and the
+        axes across which it is ``symmetric``. Quadratic B-splines are between.
+    table
+        Of a lattice: the gradient as a VTI file.
     reached
-        Of every target.
+        Of every target and limit.
     strain_over_break
         Largest in the printed materials, averaged over neighbouring cells; None without a limit.
     tried
         Equilibria that were solved for.
+    interrupted
+        Whether the search was ended before it was done.
     plan
         What is written: `PartDesign.write`.
     """
@@ -110,11 +149,15 @@ class PartDesign:
     plan: Plan
     positions: tuple[float, ...]
     moduli_MPa: tuple[float, ...]
+    values: tuple[float, ...]
     reached: tuple[Reached, ...]
     strain_over_break: float | None
     cell_mm: float
     level: float
     tried: int
+    free: Mapping[str, Any] | None = None
+    table: bytes | None = None
+    interrupted: bool = False
     findings: tuple[DesignFinding, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -122,11 +165,11 @@ class PartDesign:
 
     @one_line
     def __repr__(self) -> str:
-        worst = max((abs(r.error) for r in self.reached if r.error is not None), default=0.0)
+        worst = max((abs(r.error or 0.0) for r in self.reached if _matters(r)), default=0.0)
+        what = counted(len(self.values), "control" if self.free else "knot")
         return (
             f"{self.plan.part.name}: {counted(len(self.reached), 'target')}, worst missed by "
-            f"{percent(worst)}, {counted(len(self.positions), 'knot')}; "
-            + outcome((len(self.findings), "finding"))
+            f"{percent(worst)}, {what}; " + outcome((len(self.findings), "finding"))
         )
 
     @property
@@ -145,11 +188,14 @@ class PartDesign:
                 "positions": list(self.positions),
                 "moduli_MPa": list(self.moduli_MPa),
             },
-            "targets": [asdict(r) for r in self.reached],
+            "free": None if self.free is None else dict(self.free),
+            "values": list(self.values),
+            "targets": [{**asdict(r), "hard": r.hard} for r in self.reached],
             "level": self.level,
             "strain_over_break": self.strain_over_break,
             "cell_mm": self.cell_mm,
             "tried": self.tried,
+            "interrupted": self.interrupted,
             "findings": [asdict(f) for f in self.findings],
             "notes": list(self.notes),
         }
@@ -172,6 +218,8 @@ class PartDesign:
     ) -> Path:
         """Write the plan's folder, with design.json and profile.csv beside plan.json.
 
+        A lattice's gradient is there as field.vti, which ParaView opens and `planner.grade` takes.
+
         Raises
         ------
         OutputError
@@ -179,7 +227,55 @@ class PartDesign:
         """
         target = f"{self.plan.part.name}-designed" if output is None else output
         beside = {"design.json": self.json(), "profile.csv": self.profile_csv()}
+        if self.table is not None:
+            beside[_TABLE] = self.table
         return self.plan.write(target, force=force, page=page, beside=beside)
+
+
+_TABLE = "field.vti"
+
+
+def _matters(row: Reached) -> bool:
+    """Tell whether an error is a miss: a limit's is one where it is passed."""
+    return row.error is not None and (row.kind not in "<>" or _passed(row) > 0.0)
+
+
+def _passed(row: Reached) -> float:
+    over = abs(row.printed) / row.wanted - 1.0
+    return over if row.kind == "<" else -over
+
+
+def interrupted_design(folder: Path) -> bool:
+    """Tell whether a folder holds a design whose search was ended before it was done."""
+    file = folder / "design.json"
+    if not file.is_file():
+        return False
+    return decode_document(read_file(file), _Document, str(file)).get("interrupted") is True
+
+
+_Document = dict[str, Any]
+
+
+def _begun(start: "str | Path | PartDesign | None", count: int) -> FloatArray | None:
+    """Return the values of an earlier design to go on from."""
+    if start is None:
+        return None
+    if isinstance(start, PartDesign):
+        found: Any = start.values
+    else:
+        file = Path(start) / "design.json" if Path(start).is_dir() else Path(start)
+        found = decode_document(read_file(file), _Document, str(file)).get("values")
+    try:
+        values = np.array(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.shape != (count,) or not ((values >= 0.0) & (values <= 1.0)).all():
+        raise FileError(
+            f"`start` {start if not isinstance(start, PartDesign) else 'design'}: it has no "
+            f"{count} values from 0 to 1, one for each control of this design; give one with the "
+            "same `free` or `knots`, or none"
+        )
+    return values
 
 
 @one_blas_thread()
@@ -200,12 +296,17 @@ def design(
     knots: int = 7,
     axis: str | tuple[float, float, float] | None = None,
     field: str | Field | Callable[[FloatArray], FloatArray] | None = None,
+    free: str | None = None,
+    symmetric: str = "",
     prefer: str = "smooth",
+    robust: bool = False,
     blend: str | None = None,
     at_strain: float = 0.1,
     cell_mm: float | None = None,
+    minutes: float | None = None,
     tolerance: float = 0.01,
     level: float = 0.95,
+    start: "str | Path | PartDesign | None" = None,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
@@ -216,10 +317,10 @@ def design(
 ) -> PartDesign:
     """Find the gradient with which a part deforms as wanted, and plan its print.
 
-    The profile is ln(modulus) at evenly spaced knots of the field. It is found by derivatives of
-    the whole part's equilibrium, first on larger cells, then on those asked for; then it is
-    planned, the plan's own materials are put into the cells, and the profile is moved as a whole
-    until what is printed reaches the targets.
+    What is searched for is ln(modulus): at evenly spaced knots of a field, or on a lattice of
+    controls over the part. It is found by derivatives of the whole part's equilibrium, first on
+    larger cells, then on those asked for; then it is planned, the plan's own materials are put into
+    the cells, and the gradient is moved as a whole until what is printed reaches the targets.
 
     Parameters
     ----------
@@ -230,40 +331,60 @@ def design(
         the softest and stiffest that it may use: materials or moduli.
     target
         ``SELECTOR ux=VALUE mm`` (uy, uz): the mean displacement of faces; ``SELECTOR
-        stiffness=VALUE N/mm`` of a load or motion there; ``SELECTOR fx=VALUE N`` of a support;
-        ``shape: FILE.csv`` with x_mm, y_mm, z_mm, ux_mm, uy_mm, uz_mm.
+        rx=VALUE deg`` (ry, rz): how far they turn; ``SELECTOR to SELECTOR distance=VALUE mm``;
+        ``SELECTOR stiffness=VALUE N/mm`` of a load or motion there; ``SELECTOR fx=VALUE N`` of a
+        support; ``shape: FILE.csv`` with x_mm, y_mm, z_mm, ux_mm, uy_mm, uz_mm; ``shape: FILE.stl``
+        (or ``... on SELECTOR``), the part's surface as it is to be, best with the part's own
+        triangles. ``weight 2`` behind one makes its miss count twice.
     fix, load, pressure, move, gravity, moment
         As of `LoadCase`.
     cases
-        More load cases, each with its own targets.
+        More load cases, each with its own targets and limits.
     limit
-        ``strain/break<0.5``, ``slope<0.1 /mm`` (change of ln(modulus)).
+        ``strain/break<0.5``, ``slope<0.1 /mm`` (change of ln(modulus)), or a figure as of a target,
+        without its sign: ``x=min uy<1 mm``.
     knots
         Of the profile.
     axis, field
         What the gradient follows, as `planner.grade`.
+    free
+        A lattice of controls instead: ``6x3x3`` (how many along x, y and z), ``8mm`` (their
+        spacing) or ``auto``, which is taken for a shape by a surface where nothing else is said.
+        Quadratic B-splines are between.
+    symmetric
+        Axes, as ``y`` or ``yz``, across whose middle plane of the part a lattice is its own mirror.
     prefer
-        Of profiles that reach the targets: ``smooth``, which bends least and stays near the even
-        gradient from `from_` to `to`; or ``soft``, which has least of what is stiff.
+        Of gradients that reach the targets: ``smooth``, which bends least and stays near the even
+        gradient from `from_` to `to`, of a lattice near an even modulus; or ``soft``, which has
+        least of what is stiff.
+    robust
+        Whether limits hold at the worst of the palette's interval, not for its own figures alone.
     blend
         As `planner.grade`: ``nearest`` or ``dither``.
     at_strain
         Working strain at which moduli are secants.
     cell_mm
         Edge of the cells; about 2000 by default.
+    minutes
+        Take the finest cells that are foretold to be done in that time, within a factor of two.
     tolerance
-        Relative miss of a target that is accepted.
+        Relative miss of a target that is accepted; of a surface, its root mean square over the
+        longest way.
     level
         How probably an interval holds what a print does.
+    start
+        An earlier design, or its folder, to go on from.
     printer, palette, unit, bodies, name, force_oversize
         As `planner.grade`.
     progress
-        Called with a few words when a stage begins.
+        Called with a few words when a stage begins; they are a `DesignStage`, with the share of the
+        work that is done.
 
     Returns
     -------
     PartDesign
-        `PartDesign.ok` is false when a target or limit is missed: the nearest is returned.
+        `PartDesign.ok` is false when a target or limit is missed: the nearest is returned. An
+        interrupt ends the search, and the best so far is planned and returned.
 
     Raises
     ------
@@ -280,8 +401,13 @@ def design(
     >>> made.write("finger-designed")  # doctest: +SKIP
     """
     own = LoadCase(target, fix, load, pressure, move, gravity, moment=moment)
-    cases = tuple(cases) if cases and own.is_empty and not own.target else (own, *cases)
-    if not all(case.target for case in cases):
+    limits, figures = read_limits((limit,) if isinstance(limit, str) else limit)
+    alone = bool(cases) and own.is_empty and not own.target
+    cases = tuple(cases) if alone else (own, *cases)
+    wanted = [_wanted_of(case) for case in cases]
+    for aims in wanted if alone else wanted[:1]:
+        aims += figures
+    if not all(wanted) or not any(aim.sense == "=" for aims in wanted for aim in aims):
         raise ArgumentError("`target` is missing: give one, as target='x=min uz=-12 mm'")
     if not 2 <= knots <= _MOST_KNOTS:
         raise ArgumentError(f"`knots` {knots}: it must be a whole number from 2 to {_MOST_KNOTS}")
@@ -290,90 +416,142 @@ def design(
         raise ArgumentError(f"`prefer` {prefer}: {hint}it may be {' or '.join(_PREFER)}")
     if blend not in (None, "nearest", "dither"):
         raise ArgumentError(f"`blend` {blend}: a design is printed by nearest or by dither")
+    surfaces = any(aim.surface_mm is not None for aims in wanted for aim in aims)
+    if free is None and axis is None and field is None and surfaces:
+        free = "auto"
+    if free is not None and (axis is not None or field is not None):
+        raise ArgumentError("give `free`, or `axis` or `field`, not both")
+    if not set(symmetric) <= set("xyz") or (symmetric and free is None):
+        raise ArgumentError(f"`symmetric` {symmetric}: it is x, y or z, or several, with `free`")
+    if cell_mm is not None and minutes is not None:
+        raise ArgumentError("give `cell_mm` or `minutes`, not both")
     positive(tolerance, "`tolerance`")
-    limits = read_limits((limit,) if isinstance(limit, str) else limit)
     machine = load_printer(printer or "connex3")
     chosen = palette_of(palette, machine)
     scale = stiffness_scale(chosen, at_strain)
     ends, _, _ = targets_of(Wish(start=from_, end=to, profile="log"), scale)
-    wanted = [[read_target(text) for text in case.target] for case in cases]
+    low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
 
-    progress("reading the part")
+    progress(DesignStage("reading the part", 0.0))
     source = open_part(part, unit=unit, name=name, tray_mm=machine.tray_mm, bodies=bodies)
     if not force_oversize:
         refuse_oversize(source, machine)
     mesh = source.part.mesh
     placed, translation = place(mesh)
-    if field is None:
-        along: Field = axis_field(axis, placed)
-    else:
-        along = build_field(field, Setting(placed, point(translation), default_pitch_mm(placed)))
-    length = along.description().get("span_mm")
-    span_mm = length if isinstance(length, float) else 1.0
+    setting = Setting(placed, point(translation), default_pitch_mm(placed))
     densities = palette_densities(chosen, cases)
+    # Two searches of about ten gradients and the print's own, in one or two steps each.
+    work = {"factors": 2 * len(cases), "solutions": 20 * len(cases)}
     edge = default_cell_mm(mesh) if cell_mm is None else cell_mm
-    # Two searches of about ten profiles and the print's own, in one or two steps each.
-    effort = check_effort(mesh, edge, factors=2 * len(cases), solutions=20 * len(cases))
-
+    if minutes is not None:
+        edge = finest_cell_mm(mesh, minutes, **work)
+    effort = check_effort(mesh, edge, **work)
     extent = float(np.linalg.norm(np.ptp(mesh.bounds_mm, axis=0)))
 
     def posed(surface: Mesh) -> list[tuple[Conditions, list[Functional]]]:
-        aimed = [[target.selector for target in case if target.selector] for case in wanted]
-        given = zip(cases, aimed, strict=True)
-        on = [read_conditions(surface, replace(case, watch=seen)) for case, seen in given]
-        return [(o, functionals(targets, o, extent)) for o, targets in zip(on, wanted, strict=True)]
+        out = []
+        for case, aims in zip(cases, wanted, strict=True):
+            watch = [selector for aim in aims for selector in aim.selectors]
+            on = read_conditions(surface, replace(case, watch=watch))
+            out.append((on, functionals(aims, on, extent)))
+        return out
 
     posed(halve_long_edges(mesh, 0.5 * edge)[0])  # what is wrong is told before the work
-    progress("loading the solver")
-    from planner.inverse_design.search import Case, Knots, ProfileProblem, search
+    progress(DesignStage("loading the solver", 0.0))
+    from planner.inverse_design.search import Case, Problem, Stiffness, search
+    from planner.inverse_design.shape import ShapeGoal, wanted_shape
     from planner.materials.marlow import marlow_table
     from planner.simulation.cut_cells import FEWEST_ALONG, cut_cells
     from planner.simulation.solid import POISSON, Body, LostStabilityError
     from planner.simulation.sparse_cholesky import analyse
 
-    ramp = np.linspace(0.0, 1.0, knots)
-    ramp = ramp if ends.moduli_MPa[0] < ends.moduli_MPa[-1] else ramp[::-1]
-    if limits.slope is not None:  # the start keeps it, and so does every step
-        span = abs(np.log(ends.moduli_MPa[-1] / ends.moduli_MPa[0]))
-        ramp = 0.5 + (ramp - 0.5) * min(1.0, limits.slope * span_mm / span)
-    low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
+    shapes = [
+        [
+            wanted_shape(a.text, a.selector, a.weight, a.surface_mm, _triangles(part, unit, mesh))
+            for a in aims
+            if a.surface_mm is not None
+        ]
+        for aims in wanted
+    ]
     model = scale.model
-    unknowns = Knots(knots, (low, high), model, at_strain)
+    stiffness = Stiffness((low, high), model, at_strain)
     table = marlow_table(model, poisson=POISSON)
+    span_mm, along = 1.0, None
+    says: dict[str, Any] | None = None
+    if free is not None:
+        hard = sum(aim.surface_mm is None for aims in wanted for aim in aims)
+        box = np.ptp(mesh.bounds_mm, axis=0)
+        counts = lattice_counts(free, box, hard + 12 * sum(map(len, shapes)))
+        says = {
+            "counts": list(counts), "bounds_mm": mesh.bounds_mm.tolist(),
+            "symmetric": list(symmetric),
+        }  # fmt: skip
 
-    def cases_on(body: "Body") -> "list[Case]":
+        def freed(even: float) -> Controls:
+            return lattice(mesh.bounds_mm, counts, ["xyz".index(c) for c in symmetric], even)
+
+        controls = freed(0.5)
+    else:
+        along = axis_field(axis, placed) if field is None else build_field(field, setting)
+        length = along.description().get("span_mm")
+        span_mm = length if isinstance(length, float) else 1.0
+        ramp = np.linspace(0.0, 1.0, knots)
+        ramp = ramp if ends.moduli_MPa[0] < ends.moduli_MPa[-1] else ramp[::-1]
+        if limits.slope is not None:  # the start keeps it, and so does every step
+            span = abs(np.log(ends.moduli_MPa[-1] / ends.moduli_MPa[0]))
+            ramp = 0.5 + (ramp - 0.5) * min(1.0, limits.slope * span_mm / span)
+        values_along = along.values
+        controls = profile_knots(lambda p: values_along(p + translation), ramp, span_mm)
+    begun = _begun(start, len(controls.even))
+
+    def cases_on(body: Body, before: "Sequence[Case]" = ()) -> list[Case]:
         cells, made = body.cells, []
         analysis = analyse(cells.nodes, cells.node_mm, cells.interface.cells)
-        for number, (case, (conditions, goals)) in enumerate(
-            zip(cases, posed(cells.surface), strict=True)
-        ):
+        for number, (case, (on, goals)) in enumerate(zip(cases, posed(cells.surface), strict=True)):
             called = case.name or (f"case {number + 1}" if len(cases) > 1 else "")
-            made.append(Case(called, cells, conditions, analysis, goals, body))
+            facets = {watched.selector: watched.facets for watched in on.watched}
+            goal = [ShapeGoal.on(s, cells, facets.get(s.selector)) for s in shapes[number]]
+            made.append(Case(called, cells, on, analysis, goals, body, goal))
+            if before:
+                made[-1].begin_from(before[number])
         return made
 
-    def problem_on(size_mm: float) -> tuple[ProfileProblem, FloatArray]:
-        progress(f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}")
+    def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> Problem:
+        words = f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}"
+        progress(DesignStage(words, done))
         cells = cut_cells(mesh, size_mm)
-        points = cells.points_mm
-        u = along.values(points + translation)
-        middle, _ = unknowns.coordinates(np.full(knots, 0.5), u)
-        body = Body(cells, table, middle, densities=densities)
-        made = cases_on(replace(body, stabiliser_MPa=body.cell_shear_MPa))
-        return ProfileProblem(
-            unknowns, made, u, limits, ramp, prefer, span_mm / (knots - 1)
-        ), points
+        middle = float(stiffness.coordinates(np.array([0.5]))[0][0])
+        body = Body(cells, table, np.full(len(cells.points), middle), densities=densities)
+        made = cases_on(replace(body, stabiliser_MPa=body.cell_shear_MPa), before)
+        normal = NormalDist().inv_cdf(0.5 + level / 2.0) if robust else 0.0
+        return Problem(stiffness, controls, made, limits, prefer, tolerance, normal)
 
-    def told(stage: str) -> Callable[[int, float], None]:
-        return lambda tried, off: progress(f"{stage}: profile {tried}, off by {percent(off)}")
+    def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
+        def tell(tried: int, off: float) -> None:
+            done = first + (last - first) * min(tried / 15.0, 0.9)
+            progress(DesignStage(f"{stage}: gradient {tried}, off by {percent(off)}", done))
+
+        return tell
 
     longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
     larger_mm = max(edge, min(COARSER * edge, longest_mm / FEWEST_ALONG))
-    problem, _ = problem_on(larger_mm)  # to come near
+    near_share = 0.6 / (1.0 + (larger_mm / edge) ** 4)  # of the work, in the larger cells
+    problem = problem_on(larger_mm, 0.0)  # to come near
+    progress(DesignStage("larger cells: the softest and the stiffest that is allowed", 0.02))
+    reach = _reach(problem)
+    for words in _out_of_reach(problem, reach):
+        progress(DesignStage(words, 0.05))
+    if free is not None:
+        controls = freed(_even(problem, reach))
+        problem = replace(problem, controls=controls)
     found = None
-    for stiffer in (0.0, 0.5, 1.0):
+    for stiffer in (0.0, 0.5, 0.75, 1.0):
         try:
-            start = np.maximum(ramp, stiffer)
-            found = search(problem, start, tolerance=0.02, progress=told("larger cells"))
+            first = np.maximum(controls.even, stiffer) if begun is None else begun
+            found = search(
+                problem, first, tolerance=max(0.02, tolerance),
+                progress=told("larger cells", 0.05, near_share),
+            )  # fmt: skip
             break
         except LostStabilityError:
             continue
@@ -382,123 +560,255 @@ def design(
             "the part has no stable equilibrium under these loads even in the stiffest material; "
             "take smaller loads"
         )
-    tried = found.tried
-    problem, points = problem_on(edge)
-    found = search(
-        problem, found.best.values, tolerance=0.3 * tolerance, radius=0.1,
-        progress=told("cells asked for"),
-    )  # fmt: skip
-    tried += found.tried
-    best = found.best
+    tried, best, stopped = found.tried, found.best, found.stopped
+    if not stopped:
+        problem = problem_on(edge, near_share, problem.cases)
+        found = search(
+            problem, best.values, tolerance=0.3 * tolerance, radius=0.1,
+            progress=told("cells asked for", near_share, 0.7),
+        )  # fmt: skip
+        tried, best, stopped = tried + found.tried, found.best, found.stopped
 
-    progress("planning the print")
-    hard = np.array([goal.hard for goal in problem.goals])
+    progress(DesignStage("planning the print", 0.7))
 
-    def solved_with(plan: Plan) -> "list[Solved]":
-        solid = open_solid(plan, None, None, None, chosen)
-        if solid.shells is None:
-            filling = filling_along(along, plan, chosen)(points)
+    def laid(values: FloatArray) -> tuple[Profile, Field, TableFile | None]:
+        """Return the profile, the field that it is along, and the field as a table."""
+        if along is not None:
+            positions = tuple(np.linspace(0.0, 1.0, len(values)).tolist())
+            moduli = tuple(stiffness.modulus_MPa(values).tolist())
+            return Profile("designed", positions, moduli, "log"), along, None
+        data = _encoded(controls, values, mesh.bounds_mm, counts, stiffness)
+        held = TableFile(Path(_TABLE), "position", data)
+        return Profile("designed", (0.0, 1.0), (low, high), "log"), held.field(setting), held
+
+    def planned(values: FloatArray) -> tuple[Plan, Field]:
+        profile, field_laid, held = laid(values)
+        plan = grade(
+            part, profile=profile, axis=axis, field=held or field, blend=blend,
+            at_strain=at_strain, printer=machine, palette=chosen, unit=unit, bodies=bodies,
+            name=name, force_oversize=force_oversize,
+        )  # fmt: skip
+        return plan, field_laid
+
+    def solved_with(plan: Plan, follows: Field) -> "list[Solved]":
+        if blend == "dither" or len(plan.regions) == 1:
+            filling = filling_along(follows, plan, chosen)(problem.cases[0].cells.points_mm)
             return [case.solve(filling) for case in problem.cases]
-        cells, filling = solid.cut(edge)
-        return [
-            case.solve(filling)
-            for case in cases_on(Body(cells, table, filling, densities=densities))
-        ]
+        cells, filling = open_solid(plan, None, None, None, chosen).cut(problem_mm)
+        body = Body(cells, table, filling, densities=densities)
+        return [case.solve(filling) for case in cases_on(body, problem.cases)]
 
-    def planned(values: FloatArray) -> Plan:
-        profile = Profile(
-            "designed", tuple(unknowns.positions.tolist()),
-            tuple(unknowns.modulus_MPa(values).tolist()), "log",
-        )  # fmt: skip
-        return grade(
-            part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
-            printer=machine, palette=chosen, unit=unit, bodies=bodies, name=name,
-            force_oversize=force_oversize,
-        )  # fmt: skip
+    problem_mm = edge if not stopped else float(problem.cases[0].cells.cell_mm.max())
 
     def printed(values: FloatArray) -> "tuple[FloatArray, Plan, list[Solved]]":
         try:
-            plan = planned(values)
-        except ArgumentError:  # a band thinner than a layer, which goes where all is a bit softer
+            plan, follows = planned(values)
+        except ThinBandError:  # which goes where all is a bit softer
             values = values - _NUDGE * (values > _NUDGE)
-            plan = planned(values)
-        return values, plan, solved_with(plan)
+            plan, follows = planned(values)
+        return values, plan, solved_with(plan, follows)
+
+    aims_met = np.array([goal.kind == "target" for goal in problem.goals])
 
     def offs(solved: "list[Solved]") -> FloatArray:
+        """Return how far targets are off what the gradient comes to, relative to what is wanted."""
         figures = np.concatenate([s.values() for s in solved])
-        return np.array(
-            [_off(goal, f) for goal, f in zip(problem.goals, figures.tolist(), strict=True)]
-        )
+        each = zip(problem.goals, figures.tolist(), best.figures.tolist(), strict=True)
+        missed = np.array([goal.off(now) - goal.off(aim) for goal, now, aim in each])
+        return np.asarray(missed[aims_met])
 
     values, plan, solved = printed(best.values)
     tried += 1
-    missed = offs(solved)[hard]
-    least, kept = float(np.abs(missed).max(initial=0.0)), (values, plan, missed)
-    # One offset of the whole profile; brackets close in where a secant may jump.
-    base, way = values, np.ones(knots)
-    trail = [_Try(0.0, _signed(missed, best.slopes[hard], way), plan)]
-    for _ in range(8 if len(missed) else 0):
+    misses = offs(solved)
+    least, kept = float(np.abs(misses).max(initial=0.0)), (values, plan, solved, misses)
+    # One offset of the whole gradient; brackets close in where a secant may jump.
+    base, way = values, np.ones(len(values))
+    trail = [_Try(0.0, _signed(misses, best.slopes, way), plan)]
+    for _ in range(8 if len(misses) and not stopped else 0):
         if least <= 0.2 * tolerance:
             break
-        jumped = None if limits.slope is not None else _jump(trail)
+        jumped = None if limits.slope is not None or free is not None else _jump(trail)
         if jumped is not None:
             # What is printed steps there, as a cut passes a wall: the others move, it does not.
             base = kept[0]
-            way = (np.abs(unknowns.positions - jumped) >= 1.0 / (knots - 1)).astype(np.float64)
-            trail = [_Try(0.0, _signed(kept[2], best.slopes[hard], way), kept[1])]
+            at = np.linspace(0.0, 1.0, len(values))
+            way = (np.abs(at - jumped) >= 1.0 / (len(values) - 1)).astype(np.float64)
+            trail = [_Try(0.0, _signed(kept[3], best.slopes, way), kept[1])]
         shift = _next_shift(trail)
         values = np.clip(base + shift * way, 0.0, 1.0)
         if shift in [t.shift for t in trail] or np.array_equal(values, kept[0]):
             break
-        progress(f"printed materials: off by {percent(least)}")
+        progress(DesignStage(f"printed materials: off by {percent(least)}", 0.8))
         values, plan, solved = printed(values)
         tried += 1
-        missed = offs(solved)[hard]
-        trail.append(_Try(shift, _signed(missed, best.slopes[hard], way), plan))
-        if float(np.abs(missed).max()) < least:
-            least, kept = float(np.abs(missed).max()), (values, plan, missed)
-    values, chosen_plan, _ = kept
-    if chosen_plan is not plan:  # an earlier try was the nearest
-        plan, solved = chosen_plan, solved_with(chosen_plan)
+        misses = offs(solved)
+        trail.append(_Try(shift, _signed(misses, best.slopes, way), plan))
+        if float(np.abs(misses).max()) < least:
+            least, kept = float(np.abs(misses).max()), (values, plan, solved, misses)
+    values, plan, solved, _ = kept
 
     rows, over = [], None
-    figures = iter(best.figures.tolist())
-    for case, one in zip(problem.cases, solved, strict=True):
+    figures_of = iter(zip(best.figures.tolist(), reach, strict=True))
+    wanted_ways = problem.shape_deviations(best.values)
+    for number, (case, one) in enumerate(zip(problem.cases, solved, strict=True)):
         intervals = _intervals(one, model, level)
         for goal, figure, span in zip(case.goals, one.values().tolist(), intervals, strict=True):
             off = None if not goal.wanted else figure / goal.wanted - 1.0
+            continuous, ends_of = next(figures_of)
             rows.append(
                 Reached(
-                    goal.text, case.name, goal.unit, goal.wanted, next(figures), figure, span,
-                    off, goal.hard,
+                    goal.text, case.name, goal.kind, goal.unit, goal.wanted, continuous, figure,
+                    span, off, ends_of,
+                )
+            )  # fmt: skip
+        for wish, miss, ideal in zip(
+            shapes[number], one.deviations(), wanted_ways[number], strict=True
+        ):
+            way_mm = wish.greatest_mm
+            rows.append(
+                Reached(
+                    wish.text, case.name, "near", "mm off", 0.0, ideal.rms * way_mm,
+                    miss.rms * way_mm, None, miss.rms, largest=miss.largest * way_mm,
                 )
             )  # fmt: skip
         if limits.strain_over_break is not None:
             over = max(over or 0.0, one.over_break().largest)
     findings = _findings(
-        rows, over, limits.strain_over_break, tolerance, values, dithered=blend == "dither"
-    )
+        rows, over, limits.strain_over_break, tolerance, values, problem, best,
+        dithered=blend == "dither",
+    )  # fmt: skip
+    notes = [wish.note for each in shapes for wish in each]
+    if free is not None:
+        notes.append(
+            f"{counted(len(values), 'control')} on a lattice of {' x '.join(map(str, counts))}; "
+            "smoothness (the sum of squared second differences) weighs 1, a target's relative miss "
+            "20, a shape's squared deviation over the tolerance 20"
+        )
+    if stopped:
+        findings.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
+    profile, _, held = laid(values)
     return PartDesign(
         plan=plan,
-        positions=tuple(unknowns.positions.tolist()),
-        moduli_MPa=tuple(unknowns.modulus_MPa(values).tolist()),
+        positions=profile.positions,
+        moduli_MPa=profile.moduli_MPa,
+        values=tuple(float(f"{v:.9g}") for v in values),
         reached=tuple(rows),
         strain_over_break=over,
-        cell_mm=edge,
+        cell_mm=problem_mm,
         level=level,
         tried=tried,
+        free=says,
+        table=None if held is None else held.data,
+        interrupted=stopped,
         findings=tuple(findings),
         notes=(
-            f"figures are those of cells of {edge:.3g} mm; `planner simulate` of the plan tells "
-            "how far they depend on the cells",
+            *notes,
+            f"figures are those of cells of {problem_mm:.3g} mm; `planner simulate` of the plan "
+            "tells how far they depend on the cells",
         ),
     )
 
 
-def _off(goal: Functional, figure: float) -> float:
-    if goal.wanted:
-        return figure / goal.wanted - 1.0
-    return figure / goal.scale
+_INTERRUPTED = (
+    "the search was interrupted after {tried} gradients: this is the best of them, not corrected "
+    "for rounding to materials; the same command goes on from here"
+)
+
+
+def _wanted_of(case: LoadCase) -> list[Target]:
+    """Return the targets and limits of a case."""
+    limits, figures = read_limits(case.limit)
+    if limits.strain_over_break is not None or limits.slope is not None:
+        raise ArgumentError(
+            f"`limit` {case.limit[0]}: of strain and slope there is one limit for all cases; give "
+            "it beside them"
+        )
+    return [*map(read_target, case.target), *figures]
+
+
+def _triangles(part: object, unit: str | None, mesh: Mesh) -> FloatArray:
+    """Return the part's triangles in the order of its file, (k, 3, 3)."""
+    if isinstance(part, (str, Path)):
+        return np.asarray(read_mesh(Path(part), unit).triangles, dtype=np.float64)
+    return mesh.triangles
+
+
+def _encoded(
+    controls: Controls,
+    values: FloatArray,
+    bounds_mm: FloatArray,
+    counts: Sequence[int],
+    stiffness: "Stiffness",
+) -> bytes:
+    """Return a lattice's gradient as a VTI file: eight steps between controls, and the box's ends.
+
+    Between points of a table values are linear: off by 1/64 of an eighth of a second difference.
+    """
+    steps = [8 * max(count - 2, 1) for count in counts]
+    spacing = np.ptp(bounds_mm, axis=0) / steps
+    index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
+    places = bounds_mm[0] + index.reshape(-1, 3) * spacing
+    share = (controls.basis(places) @ values).reshape(index.shape[:3]).astype(np.float32)
+    modulus = stiffness.modulus_MPa(share.astype(np.float64)).astype(np.float32)
+    return encode_vti(bounds_mm[0], spacing, {"position": share, "modulus_MPa": modulus})
+
+
+# ------------------------------------------------------------------------------------------------
+# What is in reach: the softest and the stiffest answers, before the search.
+
+
+_Ends = tuple[float | None, float | None]
+
+
+def _reach(problem: "Problem") -> list[_Ends]:
+    """Return the figures of all goals in the softest and in the stiffest material."""
+    from planner.simulation.solid import LostStabilityError
+
+    found: list[list[float | None]] = []
+    for share in (0.0, 1.0):
+        coordinate, _ = problem.stiffness.coordinates(np.full(problem.basis.shape[0], share))
+        each: list[float | None] = []
+        for case in problem.cases:
+            case.state = None
+            try:
+                each += case.solve(coordinate).values().tolist()
+            except LostStabilityError:
+                each += [None] * len(case.goals)
+        found.append(each)
+    for case in problem.cases:
+        case.state = None
+    return list(zip(*found, strict=True))
+
+
+def _out_of_reach(problem: "Problem", reach: Sequence[_Ends]) -> list[str]:
+    """Say which figures no even material gives."""
+    out = []
+    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
+        if goal.kind == "target" and soft is not None and stiff is not None:
+            low, high = sorted((soft, stiff))
+            if not low <= goal.wanted <= high:
+                way = "the sign is the other one" if goal.wanted * (low + high) < 0.0 else ""
+                out.append(
+                    f"{goal.text}: all in the softest material comes to {soft:.4g} {goal.unit}, "
+                    f"all in the stiffest to {stiff:.4g}; {way or 'a gradient may not get there'}"
+                )
+    return out
+
+
+def _even(problem: "Problem", reach: Sequence[_Ends]) -> float:
+    """Return the share of stiffness at which an even part comes nearest to the targets."""
+    shares = []
+    for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
+        if goal.kind == "target" and goal.wanted and soft and stiff and soft != stiff:
+            figures = np.array([goal.wanted, stiff]) / soft
+            if (figures > 0.0).all():
+                wanted, span = np.log(figures)
+                shares.append(float(np.clip(wanted / span, 0.05, 0.95)))
+    return float(np.mean(shares)) if shares else 0.5
+
+
+# ------------------------------------------------------------------------------------------------
+# From the gradient to the print: one offset makes up for rounding to materials.
 
 
 class _Try(NamedTuple):
@@ -558,10 +868,11 @@ def _intervals(
     sds = log_stress_sds(solved.mechanics, solved.state, model, normal)
     return [
         figure_interval(
-            solved.mechanics, solved.state, solved.factored, goal.weights(solved.mechanics)[0],
-            goal.value(solved.mechanics, solved.state), sds, normal,
+            solved.mechanics, solved.state, solved.factored, weights, figure, sds, normal,
         )
-        for goal in solved.goals
+        for figure, weights in (
+            goal.measure(solved.mechanics, solved.state) for goal in solved.goals
+        )
     ]  # fmt: skip
 
 
@@ -571,6 +882,8 @@ def _findings(
     limit: float | None,
     tolerance: float,
     values: FloatArray,
+    problem: "Problem",
+    best: "Tried",
     *,
     dithered: bool,
 ) -> list[DesignFinding]:
@@ -583,25 +896,85 @@ def _findings(
         why = f"; all of the part is in the {word} material that is allowed"
     elif limit is not None and over is not None and over > 0.97 * limit:
         why = f"; strain over break is at its limit, {limit:g}"
+    against = _against(problem, best, tolerance)
     for row in rows:
-        short = abs(row.continuous - row.wanted) > tolerance * abs(row.wanted)
-        if row.hard and row.error is not None and abs(row.error) > tolerance:
-            what = (
-                f"the nearest profile comes to {row.continuous:.4g} {row.unit}"
-                if short
-                else f"the profile comes to {row.continuous:.4g} {row.unit}, which the printed "
-                "materials follow in steps"
-                + ("" if dithered else "; dithered ones follow it closer (blend: dither)")
-            )
-            found.append(
-                DesignFinding(
-                    "target",
-                    f"{row.target}: {row.printed:.4g} {row.unit} is reached, "
-                    f"{percent(row.error, '+')}; {what}{why if short else ''}",
+        closer = "" if dithered else "; dithered ones follow it closer (blend: dither)"
+        if row.largest is not None:
+            if row.error is not None and row.error > tolerance:
+                found.append(
+                    DesignFinding(
+                        "target",
+                        f"{row.target}: the surface is {row.printed:.3g} mm off (root mean "
+                        f"square), {percent(row.error)} of its longest way, and "
+                        f"{row.largest:.3g} mm at most; the gradient comes to "
+                        f"{row.continuous:.3g} mm"
+                        + ("" if row.continuous > 0.8 * row.printed else closer),
+                    )
                 )
+            continue
+        miss = row.error if row.kind not in "<>" else _passed(row)
+        missed = miss is not None and row.hard and (miss if row.kind in "<>" else abs(miss))
+        if miss is None or not missed or missed <= tolerance:
+            continue
+        short = abs(row.continuous - row.wanted) > tolerance * abs(row.wanted)
+        if row.kind in "<>":
+            short = _passed(replace(row, printed=row.continuous)) > tolerance
+        name = f"{row.case}: {row.target}" if row.case else row.target
+        what = (
+            f"the nearest gradient comes to {row.continuous:.4g} {row.unit}"
+            if short
+            else f"the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
+            f"materials follow in steps{closer}"
+        )
+        ends = [f"{e:.4g}" if e is not None else "no stable shape" for e in row.reach]
+        stands = against.get((row.case, row.target), "")
+        reasons = (
+            f"{why}{stands}; softest {ends[0]}, stiffest {ends[1]} {row.unit}" if short else ""
+        )
+        found.append(
+            DesignFinding(
+                "target" if row.kind == "target" else "limit",
+                f"{name}: {row.printed:.4g} {row.unit} is reached, {percent(miss, '+')}; {what}"
+                f"{reasons}",
             )
+        )
     if limit is not None and over is not None and over > limit * (1.0 + tolerance):
         found.append(
             DesignFinding("limit", f"strain/break<{limit:g}: the printed part comes to {over:.3g}")
         )
     return found
+
+
+_OPPOSED = -0.5
+"""Cosine between two derivatives from which targets are said to stand against each other."""
+
+
+def _against(problem: "Problem", best: "Tried", tolerance: float) -> dict[tuple[str, str], str]:
+    """Say of each target and limit that is missed which other stands most against it."""
+    named = [(case.name, goal.text, goal.kind) for case in problem.cases for goal in case.goals]
+    off, over = (
+        iter(zip(best.off, best.slopes, strict=True)),
+        iter(zip(best.over, best.over_slopes, strict=True)),
+    )
+    rows = []
+    for case, text, kind in named:
+        if kind != "near":
+            miss, row = next(off) if kind == "target" else next(over)
+            rows.append((case, text, kind, float(miss), row))
+    out = {}
+    for case, text, kind, miss, row in rows:
+        if (abs(miss) if kind == "target" else miss) <= tolerance:
+            continue
+        mend = -np.sign(miss) * row
+        size = float(np.linalg.norm(mend))
+        worst, who = _OPPOSED, ""
+        for case2, text2, kind2, miss2, row2 in rows:
+            if (case2, text2) == (case, text) or (kind2 != "target" and miss2 < -0.05):
+                continue
+            keep = -np.sign(miss2) * row2 if kind2 == "target" and miss2 else -row2
+            cosine = float(mend @ keep) / max(size * float(np.linalg.norm(keep)), 1e-300)
+            if cosine < worst:
+                worst, who = cosine, f"{case2}: {text2}" if case2 else text2
+        if who:
+            out[case, text] = f"; {who} stands against it"
+    return out

@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from planner.errors import ArgumentError, did_you_mean
+from planner.formats.mesh_file import read_mesh
 from planner.formats.tables import finite_number, read_records, unit_factor
 from planner.numerics import FloatArray, Point
 from planner.simulation.loads import refuse_held
@@ -27,32 +28,50 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Target:
-    """One figure that a load case is to come to.
+    """One figure that a load case is to come to, or to keep below or above.
 
     Attributes
     ----------
     text
         As it was written.
     selector
-        Faces whose mean displacement, force or stiffness it is.
+        Faces whose mean displacement, force or stiffness it is; of a shape, faces that count.
     quantity
-        ``ux``, ``uy``, ``uz`` (mm), ``fx``, ``fy``, ``fz`` (N, of a support) or ``stiffness``
-        (N/mm, of a force or of a support that moves).
+        ``ux``, ``uy``, ``uz`` (mm), ``rx``, ``ry``, ``rz`` (degrees that the faces turn about the
+        axis), ``distance`` (mm, from `selector` to `other`), ``fx``, ``fy``, ``fz`` (N, of a
+        support) or ``stiffness`` (N/mm, of a force or of a support that moves).
     value
         In the unit of its quantity.
+    other
+        Of a distance: the faces at its other end.
+    sense
+        ``=`` of a target; ``<`` or ``>`` of a limit, which is on the figure without its sign.
+    weight
+        Of its miss, beside others' that it stands against.
     points_mm, moves_mm
-        Of a shape: places at rest and where each is to move by, (n, 3); there the design comes as
-        near as it can.
+        Of a shape by points: places at rest and where each is to move by, (n, 3); there the design
+        comes as near as it can.
+    surface_mm : (k, 3, 3)
+        Of a shape by a surface: its triangles, where they are wanted.
     """
 
     text: str
     selector: str = ""
     quantity: str = ""
     value: float = 0.0
+    other: str = ""
+    sense: str = "="
+    weight: float = 1.0
     points_mm: tuple[Point, ...] = ()
     moves_mm: tuple[Point, ...] = ()
+    surface_mm: FloatArray | None = None
+
+    @property
+    def selectors(self) -> list[str]:
+        """Faces that it is about."""
+        return [text for text in (self.selector, self.other) if text]
 
 
 @dataclass(frozen=True)
@@ -71,15 +90,22 @@ class Limits:
     slope: float | None = None
 
 
-_UNITS = {"u": ("length", "mm"), "f": ("force", "N")}
-_QUANTITIES = ("ux", "uy", "uz", "fx", "fy", "fz", "stiffness")
-_TARGET = re.compile(
-    r"(.+?)\s+([a-z]+)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(\S.*)?", re.IGNORECASE
-)
+_UNITS = {
+    "u": ("length", "mm"), "f": ("force", "N"), "r": ("angle", "deg"), "d": ("length", "mm"),
+}  # fmt: skip
+_QUANTITIES = (
+    "ux", "uy", "uz", "rx", "ry", "rz", "fx", "fy", "fz", "distance", "stiffness",
+)  # fmt: skip
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)"
+_TARGET = re.compile(rf"(.+)\s+([a-z]+)\s*(=|<|>)=?\s*{_NUMBER}\s*([^=<>]*)", re.IGNORECASE)
+_WEIGHT = re.compile(rf"(.*)\sweight\s+{_NUMBER}", re.IGNORECASE)
+_BETWEEN = re.compile(r"\s+to\s+", re.IGNORECASE)
 
 
-def read_target(text: str) -> Target:
-    """Read ``SELECTOR QUANTITY=VALUE UNIT``, or ``shape: FILE.csv``.
+def read_target(text: str, option: str = "target") -> Target:
+    """Read ``SELECTOR QUANTITY=VALUE UNIT``, ``shape: FILE.csv`` or ``shape: FILE.stl``.
+
+    Behind each may stand ``weight 2``; of a limit, ``<`` or ``>`` stands in place of ``=``.
 
     Raises
     ------
@@ -88,16 +114,23 @@ def read_target(text: str) -> Target:
     FileError
         The file of a shape cannot be read, or a row breaks the rules.
     """
-    if text.casefold().startswith("shape:"):
-        return _shape(text)
-    found = _TARGET.fullmatch(text.strip())
-    where = f"`target` {text}"
-    if found is None:
+    where, bare, weight = f"`{option}` {text}", text.strip(), 1.0
+    if weighed := _WEIGHT.fullmatch(bare):
+        bare, weight = weighed[1].strip(), float(weighed[2])
+        if weight <= 0.0:
+            raise ArgumentError(f"{where}: a weight must be above 0")
+    if bare.casefold().startswith("shape:") and option == "target":
+        return replace(_shape(text, bare), weight=weight)
+    found, signs = _TARGET.fullmatch(bare), "=" if option == "target" else "<>"
+    if found is None or found[3] not in signs:
         raise ArgumentError(
             f"{where}: it must be SELECTOR QUANTITY=VALUE UNIT, as in 'x=min uz=-12 mm', or "
-            "shape: FILE.csv"
+            "shape: FILE (points as .csv, or a surface)"
+            if option == "target"
+            else f"{where}: there are strain/break<0.5 (largest strain over elongation at break), "
+            "slope<0.1 /mm (change of ln(modulus) a mm), and figures of faces, as x=min uy<1 mm"
         )
-    selector, quantity, value, unit = found[1], found[2].casefold(), float(found[3]), found[4]
+    selector, quantity, value, unit = found[1], found[2].casefold(), float(found[4]), found[5]
     if quantity not in _QUANTITIES:
         hint = did_you_mean(quantity, _QUANTITIES)
         raise ArgumentError(
@@ -105,8 +138,8 @@ def read_target(text: str) -> Target:
         )
     if not unit:
         raise ArgumentError(
-            f"{where}: the unit is missing; displacements (ux) are in mm, forces (fx) in N and "
-            "stiffness in N/mm"
+            f"{where}: the unit is missing; displacements (ux) are in mm, turns (ry) in deg, "
+            "forces (fx) in N and stiffness in N/mm"
         )
     if quantity == "stiffness":
         force, slash, length = unit.partition("/")
@@ -117,9 +150,27 @@ def read_target(text: str) -> Target:
         )
         if value <= 0.0:
             raise ArgumentError(f"{where}: a stiffness must be above 0")
+    elif quantity[0] == "r":
+        factor = {"deg": 1.0, "°": 1.0, "rad": float(np.degrees(1.0))}.get(unit.strip(), 0.0)
+        if not factor:
+            raise ArgumentError(f"{where}: {unit!r} is no unit of a turn; there are deg and rad")
+        if abs(factor * value) >= 180.0:
+            raise ArgumentError(f"{where}: a turn must be below 180 deg")
     else:
         factor = unit_factor(_UNITS[quantity[0]][0], unit, where=where)
-    return Target(text, selector.strip(), quantity, factor * value)
+    places = _BETWEEN.split(selector.strip()) if quantity == "distance" else [selector.strip()]
+    if quantity == "distance" and (len(places) != 2 or value <= 0.0):
+        raise ArgumentError(
+            f"{where}: a distance is between two places and above 0: "
+            "'z=max to z=min distance=12 mm'"
+        )
+    if found[3] != "=" and (quantity == "stiffness" or value <= 0.0):
+        raise ArgumentError(
+            f"{where}: a limit is on ux, rx, fx or a distance, on the figure without its sign, "
+            "and above 0"
+        )
+    other = places[1] if len(places) == 2 else ""
+    return Target(text, places[0], quantity, factor * value, other, found[3], weight)
 
 
 _SHAPE_COLUMNS = ("x_mm", "y_mm", "z_mm", "ux_mm", "uy_mm", "uz_mm")
@@ -127,8 +178,16 @@ _MOST_POINTS = 30
 """Each costs three solutions an evaluation; ten to twenty tell a shape."""
 
 
-def _shape(text: str) -> Target:
-    path = Path(text.partition(":")[2].strip())
+_ON = re.compile(r"(.+?)\s+on\s+(.+)", re.IGNORECASE)
+
+
+def _shape(text: str, bare: str) -> Target:
+    named = bare.partition(":")[2].strip()
+    on = _ON.fullmatch(named)
+    path = Path(on[1] if on else named)
+    if path.suffix.casefold() != ".csv":
+        surface = read_mesh(path).triangles
+        return Target(text, on[2] if on else "", "shape", surface_mm=np.asarray(surface, float))
     columns, rows = read_records(path, "shape")
     missing = [name for name in _SHAPE_COLUMNS if name not in columns]
     if missing:
@@ -156,8 +215,8 @@ _LIMIT = re.compile(
 )
 
 
-def read_limits(texts: Sequence[str]) -> Limits:
-    """Read ``strain/break<0.5`` and ``slope<0.1 /mm``.
+def read_limits(texts: Sequence[str]) -> tuple[Limits, list[Target]]:
+    """Read ``strain/break<0.5`` and ``slope<0.1 /mm``, and figures such as ``x=min uy<1 mm``.
 
     Raises
     ------
@@ -165,17 +224,16 @@ def read_limits(texts: Sequence[str]) -> Limits:
         Another text, or a limit that is not above 0.
     """
     held: dict[str, float] = {}
+    figures = []
     for text in texts:
         found = _LIMIT.fullmatch(text.strip())
         if found is None:
-            raise ArgumentError(
-                f"`limit` {text}: there are strain/break<0.5 (largest strain over elongation at "
-                "break) and slope<0.1 /mm (change of ln(modulus) a mm)"
-            )
+            figures.append(read_target(text, "limit"))
+            continue
         if float(found[2]) <= 0.0:
             raise ArgumentError(f"`limit` {text}: it must be above 0")
         held[found[1].casefold()] = float(found[2])
-    return Limits(held.get("strain/break"), held.get("slope"))
+    return Limits(held.get("strain/break"), held.get("slope")), figures
 
 
 # ------------------------------------------------------------------------------------------------
@@ -183,39 +241,54 @@ def read_limits(texts: Sequence[str]) -> Limits:
 
 
 class Functional(NamedTuple):
-    """A figure of an equilibrium that is linear in the displacements.
+    """A figure of an equilibrium.
 
     Attributes
     ----------
     text
         What it is, with its unit.
     wanted, unit
-        The figure wanted.
+        The figure wanted, or the limit.
     scale
         A deviation that counts as whole, where `wanted` is 0.
-    hard
-        Whether it is to be met; else the design comes as near as it can.
-    weights : callable
-        Of `Mechanics`: nodal weights (N, 3), and what is to be added.
+    kind
+        ``target``, which is to be met; ``near``, which the design comes as near to as it can;
+        ``<`` or ``>``, limits of the figure without its sign.
+    weight
+        Of its miss.
+    measure : callable
+        Of `Mechanics` and an equilibrium: the figure, and its derivatives over the nodes'
+        displacements, (N, 3).
     """
 
     text: str
     wanted: float
     unit: str
     scale: float
-    hard: bool
-    weights: Callable[["Mechanics"], tuple[FloatArray, float]]
+    kind: str
+    weight: float
+    measure: "Measure"
 
-    def value(self, mechanics: "Mechanics", state: "Equilibrium") -> float:
-        """Return the figure."""
-        weights, constant = self.weights(mechanics)
-        return float(np.sum(weights * state.displacement_mm)) + constant
+    @property
+    def hard(self) -> bool:
+        """Whether it is to be met or kept."""
+        return self.kind != "near"
+
+    def off(self, figure: float) -> float:
+        """Return the relative miss; of a limit, by how much it is passed, below 0 if it is not."""
+        if self.kind in "<>":
+            over = abs(figure) / self.wanted - 1.0
+            return over if self.kind == "<" else -over
+        return figure / self.wanted - 1.0 if self.wanted else figure / self.scale
+
+
+Measure = Callable[["Mechanics", "Equilibrium"], tuple[float, FloatArray]]
 
 
 def functionals(
     targets: Sequence[Target], conditions: "Conditions", size_mm: float
 ) -> list[Functional]:
-    """Return what targets ask of equilibria under conditions.
+    """Return what targets ask of equilibria under conditions; shapes by a surface are not among.
 
     Parameters
     ----------
@@ -233,40 +306,102 @@ def functionals(
     out: list[Functional] = []
     facets_of = {watched.selector: watched.facets for watched in conditions.watched}
     for target in targets:
+        if target.surface_mm is not None:
+            continue
         if target.points_mm:
-            out += _shape_functionals(target, size_mm)
+            out += _shape_functionals(target)
             continue
         facets = facets_of[target.selector]
-        axis = "xyz".find(target.quantity[-1]) if target.quantity != "stiffness" else -1
-        if target.quantity.startswith("u"):
-            refuse_held(f"`target` {target.text}", facets, [axis], conditions.supports)
-            out.append(
-                Functional(
-                    target.text, target.value, "mm", 0.01 * size_mm, True,
-                    _mean(facets, np.eye(3)[axis]),
-                )
-            )  # fmt: skip
-            continue
-        out.append(_of_loads(target, facets, axis, conditions))
+        axis, quantity = "xyz".find(target.quantity[-1]), target.quantity
+        unit, scale, measure = "mm", 0.01 * size_mm, _mean(facets, np.eye(3)[axis])
+        wanted = target.value
+        if quantity[0] in "ur":
+            held = [axis] if quantity[0] == "u" else [0, 1, 2]
+            refuse_held(f"`target` {target.text}", facets, held, conditions.supports)
+        if quantity[0] == "r":
+            unit, scale, measure = "deg", 1.0, _turn(facets, axis)
+        elif quantity == "distance":
+            measure = _distance(facets, facets_of[target.other])
+        elif quantity[0] in "fs":
+            wanted, unit, measure = _of_loads(target, facets, axis, conditions)
+            scale = 1.0
+        kind = "target" if target.sense == "=" else target.sense
+        out.append(Functional(target.text, wanted, unit, scale, kind, target.weight, measure))
     return out
 
 
-def _mean(facets: Any, direction: FloatArray) -> Callable[["Mechanics"], tuple[FloatArray, float]]:
-    def weights(mechanics: "Mechanics") -> tuple[FloatArray, float]:
-        return mechanics.mean_weights(mechanics.points_of(facets), direction), 0.0
-
-    return weights
+def _linear(weights: FloatArray, constant: float, state: "Equilibrium") -> tuple[float, FloatArray]:
+    return float(np.sum(weights * state.displacement_mm)) + constant, weights
 
 
-def _of_loads(target: Target, facets: Any, axis: int, conditions: "Conditions") -> Functional:
+def _mean(facets: Any, direction: FloatArray) -> Measure:
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        weights = mechanics.mean_weights(mechanics.points_of(facets), direction)
+        return _linear(weights, 0.0, state)
+
+    return measure
+
+
+def _distance(one: Any, other: Any) -> Measure:
+    """Return the distance between the middles of faces, by area."""
+
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        at = [mechanics.points_of(facets) for facets in (one, other)]
+        place = mechanics.body.cells.node_mm + state.displacement_mm
+        apart = mechanics.mean(at[0], place) - mechanics.mean(at[1], place)
+        size = float(np.linalg.norm(apart))
+        along = apart / size
+        first, last = (mechanics.mean_weights(points, along) for points in at)
+        return size, first - last
+
+    return measure
+
+
+def _turn(facets: Any, axis: int) -> Measure:
+    """Return how far faces turn about an axis: that component of the best fit's rotation vector.
+
+    With R the rotation that takes places a about their middle nearest to b, and a' = R a, a change
+    db turns it by ω = (tr S - S)⁻¹ Σ a' × db, S = Σ b a'ᵀ, and the vector r by J⁻¹ ω, J the left
+    Jacobian of the rotations at r (J. Solà and others, arXiv 1812.01537, eq. 146).
+    """
+
+    def measure(mechanics: "Mechanics", state: "Equilibrium") -> tuple[float, FloatArray]:
+        from scipy.spatial.transform import Rotation
+
+        from planner.simulation.solid import spread
+
+        turned = np.radians(mechanics.turn_deg(facets, state.displacement_mm))
+        at = mechanics.points_of(facets)
+        size = np.linalg.norm(at.area_mm2, axis=1)
+        before, after = (
+            place - size @ place / size.sum()
+            for place in (mechanics.place_mm(at), mechanics.place_mm(at, state.displacement_mm))
+        )
+        carried = Rotation.from_rotvec(turned).apply(before)
+        both = np.einsum("n,ni,nj->ij", size, after, carried)
+        both = 0.5 * (both + both.T)
+        angle = max(float(np.linalg.norm(turned)), 1e-9)
+        x, y, z = turned
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        square = 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle)) if angle > 1e-3 else 1 / 12
+        inverse = np.eye(3) - 0.5 * cross + square * cross @ cross
+        spin = np.linalg.solve(np.trace(both) * np.eye(3) - both, inverse[axis])
+        pulls = np.degrees(size[:, None] * np.cross(spin, carried))
+        figure = float(np.degrees(turned[axis]))
+        return figure, spread(mechanics.body.cells, at, pulls)
+
+    return measure
+
+
+def _of_loads(
+    target: Target, facets: Any, axis: int, conditions: "Conditions"
+) -> tuple[float, str, Measure]:
     where = f"`target` {target.text}"
     for force in conditions.forces:
         if target.quantity == "stiffness" and np.array_equal(force.facets, facets):
             given = np.array(force.force_N)
             size = float(np.linalg.norm(given))
-            return Functional(
-                target.text, size / target.value, "mm", 1.0, True, _mean(facets, given / size)
-            )
+            return size / target.value, "mm", _mean(facets, given / size)
     for number, support in enumerate(conditions.supports):
         if not np.array_equal(support.facets, facets):
             continue
@@ -277,34 +412,44 @@ def _of_loads(target: Target, facets: Any, axis: int, conditions: "Conditions") 
         direction = moved / travel if target.quantity == "stiffness" else np.eye(3)[axis]
         wanted = target.value * travel if target.quantity == "stiffness" else target.value
 
-        def weights(
-            mechanics: "Mechanics", number: int = number, direction: FloatArray = direction
-        ) -> tuple[FloatArray, float]:
+        def measure(
+            mechanics: "Mechanics",
+            state: "Equilibrium",
+            number: int = number,
+            direction: FloatArray = direction,
+        ) -> tuple[float, FloatArray]:
             held = mechanics.held[number]
             constant = float(held.stiffness.sum() * (held.axes * held.target_mm) @ direction)
-            return mechanics.reaction_weights(number, direction), constant
+            return _linear(mechanics.reaction_weights(number, direction), constant, state)
 
-        return Functional(target.text, wanted, "N", 1.0, True, weights)
+        return wanted, "N", measure
     raise ArgumentError(
         f"{where}: no load or support is on exactly these faces; a stiffness is that of a `load` "
         "or of a `move`, a force that of a `fix` or a `move`, with the same selector"
     )
 
 
-def _shape_functionals(target: Target, size_mm: float) -> list[Functional]:
+def _shape_functionals(target: Target) -> list[Functional]:
+    """Return the components of a shape's points; the longest way counts as whole."""
     out = []
+    greatest = float(np.linalg.norm(target.moves_mm, axis=1).max())
     for number, (place, move) in enumerate(zip(target.points_mm, target.moves_mm, strict=True)):
         for axis in range(3):
 
-            def weights(
-                mechanics: "Mechanics", place: Point = place, axis: int = axis
-            ) -> tuple[FloatArray, float]:
-                return mechanics.place_weights(np.array(place), np.eye(3)[axis]), 0.0
+            def measure(
+                mechanics: "Mechanics",
+                state: "Equilibrium",
+                place: Point = place,
+                axis: int = axis,
+            ) -> tuple[float, FloatArray]:
+                return _linear(
+                    mechanics.place_weights(np.array(place), np.eye(3)[axis]), 0.0, state
+                )
 
             out.append(
                 Functional(
                     f"{target.text}, point {number + 1}, u{'xyz'[axis]}", move[axis], "mm",
-                    0.01 * size_mm, False, weights,
+                    greatest, "near", target.weight, measure,
                 )
             )  # fmt: skip
     return out

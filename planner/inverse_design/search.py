@@ -1,83 +1,60 @@
-"""Search for the profile of stiffness with which load cases come to their targets."""
+"""Search for the gradient with which load cases come to their targets."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from planner.inverse_design.controls import Controls
 from planner.inverse_design.goals import Functional, Limits
+from planner.inverse_design.shape import Deviation, ShapeGoal
 from planner.materials.mixtures import CoefficientModel, coordinate_for
-from planner.numerics import FloatArray
-from planner.simulation.response import CellAverage, largest_stretch
-from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics
+from planner.numerics import FloatArray, interrupted
+from planner.simulation.part_sensitivity import moved_by
+from planner.simulation.response import CellAverage, largest_stretch, log_stress_sds
+from planner.simulation.solid import Body, Equilibrium, LostStabilityError, Mechanics, Sensitivity
 
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["Case", "Found", "Knots", "ProfileProblem", "TriedProfile", "search"]
-
-
-# ------------------------------------------------------------------------------------------------
-# The unknowns: ln(modulus) at knots of the field, as a share of the way from the softest to the
-# stiffest that is allowed; straight lines between, as planning's profiles have them.
+__all__ = ["Case", "Found", "Problem", "Stiffness", "Tried", "evaluate", "search"]
 
 
 @dataclass(frozen=True, eq=False)
-class Knots:
-    """Stiffness along a field by its values at evenly spaced knots.
+class Stiffness:
+    """What a share of the way from ln(softest) to ln(stiffest) means.
 
     Attributes
     ----------
-    count
-        Of knots.
     moduli_MPa
-        Softest and stiffest that is allowed: values 0 and 1.
+        Softest and stiffest that is allowed: shares 0 and 1.
     model, at_strain
         Turn a modulus into a mixture.
     """
 
-    count: int
     moduli_MPa: tuple[float, float]
     model: CoefficientModel
     at_strain: float
-
-    @property
-    def positions(self) -> FloatArray:
-        """Field values of the knots, (count,)."""
-        return np.linspace(0.0, 1.0, self.count)
 
     @property
     def span(self) -> float:
         """ln(stiffest / softest)."""
         return float(np.log(self.moduli_MPa[1] / self.moduli_MPa[0]))
 
-    def modulus_MPa(self, values: FloatArray) -> FloatArray:
-        """Return the moduli that values mean."""
-        return np.asarray(self.moduli_MPa[0] * np.exp(self.span * values))
+    def modulus_MPa(self, share: FloatArray) -> FloatArray:
+        """Return the moduli that shares mean."""
+        return np.asarray(self.moduli_MPa[0] * np.exp(self.span * share))
 
-    def weights(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the knot below each field value, and the share of the way to the next."""
-        at = np.clip(u, 0.0, 1.0) * (self.count - 1)
-        below = np.minimum(at.astype(np.int64), self.count - 2)
-        return below, at - below
-
-    def coordinates(self, values: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the mixtures' coordinates at field values, and their derivative over the value."""
+    def coordinates(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the mixtures' coordinates at shares, and their derivative over the share."""
         nodes = np.linspace(0.0, 1.0, 2049)
         known = coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
-        at = np.interp(u, self.positions, values)
         step = nodes[1]
-        cell = np.clip((at / step).astype(np.int64), 0, len(nodes) - 2)
-        return np.interp(at, nodes, known), (known[cell + 1] - known[cell]) / step
-
-    def gathered(self, u: FloatArray, each: FloatArray) -> FloatArray:
-        """Return derivatives over the knots' values of what has them over values at points."""
-        below, share = self.weights(u)
-        low = np.bincount(below, each * (1.0 - share), self.count)
-        return np.asarray(low + np.bincount(below + 1, each * share, self.count))
+        cell = np.clip((share / step).astype(np.int64), 0, len(nodes) - 2)
+        return np.interp(share, nodes, known), (known[cell + 1] - known[cell]) / step
 
 
 # ------------------------------------------------------------------------------------------------
@@ -94,9 +71,18 @@ class Case:
     analysis: "Analysis"
     goals: Sequence[Functional]
     body: Body
+    shapes: Sequence[ShapeGoal] = ()
     mechanics: Mechanics | None = None
     state: Equilibrium | None = None
     average: CellAverage | None = None
+
+    def begin_from(self, other: "Case") -> None:
+        """Take over how this part is deformed in other cells, as where the next solution starts."""
+        if other.state is None or other.mechanics is None:
+            return
+        mechanics = Mechanics(self.body, self.conditions, self.analysis)
+        moved = other.cells.interpolated(self.cells.node_mm, other.state.displacement_mm)
+        self.mechanics, self.state = mechanics, mechanics.state_of(moved, 1.0)
 
     def solve(self, coordinate: FloatArray) -> "Solved":
         """Return the equilibrium with mixtures at the quadrature points.
@@ -118,7 +104,7 @@ class Case:
         self.state = state
         if self.average is None:
             self.average = CellAverage(self.cells)
-        return Solved(mechanics, state, factored, self.average, self.goals)
+        return Solved(mechanics, state, factored, self.average, self.goals, self.shapes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,22 +116,39 @@ class Solved:
     factored: "Factor"
     average: CellAverage
     goals: Sequence[Functional]
+    shapes: Sequence[ShapeGoal] = ()
 
     def values(self) -> FloatArray:
         """Return the figures of the goals."""
-        return np.array([goal.value(self.mechanics, self.state) for goal in self.goals])
+        return np.array([goal.measure(self.mechanics, self.state)[0] for goal in self.goals])
 
-    def slopes(self) -> FloatArray:
-        """Return their derivatives over the coordinate at the points, (goals, Q)."""
-        rows = [
+    def sensitivities(self) -> list[Sensitivity]:
+        """Return their derivatives over the material at the points: one solution for each."""
+        return [
             self.mechanics.sensitivity(
-                self.state,
-                self.factored,
-                goal.weights(self.mechanics)[0],
-            ).coordinate
+                self.state, self.factored, goal.measure(self.mechanics, self.state)[1]
+            )
             for goal in self.goals
         ]
-        return np.array(rows).reshape(len(rows), -1)
+
+    def deviations(self) -> list[Deviation]:
+        """Return how far the surface is off the shapes that are wanted."""
+        return [shape.deviation(self.state.displacement_mm) for shape in self.shapes]
+
+    def shape_rows(self, share: Any) -> FloatArray:
+        """Return the changes of all deviations, (m, n), by changes of the coordinate, (Q, n)."""
+        moved = moved_by(self.mechanics, self.state, self.factored, share)
+        rows = []
+        for shape, seen in zip(self.shapes, self.deviations(), strict=True):
+            by_vertex = (shape.carried @ moved.reshape(len(moved), -1)).reshape(
+                -1, *moved.shape[1:]
+            )
+            rows.append(seen.rows(by_vertex))
+        return np.concatenate(rows)
+
+    def sds(self, model: CoefficientModel, normal: float) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of ln(stress) at the points, both ways."""
+        return log_stress_sds(self.mechanics, self.state, model, normal)
 
     def over_break(self) -> "OverBreak":
         """Return the largest strain over break, and how a smooth stand-in for it changes."""
@@ -168,12 +171,13 @@ class Solved:
         tensor = (each / (breaks * stretch))[:, None] * square
         # nodal_forces multiplies by volumes, which `back` has put in already
         pulled = mechanics.nodal_forces(state, tensor / mechanics.body.cells.weights_mm3[:, None])
-        through = mechanics.sensitivity(state, self.factored, pulled).coordinate
+        through = mechanics.sensitivity(state, self.factored, pulled)
         table = body.table
         gap = 1e-6 * float(np.ptp(table.coordinate)) + 1e-12
         change = (table.break_at(body.coordinate + gap) - breaks) / gap
         direct = -each * ratio / breaks * change
-        return OverBreak(largest, norm * largest, (through + direct))
+        by_stress = (through.log_stress + through.log_bulk) / norm * largest
+        return OverBreak(largest, norm * largest, through.coordinate + direct, by_stress)
 
 
 _NORM = 12
@@ -181,11 +185,15 @@ _NORM = 12
 
 
 class OverBreak(NamedTuple):
-    """Largest strain over break, its norm, and the norm's derivatives over coordinates, (Q,)."""
+    """Largest strain over break, its norm, and the norm's derivatives over coordinates, (Q,).
+
+    `by_stress` is how the largest changes with ln(stress) at the points, (Q,).
+    """
 
     largest: float
     norm: float
     slope: FloatArray
+    by_stress: FloatArray
 
 
 # ------------------------------------------------------------------------------------------------
@@ -193,36 +201,38 @@ class OverBreak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileProblem:
-    """Knots to find.
+class Problem:
+    """Controls to find.
 
     Attributes
     ----------
     cases
         Load cases, each with its goals, on cells of one size.
-    along : (Q,)
-        Field values at the cells' quadrature points.
-    ramp : (knots,)
-        The even gradient that a smooth profile stays near.
+    limits
+        Of all cases.
     prefer
-        Among profiles that reach the targets: ``smooth``, or ``soft``, which has the least of
+        Among gradients that reach the targets: ``smooth``, or ``soft``, which has the least of
         what is stiff.
-    knot_mm
-        Distance of knots, or of the field where it has no length.
+    tolerance
+        Miss of a shape, over its longest way, that counts as whole.
+    normal
+        Of standard deviations of the palette by which limits are kept; 0 for its own figures.
     """
 
-    knots: Knots
+    stiffness: Stiffness
+    controls: Controls
     cases: Sequence[Case]
-    along: FloatArray
     limits: Limits
-    ramp: FloatArray
     prefer: str
-    knot_mm: float
+    tolerance: float = 0.01
+    normal: float = 0.0
+    basis: Any = field(init=False)
     volume: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        weights = self.cases[0].cells.weights_mm3
-        volume = self.knots.gathered(self.along, weights)
+        cells = self.cases[0].cells
+        object.__setattr__(self, "basis", self.controls.basis(cells.points_mm))
+        volume = self.basis.T @ cells.weights_mm3
         object.__setattr__(self, "volume", volume / volume.sum())
 
     @property
@@ -230,109 +240,150 @@ class ProfileProblem:
         """Of all cases, in their order."""
         return [goal for case in self.cases for goal in case.goals]
 
-    def wish(self, values: FloatArray) -> float:
-        """Return what is made small among profiles that reach the targets."""
-        bend = np.diff(values, 2)
+    @property
+    def wish(self) -> tuple[FloatArray, FloatArray]:
+        """What is made small among gradients that reach the targets: ½ vᵀ H v + gᵀ v."""
+        count = len(self.controls.even)
+        bend = 2.0 * self.controls.bends.T @ self.controls.bends
         if self.prefer == "soft":
-            return float(self.volume @ values + 0.1 * np.sum(bend**2))
-        return float(np.sum(bend**2) + 0.1 * np.mean((values - self.ramp) ** 2))
+            return 0.1 * bend, self.volume
+        return bend + 0.2 / count * np.eye(count), -0.2 / count * self.controls.even
+
+    def shape_deviations(self, values: FloatArray) -> list[list[Deviation]]:
+        """Return how far each case is off its shapes, solved anew where there are any."""
+        coordinate, _ = self.stiffness.coordinates(self.basis @ values)
+        return [case.solve(coordinate).deviations() if case.shapes else [] for case in self.cases]
 
 
 @dataclass(frozen=True, eq=False)
-class TriedProfile:
-    """A profile that was tried.
+class Tried:
+    """A gradient that was tried; derivatives are over its n controls.
 
     Attributes
     ----------
-    values : (knots,)
+    values : (n,)
     figures : (goals,)
-    off : (goals,), slopes : (goals, knots)
-        ln(figure / wanted), or the deviation over its scale, and the derivatives.
-    over_break : (cases,), over_break_slopes : (cases, knots)
-        ln(largest strain over break / limit), if there is a limit.
+    off, slopes : (t,), (t, n)
+        Of each target: ln(figure / wanted), or the deviation over its scale; times its weight.
+    over, over_slopes : (l,), (l, n)
+        Of each limit: by how much it is passed, over it; below 0 where it is kept.
+    near, near_slopes : (k,), (k, n)
+        Whose sum of squares is that of the shapes' deviations over the tolerance.
     largest : float
         Strain over break in all cases; nan if there is no limit.
+    shape : float
+        The worst shape's root mean square deviation, over its longest way.
     """
 
     values: FloatArray
     figures: FloatArray
     off: FloatArray
     slopes: FloatArray
-    over_break: FloatArray
-    over_break_slopes: FloatArray
+    over: FloatArray
+    over_slopes: FloatArray
+    near: FloatArray
+    near_slopes: FloatArray
     largest: float
+    shape: float
 
 
-def evaluate(problem: ProfileProblem, values: FloatArray) -> TriedProfile:
-    """Return what a profile comes to.
+def evaluate(problem: Problem, values: FloatArray) -> Tried:
+    """Return what a gradient comes to.
 
     Raises
     ------
     LostStabilityError
         A case has no stable equilibrium under its load.
     """
-    coordinate, over_value = problem.knots.coordinates(values, problem.along)
+    basis = problem.basis
+    coordinate, over_value = problem.stiffness.coordinates(basis @ values)
     figures: list[float] = []
-    slopes: list[FloatArray] = []
-    over: list[float] = []
-    over_slopes: list[FloatArray] = []
-    largest = float("nan")
+    rows: dict[str, list[tuple[float, FloatArray]]] = {"off": [], "over": [], "near": []}
+    largest, worst, model = float("nan"), 0.0, problem.stiffness.model
     limit = problem.limits.strain_over_break
     for case in problem.cases:
         solved = case.solve(coordinate)
-        figures += solved.values().tolist()
-        slopes += [
-            problem.knots.gathered(problem.along, row * over_value) for row in solved.slopes()
-        ]
+        sds = solved.sds(model, problem.normal) if problem.normal else None
+        points = len([goal for goal in case.goals if goal.kind == "near"])
+        found = zip(case.goals, solved.values().tolist(), solved.sensitivities(), strict=True)
+        squares = 0.0
+        for goal, figure, through in found:
+            figures.append(figure)
+            row = basis.T @ (through.coordinate * over_value)
+            if goal.kind in "<>":
+                raised = 1.0
+                if sds is not None and figure:
+                    change = _worst(through.log_stress + through.log_bulk, sds, problem.normal)
+                    raised += change / abs(figure) * (1.0 if goal.kind == "<" else -1.0)
+                sign = np.sign(figure) * raised * (1.0 if goal.kind == "<" else -1.0)
+                rows["over"].append((goal.off(figure * raised), sign * row / goal.wanted))
+            elif goal.kind == "near":
+                squares += ((figure - goal.wanted) / goal.scale) ** 2 * 3.0 / points
+                scale = problem.tolerance * goal.scale * np.sqrt(points / 3.0 / goal.weight)
+                rows["near"].append(((figure - goal.wanted) / scale, row / scale))
+            elif goal.wanted and figure / goal.wanted > 0.0:
+                off = goal.weight * float(np.log(figure / goal.wanted))
+                rows["off"].append((off, goal.weight * row / figure))
+            else:
+                scale = (abs(goal.wanted) if goal.wanted else goal.scale) / goal.weight
+                rows["off"].append(((figure - goal.wanted) / scale, row / scale))
+        worst = max(worst, float(np.sqrt(squares)))
         if limit is not None:
             seen = solved.over_break()
+            most = seen.largest
+            if sds is not None:
+                most += _worst(seen.by_stress, sds, problem.normal)
             largest = float(np.fmax(largest, seen.largest))
-            over.append(float(np.log(seen.largest / limit)))
-            row = problem.knots.gathered(problem.along, seen.slope * over_value)
-            over_slopes.append(row / seen.norm)
-    off: list[float] = []
-    rows: list[FloatArray] = []
-    for goal, figure, row in zip(problem.goals, figures, slopes, strict=True):
-        if goal.hard and goal.wanted and figure / goal.wanted > 0.0:
-            off.append(float(np.log(figure / goal.wanted)))
-            rows.append(row / figure)
-        else:
-            scale = abs(goal.wanted) if goal.hard and goal.wanted else goal.scale
-            off.append((figure - goal.wanted) / scale)
-            rows.append(row / scale)
-    count = problem.knots.count
-    return TriedProfile(
-        values,
-        np.array(figures),
-        np.array(off),
-        np.array(rows).reshape(-1, count),
-        np.array(over),
-        np.array(over_slopes).reshape(-1, count),
-        largest,
-    )
+            row = basis.T @ (seen.slope * over_value)
+            rows["over"].append((float(np.log(most / limit)), row / seen.norm))
+        if case.shapes:
+            misses = solved.deviations()
+            worst = max(worst, *(miss.rms for miss in misses))
+            off_all = np.concatenate([miss.off for miss in misses])
+            share = basis.multiply(over_value[:, None]).tocsr()
+            both = np.column_stack([solved.shape_rows(share), off_all]) / problem.tolerance
+            short: FloatArray = np.asarray(np.linalg.qr(both, mode="r"))  # of the same squares
+            rows["near"] += [(float(row[-1]), row[:-1]) for row in short]
+
+    def gathered(name: str) -> tuple[FloatArray, FloatArray]:
+        each = rows[name]
+        slopes = np.array([row for _, row in each]).reshape(len(each), len(values))
+        return np.array([one for one, _ in each]), slopes
+
+    return Tried(
+        values, np.array(figures), *gathered("off"), *gathered("over"), *gathered("near"),
+        largest, worst,
+    )  # fmt: skip
 
 
-_PLEASED = 0.03
-"""A step that reaches the targets and gains less than this share of the wish is the last."""
+def _worst(each: FloatArray, sds: tuple[FloatArray, FloatArray], normal: float) -> float:
+    """Return the largest change that the palette's uncertainty makes, all grades going together."""
+    return normal * max(abs(float(each @ sd)) for sd in sds)
+
+
+_PLEASED, _SLACK = 0.03, 0.1
+"""A step that reaches the targets and gains less than this share of the merit, or less than this
+share of the tolerance weighs, is the last."""
 
 
 class Found(NamedTuple):
-    """The best profile, and how many were tried."""
+    """The best gradient, how many were tried, and whether the user ended the search."""
 
-    best: TriedProfile
+    best: Tried
     tried: int
+    stopped: bool = False
 
 
-_MULTIPLIER = 20.0
+MISS_WEIGHT = 20.0
 """Weight of a miss of 1 against the wish, whose values are below 1: misses come first."""
 
-_NEARNESS = 20.0
-"""Weight of the mean square deviation from a shape, over the squares of its scale: it comes first.
-"""
+SHAPE_WEIGHT = 20.0
+"""Weight of a shape's mean square deviation over the square of the tolerance: it comes first, down
+to a small part of the tolerance."""
 
 
 def search(
-    problem: ProfileProblem,
+    problem: Problem,
     start: FloatArray,
     *,
     tolerance: float,
@@ -340,18 +391,19 @@ def search(
     radius: float = 0.25,
     progress: Callable[[int, float], None] = lambda tried, off: None,
 ) -> Found:
-    """Return the profile that misses targets and limits least, and pleases most among those.
+    """Return the gradient that misses targets and limits least, and pleases most among those.
 
     Sequential quadratic programming with the wish's own curvature: at each step the targets and
-    limits are linear, the change of each knot within a radius that follows how well the last
-    step was foretold.
+    limits are linear, shapes' squares those of linear deviations (Gauss and Newton), the change of
+    each control within a radius that follows how well the last step was foretold. An interrupt
+    ends it with the best so far.
 
     Parameters
     ----------
     tolerance
         Relative miss of a target that counts as none.
     progress
-        Called with the number of profiles tried and the largest miss.
+        Called with the number of gradients tried and the largest miss.
 
     Raises
     ------
@@ -360,120 +412,154 @@ def search(
     """
     best = evaluate(problem, start)
     tried = 1
-    progress(tried, _miss(problem, best))
-    while tried < most:
-        values = _step(problem, best, radius)
-        moved = float(np.abs(values - best.values).max())
-        hoped = _merit(problem, best) - _foretold(problem, best, values)
-        if moved < 1e-4 or hoped <= 1e-7 or radius < 1e-3:
-            break
-        other = _tried(problem, values)
-        tried += 1
-        gained = -1.0 if other is None else _merit(problem, best) - _merit(problem, other)
-        if other is not None and gained <= 0.05 * hoped and tried < most:
-            # The targets bend: aim again, with what the linear model left out put into it.
-            bent = replace(
-                best,
-                off=other.off - best.slopes @ (values - best.values),
-                over_break=other.over_break - best.over_break_slopes @ (values - best.values),
-            )
-            again = _tried(problem, _step(problem, bent, radius))
-            tried += 1
-            if again is not None and _merit(problem, again) < _merit(problem, other):
-                other, gained = again, _merit(problem, best) - _merit(problem, again)
-        if other is not None and gained > 0.05 * hoped:
-            settled = _miss(problem, other) < tolerance and gained < _PLEASED * problem.wish(values)
-            best = other
-            if gained > 0.7 * hoped:
-                radius = min(2.0 * radius, 0.5)
-            if settled:
-                progress(tried, _miss(problem, best))
+    progress(tried, missed(best))
+    try:
+        while tried < most:
+            values = _step(problem, best, radius)
+            moved = float(np.abs(values - best.values).max())
+            hoped = _merit(problem, best) - _foretold(problem, best, values)
+            if moved < 1e-4 or hoped <= _enough(problem, best, tolerance) or radius < 1e-3:
                 break
-        else:
-            radius = 0.35 * moved
-        progress(tried, _miss(problem, best))
+            other = _tried(problem, values)
+            tried += 1
+            gained = -1.0 if other is None else _merit(problem, best) - _merit(problem, other)
+            if other is not None and gained <= 0.05 * hoped and tried < most:
+                # The targets bend: aim again, with what the linear model left out put into it.
+                change = values - best.values
+                bent = replace(
+                    best,
+                    off=other.off - best.slopes @ change,
+                    over=other.over - best.over_slopes @ change,
+                )
+                again = _tried(problem, _step(problem, bent, radius))
+                tried += 1
+                if again is not None and _merit(problem, again) < _merit(problem, other):
+                    other, gained = again, _merit(problem, best) - _merit(problem, again)
+            if other is not None and gained > 0.05 * hoped:
+                settled = gained < _enough(problem, other, tolerance)
+                best = other
+                if gained > 0.7 * hoped:
+                    radius = min(2.0 * radius, 0.5)
+                if settled:
+                    progress(tried, missed(best))
+                    break
+            else:
+                radius = 0.35 * moved
+            progress(tried, missed(best))
+    except (KeyboardInterrupt, SystemError) as error:
+        if not interrupted(error):
+            raise
+        return Found(best, tried, stopped=True)
     return Found(best, tried)
 
 
-def _tried(problem: ProfileProblem, values: FloatArray) -> TriedProfile | None:
+def _enough(problem: Problem, at: Tried, tolerance: float) -> float:
+    """Return which gain is not worth a further step."""
+    if missed(at) >= tolerance:
+        return (1e-3 if at.shape > tolerance else 1e-5) * _merit(problem, at)
+    return max(_PLEASED * _merit(problem, at), _SLACK * tolerance * MISS_WEIGHT)
+
+
+def _tried(problem: Problem, values: FloatArray) -> Tried | None:
     try:
         return evaluate(problem, values)
     except LostStabilityError:
         return None
 
 
-def _miss(problem: ProfileProblem, candidate: TriedProfile) -> float:
-    hard = [abs(o) for o, goal in zip(candidate.off, problem.goals, strict=True) if goal.hard]
-    return float(max([0.0, *hard, *candidate.over_break.tolist()]))
+def missed(candidate: Tried) -> float:
+    """Return the largest relative miss of a target, a limit or a shape."""
+    off = np.abs(candidate.off).tolist()
+    return float(max([0.0, *off, *candidate.over.tolist(), candidate.shape]))
 
 
-def _merit(problem: ProfileProblem, candidate: TriedProfile) -> float:
-    return _weighed(problem, candidate.values, candidate.off, candidate.over_break)
+def _merit(problem: Problem, candidate: Tried) -> float:
+    return _weighed(problem, candidate.values, candidate.off, candidate.over, candidate.near)
 
 
-def _foretold(problem: ProfileProblem, at: TriedProfile, values: FloatArray) -> float:
+def _foretold(problem: Problem, at: Tried, values: FloatArray) -> float:
     change = values - at.values
-    off, over = at.off + at.slopes @ change, at.over_break + at.over_break_slopes @ change
-    return _weighed(problem, values, off, over)
+    each = ((at.off, at.slopes), (at.over, at.over_slopes), (at.near, at.near_slopes))
+    return _weighed(problem, values, *(now + slopes @ change for now, slopes in each))
 
 
 def _weighed(
-    problem: ProfileProblem, values: FloatArray, off: FloatArray, over: FloatArray
+    problem: Problem, values: FloatArray, off: FloatArray, over: FloatArray, near: FloatArray
 ) -> float:
-    hard = np.array([goal.hard for goal in problem.goals])
-    missed = float(np.sum(np.abs(off[hard])) + np.sum(np.maximum(over, 0.0)))
-    shape = float(np.sum(off[~hard] ** 2))
-    shape *= _NEARNESS / max(1, int(np.count_nonzero(~hard)))
-    return _MULTIPLIER * missed + shape + problem.wish(values)
+    hessian, slope = problem.wish
+    even = problem.controls.even
+    wish = 0.5 * values @ hessian @ values + slope @ values
+    wish -= 0.5 * slope @ even if problem.prefer == "smooth" else 0.0  # so that it is above 0
+    misses = float(np.sum(np.abs(off)) + np.sum(np.maximum(over, 0.0)))
+    return float(MISS_WEIGHT * misses + SHAPE_WEIGHT * np.sum(near**2) + wish)
 
 
-def _step(problem: ProfileProblem, at: TriedProfile, radius: float) -> FloatArray:
-    """Return the values that make the linear models' merit least within the radius and bounds.
-
-    The misses' absolute values become slack variables, so that the problem is smooth.
-    """
-    from scipy.optimize import Bounds, LinearConstraint, minimize
-
-    hard = np.array([goal.hard for goal in problem.goals])
-    rows = at.slopes[hard]
-    fixed = at.off[hard] - rows @ at.values
-    limits, over = at.over_break_slopes, at.over_break - at.over_break_slopes @ at.values
-    count, misses, limited = len(at.values), len(rows), len(limits)
-    soft = at.slopes[~hard]
-    soft_fixed = at.off[~hard] - soft @ at.values
-    share = _NEARNESS / max(1, len(soft))
-
-    def cost(v: FloatArray) -> float:
-        y = v[:count]
-        shape = share * float(np.sum((soft_fixed + soft @ y) ** 2))
-        return float(problem.wish(y) + shape + _MULTIPLIER * v[count:].sum())
-
-    size = count + 2 * misses + limited
-    constraints = []
-    if misses:
-        matrix = np.zeros((misses, size))
-        matrix[:, :count] = rows
-        matrix[:, count : count + misses] = -np.eye(misses)
-        matrix[:, count + misses : count + 2 * misses] = np.eye(misses)
-        constraints.append(LinearConstraint(matrix, -fixed, -fixed))
-    if limited:
-        matrix = np.zeros((limited, size))
-        matrix[:, :count] = limits
-        matrix[:, count + 2 * misses :] = -np.eye(limited)
-        constraints.append(LinearConstraint(matrix, -np.inf, -over))
+def _step(problem: Problem, at: Tried, radius: float) -> FloatArray:
+    """Return the values that make the linear models' merit least within the radius and bounds."""
+    hessian, slope = problem.wish
+    near = at.near - at.near_slopes @ at.values
+    hessian = hessian + 2.0 * SHAPE_WEIGHT * at.near_slopes.T @ at.near_slopes
+    slope = slope + 2.0 * SHAPE_WEIGHT * at.near_slopes.T @ near
+    rows = [at.slopes, at.over_slopes]
+    rest = [at.off - at.slopes @ at.values, at.over - at.over_slopes @ at.values]
+    bounds = [(-MISS_WEIGHT, MISS_WEIGHT, len(at.off)), (0.0, MISS_WEIGHT, len(at.over))]
     if problem.limits.slope is not None:
-        matrix = np.zeros((count - 1, size))
-        matrix[:, :count] = np.diff(np.eye(count), axis=0)
-        most = problem.limits.slope * problem.knot_mm / problem.knots.span
-        constraints.append(LinearConstraint(matrix, -most, most))
-    low = np.concatenate([np.maximum(at.values - radius, 0.0), np.zeros(size - count)])
-    high = np.concatenate([np.minimum(at.values + radius, 1.0), np.full(size - count, np.inf)])
-    off = at.off[hard]
-    start = np.concatenate(
-        [at.values, np.maximum(off, 0.0), np.maximum(-off, 0.0), np.maximum(at.over_break, 0.0)]
-    )
-    found = minimize(
-        cost, start, method="SLSQP", bounds=Bounds(low, high),
-        constraints=constraints, options={"maxiter": 300, "ftol": 1e-12},
+        steps = problem.controls.slopes * problem.stiffness.span / problem.limits.slope
+        rows += [steps, -steps]
+        rest += [-np.ones(len(steps)), -np.ones(len(steps))]
+        bounds.append((0.0, np.inf, 2 * len(steps)))
+    low, high = np.maximum(at.values - radius, 0.0), np.minimum(at.values + radius, 1.0)
+    return _quadratic(
+        hessian, slope, np.concatenate(rows), np.concatenate(rest),
+        np.concatenate([np.full(n, least) for least, _, n in bounds]),
+        np.concatenate([np.full(n, most) for _, most, n in bounds]),
+        low, high, at.values,
     )  # fmt: skip
-    return np.asarray(np.clip(found.x[:count], low[:count], high[:count]))
+
+
+def _quadratic(
+    hessian: FloatArray, slope: FloatArray, rows: FloatArray, rest: FloatArray,
+    least: FloatArray, most: FloatArray, low: FloatArray, high: FloatArray, start: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Minimise ½ yᵀ H y + gᵀ y + Σ max(least r, most r) over a box, r = rows y + rest.
+
+    By the method of multipliers, which lie between `least` and `most` (R. T. Rockafellar, Augmented
+    Lagrange multiplier functions and duality in nonconvex programming, SIAM J. Control 12 (1974)
+    268); within it by Newton's method projected on the box (D. P. Bertsekas, SIAM J. Control Optim.
+    20 (1982) 221).
+    """
+    size = np.sqrt(np.maximum(np.sum(rows**2, axis=1), 1e-30))
+    rows, rest = rows / size[:, None], rest / size
+    least, most = least * size, most * size
+    stiff = 10.0 * max(float(np.abs(np.diag(hessian)).max()), 1.0)
+    y, pull = np.clip(start, low, high), np.zeros(len(rest))
+
+    def value(y: FloatArray) -> float:
+        held = np.clip(t := pull + stiff * (rows @ y + rest), least, most)
+        return float(0.5 * y @ hessian @ y + slope @ y + held @ (t - 0.5 * held) / stiff)
+
+    for _ in range(60):
+        for _ in range(40):
+            t = pull + stiff * (rows @ y + rest)
+            gradient = hessian @ y + slope + rows.T @ np.clip(t, least, most)
+            free = ~(((y <= low) & (gradient > 0.0)) | ((y >= high) & (gradient < 0.0)))
+            if not free.any() or np.abs(gradient[free]).max() < 1e-10 * (1.0 + stiff):
+                break
+            active = rows[(t > least) & (t < most)][:, free]
+            curved = hessian[np.ix_(free, free)] + stiff * active.T @ active
+            curved[np.diag_indices_from(curved)] += 1e-12 * stiff
+            way = np.zeros_like(y)
+            way[free] = -np.linalg.solve(curved, gradient[free])
+            now, length = value(y), 1.0
+            while length > 1e-9:
+                moved = np.clip(y + length * way, low, high)
+                if value(moved) <= now + 1e-4 * float(gradient @ (moved - y)):
+                    break
+                length *= 0.5
+            if length <= 1e-9:
+                break
+            y = moved
+        before, pull = pull, np.clip(pull + stiff * (rows @ y + rest), least, most)
+        if not len(pull) or np.abs(pull - before).max() <= 1e-9 * (1.0 + np.abs(pull).max()):
+            break
+    return y

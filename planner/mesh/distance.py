@@ -70,11 +70,14 @@ class TriangleTree:
         the next (angle-weighted pseudonormals, Baerentzen and Aanaes 2005).
     box : (nodes, 2, 3) float64
         Node i has the children 2 i + 1 and 2 i + 2.
+    order : (k,)
+        Number of each triangle in its mesh.
     """
 
     corners: FloatArray
     outward: FloatArray
     box: FloatArray
+    order: IntArray
 
 
 def triangle_tree(mesh: Mesh) -> TriangleTree:
@@ -110,6 +113,7 @@ def triangle_tree(mesh: Mesh) -> TriangleTree:
         np.ascontiguousarray(ranked),
         np.ascontiguousarray(_outward(mesh)[order]),
         np.concatenate(boxes[::-1]),
+        order,
     )
 
 
@@ -140,20 +144,33 @@ def nearest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, NDAr
 
     Exact up to rounding. A point faces a closed surface where it lies outside.
     """
+    distance, faced, _, _ = _all_nearest(tree, points_mm)
+    return distance, faced
+
+
+def closest(tree: TriangleTree, points_mm: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the nearest place of the triangles to points (n, 3), and whose place it is, (n,)."""
+    _, _, place, which = _all_nearest(tree, points_mm)
+    return place, tree.order[which]
+
+
+def _all_nearest(
+    tree: TriangleTree, points_mm: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_], FloatArray, IntArray]:
     points = np.require(points_mm, np.float64, ["C", "W"])
-    distance = np.empty(len(points))
-    faced = np.empty(len(points), dtype=np.bool_)
+    distance, place = np.empty(len(points)), np.empty((len(points), 3))
+    faced, which = np.empty(len(points), dtype=np.bool_), np.empty(len(points), dtype=np.int64)
     _nearest(
-        tree.corners, tree.outward, tree.box, points, distance, faced,
+        tree.corners, tree.outward, tree.box, points, distance, faced, place, which,
         np.empty(128, dtype=np.int64), np.empty(128), np.empty(3), np.empty((2, 3)),
     )  # fmt: skip
-    return distance, faced
+    return distance, faced, place, which
 
 
 @kernel
 def _nearest(
-    corners: Any, outward: Any, box: Any, points: Any, distance: Any, faced: Any, stack: Any,
-    reach: Any, at: Any, closest: Any,
+    corners: Any, outward: Any, box: Any, points: Any, distance: Any, faced: Any, place: Any,
+    which: Any, stack: Any, reach: Any, at: Any, closest: Any,
 ) -> None:  # fmt: skip
     # closest[0]: nearest point of the triangle last looked at; closest[1]: of all.
     first_leaf = box.shape[0] // 2
@@ -191,6 +208,8 @@ def _nearest(
                         for d in range(3):
                             closest[1, d] = closest[0, d]
         distance[p] = np.sqrt(best)
+        which[p] = last
+        place[p] = closest[1]
         dot = 0.0
         for d in range(3):
             dot += (at[d] - closest[1, d]) * outward[last, feature, d]

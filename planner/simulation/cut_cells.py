@@ -19,6 +19,7 @@ from planner.mesh.mesh import (
 )
 from planner.numerics import BoolArray, FloatArray, IntArray, kernel
 from planner.simulation.cell_quadrature import quadrature
+from planner.simulation.element import shape_functions
 from planner.simulation.material_columns import SampledMaterial, column_place, sample
 from planner.voxels.columns import MOST_VOXELS
 
@@ -225,6 +226,17 @@ class CutCells:
     def volume_mm3(self) -> float:
         """Volume of the material."""
         return float(np.sum(self.weights_mm3))
+
+    def interpolated(self, places_mm: FloatArray, nodal: FloatArray) -> FloatArray:
+        """Return at places, (n, 3), what is given at the nodes, (N, k), in the nearest material."""
+        from scipy.spatial import KDTree
+
+        nearest = np.asarray(KDTree(self.points_mm).query(places_mm)[1])
+        cell = np.searchsorted(self.offsets, nearest, side="right") - 1
+        middle = self.origin_mm + (self.index[cell] + 0.5) * self.cell_mm
+        local = np.clip(2.0 * (places_mm - middle) / self.cell_mm, -1.5, 1.5)
+        shape = shape_functions(local, self.cell_mm)[0]
+        return np.asarray(np.einsum("na,nak->nk", shape, nodal[self.nodes[cell]]))
 
     def locate(
         self, points_mm: FloatArray, inward: FloatArray

@@ -23,6 +23,7 @@ from planner.palette import Palette
 __all__ = [
     "Conditions",
     "LoadCase",
+    "case_of",
     "couple",
     "palette_densities",
     "read_cases",
@@ -60,6 +61,8 @@ class LoadCase:
         ``SELECTOR: mx,my,mz UNIT``, about the centroid of the faces: see `couple`.
     watch
         ``SELECTOR``: faces whose displacement is told; ``SELECTOR uz``: that along one axis.
+    limit
+        What `planner.design` keeps in this case, as ``x=min uy<1 mm``.
     """
 
     target: Sequence[str] = ()
@@ -71,6 +74,7 @@ class LoadCase:
     name: str = ""
     moment: Sequence[str] = ()
     watch: Sequence[str] = ()
+    limit: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for key in _TEXTS:
@@ -84,7 +88,7 @@ class LoadCase:
         return not any(given) and self.gravity is None
 
 
-_TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch")
+_TEXTS = ("target", "fix", "load", "moment", "pressure", "move", "watch", "limit")
 
 
 def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
@@ -112,6 +116,29 @@ def read_cases(path: str | Path) -> tuple[LoadCase, ...]:
             if not all(isinstance(text, str) for text in texts):
                 raise FileError(f"{where}: {key} must be text, or a list of texts")
     return tuple(LoadCase(**table) for table in tables)
+
+
+def case_of(text: str) -> LoadCase:
+    """Read a load case from one line: ``NAME; KEY VALUE; KEY VALUE``, keys as in a file.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown key, or one without a value.
+    """
+    name, *parts = (part.strip() for part in text.split(";"))
+    held: dict[str, list[str]] = {}
+    for part in filter(None, parts):
+        key, _, value = part.partition(" ")
+        if key not in (*_TEXTS, "gravity") or not value:
+            hint = did_you_mean(key, _TEXTS)
+            raise ArgumentError(
+                f"`case` {text}: {part!r} is no key with a value; {hint}write it as 'side; fix "
+                "x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm'"
+            )
+        held.setdefault(key, []).append(value.strip())
+    gravity = held.pop("gravity", [None])[-1]
+    return LoadCase(name=name, gravity=gravity, **held)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.errors import ArgumentError, FileError, positive
 from planner.fields.basic import AxisField, Field
-from planner.fields.parse import Setting, build_field, field_text
+from planner.fields.parse import Setting, build_field, field_of
 from planner.formats.files import encode_document, free_memory_bytes
 from planner.formats.stl import encode_stl
 from planner.formats.vtu import TRIANGLE, encode_vtu
@@ -56,6 +56,7 @@ __all__ = [
     "check_effort",
     "default_cell_mm",
     "filling_along",
+    "finest_cell_mm",
     "open_solid",
     "simulate_part",
 ]
@@ -143,7 +144,7 @@ def _field(plan: Plan, placed: Mesh) -> Field | None:
     if "'faces'" in str(says):
         return None  # of the part's triangles in a box: shells have theirs cut
     try:
-        text = field_text(says, plan.part.translation_mm)
+        text = field_of(says, plan.part.translation_mm, plan.folder)
     except ArgumentError:
         return None
     pitch_mm = float(says.get("pitch_mm", 0.5))
@@ -598,6 +599,23 @@ def check_effort(
     best = int(np.argmax(fits))
     advice = f"the finest cells that fit are of {sizes[best]:g} mm (about {minutes[best]})"
     raise ArgumentError(f"`cell_mm` {cell_mm:g}: {what}; {advice if fits[best] else 'none fit'}")
+
+
+def finest_cell_mm(surface: Mesh, minutes: float, *, factors: int, solutions: int) -> float:
+    """Return the finest cells that are foretold to take so long at most, and that fit in memory.
+
+    Raises
+    ------
+    ArgumentError
+        None do.
+    """
+    positive(minutes, "`minutes`")
+    cells, _, memory, seconds = _effort(surface, _SIZES_MM, factors, solutions)
+    fits = (seconds <= 60.0 * minutes) & (memory <= free_memory_bytes()) & (cells <= MOST_CELLS)
+    fits &= np.ptp(surface.bounds_mm, axis=0).max() / FEWEST_ALONG >= _SIZES_MM
+    if not fits.any():
+        raise ArgumentError(f"`minutes` {minutes:g}: no cells are done in that time; give more")
+    return float(_SIZES_MM[int(np.argmax(fits))])
 
 
 # ------------------------------------------------------------------------------------------------

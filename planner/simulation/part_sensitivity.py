@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,18 +15,31 @@ from planner.mesh.mesh import Mesh
 from planner.numerics import FloatArray, IntArray, one_blas_thread
 from planner.palette import Palette
 from planner.simulation.cut_cells import CutCells
+from planner.simulation.element import shape_functions
 from planner.simulation.loads import Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.solid import (
     POISSON,
     Body,
+    Equilibrium,
     LostStabilityError,
     Mechanics,
 )
 from planner.simulation.sparse_cholesky import analyse
 
-__all__ = ["LoadedPart", "Moved", "followed", "loaded_part", "part_response", "response_of"]
+if TYPE_CHECKING:
+    from planner.simulation.sparse_cholesky import Factor
+
+__all__ = [
+    "LoadedPart",
+    "Moved",
+    "followed",
+    "loaded_part",
+    "moved_by",
+    "part_response",
+    "response_of",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -168,6 +182,77 @@ def followed(
     except LostStabilityError:
         pass  # as far as it came
     return Moved(*(np.array([step[k] for step in found]) for k in range(4)))
+
+
+# ------------------------------------------------------------------------------------------------
+# The other way round: how all of a part moves with the material of many places at once.
+
+
+_RUN = 20_000
+"""Points at a time: 30 MB for each of their fields."""
+
+
+def moved_by(
+    mechanics: Mechanics, state: Equilibrium, factored: "Factor", share: Any
+) -> FloatArray:
+    """Return how far each node goes as the coordinate at the points changes, (N, 3, n).
+
+    It is the tangent K⁻¹ (-∂f/∂m), one solution for each column of `share`; `Mechanics.sensitivity`
+    is its adjoint. The load is held. `factored` belongs to the state.
+
+    Parameters
+    ----------
+    share : (Q, n) sparse
+        Changes of the coordinate at the points.
+    """
+    from scipy.sparse import csr_matrix
+
+    cells, body = mechanics.body.cells, mechanics.body
+    count, width = len(cells.node_mm), share.shape[1]
+    table, below = body.table, mechanics.table[2]
+    above = np.minimum(below + 1, len(table.coordinate) - 1)
+    gap = np.maximum(table.coordinate[above] - table.coordinate[below], 1e-12)
+    rest = table.log_slope_MPa[:, 0, 0]
+    seen = mechanics.observe(state)
+    cell = np.repeat(np.arange(len(cells.nodes)), np.diff(cells.offsets))
+    pressure = np.einsum("qr,qr->q", state.pressure[cell], mechanics.basis)
+    # δp of each cell, by the change of ln κ at its points
+    by_bulk = cells.weights_mm3 * pressure / mechanics.bulk * (rest[above] - rest[below]) / gap
+    swelling = np.stack(
+        [
+            np.add.reduceat(share.multiply((by_bulk * psi)[:, None]).toarray(), cells.offsets[:-1])
+            for psi in mechanics.basis.T
+        ],
+        axis=1,
+    )
+    swelling = np.einsum("crs,csn->crn", mechanics.compliance, swelling)
+    square = 2.0 * seen.strain[:, _SQUARE] + np.eye(3)
+    bulging = np.linalg.det(square)[:, None, None] ** 0.5 * np.linalg.inv(square)
+    iso = state.stress_MPa[:, _SQUARE] - pressure[:, None, None] * bulging
+    iso *= (seen.over_m / gap)[:, None, None]
+    out = np.zeros((3 * count, width))
+    for first in range(0, len(cell), _RUN):
+        run = slice(first, first + _RUN)
+        nodes = cells.nodes[cell[run]]
+        gradient = shape_functions(cells.points[run], cells.cell_mm)[1]
+        slope = np.eye(3) + np.einsum("qai,qaj->qij", state.displacement_mm[nodes], gradient)
+        rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 81)
+        ends = 81 * np.arange(len(nodes) + 1)
+        changes = (share[run], np.einsum("qr,qrn->qn", mechanics.basis[run], swelling[cell[run]]))
+        for stress, change in zip((iso, bulging), changes, strict=True):
+            pull = np.einsum("qij,qjm,qam->qai", slope, stress[run], gradient, optimize=True)
+            pull *= cells.weights_mm3[run, None, None]
+            spread = csr_matrix((pull.ravel(), rows.ravel(), ends), (len(nodes), 3 * count)).T
+            out -= spread @ change
+    gravity = mechanics.conditions.gravity
+    if gravity is not None:
+        weight = mechanics.weight_over_m(state.share)
+        out += np.kron(weight @ share.toarray(), np.array(gravity)[:, None])
+    return factored.solve(out).reshape(count, 3, width)
+
+
+_SQUARE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+"""Places of a tensor's six components in its matrix."""
 
 
 # ------------------------------------------------------------------------------------------------

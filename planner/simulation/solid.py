@@ -464,15 +464,19 @@ class Mechanics:
         ends = 27 * np.arange(len(nodes) + 1)
         return csc_matrix((shape.ravel(), nodes.ravel(), ends), (len(cells.node_mm), len(nodes)))
 
+    def weight_over_m(self, share: float) -> Any:
+        """Return how the nodes' forces along gravity change with m at each point: sparse (N, Q)."""
+        coordinate, density = self.body.densities or (np.arange(2.0), np.zeros(2))
+        above = np.clip(np.searchsorted(coordinate, self.body.coordinate), 1, len(coordinate) - 1)
+        slope = (np.diff(density) / np.diff(coordinate))[above - 1]
+        return self._weight.multiply(share * slope).tocsr()
+
     def _weight_over_m(self, share: float, adjoint: FloatArray) -> FloatArray:
         """Return the derivatives of a response over m at each point, (Q,), by weight alone."""
-        body, gravity = self.body, self.conditions.gravity
-        if gravity is None or body.densities is None:
-            return np.zeros(len(body.coordinate))
-        coordinate, density = body.densities
-        above = np.clip(np.searchsorted(coordinate, body.coordinate), 1, len(coordinate) - 1)
-        slope = (np.diff(density) / np.diff(coordinate))[above - 1]
-        return np.asarray(share * slope * (self._weight.T @ (adjoint @ np.array(gravity))))
+        gravity = self.conditions.gravity
+        if gravity is None or self.body.densities is None:
+            return np.zeros(len(self.body.coordinate))
+        return np.asarray(self.weight_over_m(share).T @ (adjoint @ np.array(gravity)))
 
     # -------------------------------------------------------------------------------------------
 
@@ -487,6 +491,17 @@ class Mechanics:
             np.zeros((count, 6)),
             np.zeros((len(cells.nodes), 4)),
         )
+
+    def state_of(self, displacement_mm: FloatArray, share: float) -> Equilibrium:
+        """Return the state of given displacements, (N, 3), from which `settle` may set out."""
+        rest = self.at_rest()
+        state = replace(rest, share=share, displacement_mm=displacement_mm)
+        state = replace(state, strain=self.observe(state).strain)
+        self._run(
+            advance, *self.geometry, *self.table, self.basis, self.compliance, displacement_mm,
+            np.zeros_like(displacement_mm), state.strain, state.stress_MPa, state.pressure,
+        )  # fmt: skip
+        return state
 
     def _shares(self) -> Iterator[tuple[int, int]]:
         """Divide the cells into runs of about equal work."""

@@ -1,0 +1,196 @@
+"""Controls: where ln(modulus) is free, and splines between: knots along a field, or a lattice."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from planner.errors import ArgumentError
+from planner.numerics import FloatArray
+
+__all__ = ["Controls", "lattice", "lattice_counts", "profile_knots"]
+
+
+@dataclass(frozen=True, eq=False)
+class Controls:
+    """Unknowns of a design, each from 0 (softest that is allowed) to 1 (stiffest).
+
+    Attributes
+    ----------
+    basis : callable
+        Of points (Q, 3) in the part's own coordinates: (Q, n) sparse, each row of sum 1. It times
+        the controls is the share of the way from ln(softest) to ln(stiffest) at the points.
+    bends : (k, n)
+        Second differences: a gradient whose sum of squares is least is smoothest.
+    slopes : (r, n)
+        Changes of that share a mm along lines of controls, which bound those in between.
+    even : (n,)
+        What is taken where nothing else is wanted.
+    """
+
+    basis: Callable[[FloatArray], Any]
+    bends: FloatArray
+    slopes: FloatArray
+    even: FloatArray
+
+
+def profile_knots(
+    along: Callable[[FloatArray], FloatArray], even: FloatArray, span_mm: float
+) -> Controls:
+    """Return knots at even distances of a field, with straight lines between.
+
+    Parameters
+    ----------
+    along
+        The field's values, from 0 to 1, at points in the part's own coordinates.
+    span_mm
+        Length of the field, or 1.
+    """
+    count = len(even)
+    return Controls(
+        lambda points: _splines(np.clip(along(points), 0.0, 1.0), count, 1),
+        np.diff(np.eye(count), 2, axis=0),
+        np.diff(np.eye(count), axis=0) * (count - 1) / span_mm,
+        even,
+    )
+
+
+# ------------------------------------------------------------------------------------------------
+# A lattice of controls, quadratic B-splines between. They are uniform, so that what is linear in
+# the controls is linear in space, and second differences of the controls measure how it bends
+# (P. H. C. Eilers and B. D. Marx, Flexible smoothing with B-splines and penalties, Statist. Sci. 11
+# (1996) 89).
+
+
+_DEGREE = 2
+_MOST_CONTROLS = 600
+"""A step solves for each of them, in memory all at once."""
+
+
+def _splines(at: FloatArray, count: int, degree: int) -> Any:
+    """Return the weights of uniform B-splines at places from 0 to 1, (Q, count) sparse."""
+    from scipy.sparse import csr_matrix
+
+    spans = count - degree
+    scaled = np.clip(at, 0.0, 1.0) * spans
+    first = np.minimum(scaled.astype(np.int64), spans - 1)
+    t = scaled - first
+    each = {
+        0: [np.ones_like(t)],
+        1: [1.0 - t, t],
+        2: [0.5 * (1.0 - t) ** 2, 0.5 + t - t * t, 0.5 * t * t],
+    }[degree]
+    columns = first[:, None] + np.arange(degree + 1)
+    ends = (degree + 1) * np.arange(len(t) + 1)
+    return csr_matrix((np.stack(each, axis=1).ravel(), columns.ravel(), ends), (len(t), count))
+
+
+def lattice_counts(text: str, extent_mm: FloatArray, figures: int) -> tuple[int, int, int]:
+    """Return the controls along x, y and z that ``6x3x3``, ``8mm`` or ``auto`` mean.
+
+    ``auto`` takes the spacing at which there are about eight controls for each of so many figures
+    that are wanted, 64 to 216 in all. They are as dense along each axis.
+
+    Raises
+    ------
+    ArgumentError
+        Another text, or too many.
+    """
+    plain = text.strip().casefold().replace("×", "x")
+    words = plain.split("x")
+    if len(words) == 3 and all(word.isdigit() and int(word) for word in words):
+        x, y, z = map(int, words)
+    else:
+        try:
+            spacing = float(plain.removesuffix("mm"))
+        except ValueError:
+            spacing = 0.0
+        if plain == "auto":
+            wanted = min(max(8 * figures, 64), 216)
+            sizes = np.geomspace(1.0, 0.01, 100) * float(extent_mm.max())
+            counts = [np.prod(_counts(extent_mm, size)) for size in sizes]
+            spacing = float(sizes[max(int(np.searchsorted(counts, wanted, "right")) - 1, 0)])
+        elif not plain.endswith("mm") or not 0.0 < spacing < np.inf:
+            raise ArgumentError(
+                f"`free` {text}: it is 6x3x3 (controls along x, y and z), 8mm (their spacing) or "
+                "auto"
+            )
+        x, y, z = _counts(extent_mm, spacing)
+    if not 2 <= x * y * z <= _MOST_CONTROLS:
+        raise ArgumentError(
+            f"`free` {text}: {x} x {y} x {z} controls; there may be 2 to {_MOST_CONTROLS} in all"
+        )
+    return x, y, z
+
+
+def _counts(extent_mm: FloatArray, spacing_mm: float) -> list[int]:
+    spans = np.maximum(np.rint(np.minimum(extent_mm / spacing_mm, 1e3)), 1.0)
+    return [int(n) + _DEGREE for n in spans]
+
+
+def lattice(
+    bounds_mm: FloatArray, counts: Sequence[int], symmetric: Sequence[int], even: float
+) -> Controls:
+    """Return a lattice of controls over a box.
+
+    Along an axis with one control the gradient is constant, with two linear.
+
+    Parameters
+    ----------
+    symmetric
+        Axes across whose middle plane of the box the gradient is its own mirror image.
+    even
+        Value of all controls where nothing else is wanted.
+    """
+    low, extent = bounds_mm[0], np.maximum(np.ptp(bounds_mm, axis=0), 1e-9)
+    total = int(np.prod(counts))
+    number = np.arange(total).reshape(tuple(counts))
+    first = number.copy()
+    for axis in symmetric:
+        first = np.minimum(first, np.flip(first, axis))
+    kept, tied = np.unique(first.ravel(), return_inverse=True)
+    tie = np.zeros((total, len(kept)))
+    tie[np.arange(total), tied] = 1.0
+
+    def basis(points_mm: FloatArray) -> Any:
+        from scipy.sparse import csr_matrix
+
+        share = (points_mm - low) / extent
+        x, y, z = (
+            _splines(share[:, axis], count, min(_DEGREE, count - 1))
+            for axis, count in enumerate(counts)
+        )
+        return _products(_products(x, y), z) @ csr_matrix(tie)
+
+    rows = np.eye(total).reshape(*counts, total)
+    slopes, bends = [], []
+    for axis, count in enumerate(counts):
+        spacing = extent[axis] / max(count - min(_DEGREE, count - 1), 1)
+        slopes.append(np.diff(rows, axis=axis).reshape(-1, total) / spacing)
+        lines = total / count
+        bends.append(np.diff(rows, 2, axis=axis).reshape(-1, total) / np.sqrt(lines))
+    for one, other in combinations(range(3), 2):
+        twist = np.diff(np.diff(rows, axis=one), axis=other).reshape(-1, total)
+        lines = total / max(counts[one], counts[other])
+        bends.append(np.sqrt(2.0 / lines) * twist)
+    return Controls(
+        basis,
+        np.concatenate(bends) @ tie,
+        np.concatenate(slopes) @ tie,
+        np.full(len(kept), even),
+    )
+
+
+def _products(one: Any, other: Any) -> Any:
+    """Return the products of each row's entries, (Q, a) and (Q, b), as (Q, a b)."""
+    from scipy.sparse import csr_matrix
+
+    count, width = one.shape[0], other.shape[1]
+    a, b = one.nnz // count, other.nnz // count
+    value = one.data.reshape(count, a, 1) * other.data.reshape(count, 1, b)
+    column = one.indices.reshape(count, a, 1).astype(np.int64) * width
+    column = column + other.indices.reshape(count, 1, b)
+    ends = a * b * np.arange(count + 1)
+    return csr_matrix((value.ravel(), column.ravel(), ends), (count, one.shape[1] * width))
