@@ -32,7 +32,7 @@ _BLOCK = re.compile(
     r"^(?P<indent> *)```(?P<language>console|sh|python)\n(?P<code>.*?)^ *```$",
     re.MULTILINE | re.DOTALL,
 )
-_COMMAND = re.compile(r"^\$ (.*(?:\\\n.*)*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
+_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
 
 
 def blocks(page: str) -> Iterator[tuple[str, str, list[int]]]:
