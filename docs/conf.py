@@ -27,11 +27,13 @@ exclude_patterns = ["_build", "reference/generated/*.md"]  # other pages take th
 html_theme = "furo"
 html_title = f"planner {version}"
 html_copy_source = False
+smartquotes = False  # --option stays two hyphens
 
 myst_enable_extensions = ["attrs_block"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = True
 
+autodoc_preserve_defaults = True
 autodoc_typehints = "none"  # the docstrings state types, shapes and units
 numpydoc_class_members_toctree = False
 numpydoc_show_inherited_class_members = False
