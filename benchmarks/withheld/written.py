@@ -39,8 +39,8 @@ def results_markdown(results: Mapping[str, Any]) -> str:
         "and, among the targets, counts.",
         "### Targets",
         markdown(["", "target", "reached", "met"], targets),
-        "### By tier and signal-to-noise ratio",
-        markdown(COLUMNS, table_rows(summary)),
+        "### By tier",
+        markdown(COLUMNS, table_rows(summary, by=("all",))),
         "The oracle knows the bench's forms, noise and ranges, and fits them through the bench's "
         "solver: it names an effect whose evidence is 5 nats ahead of every other, and misses one "
         "that is left out where every other effect in every form is 5 nats behind. Ours is top-1, "
