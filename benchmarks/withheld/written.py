@@ -22,8 +22,6 @@ from planner.errors import FileError
 
 __all__ = ["put_into_page", "results_markdown"]
 
-_BEGIN, _END = "<!-- results -->\n", "<!-- end of results -->\n"
-
 _MET = {True: "yes", False: "no", None: ""}
 
 
@@ -41,15 +39,13 @@ def results_markdown(results: Mapping[str, Any]) -> str:
         "and, among the targets, counts.",
         "### Targets",
         markdown(["", "target", "reached", "met"], targets),
-        "### By tier and signal-to-noise ratio",
-        markdown(COLUMNS, table_rows(summary)),
+        "### By tier",
+        markdown(COLUMNS, table_rows(summary, by=("all",))),
         "The oracle knows the bench's forms, noise and ranges, and fits them through the bench's "
         "solver: it names an effect whose evidence is 5 nats ahead of every other, and misses one "
         "that is left out where every other effect in every form is 5 nats behind. Ours is top-1, "
         "of effects left out 'unknown or class'.",
         "".join(f"- {line}\n" for line in overall_lines(summary)),
-        "### By detectability, for information",
-        markdown(COLUMNS, table_rows(summary, by=("detectability",))),
         "### One effect left out of the library at a time",
         "Gaps are medians of normalised RMS errors of force on held-out conditions; 'true effect' "
         "is the bench's own, with the effect as it was made.",
@@ -68,21 +64,22 @@ def results_markdown(results: Mapping[str, Any]) -> str:
     return "\n".join(part if part.endswith("\n") else part + "\n" for part in parts)
 
 
-def put_into_page(page: Path, text: str) -> None:
-    """Put a section in place of what stands between a page's two comments.
+def put_into_page(page: Path, text: str, name: str = "results") -> None:
+    """Put a section in place of what stands between a page's two comments of that name.
 
     Raises
     ------
     FileError
         The page has no such place.
     """
-    before, found, rest = page.read_text(encoding="utf-8").partition(_BEGIN)
-    _, ended, after = rest.partition(_END)
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    before, found, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, ended, after = rest.partition(end)
     if not found or not ended:
         raise FileError(
-            f"{page}: no place for results; mark it by {_BEGIN.strip()} and {_END.strip()}"
+            f"{page}: no place for {name}; mark it by {begin.strip()} and {end.strip()}"
         )
-    page.write_text(f"{before}{_BEGIN}\n{text}\n{_END}{after}", encoding="utf-8", newline="\n")
+    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8", newline="\n")
 
 
 def _campaigns(made_by: Mapping[str, Any]) -> str:

@@ -89,12 +89,6 @@ def test_a_plan_says_what_it_is_and_whether_it_is_well(plan: Plan) -> None:
     assert repr(ill).endswith("; 1 check failed, 1 finding, 2 targets out of reach>")
 
 
-def test_the_how_to_shows_what_is_shown(samples: Path) -> None:
-    page = (samples.parent / "docs/how-to/work-in-a-notebook.md").read_text(encoding="utf-8")
-    plan = planner.grade(samples / "finger.stl", from_="Tango", to="Vero", axis="x")
-    assert f">>> plan\n{plan!r}\n>>> plan.regions[0]\n{plan.regions[0]!r}\n" in page
-
-
 @pytest.mark.parametrize("name", ["a\nb\x1b[2J\x00", "x" * 10_000, "", "Gerät 軟", "<b>&"])
 def test_odd_names_stay_on_the_line(plan: Plan, name: str) -> None:
     odd = dataclasses.replace(plan, part=dataclasses.replace(plan.part, name=name, file=name))

@@ -20,7 +20,7 @@ from planner.notes import listed
 from planner.palette import Palette
 from planner.report.gap_text import headline
 
-__all__ = ["Answered", "page"]
+__all__ = ["Answered", "page", "tables"]
 
 _WIDTH = 100
 _SIGNIFICANT = 0.05
@@ -29,12 +29,10 @@ _NEAR = 1e-3
 
 _HEAD = """# Gaps in measurements that others published
 
-Written by `python -m benchmarks.withheld.real.report`; do not edit it by hand.
-
 The bench knows what it hid, and its noise is drawn; here nobody made up the cause. Campaigns are
 made of published tests: planner's own laws are fitted to a part of each, which makes the palette,
 and `planner gap diagnose` is asked about the rest. What should come out was written down before
-([how they are made](../../benchmarks/withheld/real/README.md)). The data are not kept here.
+(`benchmarks/withheld/real/README.md` says how they are made). The data are not kept here.
 
 A diagnosis counts as expected if the verdict or its class says what the tests vary in. The gap is
 the root mean square error of force, of each specimen's largest: by the palette alone (before), and
@@ -48,9 +46,8 @@ blank where the mechanism closes less than a tenth of the gap.
 
 _TAIL = """## What these sets can and cannot show
 
-- So few sets are no statistics. How often a verdict is right is [counted on the
-  bench](diagnosis-checked.md); here one sees whether it makes sense of data that owe planner
-  nothing.
+- So few sets are no statistics. How often a verdict is right is counted on the bench; here one sees
+  whether it makes sense of data that owe planner nothing.
 - Only the resins have replicates by design, from several print sessions. Elsewhere the scatter is
   mostly assumed, and no closure can be given against a floor.
 - The palettes are fitted to a few specimens of the same set. What those have for themselves is in
@@ -99,6 +96,24 @@ def page(answers: Sequence[Answered]) -> str:
     for a in answers:
         parts += _section(a)
     return "\n".join([*parts, _TAIL])
+
+
+def tables(answers: Sequence[Answered]) -> str:
+    """Return the tables alone: all sets, and each rate that was left out."""
+    rows = [[a.name, *row] for a in answers for row in _left_out_rows(a)]
+    said = "Each rate predicted by a diagnosis of the others, with the effects that it names:"
+    return "\n".join([*_overview(answers), f"{said}\n", _table(["set", *_LEFT_OUT], rows)])
+
+
+_LEFT_OUT = ("left out, mm/s", "specimens", "verdict of the others", "before", "after")
+
+
+def _left_out_rows(a: Answered) -> list[list[str]]:
+    return [
+        [number_words(r.rate_mm_s), str(r.specimens), r.verdict, _percent(r.before),
+         _percent(r.after)]
+        for r in a.left_out
+    ]  # fmt: skip
 
 
 def _overview(answers: Sequence[Answered]) -> Iterator[str]:
@@ -201,15 +216,7 @@ def _rates(a: Answered) -> Iterator[str]:
         yield _paragraph(
             "Each rate predicted by a diagnosis of the others, with the effects that it names:"
         )
-        heads = ["left out, mm/s", "specimens", "verdict of the others", "before", "after"]
-        yield _table(
-            heads,
-            [
-                [number_words(r.rate_mm_s), str(r.specimens), r.verdict, _percent(r.before),
-                 _percent(r.after)]
-                for r in a.left_out
-            ],
-        )  # fmt: skip
+        yield _table(_LEFT_OUT, _left_out_rows(a))
         worse = sum(r.after > r.before for r in a.left_out)
         better = sum(r.after < r.before for r in a.left_out)
         yield _paragraph(

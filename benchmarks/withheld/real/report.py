@@ -1,6 +1,6 @@
-"""Diagnose the campaigns of published measurements and write the page on them.
+"""Diagnose the campaigns of published measurements and write a page on them.
 
-python -m benchmarks.withheld.real.report --data FOLDER [-o DIR] [--keep DIR] [NAME ...]
+python -m benchmarks.withheld.real.report --data FOLDER -o DIR [--page FILE] [--keep DIR] [NAME ...]
 """
 
 import argparse
@@ -12,7 +12,8 @@ from benchmarks.withheld.real.__main__ import main as make_campaigns
 from benchmarks.withheld.real.convex_fit import convex_errors
 from benchmarks.withheld.real.expectations import EXPECTATIONS
 from benchmarks.withheld.real.left_out_rate import left_out_rates
-from benchmarks.withheld.real.page import Answered, page
+from benchmarks.withheld.real.page import Answered, page, tables
+from benchmarks.withheld.written import put_into_page
 from planner.gap.campaign_folder import read_campaign
 from planner.gap.diagnose import diagnose
 from planner.report.gap_page import diagnosis_files, write_diagnosis
@@ -27,7 +28,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.withheld.real.report")
     parser.add_argument("names", nargs="*", metavar="NAME", choices=[*EXPECTATIONS, []])
     parser.add_argument("--data", type=Path, required=True, help="folder of the sources' files")
-    parser.add_argument("-o", "--output", type=Path, default=Path("docs/explanation"))
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--page", type=Path, help="put the tables into this page (Markdown)")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="leave the reports' folders there")
     options = parser.parse_args(arguments)
     names = options.names or list(EXPECTATIONS)
@@ -43,6 +45,8 @@ def main(arguments: list[str] | None = None) -> int:
             path = options.output / FIGURES / f"{a.name}-{name}.svg"
             path.write_bytes(files[f"figures/{name}.svg"])
     (options.output / PAGE).write_text(page(answers), encoding="utf-8")
+    if options.page is not None:
+        put_into_page(options.page, tables(answers), "real")
     print(f"wrote {options.output / PAGE}")
     return 0
 

@@ -177,7 +177,10 @@ def test_effects_add_up_in_any_order_within_a_stage(away: Make, middles: Middles
         np.testing.assert_allclose(getattr(ways[0], name), getattr(ways[1], name), atol=1e-15)
 
 
-def test_the_page_of_effects_says_what_the_library_has() -> None:
-    folder = Path(__file__).parents[3] / "docs" / "explanation"
-    made = runpy.run_path(str(folder / "make_gap_effects.py"))["page"]()
-    assert (folder / "gap-effects.md").read_text(encoding="utf-8") == made
+def test_the_tables_of_effects_have_the_library() -> None:
+    folder = Path(__file__).parents[3] / "docs" / "reference"
+    made = runpy.run_path(str(folder / "make_effects.py"))["tables"]()
+    for effect in EFFECTS.values():
+        assert f"| `{effect.id}` | {effect.stage} |" in made
+        for form in effect.forms:
+            assert f"| {form.name} | `{form.equation.replace('|', chr(92) + '|')}` |" in made

@@ -1,4 +1,4 @@
-"""Write diagnosis-numbers.md: python docs/explanation/make_diagnosis_numbers.py."""
+"""The numbers of the diagnosis, from the sources, as tables for the site."""
 
 import ast
 import re
@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-TARGET = Path(__file__).with_name("diagnosis-numbers.md")
 ROOT = Path(__file__).parents[2]
 SOURCES = (*sorted((ROOT / "planner/gap").rglob("*.py")), ROOT / "planner/simulation/bar_solver.py")
 
@@ -25,17 +24,6 @@ _ELSEWHERE = ("Parameter", "Effect", "effect_for")
 
 _LONGEST = 240
 """Characters of a value that is shown in full."""
-
-HEAD = """# The numbers of the diagnosis
-
-Made by `docs/explanation/make_diagnosis_numbers.py` from the sources; do not edit.
-
-Every number at the head of a module of `planner/gap`, and of the bar's solver that it asks, with
-what it is and where it comes from: the text under it in the source. Numbers that stand together
-there have one text and one row. Sizes and bounds of effects are in
-[the effects of the gap](gap-effects.md). Numbers inside functions are not listed: parts of
-formulas, halves and doubles of the numbers here, guards against rounding and dividing by zero.
-"""
 
 
 @dataclass(frozen=True)
@@ -161,11 +149,11 @@ def _string(statement: ast.stmt) -> str:
     return ""
 
 
-def page() -> str:
-    """Return the page."""
+def tables() -> str:
+    """Return how many numbers have which source, then a table a module."""
     found = list(numbers())
     counts = Counter(kind for number in found for kind in [number.kind] * len(number.names))
-    lines = [HEAD, "| source | what it means | numbers |", "| --- " * 3 + "|"]
+    lines = ["| source | what it means | numbers |", "| --- " * 3 + "|"]
     lines += [f"| {kind.lower()} | {means} | {counts[kind]} |" for kind, means in KINDS.items()]
     for module in dict.fromkeys(number.module for number in found):
         lines += ["", f"## {module}", "", "| number | value | what it is | source |"]
@@ -179,7 +167,3 @@ def _row(number: Number) -> str:
     values = "<br>".join(number.values)
     cells = (names, values, number.meaning, f"*{number.kind.lower()}*: {number.source}")
     return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
-
-
-if __name__ == "__main__":
-    TARGET.write_text(page(), encoding="utf-8", newline="\n")
