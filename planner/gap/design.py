@@ -926,7 +926,7 @@ def next_experiments(
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
-    means, covariances = _predicted(problem, candidates, trials)
+    means, covariances = _predicted(problem, weighed, candidates, trials)
     found = []
     widest = max(mean.shape[1] for mean in means)
     noise = rng.standard_normal((len(known) * _DRAWS, widest))
@@ -953,7 +953,10 @@ def next_experiments(
 
 
 def _predicted(
-    problem: Problem, candidates: Sequence[Candidate], trials: Sequence[Trial]
+    problem: Problem,
+    weighed: Weighed,
+    candidates: Sequence[Candidate],
+    trials: Sequence[Trial],
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
 
@@ -973,7 +976,7 @@ def _predicted(
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
-    known, sizes = _known_laws(problem, candidates, ways)
+    known, sizes = _known_laws(problem, weighed, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))
     noise = specimen_noise(
@@ -990,7 +993,10 @@ def _predicted(
 
 
 def _known_laws(
-    problem: Problem, candidates: Sequence[Candidate], ways: Sequence[Calibration]
+    problem: Problem,
+    weighed: Weighed,
+    candidates: Sequence[Candidate],
+    ways: Sequence[Calibration],
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the campaign has taught about the trials' ways of being off.
 
@@ -1004,7 +1010,7 @@ def _known_laws(
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):
-        mean, covariance = problem.nuisances_beside(candidate)
+        mean, covariance = weighed.world_of(candidate).laws_off(candidate)
         row[at] = mean[taken]
         known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes
