@@ -60,7 +60,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "specimens": found.specimens,
         "within_floor": found.within_floor,
         "scatter_like": sorted(found.scatter_like),
-        "closing_nothing": sorted(map(list, found.closing_nothing)),
+        "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "priors": asdict(Priors()),
     }
 
@@ -86,7 +86,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         specimens=document["specimens"],
         within_floor=document["within_floor"],
         scatter_like=frozenset(document["scatter_like"]),
-        closing_nothing=frozenset(map(tuple, document["closing_nothing"])),
+        closes={tuple(effects): closes for effects, closes in document["closes"]},
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])

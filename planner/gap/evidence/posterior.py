@@ -1,7 +1,7 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
@@ -160,8 +160,8 @@ class Evidence:
     within_floor, scatter_like
         Whether the palette misses by no more than replicates differ by, and these along no column;
         and the effects that look like scatter then.
-    closing_nothing
-        Effects of the library with which errors do not fall.
+    closes
+        Of the best effects of the library, whether errors fall with them.
     specimens
         How many.
     """
@@ -171,7 +171,7 @@ class Evidence:
     specimens: int = ENOUGH_SPECIMENS
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
-    closing_nothing: frozenset[Effects] = frozenset()
+    closes: Mapping[Effects, bool] = field(default_factory=dict)
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
@@ -192,7 +192,7 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             for b in problem.branches
             if b.effect.stage == "sensor" and len(problem.model.tests) == 1
         ),
-        closing_nothing=_closing_nothing(problem, weighed),
+        closes=_closes(problem, weighed),
     )
 
 
@@ -201,8 +201,8 @@ _LOOKED_AT = 12
 a diagnosis ranks."""
 
 
-def _closing_nothing(problem: Problem, weighed: Weighed) -> frozenset[Effects]:
-    """Return the effects with which tests' errors do not fall.
+def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
+    """Return whether tests' errors fall with the best effects.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
     effect's to close.
@@ -210,7 +210,7 @@ def _closing_nothing(problem: Problem, weighed: Weighed) -> frozenset[Effects]:
     value = {
         e: weighed.log_evidence[e, ""] for e in weighed.best if (e, "") in weighed.log_evidence
     }
-    found = set()
+    found = {}
     for effects in sorted(filter(None, value), key=lambda e: -value[e])[:_LOOKED_AT]:
         best = weighed.best[effects]
         world = weighed.world_of(best)
@@ -222,9 +222,8 @@ def _closing_nothing(problem: Problem, weighed: Weighed) -> frozenset[Effects]:
             )
             for one in (Candidate(()), best)
         )
-        if falls(problem, before, after) < 0.5:
-            found.add(effects)
-    return frozenset(found)
+        found[effects] = falls(problem, before, after) >= 0.5
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -274,8 +273,8 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
     differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
-    explanation: it is unknown, of a gap that is larger. Very few specimens show a
-    gap, not its cause: the rest of what they name is unknown.
+    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Very few
+    specimens show a gap, not its cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
     # Over no effect in models that are exact, or that all miss.
@@ -283,11 +282,12 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     share = priors.counted(max(found.values()) - none)
     odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
     ranking = posterior(odds)
-    vain = set(evidence.closing_nothing)
     if evidence.within_floor:
+        vain = {effects for effects, closes in evidence.closes.items() if not closes}
         vain |= {UNKNOWN, *((id,) for id in evidence.scatter_like)}
-    to = () if evidence.within_floor else UNKNOWN
-    ranking = _given(ranking, dict.fromkeys(vain, 1.0), to)
+        ranking = _given(ranking, dict.fromkeys(vain, 1.0), ())
+    else:
+        ranking = _of_what_closes(ranking, evidence.closes)
     none = sum(h.probability for h in ranking if h.effects == ())
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
     most = (_LEAST_SHARE + _SHARE_EACH * evidence.specimens) * (1.0 - none)
@@ -295,6 +295,30 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         return ranking
     over = {h.effects: 1.0 - most / named for h in ranking if h.effects not in ((), UNKNOWN)}
     return _given(ranking, over, UNKNOWN)
+
+
+def _of_what_closes(
+    ranking: Sequence[Hypothesis], closes: Mapping[Effects, bool]
+) -> tuple[Hypothesis, ...]:
+    """Return a ranking in which what closes nothing gives its probability to what closes.
+
+    In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has less
+    yet, as a third effect that fits by chance, is no better explanation.
+    """
+    vain = {h.effects for h in ranking if not closes.get(h.effects, True)}
+    given = sum(h.probability for h in ranking if h.effects in vain)
+    closing = sum(h.probability for h in ranking if closes.get(h.effects, False))
+    unknown = float(np.exp(-_ALIKE_NATS))
+    each = given / max(closing + unknown * given, 1e-300)
+    moved = [
+        replace(
+            h, probability=h.probability * (unknown * each if h.effects in vain else 1.0 + each)
+        )
+        if h.effects in closes
+        else h
+        for h in ranking
+    ]
+    return _given(moved, dict.fromkeys(vain, 1.0), UNKNOWN)
 
 
 def _given(

@@ -175,12 +175,31 @@ def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded(
 def test_what_closes_nothing_of_a_gap_explains_nothing(within: bool) -> None:
     """Of one that is larger than the floor the cause is unknown; below it there is none."""
     plain = probabilities(evidence(3.0, within_floor=within))
-    found = probabilities(
-        evidence(3.0, within_floor=within, closing_nothing=frozenset({RATE, BOTH}))
-    )
+    closes = {RATE: False, BOTH: False}
+    found = probabilities(evidence(3.0, within_floor=within, closes=closes))
     to = () if within else UNKNOWN
     assert set(found) == ({(), SLIP} if within else {(), SLIP, UNKNOWN})
     assert found[to] == pytest.approx(plain[to] + plain[RATE] + plain[BOTH])
+
+
+@pytest.mark.parametrize("gain", [0.0, 3.0, 30.0])
+def test_what_closes_nothing_speaks_for_what_closes_the_gap(gain: float) -> None:
+    """In proportion, an unknown counting as three nats less than what gives."""
+    plain = probabilities(evidence(gain))
+    found = probabilities(evidence(gain, closes={RATE: False, BOTH: True, SLIP: True}))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert found[()] == pytest.approx(plain[()])
+    unknown = np.exp(-3.0) * plain[RATE]
+    whole = plain[BOTH] + plain[SLIP] + unknown
+    for effects in (BOTH, SLIP):
+        assert found[effects] == pytest.approx(plain[effects] * (1.0 + plain[RATE] / whole))
+    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + unknown * plain[RATE] / whole)
+
+
+def test_what_hardly_fits_is_no_better_explanation() -> None:
+    """A pair a thousand times less likely than what closes nothing leaves the cause unknown."""
+    found = evidence(30.0, closes={RATE: False, BOTH: True})
+    assert verdict_of(ranking_of(found, Priors(temperature=1.0))) == UNKNOWN
 
 
 @pytest.mark.parametrize(("specimens", "most"), [(1, 0.465), (5, 0.725)])
