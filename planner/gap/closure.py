@@ -175,6 +175,7 @@ def closure(
     problem: Problem,
     priors: Priors,
     weighed: Weighed,
+    vain: Collection[Effects],
     verdict: Effects,
     rng: np.random.Generator,
     progress: Callable[[int, int, str], None] | None = None,
@@ -185,11 +186,13 @@ def closure(
     ----------
     weighed
         What was weighed on the whole campaign: the folds choose among it anew.
+    vain
+        Effects that close nothing on the whole campaign: the folds do not choose these.
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
     specimens, nothing = problem.campaign.specimens, verdict in ((), UNKNOWN)
-    predictor = _Predictor(problem, priors, weighed)
+    predictor = _Predictor(problem, priors, weighed, vain)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
     folds = [replace(fold, judged=fold.judged & ~problem.strays) for fold in folds]
     floor = replicate_floor(problem)
@@ -271,8 +274,11 @@ class _Predictor:
         Of the palette alone.
     """
 
-    def __init__(self, problem: Problem, priors: Priors, weighed: Weighed) -> None:
+    def __init__(
+        self, problem: Problem, priors: Priors, weighed: Weighed, vain: Collection[Effects]
+    ) -> None:
         self._problem, self._priors, self._weighed = problem, priors, weighed
+        self._vain = vain
         self._measured = problem.model.measured_N
         self.before = squared_errors(
             problem, specimen_forces_N(problem, Candidate(()), problem.model.setup)
@@ -286,6 +292,7 @@ class _Predictor:
         """
         problem, setup = self._problem, self._problem.model.setup
         world, odds = reweigh(problem, self._priors, self._weighed, weight)
+        odds = [(value, c) for value, c in odds if c.effects not in self._vain]
         most = max(value for value, _ in odds)
         shares = np.exp([value - most for value, _ in odds])
         likely = [

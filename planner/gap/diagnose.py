@@ -323,9 +323,10 @@ def _diagnose(
     campaign, model = problem.campaign, problem.model
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
-    ranking = ranking_of(evidence_of(problem, weighed), priors)
+    evidence = evidence_of(problem, weighed)
+    ranking = ranking_of(evidence, priors)
     verdict = verdict_of(ranking)
-    gap = closure(problem, priors, weighed, verdict, rng, progress)
+    gap = closure(problem, priors, weighed, evidence.vain, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])

@@ -1,6 +1,6 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -142,11 +142,8 @@ def _fits_of_same_pattern(
 
 
 ENOUGH_SPECIMENS = 6
-"""Fewer hardly tell causes apart. Chosen: three conditions, twice each."""
-
-_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
-"""Of fewer specimens, what is named has at most one share, and another each, together. Chosen: one
-specimen hardly tells causes apart (0.47), and five do nearly as six (0.73)."""
+"""Fewer hardly tell causes apart: what is named then has at most a share, from nothing with one
+specimen on. Chosen: three conditions, twice each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,7 @@ class Evidence:
         Whether the palette misses by no more than replicates differ by, and these along no column;
         and the effects that look like scatter then.
     closes
-        Of the best effects of the library, whether errors fall with them.
+        Of the best effects of the library, whether errors fall with them, and with each of them.
     specimens
         How many.
     """
@@ -172,6 +169,11 @@ class Evidence:
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
     closes: Mapping[Effects, bool] = field(default_factory=dict)
+
+    @property
+    def vain(self) -> frozenset[Effects]:
+        """Effects that close nothing, or no more than fewer of them do."""
+        return frozenset(effects for effects, closes in self.closes.items() if not closes)
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
@@ -202,27 +204,34 @@ a diagnosis ranks."""
 
 
 def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
-    """Return whether tests' errors fall with the best effects.
+    """Return whether tests' errors fall with the best effects, and with each further one of them.
 
     Laws are as they likeliest are with the effects, and without: what the palette is off by is no
     effect's to close.
     """
     value = {
-        e: weighed.log_evidence[e, ""] for e in weighed.best if (e, "") in weighed.log_evidence
+        e: weighed.log_evidence[e, ""]
+        for e in weighed.best
+        if e and (e, "") in weighed.log_evidence
     }
-    found = {}
-    for effects in sorted(filter(None, value), key=lambda e: -value[e])[:_LOOKED_AT]:
-        best = weighed.best[effects]
-        world = weighed.world_of(best)
-        before, after = (
+    best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
+    found: dict[Effects, bool] = {}
+    errors: dict[Effects, FloatArray] = {}
+    for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
+        candidate = weighed.best[effects]
+        world = weighed.world_of(candidate)
+        before, errors[effects] = (
             np.where(
                 problem.strays,
                 np.nan,
                 squared_errors(problem, specimen_forces_N(problem, one, world.calibrated(one))),
             )
-            for one in (Candidate(()), best)
+            for one in (Candidate(()), candidate)
         )
-        found[effects] = falls(problem, before, after) >= 0.5
+        fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
+        found[effects] = all(
+            falls(problem, one, errors[effects]) >= 0.5 for one in (before, *fewer)
+        )
     return found
 
 
@@ -283,14 +292,13 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
     ranking = posterior(odds)
     if evidence.within_floor:
-        vain = {effects for effects, closes in evidence.closes.items() if not closes}
-        vain |= {UNKNOWN, *((id,) for id in evidence.scatter_like)}
+        vain = evidence.vain | {UNKNOWN, *((id,) for id in evidence.scatter_like)}
         ranking = _given(ranking, dict.fromkeys(vain, 1.0), ())
     else:
-        ranking = _of_what_closes(ranking, evidence.closes)
+        ranking = _of_what_closes(ranking, evidence.closes, evidence.vain)
     none = sum(h.probability for h in ranking if h.effects == ())
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
-    most = (_LEAST_SHARE + _SHARE_EACH * evidence.specimens) * (1.0 - none)
+    most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - none)
     if evidence.specimens >= ENOUGH_SPECIMENS or named <= most:
         return ranking
     over = {h.effects: 1.0 - most / named for h in ranking if h.effects not in ((), UNKNOWN)}
@@ -298,23 +306,22 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
 
 
 def _of_what_closes(
-    ranking: Sequence[Hypothesis], closes: Mapping[Effects, bool]
+    ranking: Sequence[Hypothesis], looked_at: Collection[Effects], vain: Collection[Effects]
 ) -> tuple[Hypothesis, ...]:
     """Return a ranking in which what closes nothing gives its probability to what closes.
 
     In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has less
     yet, as a third effect that fits by chance, is no better explanation.
     """
-    vain = {h.effects for h in ranking if not closes.get(h.effects, True)}
     given = sum(h.probability for h in ranking if h.effects in vain)
-    closing = sum(h.probability for h in ranking if closes.get(h.effects, False))
+    closing = sum(h.probability for h in ranking if h.effects in looked_at) - given
     unknown = float(np.exp(-_ALIKE_NATS))
     each = given / max(closing + unknown * given, 1e-300)
     moved = [
         replace(
             h, probability=h.probability * (unknown * each if h.effects in vain else 1.0 + each)
         )
-        if h.effects in closes
+        if h.effects in looked_at
         else h
         for h in ranking
     ]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import fdtrc, stdtr
 
 from planner.gap.camera import SIDES
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns
@@ -187,12 +187,17 @@ def _unknown_axes(
 _LEAST_LEVEL = 1e-3
 """Of a specimen's force, over its replicates' mean. Numerical: so that zero has a logarithm."""
 
+_BY_CHANCE = 0.01
+"""Level of the F test of whether replicates differ along a column. Convention: 1 %, as each of
+several columns is asked."""
+
 
 def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray) -> FloatArray:
-    """Return by how much replicates differ along the further column that tells most, (n,).
+    """Return by how much replicates differ along the batch or further column that tells most, (n,).
 
     In the logarithm of force; nothing unless the mean square of what the column's patterns
-    explain is more than the variance that they leave. Who tested is no part of the scatter.
+    explain is more than the variance that they leave, and not so by chance. Who tested is no part
+    of the scatter, nor is a batch that is off by far more than its specimens.
     """
     groups = [[k for k in of if counts[k]] for of in model.replicates]
     groups = [of for of in groups if len(of) > 1]
@@ -202,8 +207,9 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
         own = np.log(np.maximum(model.measured_N[of] @ mean / (mean @ mean), _LEAST_LEVEL))
         level[of] = own - own.mean()
     count, found, most = sum(map(len, groups)), np.zeros(len(counts)), 1.0
-    for name in campaign.covariates:
-        patterns = _specimen_patterns([s.covariates.get(name) for s in campaign.specimens])
+    columns = axis_columns(campaign)
+    for name in ("batch", *campaign.covariates):
+        patterns = _specimen_patterns(columns[name])
         if patterns is None:
             continue
         own = np.zeros_like(patterns)
@@ -212,9 +218,12 @@ def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray
         size, _, rank, _ = np.linalg.lstsq(own, level, rcond=None)
         explained = own @ size
         freedom = count - len(groups) - int(rank)
-        left = max(float(np.sum((level - explained) ** 2)), 1e-12)
-        ratio = freedom / count * float(np.sum(explained**2)) / left if freedom > 0 else 0.0
-        if ratio > most:
+        if not rank or freedom < 1:
+            continue
+        variance = max(float(np.sum((level - explained) ** 2)), 1e-12) / freedom
+        squares = float(np.sum(explained**2))
+        ratio = squares / count / variance
+        if ratio > most and fdtrc(rank, freedom, squares / rank / variance) < _BY_CHANCE:
             found, most = explained, ratio
     return found
 
