@@ -7,9 +7,9 @@ python -m benchmarks.withheld.calibrate DIR --jobs 2
 DIR holds `campaigns/` and `truth.json`. What each campaign's ranking goes by is kept in
 `evidence-METHOD.jsonl` there, METHOD the hash of the sources of `planner/gap` when the run began;
 `--evidence FILE` goes on from one that is there. The library's campaigns are weighed once more
-without the effect that they hide. The coefficients are those that give the truth the highest mean
-log probability, tiers by their weights, with a weak pull to the present ones; what they are
-worth is shown on fifths of the campaigns that took no part.
+without the effect that they hide. Priors, temperature and coarseness are those that give the truth
+the highest mean log probability, tiers by their weights, with a weak pull to the present ones; what
+they are worth is shown on fifths of the campaigns that took no part.
 """
 
 import argparse
@@ -29,18 +29,17 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.withheld.answers import answer_all, kept_outcomes
 from benchmarks.withheld.method import method_sha256
-from benchmarks.withheld.scoring import CONFIDENT, UNKNOWN, Effects, Truth, named, read_truth
+from benchmarks.withheld.scoring import CONFIDENT, Effects, Truth, named, read_truth
 from benchmarks.withheld.sealed import ended, interleaved, tasks_in_turn
 from benchmarks.withheld.targets import LEFT_OUT
 from planner.cli.output import progress
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.closure import closure
 from planner.gap.diagnose import prepared
-from planner.gap.evidence.posterior import Doubt, Evidence, evidence_of, ranking_of
+from planner.gap.evidence.posterior import Evidence, evidence_of, ranking_of
 from planner.gap.evidence.weigh import ANY, HypothesisKey, Priors, weigh
 from planner.numerics import FloatArray
 
-__all__ = ["Case", "Coefficients", "calibrated", "collected", "main", "mean_log_score"]
+__all__ = ["Case", "calibrated", "collected", "main", "mean_log_score", "priors_of", "vector"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -51,24 +50,17 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
     """Return what a campaign's ranking goes by, as a document; see `Evidence`."""
     with threadpool_limits(1, user_api="blas"):
         problem, _ = prepared(read_campaign(folder), without)
-        weighed = weigh(problem, Priors())
-        found = evidence_of(problem, weighed)
-        # Whatever its probability: other coefficients may name it.
-        leading = max(found.inexact, key=lambda e: found.log_evidence[e, ""])
-        _, predicts = closure(problem, Priors(), weighed, leading, np.random.default_rng(0))
+        found = evidence_of(problem, weigh(problem, Priors()))
     return {
         "hypotheses": [
             [list(e), axis, found.log_prior[e, axis], value]
             for (e, axis), value in found.log_evidence.items()
         ],
-        "inexact": [[list(e), value] for e, value in found.inexact.items()],
-        "missing": [[list(e), value] for e, value in found.missing.items()],
-        "same": [[list(one), list(other), value] for (one, other), value in found.same.items()],
         "claimed": [axis.axis for axis in problem.unknown if axis.claimed],
         "specimens": found.specimens,
-        "heterogeneous": found.heterogeneous,
-        "predicts": predicts,
-        "another_unit": found.another_unit if math.isfinite(found.another_unit) else None,
+        "within_floor": found.within_floor,
+        "scatter_like": sorted(found.scatter_like),
+        "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "priors": asdict(Priors()),
     }
 
@@ -91,13 +83,10 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
     evidence = Evidence(
         log_prior={key: prior for key, prior, _ in rows},
         log_evidence={key: value for key, _, value in rows},
-        inexact={tuple(e): value for e, value in document["inexact"]},
-        missing={tuple(e): value for e, value in document["missing"]},
-        same={(tuple(a), tuple(b)): value for a, b, value in document["same"]},
         specimens=document["specimens"],
-        heterogeneous=document["heterogeneous"],
-        predicts=document["predicts"],
-        another_unit=-math.inf if document["another_unit"] is None else document["another_unit"],
+        within_floor=document["within_floor"],
+        scatter_like=frozenset(document["scatter_like"]),
+        closes={tuple(effects): closes for effects, closes in document["closes"]},
     )
     tier = LEFT_OUT if without else entry.tier
     claimed = frozenset(document["claimed"])
@@ -106,42 +95,33 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
 
 
 # ------------------------------------------------------------------------------------------------
-# The coefficients: priors of kinds, the coarseness of evidence, and the doubt of what is named.
+# Priors of kinds, and how much evidence counts, as free numbers.
 
 
-@dataclass(frozen=True)
-class Coefficients:
-    """What the calibration chooses."""
+def vector(p: Priors) -> FloatArray:
+    """Return priors as free numbers; the single effects' is what the others go by."""
+    odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
+    shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed)]
+    return np.array([*odds, *shares, math.log(p.temperature), math.log(p.coarseness_nats)])
 
-    priors: Priors
-    doubt: Doubt
 
-    def vector(self) -> FloatArray:
-        """Return them as free numbers; the single effects' prior is what the others go by."""
-        p = self.priors
-        odds = [math.log(kind / p.single) for kind in (p.none, p.pair, p.unknown)]
-        shares = [float(logit(share)) for share in (p.beside, p.axes, p.claimed)]
-        doubt = list(asdict(self.doubt).values())
-        return np.array([*odds, *shares, math.log(p.coarseness_nats), *doubt])
-
-    @staticmethod
-    def of(vector: FloatArray) -> "Coefficients":
-        """Return the coefficients that free numbers stand for; kinds sum to 1."""
-        v = [float(x) for x in vector]
-        none, pair, unknown = map(math.exp, v[:3])
-        total = none + 1.0 + pair + unknown
-        beside, axes, claimed = (float(expit(x)) for x in v[3:6])
-        priors = Priors(
-            none=none / total,
-            single=1.0 / total,
-            pair=pair / total,
-            unknown=unknown / total,
-            beside=beside,
-            axes=axes,
-            claimed=claimed,
-            coarseness_nats=math.exp(v[6]),
-        )
-        return Coefficients(priors, Doubt(*v[7:]))
+def priors_of(vector: FloatArray) -> Priors:
+    """Return the priors that free numbers stand for; kinds sum to 1."""
+    v = [float(x) for x in vector]
+    none, pair, unknown = map(math.exp, v[:3])
+    total = none + 1.0 + pair + unknown
+    beside, axes, claimed = (float(expit(x)) for x in v[3:6])
+    return Priors(
+        none=none / total,
+        single=1.0 / total,
+        pair=pair / total,
+        unknown=unknown / total,
+        beside=beside,
+        axes=axes,
+        claimed=claimed,
+        temperature=min(math.exp(v[6]), 1.0),
+        coarseness_nats=math.exp(v[7]),
+    )
 
 
 def _log_prior(priors: Priors, key: HypothesisKey, claimed: frozenset[str]) -> float:
@@ -153,25 +133,26 @@ def _log_prior(priors: Priors, key: HypothesisKey, claimed: frozenset[str]) -> f
             return math.log(priors.none)
         share = 1.0 - priors.axes if axis == ANY else priors.axes * of_axis
         return math.log(priors.unknown * share)
-    kind = (priors.single if len(effects) == 1 else priors.pair) * (1.0 - priors.beside)
+    # A further effect is as rare beside two as a second is beside one.
+    further = (priors.pair / priors.single) ** (len(effects) - 1)
+    kind = priors.single * further * (1.0 - priors.beside)
     if not axis:
         return math.log(kind)
     return math.log(kind * priors.beside / (1.0 - priors.beside) * of_axis)
 
 
-def _ranking(case: Case, now: Coefficients, *, open_to_others: bool = True) -> dict[Effects, float]:
-    old, new = case.priors, now.priors
+def _ranking(case: Case, new: Priors) -> dict[Effects, float]:
+    old = case.priors
     moved = {
         key: value + _log_prior(new, key, case.claimed) - _log_prior(old, key, case.claimed)
         for key, value in case.evidence.log_prior.items()
     }
     evidence = replace(case.evidence, log_prior=moved)
-    ranking = ranking_of(evidence, new.coarseness_nats, now.doubt, open_to_others=open_to_others)
-    return {h.effects: h.probability for h in ranking}
+    return {h.effects: h.probability for h in ranking_of(evidence, new)}
 
 
 # ------------------------------------------------------------------------------------------------
-# The coefficients that are best.
+# The priors that are best.
 
 
 _LEAST = 1e-6
@@ -199,7 +180,7 @@ _WEIGHTS = {"none": 10.0, "none-t4": 5.0, "none-scatter": 5.0}
 with these, one clean campaign of fifty raises an alarm; with half of them, one of twenty-five."""
 
 
-def mean_log_score(cases: Sequence[Case], now: Coefficients) -> float:
+def mean_log_score(cases: Sequence[Case], now: Priors) -> float:
     """Return the mean over tiers, each by its weight, of their mean log score, in nats."""
     tiers = _by_tier(cases)
     weights = [_WEIGHTS.get(tier, 1.0) for tier in tiers]
@@ -210,20 +191,20 @@ def mean_log_score(cases: Sequence[Case], now: Coefficients) -> float:
 
 def _loss(vector: FloatArray, cases: Sequence[Case], start: FloatArray) -> float:
     pull = 0.5 * float(np.sum(((vector - start) / _FREE) ** 2)) / len(cases)
-    return pull - mean_log_score(cases, Coefficients.of(vector))
+    return pull - mean_log_score(cases, priors_of(vector))
 
 
-def calibrated(cases: Sequence[Case], start: Coefficients) -> Coefficients:
-    """Return the coefficients of the highest mean log score, tiers counting alike."""
-    first = start.vector()
+def calibrated(cases: Sequence[Case], start: Priors) -> Priors:
+    """Return the priors of the highest mean log score, tiers counting alike."""
+    first = vector(start)
     best = minimize(
         _loss, first, (cases, first), method="L-BFGS-B", options={"eps": 1e-3, "maxiter": 60}
     )
-    return Coefficients.of(best.x)
+    return priors_of(best.x)
 
 
-def _held_out(cases: Sequence[Case], start: Coefficients) -> list[dict[Effects, float]]:
-    """Return each case's ranking by coefficients of the other four fifths of the campaigns."""
+def _held_out(cases: Sequence[Case], start: Priors) -> list[dict[Effects, float]]:
+    """Return each case's ranking by priors of the other four fifths of the campaigns."""
     fifth = {name: k % _FIFTHS for k, name in enumerate(dict.fromkeys(c.campaign for c in cases))}
     found = [
         calibrated([c for c in cases if fifth[c.campaign] != k], start) for k in range(_FIFTHS)
@@ -254,27 +235,6 @@ def _table(cases: Sequence[Case], columns: Mapping[str, Sequence[dict[Effects, f
     return "\n".join(lines)
 
 
-_NATS = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
-
-
-def _class_table(cases: Sequence[Case], now: Coefficients) -> str:
-    """Return how often the class has the truth, and its size, by how near its members are.
-
-    Of single effects of the library, by odds alone: a diagnosis adds what looks the same.
-    """
-    single = [c for c in cases if len(c.expected) == 1 and c.expected != UNKNOWN]
-    lines = ["| within nats | truth in the class | members |", "|---|---|---|"]
-    for nats in _NATS:
-        hits, sizes = [], []
-        for case in single:
-            told = _ranking(case, now, open_to_others=False)
-            near = {e for e, p in told.items() if p > max(told.values()) * math.exp(-nats)}
-            hits.append(case.expected in near)
-            sizes.append(len(near))
-        lines.append(f"| {nats:g} | {100 * fmean(hits):.0f} % | {fmean(sizes):.1f} |")
-    return "\n".join(lines)
-
-
 # ------------------------------------------------------------------------------------------------
 # The command.
 
@@ -297,7 +257,7 @@ def _run(options: argparse.Namespace) -> int:
         for (name, without), outcome in outcomes.items()
         if outcome.document is not None
     ]
-    start = Coefficients(Priors(), Doubt())
+    start = Priors()
     names = {case.campaign for case in cases}
     print(f"{len(cases)} diagnoses of {len(names)} campaigns; evidence in {journal}")
     columns = {"present": [_ranking(c, start) for c in cases]}
@@ -305,11 +265,9 @@ def _run(options: argparse.Namespace) -> int:
         columns["calibrated, held out"] = _held_out(cases, start)
     best = calibrated(cases, start)
     columns["calibrated"] = [_ranking(c, best) for c in cases]
-    print(_table(cases, columns), _class_table(cases, best), sep="\n\n")
-    for part in (best.priors, best.doubt):
-        print(type(part).__name__ + ":")
-        for field in fields(part):
-            print(f"    {field.name}: float = {getattr(part, field.name):.4g}")
+    print(_table(cases, columns))
+    for field in fields(best):
+        print(f"    {field.name}: float = {getattr(best, field.name):.4g}")
     return 0
 
 

@@ -1,6 +1,7 @@
 """planner gap diagnose, design, next, simulate and correct."""
 
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
     from planner.gap.correct import Correction
     from planner.gap.design import CampaignDesign
+    from planner.gap.diagnosis import Diagnosis
 
 app = typer.Typer(name="gap", rich_markup_mode="rich", invoke_without_command=True)
 
@@ -104,7 +106,50 @@ def diagnose(
             say("nothing was written (for a report with figures: --output FOLDER)")
         else:
             say(f"wrote {output} (next: open {output / 'report.html'})")
+        command = _next_command(found, campaign, palette, output)
+        if command:
+            say(f"next: {command}")
     return 0 if found.ok else 1
+
+
+def _next_command(
+    found: "Diagnosis", campaign: Path, palette: str | None, output: Path | None
+) -> str:
+    """Return the command that follows from a verdict, with the options that it needs; "" for none.
+
+    Conditions of use are the last ones that were tested, to be replaced by the part's own.
+    """
+    from planner.gap.effects import EFFECTS
+
+    again = f" --palette {shlex.quote(palette)}" if palette else ""
+    if found.unit_of:
+        units = "".join(f" --unit-of {shlex.quote(unit.text)}" for unit in found.unit_of)
+        return f"planner gap diagnose {shlex.quote(str(campaign))}{again}{units}"
+    known = [EFFECTS[one.id] for one in found.effect if one.id in EFFECTS]
+    known = [effect for effect in known if effect.advice is None]
+    if not known or output is None:
+        return ""
+    use = ""
+    for condition in dict.fromkeys(effect.condition for effect in known if effect.condition):
+        levels = found.tested.get(condition)
+        if levels:
+            level = levels[-1] if isinstance(levels[-1], str) else f"{levels[-1]:.4g}"
+            use += f" --{condition.removeprefix('strain_').replace('_', '-')} {level}"
+    own = campaign / "palette.toml"
+    if not palette and own.is_file() and not _brought(found):
+        again = f" --palette {shlex.quote(str(own))}"
+    return f"planner gap correct {shlex.quote(str(output))}{again}{use} -o palette-corrected.toml"
+
+
+def _brought(found: "Diagnosis") -> bool:
+    """Return whether the palette is, byte for byte, one that the usual printer brings."""
+    from planner.errors import PlannerError
+    from planner.printers import load_printer
+
+    try:
+        return load_printer("connex3").palette(found.palette).sha256 == found.palette_sha256
+    except PlannerError:
+        return False
 
 
 # ------------------------------------------------------------------------------------------------

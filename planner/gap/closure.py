@@ -7,10 +7,9 @@ import numpy as np
 
 from planner.gap.campaign import TOLERANCES, Specimen, levels
 from planner.gap.diagnosis import Gap
-from planner.gap.evidence.posterior import UNKNOWN
+from planner.gap.evidence.posterior import NO_GAP, UNKNOWN
 from planner.gap.evidence.problem import (
     Problem,
-    falls,
     own_axes,
     replicate_floor,
     specimen_forces_N,
@@ -21,7 +20,7 @@ from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
 
-__all__ = ["closure", "without_effect"]
+__all__ = ["closure"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -158,9 +157,6 @@ _RECALIBRATION_SD = 5.0
 """Deviation of base laws that are refitted, over the stated one. Chosen: nearly freely, and yet
 none runs off that the tests do not tell of."""
 
-_NONE, _SINGLE, _PAIR = 0.2, 0.7, 0.1
-"""Prior probabilities in the folds. Chosen: that something is at work has been found already."""
-
 _LEAST_PROBABILITY = 0.02
 """Hypotheses below it do not take part in what is expected. Numerical: each would move it by less
 than 2 % of what it predicts otherwise."""
@@ -179,38 +175,37 @@ def closure(
     problem: Problem,
     priors: Priors,
     weighed: Weighed,
+    vain: Collection[Effects],
     verdict: Effects,
     rng: np.random.Generator,
     progress: Callable[[int, int, str], None] | None = None,
-) -> tuple[Gap, float]:
+) -> Gap:
     """Return the gap before and after, beside the replicate floor and two baselines.
-
-    And the probability that what is named predicts tests better that took no part; 1 where nothing
-    is named or left out.
 
     Parameters
     ----------
     weighed
         What was weighed on the whole campaign: the folds choose among it anew.
+    vain
+        Effects that close nothing on the whole campaign: the folds do not choose these.
     verdict
         Of the whole campaign: with "none" or "unknown" there is no effect to add.
     """
     specimens, nothing = problem.campaign.specimens, verdict in ((), UNKNOWN)
-    priors = replace(priors, none=_NONE, single=_SINGLE, pair=_PAIR)
-    predictor = _Predictor(problem, priors, weighed)
+    predictor = _Predictor(problem, priors, weighed, vain)
     folds, held_out = _conditions_out(specimens, problem.model.tests)
+    folds = [replace(fold, judged=fold.judged & ~problem.strays) for fold in folds]
     floor = replicate_floor(problem)
     if not folds:
-        return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out), 1.0
+        return Gap(_rms(predictor.before), None, None, None, None, None, None, held_out)
 
     def errors_of(weight: FloatArray) -> FloatArray:
         baselines = predictor.recalibrated(weight), predictor.generic(weight)
         if nothing:
             return np.stack([predictor.before, *baselines])
-        after, *fit = predictor.of_what_is_likely(weight)
-        return np.stack([after, *baselines, *fit])
+        return np.stack([predictor.of_what_is_likely(weight), *baselines])
 
-    after, recalibrated, generic, *fit = _held_out(folds, errors_of, progress)
+    after, recalibrated, generic = _held_out(folds, errors_of, progress)
     judged = np.isfinite(after)
     before = np.where(judged, predictor.before, np.nan)
     if floor is not None:  # of the same specimens as the errors, where some of these are replicated
@@ -236,26 +231,17 @@ def closure(
         held_out=held_out,
         negative_transfer=_rms(after) > _NEGATIVE * max(_rms(before), floor_rms or 0.0),
     )
-    predicts = 1.0 if nothing else falls(problem, *fit)
     if not beyond:
-        return gap, predicts
-    (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[:1])
+        return gap
+    beyond = [replace(fold, judged=fold.judged & ~problem.strays) for fold in beyond]
+    (errors,) = _held_out(beyond, lambda weight: predictor.of_what_is_likely(weight)[None])
     left_out = predictor.before[np.isfinite(errors)]
-    gap = replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
-    return gap, predicts
+    return replace(gap, extrapolated_before=_rms(left_out), extrapolated=_rms(errors))
 
 
 def _rms(squares: FloatArray) -> float:
     """Return the root of the mean of mean squares, those that are not known left out."""
     return float(np.sqrt(np.nanmean(squares)))
-
-
-def without_effect(gap: Gap) -> Gap:
-    """Return a gap to which no effect is added."""
-    return replace(
-        gap, after=gap.before, closed=0.0, closed_interval=None, extrapolated_before=None,
-        extrapolated=None, negative_transfer=False,
-    )  # fmt: skip
 
 
 def _held_out(
@@ -288,46 +274,40 @@ class _Predictor:
         Of the palette alone.
     """
 
-    def __init__(self, problem: Problem, priors: Priors, weighed: Weighed) -> None:
+    def __init__(
+        self, problem: Problem, priors: Priors, weighed: Weighed, vain: Collection[Effects]
+    ) -> None:
         self._problem, self._priors, self._weighed = problem, priors, weighed
+        self._vain = vain
         self._measured = problem.model.measured_N
         self.before = squared_errors(
             problem, specimen_forces_N(problem, Candidate(()), problem.model.setup)
         )
 
     def of_what_is_likely(self, weight: FloatArray) -> FloatArray:
-        """By forces averaged over what may be the cause, as the weighted specimens say, (3, n).
+        """By forces averaged over what may be the cause, as the weighted specimens say, (n,).
 
-        By the palette's own laws; then by laws as the weighted specimens say that they are off,
-        with no effect and with these: where laws miss more than a small effect does, what it
-        closes is seen beside them alone.
+        By the palette's own laws, whatever these specimens say that they are off by: that is
+        `recalibrated`.
         """
-        problem = self._problem
+        problem, setup = self._problem, self._problem.model.setup
         world, odds = reweigh(problem, self._priors, self._weighed, weight)
-        shares = np.exp(np.array([value for value, _ in odds]) - max(value for value, _ in odds))
-        shares /= shares.sum()
+        odds = [(value, c) for value, c in odds if c.effects not in self._vain]
+        most = max(value for value, _ in odds)
+        shares = np.exp([value - most for value, _ in odds])
         likely = [
             (share, candidate)
-            for share, (_, candidate) in zip(shares.tolist(), odds, strict=True)
+            for share, (_, candidate) in zip((shares / shares.sum()).tolist(), odds, strict=True)
             if share > _LEAST_PROBABILITY
         ]
-        total = sum(share for share, _ in likely)
-        expected, beside_laws = np.zeros((2, *self._measured.shape))
-        for share, chosen in likely:
-            if chosen.branches:
-                chosen = resettled(world, chosen)
-            everyone = replace(chosen, members=None)
-            for total_of, setup in (
-                (expected, problem.model.setup),
-                (beside_laws, world.calibrated(chosen)),
-            ):
-                forces = specimen_forces_N(problem, everyone, setup)
-                if chosen.members is not None:
-                    forces = self._with_own_gain(forces, chosen.log_gain)
-                total_of += share / total * forces
-        none = Candidate(())
-        laws = specimen_forces_N(problem, none, world.calibrated(none))
-        return np.stack([squared_errors(problem, f) for f in (expected, laws, beside_laws)])
+        expected = np.zeros_like(self._measured)
+        for share, candidate in likely:
+            chosen = resettled(world, candidate) if candidate.branches else candidate
+            forces = specimen_forces_N(problem, replace(chosen, members=None), setup)
+            if chosen.members is not None:
+                forces = self._with_own_gain(forces, chosen.log_gain)
+            expected += share * forces
+        return squared_errors(problem, expected / sum(share for share, _ in likely))
 
     def _with_own_gain(self, forces: FloatArray, log_gain: float) -> FloatArray:
         """Return forces with each specimen's gain, told from its own curve's level alone.
@@ -367,7 +347,9 @@ class _Predictor:
         # Without the levels of batches: like the floor's, the specimens are new, and so is theirs.
         raw = np.concatenate([*patterns, problem.calibration], axis=1)
         predicted = table.transformed(problem.unpredicted) + raw @ best[: raw.shape[1]]
-        force = 2.0 * table.floor * np.sinh(np.clip(predicted, -50.0, 50.0))
+        # No further than what was measured or predicted goes: patterns grow without an end.
+        most = np.max(np.abs([table.measured, table.transformed(problem.unpredicted)]))
+        force = 2.0 * table.floor * np.sinh(np.clip(predicted, -most, most))
         of = np.where(table.is_field, 0.0, 1.0 / problem.model.peaks_N[table.specimen, 0])
         after, before = (
             np.bincount(table.specimen, (of * (table.measured_raw - found)) ** 2)
@@ -390,13 +372,8 @@ def _ridge(inner: FloatArray, cross: FloatArray, sd: FloatArray) -> tuple[FloatA
     return sd * solution, evidence
 
 
-_NO_GAP = 1.02
-"""Error before over the floor up to which there is nothing to close. Chosen: the floor itself is
-known no better, and a share of nothing is none."""
-
-
 def _closed(before: float, after: float, floor: float) -> float | None:
-    if before <= _NO_GAP * floor:
+    if before <= NO_GAP * floor:
         return None
     return 1.0 - (after - floor) / (before - floor)
 

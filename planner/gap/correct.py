@@ -406,7 +406,17 @@ def _corrected(
         factor[material.id] = float(np.exp(np.interp(at, strain, log) + level))
         log_sd[material.id] = math.hypot(sure[number], forms[number], level_sd)
         sd = math.hypot(material.modulus_log_sd, log_sd[material.id])
-        materials.append(replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd))
+        readings = tuple(
+            replace(
+                one,
+                law=_refitted(replace(material, law=one.law), strain, log + level).law,
+                modulus_log_sd=math.hypot(one.modulus_log_sd, log_sd[material.id]),
+            )
+            for one in material.readings
+        )
+        materials.append(
+            replace(material, law=fit.law, uncertainty=None, modulus_log_sd=sd, readings=readings)
+        )
     bad = {m: value for m, value in misfit.items() if value > _NOTABLE_MISFIT}
     if bad:
         told = ", ".join(f"{m} {100 * value:.1f} %" for m, value in bad.items())

@@ -19,6 +19,7 @@ from planner.gap.effect import Effect, stated, untestable
 from planner.gap.effects import EFFECTS, effect_named, effects_for
 from planner.gap.evidence.posterior import ALIKE_COSINE, UNKNOWN, detectable_sizes, needed_nats
 from planner.gap.evidence.problem import Problem, applied, set_up
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate, Elimination, SignedForm, node_weights
 from planner.gap.evidence.weigh import Priors, Weighed
 from planner.gap.noise import Calibration, calibration_columns, calibrations, specimen_noise
@@ -324,12 +325,15 @@ def _usual_patterns(problem: Problem, ids: Sequence[str]) -> FloatArray:
 
 
 def _batch_level(problem: Problem) -> FloatArray:
-    """Return the whitened pattern of a batch one deviation off, (N,)."""
+    """Return the whitened pattern of the batches' mean a deviation off, (N,).
+
+    That is what all conditions share: of every one there are as many specimens in each batch.
+    """
     force = np.where(problem.table.is_field, 0.0, problem.sensitivity)
-    return problem.noise.whiten(problem.scatter.batch * force)
+    return problem.noise.whiten(problem.scatter.batch / np.sqrt(_BATCHES) * force)
 
 
-def _elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimination:
+def _elimination_of(problem: Problem, weight: FloatArray) -> Elimination:
     """Return inner products with nuisances integrated out, batches among them.
 
     Parameters
@@ -337,12 +341,11 @@ def _elimination_of(problem: Problem, weight: FloatArray, batches: int) -> Elimi
     weight : (n,)
         How many specimens there are of each condition, spread evenly over the batches.
     """
-    inner = problem.whitened.inner_products(weight)
-    level = _batch_level(problem)
-    rows = problem.whitened.on_rows(weight) / batches
-    cross = np.tile((rows * level) @ problem.whitened.columns, (batches, 1))
-    own = np.eye(batches) * float((rows * level) @ level)
-    return inner.eliminate(extra=(cross, own))
+    columns = problem.whitened.columns
+    level = _batch_level(problem)[:, None]
+    return World(problem, weight=weight).elimination(
+        columns[:, 0], level, columns[:, problem.nodes]
+    )
 
 
 def _expected_of(
@@ -483,9 +486,7 @@ def _information_of(problem: Problem, asked: Sequence[Effect]) -> Information:
     """
     patterns = _usual_patterns(problem, [effect.id for effect in asked])
     nuisances = problem.whitened.columns[:, -problem.whitened.nuisances :]
-    # The mean level of batches is what all conditions share.
-    level = _batch_level(problem)[:, None] / np.sqrt(_BATCHES)
-    columns = np.concatenate([patterns, nuisances, level], axis=1)
+    columns = np.concatenate([patterns, nuisances, _batch_level(problem)[:, None]], axis=1)
     edges = problem.whitened.first_row.tolist()
     parts = [columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)]
     return Information(_BATCHES * np.stack(parts), [len(effect.forms) for effect in asked])
@@ -703,7 +704,7 @@ def _designed(
     counts = told.filled(counts, budget // _BATCHES)
     campaign = _campaign(palette, printer, candidates, counts, asked)
     testable_ids = [id for id, e in library.items() if untestable(e, campaign) is None]
-    elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64), _BATCHES)
+    elimination = _elimination_of(problem, _BATCHES * counts.astype(np.float64))
     return CampaignDesign(
         campaign=campaign,
         expected=_expected_of(problem, elimination, asked, testable_ids),
@@ -926,7 +927,7 @@ def next_experiments(
     share /= share.sum()
     candidates = [weighed.best[h.effects] for h in known]
     trials = trials_of(problem.campaign, problem.model.setup)
-    means, covariances = _predicted(problem, candidates, trials)
+    means, covariances = _predicted(problem, weighed, candidates, trials)
     found = []
     widest = max(mean.shape[1] for mean in means)
     noise = rng.standard_normal((len(known) * _DRAWS, widest))
@@ -953,7 +954,10 @@ def next_experiments(
 
 
 def _predicted(
-    problem: Problem, candidates: Sequence[Candidate], trials: Sequence[Trial]
+    problem: Problem,
+    weighed: Weighed,
+    candidates: Sequence[Candidate],
+    trials: Sequence[Trial],
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return, of each trial, the hypotheses' figures (K, d) and their covariance (d, d).
 
@@ -973,7 +977,7 @@ def _predicted(
             raw[1 + len(ways) + k] *= np.exp(candidate.log_gain * candidate.members.mean())
     figures = table.transformed(raw)
     shared = calibration_columns(ways, figures[1 : 1 + len(ways)], figures[0])
-    known, sizes = _known_laws(problem, candidates, ways)
+    known, sizes = _known_laws(problem, weighed, candidates, ways)
     learned = figures[1 + len(ways) :] + sizes @ shared.T
     sensor = np.full(len(trials), float(np.median(problem.model.sensor_sd_N)))
     noise = specimen_noise(
@@ -990,7 +994,10 @@ def _predicted(
 
 
 def _known_laws(
-    problem: Problem, candidates: Sequence[Candidate], ways: Sequence[Calibration]
+    problem: Problem,
+    weighed: Weighed,
+    candidates: Sequence[Candidate],
+    ways: Sequence[Calibration],
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the campaign has taught about the trials' ways of being off.
 
@@ -1004,7 +1011,7 @@ def _known_laws(
     known = np.eye(len(ways))
     sizes = np.zeros((len(candidates), len(ways)))
     for row, candidate in zip(sizes, candidates, strict=True):
-        mean, covariance = problem.nuisances_beside(candidate)
+        mean, covariance = weighed.world_of(candidate).laws_off(candidate)
         row[at] = mean[taken]
         known[np.ix_(at, at)] = covariance[np.ix_(taken, taken)]
     return known, sizes

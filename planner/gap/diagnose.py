@@ -9,9 +9,17 @@ import numpy as np
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
 from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.gap.campaign import TOLERANCES, Campaign, Specimen, axis_columns, levels, with_modes
+from planner.gap.campaign import (
+    TOLERANCES,
+    Campaign,
+    Specimen,
+    axis_columns,
+    levels,
+    replicate_groups,
+    with_modes,
+)
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.closure import closure, without_effect
+from planner.gap.closure import closure
 from planner.gap.design import next_experiments
 from planner.gap.diagnosis import (
     Diagnosis,
@@ -32,8 +40,10 @@ from planner.gap.evidence.posterior import (
     found_effects,
     heterogeneity_caution,
     ranking_of,
+    verdict_of,
 )
 from planner.gap.evidence.problem import Problem, applied, set_up, specimen_forces_N
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, weigh
 from planner.gap.localise import localise
@@ -82,9 +92,9 @@ def _explained(problem: Problem, chosen: Candidate) -> FloatArray:
     return change
 
 
-def _recalibration_of(problem: Problem, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
+def _recalibration_of(world: World, chosen: Candidate) -> Mapping[str, tuple[float, float]]:
     """Return each material's posterior level, ln of a factor on its stress, and its deviation."""
-    mean, covariance = problem.nuisances_beside(chosen)
+    problem, (mean, covariance) = world.problem, world.laws_off(chosen)
     return {
         way.material: (float(mean[k] * way.sd), float(np.sqrt(covariance[k, k]) * way.sd))
         for k, way in enumerate(problem.ways)
@@ -314,20 +324,14 @@ def _diagnose(
     weighed = weigh(problem, priors)
     rng = np.random.default_rng(seed)
     evidence = evidence_of(problem, weighed)
-    leading = ranking_of(evidence, priors.coarseness_nats)[0].effects
-    gap, predicts = closure(problem, priors, weighed, leading, rng, progress)
-    evidence = replace(evidence, predicts=predicts)
-    ranking = ranking_of(evidence, priors.coarseness_nats)
-    verdict = ranking[0].effects
-    refuted = leading if verdict != leading else None
-    if refuted is not None:
-        gap = without_effect(gap)
-    told = ranking_of(evidence, priors.coarseness_nats, open_to_others=False)
+    ranking = ranking_of(evidence, priors)
+    verdict = verdict_of(ranking)
+    gap = closure(problem, priors, weighed, evidence.vain, verdict, rng, progress)
     chosen = weighed.best.get(verdict, Candidate(()))
     whitened = problem.whitened.columns
     nodes = weighed.plain.elimination(whitened[:, 0], kept=whitened[:, problem.nodes])
     where, remainder = _places_of(problem, chosen, rng)
-    same_class = class_of(problem, weighed, told, verdict)
+    same_class = class_of(problem, weighed, ranking, verdict)
     data_quality = examine(campaign)
     mending = [problem.unit_of for problem in data_quality if problem.unit_of is not None]
     found = Diagnosis(
@@ -354,11 +358,11 @@ def _diagnose(
         limitations=(
             *campaign.limitations,
             *model.limitations,
-            *_cautions(problem, refuted),
+            *_cautions(problem),
             *_confounders(verdict, reasons),
         ),
         unit_of=merged_units([*_units_of(problem, weighed, same_class), *mending]),
-        recalibration=_recalibration_of(problem, chosen),
+        recalibration=_recalibration_of(weighed.world_of(chosen), chosen),
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
@@ -382,7 +386,18 @@ def prepared(
     """Return a campaign ready for weighing, and the effects that it says nothing about."""
     campaign = with_modes(campaign)
     effects, reasons = _library(campaign, without)
-    return set_up(*_comparable(campaign), effects, progress), reasons
+    return set_up(*_comparable(campaign), effects, progress, _strays(campaign)), reasons
+
+
+def _strays(campaign: Campaign) -> set[str]:
+    """Return the specimen that differs from its replicates by more than scatter, if one does.
+
+    Or the two of which it cannot be told. Several are no strays: something sets them apart.
+    """
+    off = {p.specimen for p in examine(campaign) if p.kind in ("outlier", "units")}
+    found = {s.id for s in campaign.specimens if s.id in off}
+    alike = [{campaign.specimens[k].id for k in g} for g in replicate_groups(campaign.specimens)]
+    return found if len(found) == 1 or found in alike else set()
 
 
 def _library(
@@ -417,13 +432,8 @@ def _comparable(campaign: Campaign) -> tuple[Campaign, ObservationModel]:
     return campaign, observation_model(campaign)
 
 
-def _cautions(problem: Problem, refuted: Effects | None) -> tuple[str, ...]:
+def _cautions(problem: Problem) -> tuple[str, ...]:
     found = []
-    if refuted is not None:
-        found.append(
-            f"{name_of(refuted)} fits best, but tests that are left out are not predicted better "
-            "with it than by the palette alone: it is no explanation"
-        )
     n = len(problem.campaign.specimens)
     unlike = heterogeneity_caution(problem)
     if unlike is not None:

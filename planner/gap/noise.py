@@ -19,6 +19,7 @@ from planner.palette import Palette
 from planner.simulation.bar_solver import Setup
 
 __all__ = [
+    "FIT_SD",
     "UNIT_GAINS",
     "USUAL",
     "Calibration",
@@ -232,9 +233,9 @@ _UNKNOWN_LOG_SD = 0.05
 """Of ln modulus of a grade where the palette does not say. Chosen: what the mean of two or three
 tests is off by, of specimens that scatter by 3 to 9 %."""
 
-_TILT_SD = 0.01
-"""Of the logarithm of stress, from small strains to large ones. Chosen: laws follow their tests to
-1 %."""
+FIT_SD = 0.01
+"""Of the logarithm of stress, from small strains to large ones, and of what a law leaves of its own
+tests where the palette does not say. Chosen: laws follow their tests to 1 %."""
 
 _BETWEEN_SD = 0.03
 """Of the logarithm of stress half-way between two grades. Chosen: nobody measured it; as much as
@@ -283,7 +284,7 @@ def calibrations(palette: Palette, setup: Setup) -> tuple[Calibration, ...]:
         if hat.max() > 0.0:
             sd = material.modulus_log_sd or _UNKNOWN_LOG_SD
             found.append(Calibration(material.id, "level", sd, hat))
-            found.append(Calibration(material.id, "tilt", _TILT_SD, hat))
+            found.append(Calibration(material.id, "tilt", FIT_SD, hat))
     for low, high in itertools.pairwise(at):
         t = np.clip((where - low) / (high - low), 0.0, 1.0)
         bump = 4.0 * t * (1.0 - t)
@@ -326,10 +327,11 @@ USUAL = Scatter(
 1 to 9 % within a print, local strains along them alike; facets of image correlation by some
 thousandths of strain. Of the parts of it the shares are chosen: most of a curve goes together."""
 
-_PRIOR_SD = {"specimen": 0.6, "batch": 0.5, "slope": 0.5, "wander": 0.5, "wander_length": 0.4,
+_PRIOR_SD = {"specimen": 1.0, "batch": 0.5, "slope": 0.8, "wander": 0.8, "wander_length": 0.4,
              "sensor": 0.4}  # fmt: skip
-"""Of their logarithms, before replicates are seen. Physical: 3 % times or by e^(2 * 0.6) holds the
-1 to 9 % of jetted specimens; the others alike."""
+"""Of their logarithms, before replicates are seen. Physical: 3 % times or by e^(2 * 1.0) holds the
+1 to 9 % of jetted specimens and the 10 to 30 % of some labs'; what batches share is a ratio to it,
+what changes along a curve is not: a level that scatters says nothing of it."""
 
 _NAMES = tuple(_PRIOR_SD)
 
@@ -378,6 +380,7 @@ def estimate_scatter(
     batch_of: IntArray,
     residual: FloatArray,
     aside: FloatArray,
+    counts: BoolArray,
 ) -> Scatter:
     """Return the scatter of a campaign's specimens; `USUAL`, widely uncertain, without replicates.
 
@@ -388,25 +391,37 @@ def estimate_scatter(
         what places each replicate was seen at.
     aside : (N,)
         Change of the features were places to the side of where they are said to be.
+    counts : (N,)
+        Which features tell of scatter.
     """
-    groups = _groups(table, ~table.is_field)
+    groups = _groups(table, counts & ~table.is_field)
     seen = _field_scatter(table, sensitivity, residual, aside)
     freedom = sum(len(g) - 1 for g in groups)
     if not freedom:
         return _with(np.zeros(len(_NAMES)), seen, USUAL.log_sd, 0)
-    contrasts = [_contrasts(table, rows, batch_of, residual) for rows in groups]
+    batches = np.unique(batch_of)
+    contrasts = [_contrasts(table, rows, batch_of, batches, residual) for rows in groups]
 
     def cost(logs: FloatArray) -> float:
         scatter = _with(logs, seen, 0.0, freedom)
         total = 0.5 * float(np.sum((logs / list(_PRIOR_SD.values())) ** 2))
-        for rows, (values, batch_share) in zip(groups, contrasts, strict=True):
+        inner, cross = np.eye(len(batches)), np.zeros(len(batches))
+        for rows, (values, shares) in zip(groups, contrasts, strict=True):
             first = slice(int(rows[0][0]), int(rows[0][-1]) + 1)
             own = _force_block(table, sensitivity, scatter, sensor_sd_N, first)
-            h = scatter.batch * sensitivity[first]
-            shared = np.outer(h, h)
-            for difference, share in zip(values, batch_share, strict=True):
-                total += _half_deviance(difference, own + share * shared)
-        return total
+            factor = np.linalg.cholesky(own)
+            level = scatter.batch * sensitivity[first]
+            white = scipy.linalg.solve_triangular(
+                factor, np.stack([level, *values], axis=1), lower=True, check_finite=False
+            )
+            total += len(values) * float(np.log(np.diagonal(factor)).sum())
+            total += 0.5 * float(np.sum(white[:, 1:] ** 2))
+            inner += float(white[:, 0] @ white[:, 0]) * shares.T @ shares
+            cross += shares.T @ (white[:, 1:].T @ white[:, 0])
+        # Levels of batches, which all groups have in common, integrated out.
+        factor = np.linalg.cholesky(inner)
+        half = scipy.linalg.solve_triangular(factor, cross, lower=True, check_finite=False)
+        return total + float(np.log(np.diagonal(factor)).sum() - 0.5 * half @ half)
 
     best = scipy.optimize.minimize(
         cost, np.zeros(len(_NAMES)), method="L-BFGS-B", bounds=[(-2.5, 2.5)] * len(_NAMES),
@@ -422,10 +437,9 @@ def _with(logs: FloatArray, seen: Scatter, log_sd: float, freedom: int) -> Scatt
     return replace(
         seen,
         specimen=level,
-        # Ratios to the specimens' level have priors of their own.
         batch=level * USUAL.batch / USUAL.specimen * factor["batch"],
-        slope=level * USUAL.slope / USUAL.specimen * factor["slope"],
-        wander=level * USUAL.wander / USUAL.specimen * factor["wander"],
+        slope=USUAL.slope * factor["slope"],
+        wander=USUAL.wander * factor["wander"],
         wander_length=USUAL.wander_length * factor["wander_length"],
         sensor=USUAL.sensor * factor["sensor"],
         log_sd=log_sd,
@@ -454,17 +468,17 @@ def _groups(table: FeatureTable, of: BoolArray) -> list[list[IntArray]]:
 
 
 def _contrasts(
-    table: FeatureTable, rows: list[IntArray], batch_of: IntArray, residual: FloatArray
+    table: FeatureTable,
+    rows: list[IntArray],
+    batch_of: IntArray,
+    batches: IntArray,
+    residual: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return orthonormal differences of replicates, and the share of batch variance in each."""
-    count = len(rows)
-    helmert = scipy.linalg.helmert(count)
-    values = helmert @ residual[np.stack(rows)]
+    """Return orthonormal differences of replicates, and how much each has of every batch."""
+    helmert = scipy.linalg.helmert(len(rows))
     batch = np.array([batch_of[table.specimen[r[0]]] for r in rows])
-    members = (batch[:, None] == np.unique(batch)).astype(np.float64)
-    if (batch < 0).any():
-        members = np.zeros((count, 1))
-    return values, np.sum((helmert @ members) ** 2, axis=1)
+    members = (batch[:, None] == batches) & (batch[:, None] >= 0)
+    return helmert @ residual[np.stack(rows)], helmert @ members.astype(np.float64)
 
 
 def _field_scatter(

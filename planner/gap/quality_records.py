@@ -225,22 +225,22 @@ def first_turn(travel_mm: FloatArray) -> int:
 def unloading_share(specimen: Specimen) -> float:
     """Return the longest way back of a specimen that bears load, over the range of travel.
 
-    Whether it does is told where the way back begins and just behind, so that the way back of a
-    broken specimen's grips does not count.
+    Whether it does is told by medians just before the way back begins and just behind, so that
+    the way back of a broken specimen's grips does not count, and a drop-out hides none.
     """
     travel, load = specimen.travel_mm, specimen.load_N
-    spread = float(np.ptp(travel))
+    near = _TURN_SHARE * float(np.ptp(travel))
     longest = 0.0
     for at, after in pairwise(_turns_of(travel).tolist()):
         fall = float(travel[at] - travel[after])
         if fall <= longest:
             continue
-        back = travel[at] - travel[at + 1 : after + 1]
-        near = load[at + 1 : at + 1 + max(1, int(np.argmax(back > _TURN_SHARE * spread)))]
-        least = BEARING_SHARE * float(np.max(load[: at + 1]))
-        if load[at] >= least and float(np.median(near)) >= least:
+        before = int(np.argmax(travel[at] - travel[: at + 1] < near))
+        behind = max(1, int(np.argmax(travel[at] - travel[at + 1 : after + 1] > near)))
+        sides = load[before : at + 1], load[at + 1 : at + 1 + behind]
+        if min(map(np.median, sides)) >= BEARING_SHARE * float(np.max(load[: at + 1])):
             longest = fall
-    return longest / spread
+    return longest / float(np.ptp(travel))
 
 
 # ------------------------------------------------------------------------------------------------

@@ -442,8 +442,11 @@ class TimeGrid:
         return int(here[np.argmin(np.abs(self.fraction[here] - fraction))])
 
     def feature_steps(self) -> list[int]:
-        """Return the steps at which features are taken."""
-        return [
+        """Return the steps at which features are taken, the record's start first.
+
+        There an offset of the force shows, and nothing that a specimen does.
+        """
+        return [0] + [
             self.step_at(segment, fraction)
             for segment, places in enumerate(_feature_places(self.segments))
             for fraction in places
@@ -634,6 +637,8 @@ def forces_N(path: Path, grid: TimeGrid) -> FloatArray:
             continue
         stride = np.abs(np.gradient(places)) if len(places) > 1 else np.full(1, np.ptp(rows))
         forces[here] = _smooth(rows, path.force_N[inside], places, 0.25 * stride)
+    # As it was read: a parabola that ends where curves bend most is off by more than an offset.
+    forces[0] = path.force_N[path.segments[0].first]
     return forces
 
 

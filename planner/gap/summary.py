@@ -163,7 +163,9 @@ def _cause(d: Diagnosis) -> str:
     if len(effects) == 1:
         cause = f"The cause is {sure}" if sure else "No cause is sure; the likeliest is"
         return f"{cause} that {clauses} ({d.verdict}, {chance})."
-    cause = f"Two causes are {sure} at work" if sure else "No cause is sure; the likeliest are two"
+    count = "Two" if len(effects) == 2 else "Three"
+    likeliest = f"No cause is sure; the likeliest are {count.casefold()}"
+    cause = f"{count} causes are {sure} at work" if sure else likeliest
     return f"{cause}: {clauses} ({d.verdict}, {chance})."
 
 
@@ -174,6 +176,8 @@ def _how_far(d: Diagnosis) -> str:
         floor = "there are no replicates to say how much of that is scatter"
     else:
         floor = f"replicates differ by {percent(gap.floor)}"
+    if gap.floor is not None and gap.before <= gap.floor and d.verdict == "none":
+        return f"Nothing to explain: the prints repeat no better than this: {before}, and {floor}."
     if d.verdict == "none":
         within = ""
         if gap.floor is not None and gap.before > gap.floor and not d.remainder:

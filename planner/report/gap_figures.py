@@ -39,12 +39,16 @@ __all__ = ["figures_of"]
 
 
 def figures_of(diagnosis: Diagnosis) -> dict[str, bytes]:
-    """Return the figures as SVG by their names; those of curves where there are traces."""
+    """Return the figures as SVG by their names, in the order in which a reader asks.
+
+    What was measured, what causes it, where it lies, how far it closes. Those of curves where there
+    are traces.
+    """
     drawn = {
-        "residuals": _residual_figure(diagnosis),
-        "evidence": _evidence_figure(diagnosis),
-        "closure": _closure_figure(diagnosis),
         "curves": _curves_figure(diagnosis),
+        "evidence": _evidence_figure(diagnosis),
+        "residuals": _residual_figure(diagnosis),
+        "closure": _closure_figure(diagnosis),
     }
     return {name: svg for name, svg in drawn.items() if svg is not None}
 

@@ -9,7 +9,15 @@ from planner import __version__
 from planner.formats.outputs import new_folder
 from planner.formats.tables import encode_csv
 from planner.gap.diagnosis import Diagnosis
-from planner.gap.summary import axis_words, number_words, percent, probability, summary_of, title
+from planner.gap.summary import (
+    axis_words,
+    best_of,
+    number_words,
+    percent,
+    probability,
+    summary_of,
+    title,
+)
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
     Table,
@@ -185,18 +193,16 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     scripts = (f"{asset('figure.js')}\n",)
     title = f"{d.campaign}: {d.verdict}"
     yield from begin(title, styles=["report.css"], scripts=scripts, kind="report")
-    yield f"<header>\n<h1>{escape(d.campaign)}</h1>"
-    yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
-    yield f'<p class="quiet">{escape(headline(d))}</p>'
-    yield f'<p class="quiet">{escape(scope(d))}</p>\n</header>\n<main>'
-    for section in verdict_sections(d):
-        yield from _section(section)
-    if figures:
-        yield "<h2>Figures</h2>"
-        yield f"<p>{escape(_SIGN)}</p>"
+    yield from _head(d)
+    yield "<main>"
     for svg in figures.values():
         yield '<figure>\n<div class="wide" tabindex="0" role="group" aria-label="Figure">'
         yield f"{svg.decode('utf-8').strip()}\n</div>\n</figure>"
+    if figures:
+        yield f'<p class="quiet">{escape(_SIGN)}</p>'
+    yield from (f"<p>{escape(words)}</p>" for words in summary_of(d))
+    for section in verdict_sections(d):
+        yield from _section(section)
     for heading, rows in _page_tables(d).items():
         if rows:
             yield f"<h2>{escape(heading)}</h2>"
@@ -206,6 +212,21 @@ def _page(d: Diagnosis, figures: Mapping[str, bytes]) -> Iterator[str]:
     yield f"<p>palette {escape(d.palette)}, sha256 {escape(d.palette_sha256)}</p>"
     yield "</footer>"
     yield end(scripts)
+
+
+def _head(d: Diagnosis) -> Iterator[str]:
+    """Yield the head: what was diagnosed, and the verdict in figures."""
+    yield f"<header>\n<div>\n<h1>{escape(d.campaign)}</h1>"
+    yield f'<p class="quiet">{escape(headline(d))}</p>'
+    yield f'<p class="quiet">{escape(scope(d))}</p>\n</div>\n<dl class="facts">'
+    errors = {"gap before": d.gap.before, "gap after": d.gap.after, "floor": d.gap.floor}
+    for name, value, kind in (
+        ("verdict", d.verdict, "good" if d.ok else "bad"),
+        ("probability", probability(best_of(d).probability), ""),
+        *((name, percent(error), "") for name, error in errors.items() if error is not None),
+    ):
+        yield f'<div><dt>{name}</dt><dd class="{kind}">{escape(value)}</dd></div>'
+    yield "</dl>\n</header>"
 
 
 def _section(section: TextSection) -> Iterator[str]:

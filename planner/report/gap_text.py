@@ -344,8 +344,8 @@ def _how_far(diagnosis: Diagnosis) -> Iterator[str | Table]:
 
 _ERROR = (
     "The error of a specimen is the root mean square, over its curve, of measured less predicted "
-    "force, in per cent of the specimen's largest force; that of several specimens is the root "
-    "mean square of theirs."
+    "force, in per cent of the largest force of the specimen and its replicates, on the mean; that "
+    "of several specimens is the root mean square of theirs."
 )
 """The one definition, of text, tables, figures and diagnosis.json alike."""
 

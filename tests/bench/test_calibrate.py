@@ -5,25 +5,22 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from benchmarks.withheld.calibrate import Case, Coefficients, calibrated, mean_log_score
+from benchmarks.withheld.calibrate import Case, calibrated, mean_log_score, priors_of, vector
 from benchmarks.withheld.scoring import UNKNOWN
-from planner.gap.evidence.posterior import Doubt, Evidence
+from planner.gap.evidence.posterior import Evidence
 from planner.gap.evidence.weigh import Priors
 
 SHOWN = 3.0
-START = Coefficients(
-    Priors(
-        none=0.66, single=0.054, pair=0.0017, unknown=0.2843, beside=0.05, axes=0.5, claimed=0.2,
-        coarseness_nats=1e6,
-    ),
-    Doubt(always=-8.0),
+START = Priors(
+    none=0.66, single=0.054, pair=0.0017, unknown=0.2843, beside=0.05, axes=0.5, claimed=0.2,
+    temperature=1.0,
 )  # fmt: skip
-"""Coefficients that hardly name anything."""
+"""Priors that hardly name anything."""
 
 NAMES = ("rate", "skin", "moisture", "ageing")
 
 
-def cases(shares: dict[str, float], count: int, p: Priors = START.priors) -> Iterator[Case]:
+def cases(shares: dict[str, float], count: int, p: Priors = START) -> Iterator[Case]:
     """Yield campaigns of kinds in these shares, with evidence as a Bayesian would find it.
 
     Each hypothesis with a cause has a figure of its own, normal about 0, about `SHOWN` where it is
@@ -43,20 +40,17 @@ def cases(shares: dict[str, float], count: int, p: Priors = START.priors) -> Ite
         figures[shown] += SHOWN
         gains = {key: SHOWN * (x - 0.5 * SHOWN) for key, x in figures.items()}
         gains[(), ""] = 0.0
-        evidence = Evidence(
-            log_prior=log_prior, log_evidence=gains, inexact={}, missing={}, same={}, specimens=30,
-            heterogeneous=False,
-        )  # fmt: skip
+        evidence = Evidence(log_prior, gains)
         yield Case(f"c{number}", "all", truth, evidence, frozenset(), p)
 
 
-def test_coefficients_are_the_vector_that_they_came_from() -> None:
-    start = Coefficients(Priors(), Doubt(-2.0, 0.3, 0.1, 4.0, 3.0))
-    again = Coefficients.of(start.vector())
-    total = sum(getattr(start.priors, k) for k in ("none", "single", "pair", "unknown"))
+def test_priors_are_the_vector_that_they_came_from() -> None:
+    start = Priors()
+    again = priors_of(vector(start))
+    total = sum(getattr(start, k) for k in ("none", "single", "pair", "unknown"))
     for name in ("none", "single", "pair", "unknown"):
-        assert getattr(again.priors, name) == pytest.approx(getattr(start.priors, name) / total)
-    assert again.vector() == pytest.approx(start.vector())
+        assert getattr(again, name) == pytest.approx(getattr(start, name) / total)
+    assert vector(again) == pytest.approx(vector(start))
 
 
 def test_shares_of_kinds_are_found() -> None:
@@ -66,7 +60,7 @@ def test_shares_of_kinds_are_found() -> None:
     found = calibrated(made, start)
     assert mean_log_score(made, found) > mean_log_score(made, start) + 0.1
     # Odds of 150 to 75 are known to a seventh
-    assert found.priors.single / found.priors.none == pytest.approx(2.0, rel=0.3)
+    assert found.single / found.none == pytest.approx(2.0, rel=0.3)
 
 
 def test_what_is_right_already_stays() -> None:
@@ -74,10 +68,10 @@ def test_what_is_right_already_stays() -> None:
     shares = {"none": 0.66, "single": 0.055, "unknown": 0.285}  # the priors' own, without pairs
     found = calibrated(list(cases(shares, 400)), start)
     # 22 single effects among 400: known to a fifth
-    assert found.priors.none == pytest.approx(start.priors.none, rel=0.25)
+    assert found.none == pytest.approx(start.none, rel=0.25)
 
 
 def test_priors_that_evidence_was_written_with_do_not_matter() -> None:
     shares = {"none": 0.4, "single": 0.4, "unknown": 0.2}
-    there = [mean_log_score(list(cases(shares, 50, p)), START) for p in (START.priors, Priors())]
+    there = [mean_log_score(list(cases(shares, 50, p)), START) for p in (START, Priors())]
     assert there[0] == pytest.approx(there[1], rel=1e-12)

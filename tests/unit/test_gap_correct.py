@@ -309,6 +309,28 @@ def test_the_farther_from_the_tests_the_less_sure_and_it_is_said(palette) -> Non
     assert "which grade meets a target here is a guess" in made[90.0].findings[0]
 
 
+def test_what_others_read_is_corrected_as_the_law_is_and_written_so(palette, tmp_path) -> None:
+    """By the same factor, strain by strain: refitted to 5 %, where a law is refitted."""
+    made = at_temperature(palette, 33.0)
+    planner.write_palette(made.palette, tmp_path / "warm.toml")
+    written = load_palette(tmp_path / "warm.toml")
+    with_readings = [m.id for m in palette.materials if m.readings]
+    assert with_readings
+    for id in with_readings:
+        old, new = palette.resolve(id), written.resolve(id)
+        assert len(new.readings) == len(old.readings)
+        strain = np.linspace(0.2, 1.0, 5) * min(old.elongation_at_break, 0.1)
+        for before, after in zip(old.readings, new.readings, strict=True):
+            found, wanted = (
+                make_law(b.law).nominal_stress_MPa(1.0 + strain)
+                / make_law(a.law).nominal_stress_MPa(1.0 + strain)
+                for a, b in ((before, after), (old, new))
+            )
+            np.testing.assert_allclose(found, wanted, rtol=0.05)
+            assert np.all(found < 0.9)
+            assert after.modulus_log_sd > before.modulus_log_sd
+
+
 def test_the_plan_is_as_unsure_as_the_correction(palette) -> None:
     near, far = (
         planner.list_materials(palette=at_temperature(palette, at).palette) for at in (33.0, 90.0)

@@ -26,9 +26,9 @@ def test_no_number_is_without_its_meaning_and_its_source(script: dict[str, Any])
     assert bare == [], f"say under each what it is, then one of {', '.join(script['KINDS'])}: why"
 
 
-def test_priors_and_doubts_are_among_the_numbers(script: dict[str, Any]) -> None:
+def test_priors_are_among_the_numbers(script: dict[str, Any]) -> None:
     names = {name for number in script["numbers"]() for name in number.names}
-    assert {"Priors.none", "Priors.coarseness_nats", "Doubt.always"} <= names
+    assert {"Priors.none", "Priors.temperature"} <= names
 
 
 def test_numbers_without_a_line_between_share_the_text_below(script: dict[str, Any]) -> None:

@@ -89,6 +89,20 @@ def test_many_cycles_are_a_cyclic_test_at_its_speed(cycles: int, points: int) ->
     assert [p.kind for p in examine(campaign(*as_monotonic))] == ["protocol"] * 3
 
 
+def test_drop_outs_at_the_turns_hide_no_unloading() -> None:
+    """Two cycles, the force read as nothing for a row in ten and wherever the crosshead turns."""
+
+    def twice(k: int) -> Specimen:
+        s = specimen(k, protocol="cyclic")
+        time = np.linspace(0.0, 50.0, 801)
+        force = np.interp(time % 25.0, s.time_s, s.force_N)
+        travel = 12.5 * (1.0 - np.abs(1.0 - time / 12.5 % 2.0))
+        lost = (np.arange(801) % 10 == k) | (travel > 12.49)
+        return replace(s, time_s=time, displacement_mm=travel, force_N=np.where(lost, 0.0, force))
+
+    assert "protocol" not in kinds_of(*(twice(k) for k in range(3)))
+
+
 def test_a_declared_rate_is_held_against_time() -> None:
     specimens = base()
     specimens[1] = replace(specimens[1], rate_mm_s=60.0)

@@ -22,7 +22,7 @@ from benchmarks.withheld.reality.fields import USUAL, Camera
 from benchmarks.withheld.reality.more import further_of, read_test
 from benchmarks.withheld.reality.palette_file import read_palette
 from benchmarks.withheld.reality.sealing import seal, sha256
-from benchmarks.withheld.reality.tiers import TIERS
+from benchmarks.withheld.reality.tiers import LABS, TIERS
 from benchmarks.withheld.reality.writing import write_campaign
 
 PALETTE = Path(__file__).parents[3] / "printers/connex3/palettes/connex3-tango-vero.toml"
@@ -64,7 +64,8 @@ def _make(options: argparse.Namespace) -> int:
             return 2
     try:
         palette = read_palette(options.palette.read_text(encoding="utf-8"))
-        tiers = list(TIERS) if options.tier == "all" else [options.tier]
+        groups = {"all": [t for t in TIERS if t not in LABS], "labs": list(LABS)}
+        tiers = groups.get(options.tier, [options.tier])
         most = at_most(options.at_most)
         camera = Camera(options.facet_mm, options.spacing_mm, options.states_facet)
         campaigns = [
@@ -141,7 +142,8 @@ def _parser() -> argparse.ArgumentParser:
     make.set_defaults(run=_make)
     make.add_argument("--set", choices=get_args(Set), required=True)
     meanings = "; ".join(f"{name}: {tier.meaning}" for name, tier in TIERS.items())
-    make.add_argument("--tier", choices=[*TIERS, "all"], required=True, help=meanings)
+    meanings = meanings.replace("%", "%%")
+    make.add_argument("--tier", choices=[*TIERS, "all", "labs"], required=True, help=meanings)
     make.add_argument("--count", type=int, required=True, help="campaigns (of each tier, for all)")
     make.add_argument("--seed", type=int, required=True, help="0 or above")
     make.add_argument("--specimens", type=int, default=30, help="of each campaign (default 30)")

@@ -42,6 +42,11 @@ class BaseLaw:
         curve = PchipInterpolator(self.coordinates, self.log_secant_MPa, axis=0)
         return np.exp(curve(inside))
 
+    def stress_MPa(self, coordinate: float, strain: FloatArray) -> FloatArray:
+        """Return the nominal stress of one mixture at strains."""
+        secant: FloatArray = np.interp(strain, STRAINS, self.secant_MPa(np.array(coordinate)))
+        return secant * strain
+
     def shifted(self, log_factor: FloatArray, log_tilt: FloatArray) -> "BaseLaw":
         """Return the law with a factor a grade, and a tilt of the curve about strain 0.15."""
         tilt = np.tanh((STRAINS - 0.15) / 0.2)

@@ -1,7 +1,7 @@
 """A whole campaign: design, cause, curves, noise, and the account of what was hidden."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from benchmarks.withheld.reality.design import Design, draw_design
 from benchmarks.withheld.reality.effects import Set
 from benchmarks.withheld.reality.fields import USUAL, Camera, field_detectability, measured_strain
 from benchmarks.withheld.reality.noise import Scatter, measured_force
-from benchmarks.withheld.reality.palette_file import PaletteFile
+from benchmarks.withheld.reality.palette_file import PaletteFile, fitted_palette
 from benchmarks.withheld.reality.sets import SETS
 from benchmarks.withheld.reality.sizing import Hidden, force_N, hide, hide_cancelling, mounted_with
 from benchmarks.withheld.reality.solver import solve
@@ -71,6 +71,8 @@ class Lab:
 
     Attributes
     ----------
+    given
+        The palette as the campaign has it.
     benches
         Coupons, bars, without what is hidden.
     plain_N
@@ -80,6 +82,7 @@ class Lab:
     """
 
     palette: PaletteFile
+    given: PaletteFile
     set_name: Set
     tier: str
     index: int
@@ -113,22 +116,32 @@ def open_lab(
     if scenario is not None:
         design = scenario.restrict(design, rules.levels, palette.strain_rate_per_s)
     scatter = rules.draw_scatter(rng["scatter"], kind.scatter_factor, kind.freedom)
+    if kind.level_scatter is not None:
+        scatter = replace(scatter, specimen=float(rng["labs"].uniform(*kind.level_scatter)))
     law = fit_base_law(palette, rules.network, rules.largest_misfit)
     grades = len(law.coordinates)
     law = law.shifted(
         scatter.calibration * rng["scatter"].normal(size=grades),
         scatter.tilt * rng["scatter"].normal(size=grades),
     )
+    given = palette
+    if kind.fitted:
+        given = fitted_palette(palette, law.stress_MPa, scatter.specimen, rng["labs"])
     benches = mounted_groups(palette, design, law)
     plain = force_N(benches)
     by = Yardstick.of(benches, scatter, plain)
     causes = draw_causes(tier, set_name, design, scenario, turn, rng["truth"])
+    if kind.negligible:
+        # From a third to two thirds of what specimens scatter by.
+        share = float(rng["labs"].uniform(0.3, 0.7))
+        causes = tuple(replace(cause, size=share * scatter.specimen) for cause in causes)
     if tier == "cancelling":
         hidden: Sequence[Hidden] = hide_cancelling(benches, (causes[0], causes[1]), plain, by)
     else:
         hidden = [hide(benches, cause, plain, by) for cause in causes]
     return Lab(
         palette=palette,
+        given=given,
         set_name=set_name,
         tier=tier,
         index=index,
@@ -171,7 +184,11 @@ def measured_in(lab: Lab) -> Campaign:
     travel, time_s = by_number(lab.benches)
     share = travel / travel.max(axis=1, keepdims=True)
     measured = measured_force(ideal, share, design, scatter, lab.rng["noise"])
-    published = mounted_groups(palette, design, fit_base_law(palette, rules.network, 0.0))
+    if TIERS[tier].stray:
+        one = int(lab.rng["labs"].integers(len(design)))
+        ln_factor = lab.rng["labs"].choice((-1.0, 1.0)) * lab.rng["labs"].uniform(0.8, 1.6)
+        measured[one] *= np.exp(ln_factor)
+    published = mounted_groups(palette, design, fit_base_law(lab.given, rules.network, 0.0))
     before = force_N(published)
     return Campaign(
         name=f"{int(lab.rng['names'].integers(16**10)):010x}",
@@ -182,7 +199,7 @@ def measured_in(lab: Lab) -> Campaign:
         force_N=measured,
         fields=seen_fields(lab, lab.benches, hidden, lab.rng["field"]),
         facet_mm=lab.camera.facet_mm if lab.camera.stated else None,
-        palette_toml=palette.calibrated(scatter.calibration),
+        palette_toml=lab.given.calibrated(scatter.calibration),
         truth={
             "set": set_name,
             "tier": tier,
@@ -202,6 +219,7 @@ def _streams(set_name: Set, tier: str, seed: int, index: int) -> dict[str, np.ra
     for number, stream in enumerate(_STREAMS):
         of_tier = tier_number if stream in ("truth", "names") else _ANY
         streams[stream] = _generator(seed, set_number, index, number, of_tier)
+    streams["labs"] = _generator(seed, set_number, index, len(_STREAMS) + 1, tier_number)
     # Where the turns of a tier start; one for all its campaigns
     streams["turns"] = _generator(seed, set_number, _ANY, len(_STREAMS), tier_number)
     return streams
@@ -261,6 +279,8 @@ def _account(lab: Lab, ideal: FloatArray) -> dict[str, Any]:
             }
         )
     together = causes[0] if len(causes) == 1 else _visibility(relative_excess(ideal, plain), by)
+    if TIERS[lab.tier].negligible:
+        causes = []
     return {
         "effects": sorted(str(c["effect"]) for c in causes),
         "causes": causes,

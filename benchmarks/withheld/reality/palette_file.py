@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-__all__ = ["Grade", "PaletteFile", "read_palette"]
+__all__ = ["Grade", "PaletteFile", "fitted_palette", "read_palette"]
 
 FloatArray = NDArray[np.float64]
 
@@ -77,6 +78,52 @@ def read_palette(text: str) -> PaletteFile:
         reference["orientation"],
         text,
     )
+
+
+_SPECIMENS = 3
+_ALPHA = np.array([-2.0, 2.0, 5.0])
+_LAW = re.compile(r"\[material\.(law|published)\]\n(?:[^\[\n].*\n?|\n(?!\[))*")
+
+
+def fitted_palette(
+    palette: PaletteFile,
+    stress_MPa: Callable[[float, FloatArray], FloatArray],
+    scatter: float,
+    rng: np.random.Generator,
+) -> PaletteFile:
+    """Return the palette with Ogden's law fitted to three noisy specimens of each elastic grade.
+
+    It says neither how well the law follows them nor how much they differ.
+
+    Parameters
+    ----------
+    stress_MPa
+        Of a coordinate and strains: what the grades truly do.
+    scatter
+        Standard deviation of a specimen's level, a third of it of its course.
+    """
+    head, *materials = palette.text.split("[[material]]")
+    coordinates = {g.id: g for g in palette.grades}
+    found = []
+    for text in materials:
+        grade = coordinates.get(tomllib.loads("[[material]]" + text)["material"][0]["id"])
+        if grade is not None:
+            strain = np.linspace(0.02, 0.9 * grade.break_strain, 40)
+            level, slope = scatter * rng.normal(size=(2, _SPECIMENS)) * [[1.0], [1.0 / 3.0]]
+            noise = np.exp(level[:, None] + np.outer(slope, strain / strain[-1] - 0.5))
+            curve = (noise * stress_MPa(grade.coordinate, strain)).mean(axis=0)
+            stretch = 1.0 + strain
+            # Ogden's terms of positive work, with exponents that nobody chose for these.
+            terms = stretch[:, None] ** (_ALPHA - 1.0) - stretch[:, None] ** (-0.5 * _ALPHA - 1.0)
+            mu, _ = nnls(terms * np.sign(_ALPHA), curve)
+            kept = mu > 0.0
+            law = '[material.law]\nmodel = "ogden"\n'
+            for name, values in (("mu_MPa", mu * np.sign(_ALPHA)), ("alpha", _ALPHA)):
+                law += f"{name} = [{', '.join(f'{x:.6g}' for x in values[kept])}]\n"
+            text = _LAW.sub("", text).rstrip() + f"\n{law}\n"
+            text = re.sub(r"(?m)^modulus_log_sd *=.*\n", "", text)
+        found.append(text)
+    return read_palette("[[material]]".join([head, *found]))
 
 
 def _published(law: Mapping[str, Any]) -> Callable[[FloatArray], FloatArray]:

@@ -43,8 +43,13 @@ def mounted_with(bench: Bench, hidden: Sequence[Hidden]) -> Bench:
 
 
 def hide(benches: Sequence[Bench], cause: Cause, plain_N: FloatArray, by: Yardstick) -> Hidden:
-    """Find the size at which the cause has the signal-to-noise ratio that was wanted of it."""
+    """Find the size at which the cause has the signal-to-noise ratio that was wanted of it.
+
+    One whose size is given keeps it.
+    """
     form = cause.form
+    if cause.size is not None:
+        return Hidden(cause, cause.size)
     size = float(np.sqrt(form.low * form.high))
     for _ in range(_CORRECTIONS):
         seen = by.snr(_level(benches, Hidden(cause, size), plain_N))

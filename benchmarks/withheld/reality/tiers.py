@@ -13,7 +13,7 @@ from benchmarks.withheld.reality.confounded import SCENARIOS, Scenario
 from benchmarks.withheld.reality.design import Design
 from benchmarks.withheld.reality.effects import EFFECTS, UNCLAIMED, Effect, Form, Set, Shape
 
-__all__ = ["TIERS", "Cause", "Tier", "draw_causes", "drawn_cause", "scenario_of"]
+__all__ = ["LABS", "TIERS", "Cause", "Tier", "draw_causes", "drawn_cause", "scenario_of"]
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,23 @@ class Tier:
     ----------
     scatter_factor, freedom
         Of the noise: times the nominal, and Student's degrees of freedom (0 is the normal).
+    level_scatter
+        Range of the scatter of specimens' levels alone, in place of the set's.
+    fitted
+        Whether the palette is another law family's fit to three noisy specimens a grade.
+    stray
+        Whether one specimen's force is off by a factor of its own.
+    negligible
+        Whether what is hidden is smaller than the scatter: the right answer is "none".
     """
 
     meaning: str
     scatter_factor: float = 1.0
     freedom: int = 0
+    level_scatter: tuple[float, float] | None = None
+    fitted: bool = False
+    stray: bool = False
+    negligible: bool = False
 
 
 TIERS: Mapping[str, Tier] = {
@@ -41,8 +53,21 @@ TIERS: Mapping[str, Tier] = {
     "cancelling": Tier("two effects that all but cancel in the mean"),
     "confounded": Tier("one effect, in a design that cannot tell it from others"),
     "unclaimed": Tier("one effect that no library knows, along a further column"),
+    "fitted-none": Tier("no effect; a palette fitted to three noisy specimens", fitted=True),
+    "fitted": Tier("one effect; a palette fitted to three noisy specimens", fitted=True),
+    "stray": Tier("one effect, and one specimen that is off by a factor", stray=True),
+    "levels": Tier("no effect; levels scatter by 10 to 30 %", level_scatter=(0.1, 0.3)),
+    "below-scatter": Tier("what differs is less than specimens scatter by", negligible=True),
+    "toes": Tier("slack that is taken up bit by bit, to each specimen its own"),
+    "gauge": Tier("a gauge length that is off by any factor"),
+    "fill": Tier("force falls along a further column, as a gain would have it"),
+    "lab": Tier("a batch's gain beside rate and temperature"),
+    "three": Tier("pounds in some files, slack of soft grades, and one law that is off"),
 }
 """Tiers by name; the order is part of the seeds."""
+
+LABS = tuple(TIERS)[list(TIERS).index("fitted-none") :]
+"""Tiers of what other labs' measurements have shown."""
 
 _ALIKE = frozenset({frozenset({"cross-section", "skin"})})
 """Pairs that would be one effect with another number in the full design too."""
@@ -54,18 +79,23 @@ _CANCELLING = (
     ("skin", "composition-offset"),
     ("strain-scale", "composition-offset"),
 )
+_CLEAR = 6.0
 _STRATA = ((1.0, 2.0), (2.0, 4.0), (4.0, 20.0))
 _STRATUM_SHARES = (0.1, 0.3, 0.6)
 
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect in one form and shape, and how visible it should be if its range allows."""
+    """An effect in one form and shape, and how visible it should be if its range allows.
+
+    Or its size, whatever that shows.
+    """
 
     effect: Effect
     form: Form
     shape: Shape
     wanted_snr: float
+    size: float | None = None
 
     def opposite(self) -> "Cause | None":
         """Return the same with the other sign, if it has one."""
@@ -95,9 +125,11 @@ def draw_causes(
     ids = sorted(EFFECTS)
     wanted = _draw_snr(rng)
     match tier:
-        case "none" | "none-t4" | "none-scatter":
+        case "none" | "none-t4" | "none-scatter" | "fitted-none" | "levels":
             return ()
-        case "library" | "other":
+        case "library" | "other" | "fitted" | "stray":
+            if tier in LABS:  # beside what the palette or a stray hides
+                tier, wanted = "library", max(wanted, _CLEAR)
             effect = EFFECTS[ids[turn % len(ids)]]
             return (drawn_cause(effect, tier, set_name, design, wanted, rng),)
         case "unclaimed":
@@ -109,6 +141,24 @@ def draw_causes(
             form = member.find()
             shape = {**form.draw(rng, design), **member.fixed}
             return (Cause(EFFECTS[member.effect], form, shape, max(wanted, 4.0)),)
+        case "below-scatter":
+            return (replace(sized(UNCLAIMED["operator"], design, rng), size=None),)
+        case "toes":
+            return (sized(EFFECTS["grip-slack"], design, rng),)
+        case "gauge":
+            return (sized(EFFECTS["strain-scale"], design, rng),)
+        case "fill":
+            return (sized(UNCLAIMED["tray"], design, rng),)
+        case "lab":
+            physical = [
+                drawn_cause(EFFECTS[i], "library", set_name, design, rng.uniform(6.0, 15.0), rng)
+                for i in ("rate", "temperature")
+            ]
+            return (*physical, sized(EFFECTS["force-scale"], design, rng))
+        case "three":
+            law = drawn_cause(EFFECTS["material-law"], "library", set_name, design, 10.0, rng)
+            scale, slack = (EFFECTS[i] for i in ("force-scale", "grip-slack"))
+            return (law, sized(scale, design, rng, 1), sized(slack, design, rng, 1))
     pair = _CANCELLING[int(rng.integers(len(_CANCELLING)))]
     while tier == "pair":
         first, second = rng.choice(len(ids), 2, replace=False)
@@ -135,6 +185,13 @@ def drawn_cause(
     forms = (effect.library if kind == "library" else effect.other)[set_name]
     form = forms[int(rng.integers(len(forms)))]
     return Cause(effect, form, form.draw(rng, design), wanted_snr)
+
+
+def sized(effect: Effect, design: Design, rng: np.random.Generator, number: int = 0) -> Cause:
+    """Draw an effect as other labs' measurements have it: its size is drawn, not what it shows."""
+    form = effect.measured[number]
+    size = float(np.exp(rng.uniform(np.log(form.low), np.log(form.high))))
+    return Cause(effect, form, form.draw(rng, design), 0.0, size)
 
 
 def _draw_snr(rng: np.random.Generator) -> float:

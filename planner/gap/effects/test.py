@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.formats.tables import QUANTITY_UNITS
 from planner.gap.diagnosis import FoundEffect
-from planner.gap.effect import Advice, Effect, Form, Parameter, Values
+from planner.gap.effect import Advice, Effect, Form, Parameter, Values, place_on_palette
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
@@ -169,21 +169,28 @@ _SIZE = Parameter("slack", 0.02, 2.0, "travel lost", "mm")
 _SLACK_SOURCE = "ASTM D638, annex on toe compensation"
 
 
-def _taken(travel_mm: FloatArray, slack_mm: float) -> FloatArray:
+def _taken(
+    travel_mm: FloatArray, slack_mm: float | FloatArray, sharpness: float = 4.0
+) -> FloatArray:
     """Return the travel while it is well below the slack, the slack when it is well above.
 
-    The corner is spread over about half the slack, as a grip does not close at once.
+    At 4 the corner is spread over about half the slack, as a grip does not close at once; at 1 the
+    slack is taken up over many times its length.
     """
-    travel = np.maximum(travel_mm, 0.0)
-    square_t, square_s = travel * travel, slack_mm * slack_mm
-    sum_of_squares = square_t * square_t + square_s * square_s
-    taken: FloatArray = travel * slack_mm / np.sqrt(np.sqrt(np.maximum(sum_of_squares, 1e-40)))
+    ratio = np.maximum(travel_mm, 0.0) / np.maximum(slack_mm, 1e-12)
+    taken: FloatArray = slack_mm * ratio * (1.0 + ratio**sharpness) ** (-1.0 / sharpness)
     return taken
 
 
 def _dead_travel(setup: Setup, values: Values) -> Setup:
     """Lost first, and again on every way back."""
     return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, values["slack"]))
+
+
+def _rounded(setup: Setup, values: Values) -> Setup:
+    """Lost bit by bit, as strands are drawn taut one after the other."""
+    taken = _taken(setup.travel_mm, values["slack"], values["sharpness"])
+    return setup.with_(lost_mm=setup.lost_mm + taken)
 
 
 def _seating(setup: Setup, values: Values) -> Setup:
@@ -199,6 +206,20 @@ def _taking_up(setup: Setup, values: Values) -> Setup:
     return setup.with_(lost_mm=setup.lost_mm + slack * taken)
 
 
+_SOFTER = 0.1
+"""Of the palette, over which grips go from one way of holding to the other. Chosen: less than from
+one grade to the next."""
+
+
+def _of_soft(setup: Setup, values: Values) -> Setup:
+    """Lost first, by specimens softer than some mixture: clamped gently, they hang loosely."""
+    mean = np.add.reduceat(place_on_palette(setup), setup.first_slice[:-1])
+    mean /= np.diff(setup.first_slice)
+    share = 0.5 - 0.5 * np.tanh((mean - values["until"]) / _SOFTER)
+    slack_mm = values["slack"] * share[:, None]
+    return setup.with_(lost_mm=setup.lost_mm + _taken(setup.travel_mm, slack_mm))
+
+
 GRIP_SLACK = Effect(
     "grip-slack",
     "slack in the grips",
@@ -207,6 +228,13 @@ GRIP_SLACK = Effect(
     (
         Form(
             "dead-travel", (_SIZE,), _dead_travel, "lost = d s / (d^4 + s^4)^(1/4)", _SLACK_SOURCE
+        ),
+        Form(
+            "rounded",
+            (_SIZE, Parameter("sharpness", 1.0, 4.0, "of the corner")),
+            _rounded,
+            "lost = d s / (d^p + s^p)^(1/p)",
+            _SLACK_SOURCE,
         ),
         Form(
             "seating",
@@ -222,8 +250,18 @@ GRIP_SLACK = Effect(
             "lost = s (1 - exp(-d / (s + l)))",
             _SLACK_SOURCE,
         ),
+        Form(
+            "of-soft",
+            (
+                _SIZE,
+                Parameter("until", 0.0, 1.0, "mixture, softest 0 to hardest 1", log=False),
+            ),
+            _of_soft,
+            "lost = d s / (d^4 + s^4)^(1/4), of softer mixtures",
+            _SLACK_SOURCE,
+        ),
     ),
-    where=("strain", "specimen", "gauge_mm"),
+    where=("strain", "specimen", "gauge_mm", "material"),
     changes=("gauge", "cyclic"),
     individual=0.35,
     advice=_measure_anew("take the toe off the curves, or start at a small preload"),
@@ -390,6 +428,14 @@ STRAIN_SCALE = Effect(
             "ISO 37 (the fillets of a dumb-bell strain as well)",
         ),
         Form(
+            "other-length",
+            (Parameter("log_factor", 0.5, 1.5, "ln of true over recorded strain", signed=True),),
+            _factor,
+            "strain = travel / gauge exp(a), |a| up to ln 4.5",
+            "ISO 37 (a length between other marks than was said)",
+            weight=_SCALE_RARE,
+        ),
+        Form(
             "inch",
             (
                 Parameter(
@@ -404,7 +450,7 @@ STRAIN_SCALE = Effect(
             _factor,
             "ln factor = +-ln 25.4",
             "Thompson & Taylor, NIST SP 811, 2008 (units)",
-            weight=0.1,
+            weight=_SCALE_RARE,
         ),
     ),
     where=("strain", "gauge_mm"),

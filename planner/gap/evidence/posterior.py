@@ -1,11 +1,11 @@
 """From evidence to probabilities: the verdict, its class, and when it is unknown."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
-from scipy.special import expit, logsumexp
+from scipy.special import logsumexp
 
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import Detectable, FoundEffect, Hypothesis
@@ -17,21 +17,20 @@ from planner.gap.evidence.problem import (
     squared_errors,
 )
 from planner.gap.evidence.search import GAIN
-from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import (
     Candidate,
     Elimination,
     SignedForm,
     node_weights,
 )
-from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed, coarsened
+from planner.gap.evidence.weigh import ANY, Effects, HypothesisKey, Priors, Weighed
 from planner.numerics import FloatArray
 
 __all__ = [
     "ALIKE_COSINE",
     "ENOUGH_SPECIMENS",
+    "NO_GAP",
     "UNKNOWN",
-    "Doubt",
     "Evidence",
     "class_of",
     "detectable_sizes",
@@ -41,6 +40,7 @@ __all__ = [
     "needed_nats",
     "posterior",
     "ranking_of",
+    "verdict_of",
 ]
 
 
@@ -57,10 +57,6 @@ square is not the other's, which few campaigns show."""
 _ALIKE_NATS = 3.0
 """Below the verdict, within which the data do not tell from it. Convention: odds of twenty to one,
 as a level of 5 %."""
-
-_SAME_COSINE = 0.99
-"""Of patterns, above which two are the same to the data. Chosen: a fiftieth of one's square is not
-the other's, less than a wrong form leaves."""
 
 
 def posterior(log_odds: Mapping[HypothesisKey, float]) -> tuple[Hypothesis, ...]:
@@ -86,24 +82,24 @@ def class_of(
     """Return the hypotheses that the data cannot tell from the verdict, itself first.
 
     Those less than `_ALIKE_NATS` below it, single effects whose pattern is the verdict's, and of
-    two effects the one beside which the other closes nothing of the gap.
+    several effects those beside which another closes nothing of the gap.
     """
     odds = {h.effects: float(np.log(max(h.probability, 1e-300))) for h in ranking}
     leading = odds.get(verdict, max(odds.values()))
-    alike = _fits_of_same_pattern(problem, weighed, list(odds), ALIKE_COSINE)
+    alike = _fits_of_same_pattern(problem, weighed, list(odds))
 
     def near(effects: Effects) -> bool:
         fit = alike.get((verdict, effects), -np.inf)
         return odds[effects] > leading - _ALIKE_NATS or fit > -2.0 * _ALIKE_NATS
 
     found = [verdict, *(h.effects for h in ranking if h.effects != verdict and near(h.effects))]
-    for both in [effects for effects in found if len(effects) == 2]:
+    for both in [effects for effects in found if len(effects) > 1]:
         found += [one for one in _enough_alone(problem, weighed, both) if one not in found]
     return tuple(found)
 
 
 def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Effects]:
-    """Return those of two effects that close as much of the gap alone.
+    """Return those of several effects, less one, that close as much of the gap.
 
     The more strongly an effect shows, the more its form's own error asks for a second one, in
     evidence: what is small in force may count for much there.
@@ -112,14 +108,14 @@ def _enough_alone(problem: Problem, weighed: Weighed, both: Effects) -> list[Eff
         effects: squared_errors(
             problem, specimen_forces_N(problem, weighed.best[effects], problem.model.setup)
         )
-        for effects in (both, *((id,) for id in both))
+        for effects in (both, *(tuple(e for e in both if e != id) for id in both))
         if effects in weighed.best
     }
     return [e for e in errors if e != both and falls(problem, errors[e], errors[both]) < 0.5]
 
 
 def _fits_of_same_pattern(
-    problem: Problem, weighed: Weighed, among: Iterable[Effects], cosine: float
+    problem: Problem, weighed: Weighed, among: Iterable[Effects]
 ) -> dict[tuple[Effects, Effects], float]:
     """Return how much better the second effect's best form fits than the first's, in nats.
 
@@ -133,7 +129,7 @@ def _fits_of_same_pattern(
     patterns = np.stack([problem.signature(candidate) for candidate in best.values()], axis=1)
     m = weighed.plain.products(patterns)
     size = np.sqrt(np.maximum(np.diagonal(m), 1e-150))
-    alike = m > cosine * np.outer(size, size)
+    alike = m > ALIKE_COSINE * np.outer(size, size)
     return {
         (one, other): best[other].gain - best[one].gain
         for (i, one), (j, other) in permutations(enumerate(best), 2)
@@ -141,62 +137,13 @@ def _fits_of_same_pattern(
     }
 
 
-def _evened_out(ranking: Sequence[Hypothesis], evidence: "Evidence") -> tuple[Hypothesis, ...]:
-    """Return the ranking, the leading effect's probability shared with those that look the same.
-
-    Where patterns and fits are the same, what is left of evidence is how wide priors are, and the
-    data have no say in that: shares are by fit alone.
-    """
-    leading = ranking[0].effects
-    fits = {leading: 0.0} | {
-        other: fit
-        for (one, other), fit in evidence.same.items()
-        if one == leading and abs(fit) < _ALIKE_NATS
-    }
-    alike = [h for h in ranking if h.effects in fits]
-    if len(alike) < 2:
-        return tuple(ranking)
-    together = logsumexp([fits[h.effects] for h in alike])
-    whole = sum(h.probability for h in alike)
-    changed = {h.effects: whole * float(np.exp(fits[h.effects] - together)) for h in alike}
-    return _sorted(replace(h, probability=changed.get(h.effects, h.probability)) for h in ranking)
-
-
-def _sorted(ranking: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
-    return tuple(sorted(ranking, key=lambda h: (-h.probability, h.effects)))
-
-
-def _given_to_unknown(
-    ranking: Sequence[Hypothesis], share: Mapping[Effects, float]
-) -> tuple[Hypothesis, ...]:
-    """Return a ranking in which hypotheses give shares of their probability to the unknown.
-
-    One that gives up all is gone.
-    """
-    lost = sum(share.get(h.effects, 0.0) * h.probability for h in ranking)
-    if not lost:
-        return tuple(ranking)
-    unknown = sum(h.probability for h in ranking if h.effects == UNKNOWN) + lost
-    kept = [
-        replace(h, probability=(1.0 - share.get(h.effects, 0.0)) * h.probability)
-        for h in ranking
-        if h.effects != UNKNOWN and share.get(h.effects, 0.0) < 1.0
-    ]
-    return _sorted([*kept, Hypothesis(UNKNOWN, unknown, 0.0)])
-
-
-def _named(ranking: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return the hypotheses with effects of the library."""
-    return [h for h in ranking if h.effects not in ((), UNKNOWN)]
-
-
 # ------------------------------------------------------------------------------------------------
-# What a ranking goes by: numbers that the calibration of the last step keeps of each campaign.
+# What a ranking goes by: numbers that the calibration of priors keeps of each campaign.
 
 
-_LOOKED_AT = 12
-"""Effects, the best ones by evidence, of which is known how much of the gap they leave open.
-Convention: as many as a diagnosis ranks."""
+ENOUGH_SPECIMENS = 6
+"""Fewer hardly tell causes apart: what is named then has at most a share, from nothing with one
+specimen on. Chosen: three conditions, twice each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,133 +154,85 @@ class Evidence:
     ----------
     log_prior, log_evidence
         Of each hypothesis.
-    inexact
-        Of effects: the share of their evidence that asks for a discrepancy.
-    missing
-        Of effects: the share of the gap's square that they leave open, 0 to 1.
-    same
-        Of pairs of single effects whose patterns are the same: how much better the other fits, in
-        nats.
+    within_floor, scatter_like
+        Whether the palette misses by no more than replicates differ by, and these along no column;
+        and the effects that look like scatter then.
+    closes
+        Of the best effects of the library, whether errors fall with them, and with each of them.
     specimens
         How many.
-    heterogeneous
-        Whether replicates differ by more than prints scatter.
-    predicts
-        The probability that tests which took no part are predicted better by what is likely than
-        by the palette alone; 1 while this is not known. Folds choose among all hypotheses anew, so
-        that it speaks for all that is named.
-    another_unit
-        Log evidence of some specimens in another unit, where that leads.
     """
 
     log_prior: Mapping[HypothesisKey, float]
     log_evidence: Mapping[HypothesisKey, float]
-    inexact: Mapping[Effects, float]
-    missing: Mapping[Effects, float]
-    same: Mapping[tuple[Effects, Effects], float]
-    specimens: int
-    heterogeneous: bool
-    predicts: float = 1.0
-    another_unit: float = -np.inf
+    specimens: int = ENOUGH_SPECIMENS
+    within_floor: bool = False
+    scatter_like: frozenset[str] = frozenset()
+    closes: Mapping[Effects, bool] = field(default_factory=dict)
+
+    @property
+    def vain(self) -> frozenset[Effects]:
+        """Effects that close nothing, or no more than fewer of them do."""
+        return frozenset(effects for effects, closes in self.closes.items() if not closes)
 
 
 def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
     """Return what a campaign's ranking goes by."""
-    named = [e for e, axis in weighed.log_evidence if e and not axis]
-    named.sort(key=lambda e: -weighed.log_evidence[e, ""])
-    looked_at = named[:_LOOKED_AT]
-    world = next(w for w in weighed.worlds if w.discrepancy == weighed.discrepancy)
+    errors = squared_errors(problem, specimen_forces_N(problem, Candidate(()), problem.model.setup))
+    floor = replicate_floor(problem)
+    known = np.isfinite(errors if floor is None else floor) & ~problem.strays
     return Evidence(
         log_prior=weighed.log_prior,
         log_evidence=weighed.log_evidence,
-        inexact={e: weighed.inexact(e) for e in named},
-        missing=_missing(world, {e: weighed.best[e] for e in looked_at}),
-        same=_fits_of_same_pattern(problem, weighed, looked_at, _SAME_COSINE),
         specimens=len(problem.campaign.specimens),
-        heterogeneous=problem.scatter.heterogeneous,
-        another_unit=weighed.another_unit,
+        within_floor=floor is not None
+        and bool(np.mean(errors[known]) <= NO_GAP**2 * np.mean(floor[known]))
+        and not problem.apart.any(),
+        # What a sensor does to all specimens of one condition, their scatter does as well.
+        scatter_like=frozenset(
+            b.effect.id
+            for b in problem.branches
+            if b.effect.stage == "sensor" and len(problem.model.tests) == 1
+        ),
+        closes=_closes(problem, weighed),
     )
 
 
-def _missing(world: World, candidates: Mapping[Effects, Candidate]) -> dict[Effects, float]:
-    """Return the share of the gap's square that each candidate leaves open, 0 to 1.
+_LOOKED_AT = 12
+"""Effects, the best ones by evidence, of which is asked whether errors fall. Convention: as many as
+a diagnosis ranks."""
 
-    The gap above what replicates differ by: in force, as the gap is. Their scatter in logarithms
-    may be many times that, by what they differ by where they hardly bear any load. Laws are as
-    they likeliest are, with the candidate and without: what the palette is off by is no effect's
-    to close.
+
+def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
+    """Return whether tests' errors fall with the best effects, and with each further one of them.
+
+    Laws are as they likeliest are with the effects, and without: what the palette is off by is no
+    effect's to close.
     """
-    problem = world.problem
-    own = replicate_floor(problem)
-    floor = problem.scatter.specimen if own is None else float(np.sqrt(np.nanmean(own)))
-
-    def above(one: Candidate) -> float:
-        forces = specimen_forces_N(problem, one, world.calibrated(one))
-        return max(float(np.sqrt(np.mean(squared_errors(problem, forces)))) - floor, 0.0)
-
-    gap = max(above(Candidate(())), 1e-12)
-    return {e: min(above(one) / gap, 1.0) ** 2 for e, one in candidates.items()}
-
-
-# ------------------------------------------------------------------------------------------------
-# Whether a named hypothesis is to be believed: the best of several wrong ones is still wrong.
-#
-# One that fits only with more beside it, a discrepancy or a pattern along an axis, and yet closes
-# little of the gap is no explanation; and what is in no library is imitated by what is. The share
-# of its probability that goes to the unknown is logistic in both.
-
-
-@dataclass(frozen=True, slots=True)
-class Doubt:
-    """Log odds that what is named is a cause out of the library, beyond what evidence says.
-
-    The sum of `always`, of `missing` times the share of the gap's square that is left open, of
-    `inexact` times the share of the evidence that asks for more beside, of `both` times their
-    product, and of `unpredicted` times the probability that tests which took no part are predicted
-    no better. Calibrated: with `Priors`, by `benchmarks/withheld/calibrate.py`; two effects are in
-    no more doubt than one.
-    """
-
-    always: float = -2.789
-    missing: float = 2.009
-    inexact: float = 0.6053
-    both: float = 7.715
-    unpredicted: float = 1.149
-
-    def share(self, hypothesis: Hypothesis, evidence: Evidence) -> float:
-        """Return the share of a hypothesis' probability that goes to the unknown."""
-        missing = evidence.missing.get(hypothesis.effects, 0.0)
-        exact = 1.0 - evidence.inexact.get(hypothesis.effects, 0.0)
-        inexact = 1.0 - (1.0 - hypothesis.with_unknown) * exact
-        return float(
-            expit(
-                self.always
-                + self.missing * missing
-                + self.inexact * inexact
-                + self.both * missing * inexact
-                + self.unpredicted * (1.0 - evidence.predicts)
+    value = {
+        e: weighed.log_evidence[e, ""]
+        for e in weighed.best
+        if e and (e, "") in weighed.log_evidence
+    }
+    best = sorted(value, key=lambda e: -value[e])[:_LOOKED_AT]
+    found: dict[Effects, bool] = {}
+    errors: dict[Effects, FloatArray] = {}
+    for effects in sorted((e for e in value if any(set(e) <= set(b) for b in best)), key=len):
+        candidate = weighed.best[effects]
+        world = weighed.world_of(candidate)
+        before, errors[effects] = (
+            np.where(
+                problem.strays,
+                np.nan,
+                squared_errors(problem, specimen_forces_N(problem, one, world.calibrated(one))),
             )
+            for one in (Candidate(()), candidate)
         )
-
-
-ENOUGH_SPECIMENS = 6
-_LEAST_SHARE, _SHARE_EACH = 0.4, 0.065
-"""Of fewer specimens, what is named has at most one share, and another each, together. Chosen: one
-specimen hardly tells causes apart (0.47), and five do nearly as six (0.73)."""
-
-
-def _tempered(ranking: Sequence[Hypothesis], specimens: int) -> tuple[Hypothesis, ...]:
-    """Return the ranking of a campaign of very few specimens: they show a gap, not its cause.
-
-    What is named has at most 0.4 + 0.065 n together; the rest is unknown.
-    """
-    named = sum(h.probability for h in _named(ranking))
-    none = sum(h.probability for h in ranking if h.effects == ())
-    most_named = (_LEAST_SHARE + _SHARE_EACH * specimens) * (1.0 - none)
-    if specimens >= ENOUGH_SPECIMENS or named <= most_named:
-        return tuple(ranking)
-    share = 1.0 - most_named / named
-    return _given_to_unknown(ranking, {h.effects: share for h in _named(ranking)})
+        fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
+        found[effects] = all(
+            falls(problem, one, errors[effects]) >= 0.5 for one in (before, *fewer)
+        )
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -373,35 +272,88 @@ def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
 # From weighed hypotheses to the ranking that a diagnosis reports.
 
 
-def ranking_of(
-    evidence: Evidence,
-    coarseness_nats: float,
-    doubt: Doubt | None = None,
-    *,
-    open_to_others: bool = True,
-) -> tuple[Hypothesis, ...]:
+NO_GAP = 1.02
+"""Error before over the floor up to which there is nothing to close. Chosen: the floor itself is
+known no better, and a share of nothing is none."""
+
+
+def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
     """Return hypotheses, the most probable first.
 
-    What looks the same shares its probability, what is in doubt gives way to the unknown, and few
-    specimens name little. A gap no larger than what replicates differ by is no gap, unless they
-    differ by what no print scatters: then it lies between them, and "none" gives way.
-
-    Parameters
-    ----------
-    open_to_others
-        Whether the doubt that is always there counts too: of what is in no library and is imitated
-        by what is. No campaign says anything of it.
+    Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
+    differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
+    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Very few
+    specimens show a gap, not its cause: the rest of what they name is unknown.
     """
-    doubt = Doubt() if doubt is None else doubt
-    odds = coarsened(
-        evidence.log_prior, evidence.log_evidence, coarseness_nats, evidence.another_unit
-    )
-    evened = _evened_out(posterior(odds), evidence)
-    least = 0.0 if open_to_others else float(expit(doubt.always))
-    shares = {h.effects: max(doubt.share(h, evidence) - least, 0.0) for h in _named(evened)}
-    fitting = _given_to_unknown(evened, shares)
-    ranking = _tempered(fitting, evidence.specimens)
-    return _given_to_unknown(ranking, {(): 1.0}) if evidence.heterogeneous else ranking
+    found = evidence.log_evidence
+    # Over no effect in models that are exact, or that all miss.
+    none = max(found.get(((), axis), -np.inf) for axis in ("", ANY))
+    share = priors.counted(max(found.values()) - none)
+    odds = {key: prior + share * found[key] for key, prior in evidence.log_prior.items()}
+    ranking = posterior(odds)
+    if evidence.within_floor:
+        vain = evidence.vain | {UNKNOWN, *((id,) for id in evidence.scatter_like)}
+        ranking = _given(ranking, dict.fromkeys(vain, 1.0), ())
+    else:
+        ranking = _of_what_closes(ranking, evidence.closes, evidence.vain)
+    none = sum(h.probability for h in ranking if h.effects == ())
+    named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
+    most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - none)
+    if evidence.specimens >= ENOUGH_SPECIMENS or named <= most:
+        return ranking
+    over = {h.effects: 1.0 - most / named for h in ranking if h.effects not in ((), UNKNOWN)}
+    return _given(ranking, over, UNKNOWN)
+
+
+def _of_what_closes(
+    ranking: Sequence[Hypothesis], looked_at: Collection[Effects], vain: Collection[Effects]
+) -> tuple[Hypothesis, ...]:
+    """Return a ranking in which what closes nothing gives its probability to what closes.
+
+    In proportion, and to an unknown as if that were `_ALIKE_NATS` below what gives: what has less
+    yet, as a third effect that fits by chance, is no better explanation.
+    """
+    given = sum(h.probability for h in ranking if h.effects in vain)
+    closing = sum(h.probability for h in ranking if h.effects in looked_at) - given
+    unknown = float(np.exp(-_ALIKE_NATS))
+    each = given / max(closing + unknown * given, 1e-300)
+    moved = [
+        replace(
+            h, probability=h.probability * (unknown * each if h.effects in vain else 1.0 + each)
+        )
+        if h.effects in looked_at
+        else h
+        for h in ranking
+    ]
+    return _given(moved, dict.fromkeys(vain, 1.0), UNKNOWN)
+
+
+def _given(
+    ranking: Sequence[Hypothesis], share: Mapping[Effects, float], to: Effects
+) -> tuple[Hypothesis, ...]:
+    """Return a ranking in which hypotheses give shares of their probability to another one.
+
+    One that gives up all is gone.
+    """
+    left = {h: share.get(h.effects, 0.0) for h in ranking if h.effects != to}
+    whole = sum(h.probability for h in ranking if h.effects == to)
+    whole += sum(given * h.probability for h, given in left.items())
+    kept = [
+        replace(h, probability=(1.0 - given) * h.probability)
+        for h, given in left.items()
+        if given < 1.0
+    ]
+    kept += [Hypothesis(to, whole)] if whole else []
+    return tuple(sorted(kept, key=lambda h: (-h.probability, h.effects)))
+
+
+def verdict_of(ranking: Sequence[Hypothesis]) -> Effects:
+    """Return the likeliest hypothesis of the likeliest kind: none, unknown or named."""
+    kinds: dict[Effects | None, list[Hypothesis]] = {}
+    for h in ranking:
+        kinds.setdefault(h.effects if h.effects in ((), UNKNOWN) else None, []).append(h)
+    likeliest = max(kinds.values(), key=lambda of_it: sum(h.probability for h in of_it))
+    return likeliest[0].effects
 
 
 # ------------------------------------------------------------------------------------------------
@@ -497,7 +449,11 @@ def detectable_sizes(
 
 def needed_nats(priors: Priors, effects: int) -> float:
     """Return the gain at which one of so many effects is named rather than none."""
-    return float(np.log(priors.none * effects / priors.single)) + _WIDTH_NATS
+    odds = float(np.log(priors.none * effects / priors.single))
+    # Where what counts of a gain g, T g + (1 - T) c g / (c + g), makes up for the odds.
+    t, c = priors.temperature, priors.coarseness_nats
+    gain = (odds - c + float(np.sqrt((c - odds) ** 2 + 4.0 * t * odds * c))) / (2.0 * t)
+    return gain + _WIDTH_NATS
 
 
 def _smallest(nodes: FloatArray, branch: SignedForm, needed: float) -> float | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import fdtrc, stdtr
 
 from planner.gap.camera import SIDES
 from planner.gap.campaign import TOLERANCES, Campaign, axis_columns
@@ -26,7 +26,7 @@ from planner.gap.noise import (
     unit_gains,
 )
 from planner.gap.observations import BRANCHES, FeatureTable, ObservationModel
-from planner.numerics import FloatArray, IntArray
+from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.bar_solver import Prediction, Setup, predict, predict_all
 
 __all__ = [
@@ -184,6 +184,50 @@ def _unknown_axes(
     return tuple(axes)
 
 
+_LEAST_LEVEL = 1e-3
+"""Of a specimen's force, over its replicates' mean. Numerical: so that zero has a logarithm."""
+
+_BY_CHANCE = 0.01
+"""Level of the F test of whether replicates differ along a column. Convention: 1 %, as each of
+several columns is asked."""
+
+
+def _levels_apart(campaign: Campaign, model: ObservationModel, counts: BoolArray) -> FloatArray:
+    """Return by how much replicates differ along the batch or further column that tells most, (n,).
+
+    In the logarithm of force; nothing unless the mean square of what the column's patterns
+    explain is more than the variance that they leave, and not so by chance. Who tested is no part
+    of the scatter, nor is a batch that is off by far more than its specimens.
+    """
+    groups = [[k for k in of if counts[k]] for of in model.replicates]
+    groups = [of for of in groups if len(of) > 1]
+    level = np.zeros(len(counts))
+    for of in groups:
+        mean = model.measured_N[of].mean(axis=0)
+        own = np.log(np.maximum(model.measured_N[of] @ mean / (mean @ mean), _LEAST_LEVEL))
+        level[of] = own - own.mean()
+    count, found, most = sum(map(len, groups)), np.zeros(len(counts)), 1.0
+    columns = axis_columns(campaign)
+    for name in ("batch", *campaign.covariates):
+        patterns = _specimen_patterns(columns[name])
+        if patterns is None:
+            continue
+        own = np.zeros_like(patterns)
+        for of in groups:
+            own[of] = patterns[of] - patterns[of].mean(axis=0)
+        size, _, rank, _ = np.linalg.lstsq(own, level, rcond=None)
+        explained = own @ size
+        freedom = count - len(groups) - int(rank)
+        if not rank or freedom < 1:
+            continue
+        variance = max(float(np.sum((level - explained) ** 2)), 1e-12) / freedom
+        squares = float(np.sum(explained**2))
+        ratio = squares / count / variance
+        if ratio > most and fdtrc(rank, freedom, squares / rank / variance) < _BY_CHANCE:
+            found, most = explained, ratio
+    return found
+
+
 def own_axes(effects: Sequence[Effect]) -> dict[str, str]:
     """Return, of each axis that is an effect's own covariate, that effect's id."""
     return {name: e.id for e in effects for entry in e.covariates for name in entry.split("|")}
@@ -242,6 +286,10 @@ def _position_patterns(
 
 _Progress = Callable[[int, int, str], None]
 
+_STRAY_SD = float(np.log(10.0))
+"""Deviation of the logarithm of a stray's own gain. Chosen: any factor, but for units hardly more
+than ten."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
@@ -263,6 +311,13 @@ class Problem:
         What the palette's laws and a camera may be off by, of prior deviation 1; `ways` first.
     whitened
         The residual, nodes, the specimens' own gains, unknown patterns, then nuisances.
+    of_laws : (nuisances,)
+        Which nuisances are courses of laws, in which a poor fit is off by more.
+    apart : (n,)
+        By how much replicates differ along a further column that tells them apart; no scatter.
+    strays : (n,)
+        Specimens that data quality sets apart from their replicates: each has a gain of its own,
+        and tells neither of scatter nor of how far the gap closes.
     discrepancy : (N, r)
         Whitened: what all models miss together, of deviation 1 over each test's largest force.
     """
@@ -282,6 +337,9 @@ class Problem:
     calibration: FloatArray
     whitened: Whitened
     unknown: tuple[UnknownAxis, ...]
+    of_laws: BoolArray
+    apart: FloatArray
+    strays: BoolArray
     discrepancy: FloatArray
 
     @property
@@ -351,13 +409,6 @@ class Problem:
             setup = way.applied(setup, size * way.sd)
         return setup
 
-    def nuisances_beside(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
-        """Return the nuisances' posterior mean and covariance, the candidate being right."""
-        j = self.whitened.nuisance_columns
-        left = self.whitened.columns[:, 0] - self.signature(candidate)
-        covariance = np.asarray(np.linalg.inv(j.T @ j + np.eye(j.shape[1])), dtype=np.float64)
-        return covariance @ (j.T @ left), covariance
-
     def own_sizes(self, candidate: Candidate) -> FloatArray:
         """Return what specimens' own sizes of a candidate's effects change, (N, k), whitened."""
         table = self.table
@@ -382,8 +433,15 @@ def set_up(
     model: ObservationModel,
     effects: Sequence[Effect],
     progress: _Progress | None = None,
+    strays: Collection[str] = (),
 ) -> Problem:
-    """Run the forward model at every node of every form, and whiten what comes out."""
+    """Run the forward model at every node of every form, and whiten what comes out.
+
+    Parameters
+    ----------
+    strays
+        Ids of specimens that are off by themselves; see `Problem.strays`.
+    """
     branches = signed_forms(effects)
     ways = calibrations(campaign.palette, model.setup)
     alone = predict(model.setup, model.laws)
@@ -420,29 +478,37 @@ def set_up(
     noise_inputs = (model.sensor_sd_N, _batches(campaign))
     facets, aside = seen_otherwise(table, seen, sides, facet)
     of_units = unit_gains(table)
-    own = np.where(field, 0.0, of_units[table.specimen])
+    stray = np.array([s.id in strays for s in campaign.specimens])
+    apart = _levels_apart(campaign, model, ~stray)
+    own = np.where(field, 0.0, (of_units + apart)[table.specimen])
     in_one_unit = table.transformed(table.measured_raw * np.exp(-own)) - transformed[0]
-    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside)
+    counts = ~stray[table.specimen]
+    scatter = estimate_scatter(table, sensitivity, *noise_inputs, in_one_unit, aside, counts)
     noise = specimen_noise(table, sensitivity, scatter, *noise_inputs)
-    calibration = np.concatenate(
-        [
-            calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
-            discrepancy_columns(campaign, table, sensitivity),
-            field_columns(table, facets, aside, sensitivity),
-        ],
-        axis=1,
-    )
     chord = table.chord(unpredicted)
-    unknown = _unknown_axes(campaign, table, chord, _claimed_axes(effects), own_axes(effects))
     gains = np.where(table.is_field, 0.0, chord)[:, None] * (
         table.specimen[:, None] == np.arange(len(campaign.specimens))
     )
+    bends = discrepancy_columns(campaign, table, sensitivity)
+    calibration = np.concatenate(
+        [
+            calibration_columns(ways, changes[: len(ways)], np.zeros(len(table))),
+            bends,
+            field_columns(table, facets, aside, sensitivity),
+            _STRAY_SD * gains[:, stray],
+        ],
+        axis=1,
+    )
+    unknown = _unknown_axes(campaign, table, chord, _claimed_axes(effects), own_axes(effects))
     columns = np.concatenate(
         [residual[:, None], changes[len(ways) :].T, gains, *[a.columns for a in unknown],
          calibration, noise.batch],
         axis=1,
     )  # fmt: skip
     nuisances = calibration.shape[1] + noise.batch.shape[1]
+    of_laws = np.zeros(nuisances, dtype=bool)
+    of_laws[: len(ways)] = [way.kind == "tilt" for way in ways]
+    of_laws[len(ways) : len(ways) + bends.shape[1]] = True
     return Problem(
         campaign=campaign,
         model=model,
@@ -459,6 +525,9 @@ def set_up(
         calibration=calibration,
         whitened=Whitened(noise.whiten(columns), noise.first_row, nuisances),
         unknown=unknown,
+        of_laws=of_laws,
+        apart=apart,
+        strays=stray,
         discrepancy=noise.whiten(_model_discrepancy(table, unpredicted)),
     )
 
@@ -500,10 +569,24 @@ def specimen_forces_N(problem: Problem, candidate: Candidate, setup: Setup) -> F
 
 
 def squared_errors(problem: Problem, forces: FloatArray) -> FloatArray:
-    """Return the mean squared error of predicted forces, (n, T), over each largest one's, (n,)."""
+    """Return the mean squared error of predicted forces, (n, T), over `_typical_peaks_N`, (n,)."""
     measured = problem.model.measured_N
-    found: FloatArray = np.mean(((measured - forces) / problem.model.peaks_N) ** 2, axis=1)
-    return found
+    return np.asarray(np.mean(((measured - forces) / _typical_peaks_N(problem)) ** 2, axis=1))
+
+
+def _typical_peaks_N(problem: Problem) -> FloatArray:
+    """Return the mean size of its replicates' largest forces, in each specimen's unit, (n, 1).
+
+    Its own would hide that it is high, and double that it is low.
+    """
+    # As far as they are in one unit: a slip of the pen is no scatter.
+    units = np.exp(problem.unit_gains)[:, None]
+    peaks = problem.model.peaks_N / units
+    typical = peaks.copy()
+    for members in problem.model.replicates:
+        known = [k for k in members if not problem.strays[k]]
+        typical[list(members)] = peaks[known or list(members)].mean()
+    return np.asarray(typical * units)
 
 
 def replicate_floor(problem: Problem) -> FloatArray | None:
@@ -512,21 +595,17 @@ def replicate_floor(problem: Problem) -> FloatArray | None:
     What replicates differ by, and what they share as specimens of one batch. It is known from few
     replicates, so that an error may come out slightly below it.
     """
-    peak = problem.model.peaks_N
-    measured = problem.model.measured_N / peak
-    # As far as they are in one unit: a slip of the pen is no scatter.
-    peaks = peak[:, 0] * np.exp(-problem.unit_gains)
-    floor = np.full(len(measured), np.nan)
+    curves = problem.model.measured_N / _typical_peaks_N(problem)
+    floor = np.full(len(curves), np.nan)
     batches = [s.batch for s in problem.campaign.specimens]
     for members in problem.model.replicates:
-        if len(members) > 1:
-            rows = np.array(members)
-            # Relative to the group's mean peak: each one's own would hide its level.
-            curves = measured[rows] * (peaks[rows] / peaks[rows].mean())[:, None]
+        rows = np.array([k for k in members if not problem.strays[k]])
+        if len(rows) > 1:
             share = len(rows) / (len(rows) - 1.0)
-            floor[rows] = share * np.mean((curves - curves.mean(axis=0)) ** 2, axis=1)
-            if len({batches[k] for k in members}) == 1:
-                floor[rows] += problem.scatter.batch**2 * np.mean(measured[rows] ** 2, axis=1)
+            away = curves[rows] - curves[rows].mean(axis=0)
+            floor[rows] = share * np.mean(away**2, axis=1)
+            if len({batches[k] for k in rows}) == 1:
+                floor[rows] += problem.scatter.batch**2 * np.mean(curves[rows] ** 2, axis=1)
     return None if np.isnan(floor).all() else floor
 
 

@@ -29,6 +29,10 @@ class World:
     discrepancy
         Deviation of forces from any model, over each test's largest; see
         `Problem.discrepancy`.
+    laws
+        How far laws are off in their course, over what they usually are; see `Problem.of_laws`.
+    share
+        Its prior probability.
     weight : (n,)
         Of specimens; 1 each by default.
 
@@ -44,13 +48,17 @@ class World:
         *,
         scale: float = 1.0,
         discrepancy: float = 0.0,
+        laws: float = 1.0,
+        share: float = 1.0,
         weight: FloatArray | None = None,
     ) -> None:
         self.problem, self.scale, self.discrepancy = problem, scale, discrepancy
+        self.laws, self.log_share = laws, float(np.log(share))
         whitened = problem.whitened
         rows = np.ones(len(problem.table)) if weight is None else whitened.on_rows(weight)
         self._root = np.sqrt(rows) / scale
-        nuisances = whitened.nuisance_columns
+        self._sizes = np.where(problem.of_laws, laws, 1.0)
+        nuisances = whitened.nuisance_columns * self._sizes
         if discrepancy:
             nuisances = np.concatenate([nuisances, discrepancy * problem.discrepancy], axis=1)
         self._nuisances = self._root[:, None] * nuisances
@@ -85,13 +93,19 @@ class World:
         m = weighted.T @ weighted - half.T @ half
         return np.asarray(m) if own is None else _without_last(m, count)[0]
 
-    def calibrated(self, candidate: Candidate) -> Setup:
-        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
-        problem = self.problem
+    def laws_off(self, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and covariance of the problem's ways, the candidate being right."""
+        problem, count = self.problem, len(self.problem.ways)
         left = problem.whitened.columns[:, 0] - problem.signature(candidate)
         cross = self._nuisances.T @ (self._root * left)
-        mean = scipy.linalg.cho_solve((self._factor, True), cross, check_finite=False)
-        return problem.with_laws_off(mean[: len(problem.ways)])
+        both = np.concatenate([cross[:, None], np.eye(len(cross), count)], axis=1)
+        found = scipy.linalg.cho_solve((self._factor, True), both, check_finite=False)[:count]
+        sizes = self._sizes[:count]
+        return sizes * found[:, 0], np.outer(sizes, sizes) * found[:, 1:]
+
+    def calibrated(self, candidate: Candidate) -> Setup:
+        """Return the campaign's setup with laws off as they likeliest are beside a candidate."""
+        return self.problem.with_laws_off(self.laws_off(candidate)[0])
 
     def elimination(
         self, target: FloatArray, slopes: FloatArray | None = None, kept: FloatArray | None = None

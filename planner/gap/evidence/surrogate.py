@@ -16,7 +16,6 @@ from planner.numerics import FloatArray, IntArray, inner_kernel, kernel
 __all__ = [
     "Candidate",
     "Elimination",
-    "InnerProducts",
     "SignedForm",
     "Whitened",
     "climbed",
@@ -430,47 +429,6 @@ class Whitened:
     def on_rows(self, weight: FloatArray) -> FloatArray:
         """Return the weight of each row, (N,), from each specimen's, (n,)."""
         return np.repeat(weight, np.diff(self.first_row))
-
-    def inner_products(self, weight: FloatArray | None = None) -> "InnerProducts":
-        """Return the inner products, specimens weighted by `weight` (n,)."""
-        if weight is None:
-            rows = float(len(self.columns))
-            return InnerProducts(self.columns.T @ self.columns, rows, self.nuisances)
-        weights = self.on_rows(weight)
-        kept = weights > 0.0
-        part = self.columns[kept] * np.sqrt(weights[kept])[:, None]
-        return InnerProducts(part.T @ part, float(weights.sum()), self.nuisances)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class InnerProducts:
-    """Inner products (X, X) of weighted columns and the weighted number of rows."""
-
-    products: FloatArray
-    rows: float
-    nuisances: int
-
-    def eliminate(
-        self, scale: float = 1.0, extra: tuple[FloatArray, FloatArray] | None = None
-    ) -> "Elimination":
-        """Integrate over nuisances, the noise being `scale` times as large.
-
-        Parameters
-        ----------
-        extra
-            Further nuisances of prior deviation 1: inner products with all columns, (e, X), and
-            with one another, (e, e).
-        """
-        kept = len(self.products) - self.nuisances
-        m = self.products / scale**2
-        inner, cross = m[kept:, kept:], m[kept:, :kept]
-        if extra is not None:
-            more, own = extra[0] / scale**2, extra[1] / scale**2
-            cross = np.concatenate([cross, more[:, :kept]])
-            inner = np.block([[inner, more[:, kept:].T], [more[:, kept:], own]])
-        left, log_det = integrated(m[:kept, :kept], cross, inner + np.eye(len(inner)))
-        none = -self.rows * float(np.log(scale)) - 0.5 * (float(left[0, 0]) + log_det)
-        return Elimination(left, none)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from planner.gap.campaign import Campaign
-from planner.gap.closure import closure, without_effect
+from planner.gap.closure import closure
 from planner.gap.diagnosis import Diagnosis, Gap
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, falls, set_up
@@ -21,7 +21,7 @@ def ready(campaign: Campaign, *effects: str) -> Problem:
 
 def closed(problem: Problem, *verdict: str) -> Gap:
     weighed = weigh(problem, Priors())
-    return closure(problem, Priors(), weighed, verdict, np.random.default_rng(0))[0]
+    return closure(problem, Priors(), weighed, (), verdict, np.random.default_rng(0))
 
 
 def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
@@ -89,10 +89,14 @@ def test_the_floor_is_the_scatter_of_replicates(planned, imitated) -> None:
     plan = planned(2, batches=1, material=["FLX9760"], rate_mm_s=[0.85, 8.5])
     exact = imitated(plan, scatter=0.0)
     problem = ready(scaled(exact, [1.04, 0.96, 1.08, 0.92]))
-    measured = problem.model.measured_N
-    course = np.mean((measured / measured.max(axis=1, keepdims=True)) ** 2, axis=1)
+    pairs = problem.model.measured_N.reshape(2, 2, -1)
+    # Over the pair's mean largest force, as both are.
+    mean = pairs.mean(axis=1)
+    course = np.repeat(np.mean((mean / mean.max(axis=1, keepdims=True)) ** 2, axis=1), 2)
     # Variance of two, of which the mean is known from themselves alone: 2 d^2.
-    by_hand = np.sqrt(np.mean(2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 * course))
+    # And what the one batch shares, of which the pairs know nothing.
+    level = 2.0 * np.array([0.04, 0.04, 0.08, 0.08]) ** 2 + problem.scatter.batch**2
+    by_hand = np.sqrt(np.mean(level * course))
     assert closed(problem).floor == pytest.approx(by_hand, rel=0.02)
 
 
@@ -144,7 +148,10 @@ def test_errors_fall_as_probably_as_students_t_says_of_tests(planned, imitated) 
     assert falls(problem, one, after) == 1.0
 
 
-def test_without_an_effect_nothing_is_closed() -> None:
-    gap = Gap(0.10, 0.125, 0.02, -0.3, (-0.6, 0.1), 0.09, 0.08, "leave one condition out")
-    bare = without_effect(gap)
-    assert (bare.after, bare.closed, bare.closed_interval) == (0.10, 0.0, None)
+def test_no_baseline_goes_beyond_what_was_measured_or_predicted(planned, imitated) -> None:
+    """Forces in one file a thousand times too small: patterns would grow without an end."""
+    plan = planned(3, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 0.85, 8.5])
+    made = imitated(plan)
+    problem = ready(scaled(made, [1e-3] + [1.0] * (len(made.specimens) - 1)), "rate")
+    gap = closed(problem)
+    assert gap.generic < 10.0 * gap.before

@@ -12,6 +12,7 @@ from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis, Experiment, Hypothesis
 from planner.gap.effects import EFFECTS
 from planner.gap.evidence.problem import Problem, set_up
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.observations import observation_model
 
@@ -31,7 +32,8 @@ def candidate(problem: Problem, effect: str, form: str, s: float) -> Candidate:
 def asked(problem: Problem, *candidates: Candidate, seed: int = 0) -> tuple[Experiment, ...]:
     share = 1.0 / len(candidates)
     ranking = [Hypothesis(c.effects, share) for c in candidates]
-    weighed = SimpleNamespace(best={c.effects: c for c in candidates})
+    exact = World(problem)
+    weighed = SimpleNamespace(best={c.effects: c for c in candidates}, world_of=lambda _: exact)
     return next_experiments(problem, weighed, ranking, np.random.default_rng(seed))  # type: ignore[arg-type]
 
 

@@ -24,6 +24,12 @@ def test_slack_is_travel_lost_first(coupons: Make, applied: Apply) -> None:
         assert np.all(np.diff(lost[:5]) > 0.0)
         # Taken up within 1e-4 at twenty times the slack.
         assert lost[4] == pytest.approx(0.5, rel=1e-4)
+    # The rounder the corner, the later it is taken up.
+    rounded = [
+        applied("grip-slack", "rounded", before, slack=0.5, sharpness=p).lost_mm[0, 2]
+        for p in (1.0, 2.0, 4.0)
+    ]
+    assert rounded == pytest.approx([0.5 * 2.0 ** (-1.0 / p) for p in (1.0, 2.0, 4.0)])
     assert applied("grip-slack", "dead-travel", before, slack=0.5).lost_mm[0, -1] == 0.0
     assert applied("grip-slack", "seating", before, slack=0.5).lost_mm[0, -1] > 0.49
 

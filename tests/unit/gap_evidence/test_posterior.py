@@ -6,18 +6,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.gap.diagnosis import Hypothesis
+from planner.gap.evidence import posterior as posterior_module
 from planner.gap.evidence import weigh
-from planner.gap.evidence.posterior import UNKNOWN, Doubt, Evidence, posterior, ranking_of
-from planner.gap.evidence.weigh import Effects, HypothesisKey, Weighed, coarsened
+from planner.gap.evidence.posterior import (
+    UNKNOWN,
+    Evidence,
+    needed_nats,
+    posterior,
+    ranking_of,
+    verdict_of,
+)
+from planner.gap.evidence.weigh import Effects, HypothesisKey, Priors, Weighed
 
 RATE, SLIP, BOTH = ("rate",), ("grip-slip",), ("grip-slip", "rate")
 PRIOR = {
     ((), ""): np.log(0.6), (RATE, ""): np.log(0.1), (SLIP, ""): np.log(0.1),
     (BOTH, ""): np.log(0.02), ((), "operator"): np.log(0.1), (RATE, "operator"): np.log(0.01),
 }  # fmt: skip
-
-
-CERTAIN = Doubt(always=-50.0)
 
 
 def weighed(evidence: dict[HypothesisKey, float]) -> Weighed:
@@ -27,8 +33,8 @@ def weighed(evidence: dict[HypothesisKey, float]) -> Weighed:
     return result
 
 
-def log_odds(found: Weighed, coarse: float = 400.0) -> dict[HypothesisKey, float]:
-    return coarsened(found.log_prior, found.log_evidence, coarse)
+def log_odds(found: Weighed, temperature: float = 1.0) -> dict[HypothesisKey, float]:
+    return {k: v + temperature * found.log_evidence[k] for k, v in found.log_prior.items()}
 
 
 def evidence_of(seed: int, size: float) -> dict[HypothesisKey, float]:
@@ -57,23 +63,6 @@ def test_without_evidence_the_prior_stands() -> None:
     assert ranking[UNKNOWN].probability == pytest.approx(0.1 / total)
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("coarse", [10.0, 400.0, 1e9])
-def test_coarsening_keeps_the_order_and_never_sharpens(seed: int, coarse: float) -> None:
-    values = evidence_of(seed, 300.0)
-    odds = log_odds(weighed(values), coarse)
-    gains = {key: odds[key] - PRIOR[key] for key in PRIOR}
-    assert sorted(gains, key=lambda k: gains[k]) == sorted(values, key=lambda k: values[k])
-    assert all(abs(gains[key]) <= abs(values[key]) + 1e-9 for key in PRIOR)
-    assert gains[(), ""] == 0.0
-
-
-def test_little_evidence_is_hardly_coarsened() -> None:
-    """Ten nats of 400 lose a fortieth."""
-    odds = log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 10.0}))
-    assert odds[RATE, ""] - PRIOR[RATE, ""] == pytest.approx(10.0 / 1.025)
-
-
 def test_more_evidence_is_more_probability() -> None:
     shares = []
     for gain in (0.0, 2.0, 10.0, 100.0, 1e3, 1e5):
@@ -95,57 +84,77 @@ def test_adding_evidence_adds_probabilities_not_logarithms() -> None:
 def evidence(gain: float, **changed: object) -> Evidence:
     """Return evidence of which the rate gains so many nats."""
     log_evidence = {**dict.fromkeys(PRIOR, 0.0), (RATE, ""): gain}
-    plain = Evidence(
-        log_prior=PRIOR, log_evidence=log_evidence, inexact={}, missing={}, same={}, specimens=30,
-        heterogeneous=False,
-    )  # fmt: skip
-    return replace(plain, **changed)  # type: ignore[arg-type]
+    return replace(Evidence(PRIOR, log_evidence), **changed)  # type: ignore[arg-type]
 
 
-def probabilities(found: Evidence, doubt: Doubt = CERTAIN) -> dict[Effects, float]:
-    return {h.effects: h.probability for h in ranking_of(found, 1e9, doubt)}
+def probabilities(
+    found: Evidence, temperature: float = 1.0, coarseness_nats: float = 1e-12
+) -> dict[Effects, float]:
+    priors = Priors(temperature=temperature, coarseness_nats=coarseness_nats)
+    return {h.effects: h.probability for h in ranking_of(found, priors)}
 
 
-def test_without_doubt_the_ranking_is_the_posterior() -> None:
-    odds = log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 3.0}), 1e9)
+def test_at_full_temperature_the_ranking_is_the_posterior() -> None:
+    odds = log_odds(weighed({**dict.fromkeys(PRIOR, 0.0), (RATE, ""): 3.0}))
     plain = {h.effects: h.probability for h in posterior(odds)}
     assert probabilities(evidence(3.0)) == pytest.approx(plain)
 
 
-@pytest.mark.parametrize("missing", [0.0, 0.5, 1.0])
-def test_what_leaves_the_gap_open_gives_way_to_the_unknown(missing: float) -> None:
-    """By the logistic share that its coefficients say, and nothing else moves."""
-    found = evidence(30.0, missing={RATE: missing}, inexact={RATE: 1.0})
-    before = probabilities(found)
-    after = probabilities(found, Doubt(always=-2.0, missing=1.0, inexact=0.5, both=3.0))
-    share = 1.0 / (1.0 + np.exp(2.0 - missing - 0.5 - 3.0 * missing))
-    assert after[RATE] == pytest.approx((1.0 - share) * before[RATE])
-    assert after[()] == pytest.approx(before[()])
-    assert sum(after.values()) == pytest.approx(1.0)
+@pytest.mark.parametrize("temperature", [0.1, 0.5])
+def test_evidence_counts_its_share(temperature: float) -> None:
+    """Ten nats move odds by ten times the temperature, and no others."""
+    before, after = (probabilities(evidence(gain), temperature) for gain in (0.0, 10.0))
+    moved = np.log(after[RATE] / after[SLIP]) - np.log(before[RATE] / before[SLIP])
+    alone = {key: prior for key, prior in PRIOR.items() if key[0] == RATE}
+    share = np.exp(alone[RATE, ""]) / sum(np.exp(v) for v in alone.values())
+    expected = np.log(share * np.exp(10.0 * temperature) + 1.0 - share)
+    assert moved == pytest.approx(expected)
 
 
-def test_what_does_not_predict_gives_way_to_the_unknown() -> None:
-    doubt = Doubt(-2.0, 0.0, 0.0, 0.0, 4.0)
-    before = probabilities(evidence(30.0))
-    shares = [
-        1.0 - probabilities(evidence(30.0, predicts=p), doubt)[RATE] / before[RATE]
-        for p in (1.0, 0.5, 0.0)
-    ]
-    assert shares == pytest.approx((1.0 / (1.0 + np.exp([2.0, 0.0, -2.0]))).tolist())
+@pytest.mark.parametrize("gain", [0.0, 1.0, 8.0, 1e3])
+def test_the_more_the_best_gains_the_less_evidence_counts(gain: float) -> None:
+    """All of it where nothing gains, half of what is beyond the temperature at the coarseness."""
+    priors = Priors(temperature=0.1, coarseness_nats=8.0)
+    share = {0.0: 1.0, 1.0: 0.9, 8.0: 0.55, 1e3: 0.1 + 0.9 * 8.0 / 1008.0}[gain]
+    assert priors.counted(gain) == pytest.approx(share)
+    found = probabilities(evidence(gain), 0.1, 8.0)
+    assert found == pytest.approx(probabilities(evidence(gain), share))
 
 
-def test_effects_of_the_same_pattern_share_by_fit_alone() -> None:
-    same = {(RATE, SLIP): -1.0, (SLIP, RATE): 1.0}
-    found = probabilities(evidence(20.0, same=same))
-    assert found[SLIP] / found[RATE] == pytest.approx(np.exp(-1.0))
+@pytest.mark.parametrize("effects", [1, 5, 20])
+def test_what_is_needed_is_what_then_counts(effects: int) -> None:
+    priors = Priors()
+    needed = needed_nats(priors, effects) - posterior_module._WIDTH_NATS
+    odds = np.log(priors.none * effects / priors.single)
+    assert priors.counted(needed) * needed == pytest.approx(odds)
 
 
-def test_what_is_out_of_the_question_asks_for_no_discrepancy() -> None:
-    """Where no specimen has a gain, evidence of it is minus infinity, and no share a number."""
+def test_a_gap_within_the_floor_is_no_unknown_one() -> None:
+    """What is named stays as it is: a right effect may be smaller than the scatter."""
+    before, after = (probabilities(evidence(3.0, within_floor=w)) for w in (False, True))
+    assert UNKNOWN in before
+    assert UNKNOWN not in after
+    assert after[()] == pytest.approx(before[()] + before[UNKNOWN])
+    assert after[RATE] == pytest.approx(before[RATE])
+
+
+def test_within_the_floor_of_one_condition_a_gain_is_scatter() -> None:
+    found = evidence(3.0, within_floor=True, scatter_like=frozenset({"rate"}))
+    plain = probabilities(evidence(3.0, within_floor=True))
+    assert RATE not in probabilities(found)
+    assert probabilities(found)[()] == pytest.approx(plain[()] + plain[RATE])
+
+
+def test_the_kind_is_chosen_before_the_name() -> None:
+    """Three names of a fifth each are likelier than an unknown cause of two fifths."""
+    three = [Hypothesis(e, 0.2) for e in (RATE, SLIP, BOTH)]
+    assert verdict_of([Hypothesis(UNKNOWN, 0.4), *three]) == RATE
+    assert verdict_of([Hypothesis(UNKNOWN, 0.7), Hypothesis(RATE, 0.3)]) == UNKNOWN
+
+
+def test_what_is_out_of_the_question_has_no_probability() -> None:
+    """Where no specimen has a gain, evidence of it is minus infinity."""
     found = weighed({**dict.fromkeys(PRIOR, 0.0), (BOTH, ""): -np.inf})
-    found.exact[RATE] = -1.0
-    assert found.inexact(BOTH) == 0.0
-    assert found.inexact(RATE) == pytest.approx(1.0 - np.exp(-1.0))
     ranking = posterior(log_odds(found))
     assert next(h.probability for h in ranking if h.effects == BOTH) == 0.0
 
@@ -160,3 +169,42 @@ def test_an_unknown_along_a_claimed_axis_is_as_likely_whatever_else_is_recorded(
     alone, beside = along(True, True), along(True, True, False)
     assert alone == beside[:2] == pytest.approx([np.log(0.5 * 0.01 / 2.0)] * 2)
     assert beside[2] == pytest.approx(np.log(0.5 * 0.99))
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_what_closes_nothing_of_a_gap_explains_nothing(within: bool) -> None:
+    """Of one that is larger than the floor the cause is unknown; below it there is none."""
+    plain = probabilities(evidence(3.0, within_floor=within))
+    closes = {RATE: False, BOTH: False}
+    found = probabilities(evidence(3.0, within_floor=within, closes=closes))
+    to = () if within else UNKNOWN
+    assert set(found) == ({(), SLIP} if within else {(), SLIP, UNKNOWN})
+    assert found[to] == pytest.approx(plain[to] + plain[RATE] + plain[BOTH])
+
+
+@pytest.mark.parametrize("gain", [0.0, 3.0, 30.0])
+def test_what_closes_nothing_speaks_for_what_closes_the_gap(gain: float) -> None:
+    """In proportion, an unknown counting as three nats less than what gives."""
+    plain = probabilities(evidence(gain))
+    found = probabilities(evidence(gain, closes={RATE: False, BOTH: True, SLIP: True}))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert found[()] == pytest.approx(plain[()])
+    unknown = np.exp(-3.0) * plain[RATE]
+    whole = plain[BOTH] + plain[SLIP] + unknown
+    for effects in (BOTH, SLIP):
+        assert found[effects] == pytest.approx(plain[effects] * (1.0 + plain[RATE] / whole))
+    assert found[UNKNOWN] == pytest.approx(plain[UNKNOWN] + unknown * plain[RATE] / whole)
+
+
+def test_what_hardly_fits_is_no_better_explanation() -> None:
+    """A pair a thousand times less likely than what closes nothing leaves the cause unknown."""
+    found = evidence(30.0, closes={RATE: False, BOTH: True})
+    assert verdict_of(ranking_of(found, Priors(temperature=1.0))) == UNKNOWN
+
+
+@pytest.mark.parametrize(("specimens", "most"), [(2, 0.2), (5, 0.8)])
+def test_very_few_specimens_name_little(specimens: int, most: float) -> None:
+    found = probabilities(evidence(50.0, specimens=specimens))
+    assert found[RATE] == pytest.approx(most, abs=1e-6)
+    assert found[UNKNOWN] == pytest.approx(1.0 - most, abs=1e-6)
+    assert probabilities(evidence(50.0, specimens=6))[RATE] == pytest.approx(1.0, abs=1e-6)

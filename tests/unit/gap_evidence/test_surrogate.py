@@ -19,6 +19,7 @@ COARSE = {
     ("ageing", "saturating"): 0.21,
     ("force-offset", "drifting"): 0.28,
     ("force-offset", "untared"): 0.15,
+    ("grip-slack", "of-soft"): 0.17,
     ("grip-slip", "threshold"): 0.24,
     ("permanent-set", "graded"): 0.24,
     ("permanent-set", "power"): 0.32,

@@ -3,11 +3,15 @@
 Tolerances of 1e-9 are those of a dozen features of order one in double precision, with room.
 """
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.linalg
 from scipy.stats import multivariate_normal
 
+from planner.gap.evidence.settle import World
 from planner.gap.evidence.surrogate import Whitened
 from planner.gap.noise import SpecimenNoise
 from planner.numerics import FloatArray
@@ -45,12 +49,20 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     return np.random.default_rng(request.param)
 
 
+def world(white: Whitened, **options: Any) -> World:
+    """Return a world of columns and nuisances alone."""
+    problem = SimpleNamespace(
+        whitened=white, table=range(len(white.columns)), of_laws=np.zeros(white.nuisances, bool)
+    )
+    return World(problem, **options)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("scale", [1.0, 0.6, 1.7])
 def test_eliminating_is_the_dense_marginal_likelihood(rng, scale: float) -> None:
     noise, dense = noise_of(rng)
     kept, nuisances = rng.standard_normal((N, 4)), rng.standard_normal((N, 3))
-    gram = whiten(np.hstack([kept, nuisances]), noise, 3).inner_products()
-    left = gram.eliminate(scale)
+    white = whiten(np.hstack([kept, nuisances]), noise, 3)
+    left = world(white, scale=scale).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
     covariance = scale**2 * dense + nuisances @ nuisances.T
     products = kept.T @ np.linalg.solve(covariance, kept)
     assert left.products == pytest.approx(products, rel=1e-9, abs=1e-9)
@@ -58,18 +70,17 @@ def test_eliminating_is_the_dense_marginal_likelihood(rng, scale: float) -> None
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.7])
-def test_extra_nuisances_are_as_good_as_those_that_were_there(rng, scale: float) -> None:
+def test_slopes_are_as_good_as_nuisances_that_were_there(rng, scale: float) -> None:
     """Also that what is scaled is the noise alone: nuisances keep their prior deviation of 1."""
     noise, dense = noise_of(rng)
     kept, nuisances = rng.standard_normal((N, 4)), rng.standard_normal((N, 3))
     extra = rng.standard_normal((N, 2))
     white = whiten(np.hstack([kept, nuisances]), noise, 3)
-    extra_white = whiten(extra, noise, 0).columns
-    inner = (extra_white.T @ white.columns, extra_white.T @ extra_white)
-    left = white.inner_products().eliminate(scale, inner)
-    together = (
-        whiten(np.hstack([kept, nuisances, extra]), noise, 5).inner_products().eliminate(scale)
-    )
+    target, others = white.columns[:, 0], white.columns[:, 1:4]
+    slopes = whiten(extra, noise, 0).columns
+    left = world(white, scale=scale).elimination(target, slopes, others)
+    all_of_them = whiten(np.hstack([kept, nuisances, extra]), noise, 5)
+    together = world(all_of_them, scale=scale).elimination(target, kept=others)
     assert left.products == pytest.approx(together.products, rel=1e-9, abs=1e-9)
     assert left.none == pytest.approx(together.none, abs=1e-9)
     covariance = scale**2 * dense + nuisances @ nuisances.T + extra @ extra.T
@@ -80,8 +91,9 @@ def test_extra_nuisances_are_as_good_as_those_that_were_there(rng, scale: float)
 def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
     noise, dense = noise_of(rng)
     head, random, nuisances = (rng.standard_normal((N, k)) for k in (3, 2, 2))
-    gram = whiten(np.hstack([head, random, nuisances]), noise, 2).inner_products()
-    left = gram.eliminate().with_random(slice(3, 5), amplitude, 3)
+    white = whiten(np.hstack([head, random, nuisances]), noise, 2)
+    all_of_them = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:5])
+    left = all_of_them.with_random(slice(3, 5), amplitude, 3)
     covariance = dense + nuisances @ nuisances.T + amplitude**2 * random @ random.T
     products = head.T @ np.linalg.solve(covariance, head)
     assert left.products == pytest.approx(products, rel=1e-8, abs=1e-8)
@@ -91,8 +103,8 @@ def test_random_columns_add_to_the_covariance(rng, amplitude: float) -> None:
 def test_a_column_without_amplitude_changes_nothing(rng) -> None:
     """Its gain goes with the squared amplitude: below 1e-9 at 1e-6."""
     noise, _ = noise_of(rng)
-    gram = whiten(rng.standard_normal((N, 5)), noise, 1).inner_products()
-    before = gram.eliminate()
+    white = whiten(rng.standard_normal((N, 5)), noise, 1)
+    before = world(white).elimination(white.columns[:, 0], kept=white.columns[:, 1:4])
     after = before.with_random(slice(2, 4), 1e-6, 2)
     assert after.none == pytest.approx(before.none, abs=1e-9)
     assert after.products == pytest.approx(before.products[:2, :2], abs=1e-9)
@@ -100,14 +112,15 @@ def test_a_column_without_amplitude_changes_nothing(rng) -> None:
 
 def test_a_weight_of_two_is_a_copy_and_of_nought_is_absence(rng) -> None:
     noise, _ = noise_of(rng)
-    columns = rng.standard_normal((N, 5))
-    white = whiten(columns, noise, 2)
-    weighted = white.inner_products(np.array([2.0, 1.0, 0.0]))
+    white = whiten(rng.standard_normal((N, 5)), noise, 2)
     rows = [*range(4), *range(4), *range(4, 7)]
-    first = np.array([0, 4, 8, 11])
-    copied = Whitened(white.columns[rows], first, 2).inner_products()
-    assert weighted.rows == copied.rows == 11.0
+    copies = Whitened(white.columns[rows], np.array([0, 4, 8, 11]), 2)
     for scale in (1.0, 1.5):
-        a, b = weighted.eliminate(scale), copied.eliminate(scale)
+        weighted = world(white, scale=scale, weight=np.array([2.0, 1.0, 0.0]))
+        copied = world(copies, scale=scale)
+        a, b = (
+            w.elimination(of.columns[:, 0], kept=of.columns[:, 1:3])
+            for w, of in ((weighted, white), (copied, copies))
+        )
         assert a.products == pytest.approx(b.products, abs=1e-9)
         assert a.none == pytest.approx(b.none, abs=1e-9)

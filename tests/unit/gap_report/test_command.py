@@ -1,6 +1,7 @@
 """planner gap diagnose as its users meet it, the search for a diagnosis replaced."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 from planner.cli import run
 from planner.gap.campaign import axis_columns
 from planner.gap.campaign_folder import read_campaign
-from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis import Diagnosis, FoundEffect
+from planner.gap.unit_of import UnitOf
 
 Examples = dict[str, Diagnosis]
 
@@ -145,3 +147,48 @@ def test_bad_usage_is_one_line(
 def test_gap_alone_shows_its_commands(capsys) -> None:
     assert run(["gap"]) == 0
     assert "diagnose" in capsys.readouterr().out
+
+
+def test_the_verdict_ends_with_the_command_that_follows(
+    campaign, monkeypatch, capsys, examples: Examples
+) -> None:
+    """It runs as it stands; a palette that the printer brings is not asked for again."""
+    palette = read_campaign(campaign).palette
+    rise = FoundEffect("rate", "power-law", {"rise": 0.2}, {"rise": (0.15, 0.25)}, {"rise": "1"})
+    found = replace(
+        examples["rate"], unit_of=(), effect=(rise,), tested={"strain_rate_per_s": (0.001, 0.1)},
+        palette=palette.name, palette_sha256=palette.sha256,
+    )  # fmt: skip
+    stub(monkeypatch, found)
+    run(["gap", "diagnose", "lab", "-o", "my out"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == ("next: planner gap correct 'my out' --rate-per-s 0.1 -o palette-corrected.toml")
+    assert run(shlex.split(last.removeprefix("next: planner "))) in (0, 1)
+    assert Path("palette-corrected.toml").is_file()
+
+
+def test_a_campaigns_own_palette_is_named_where_it_must_be(
+    campaign, monkeypatch, capsys, examples: Examples
+) -> None:
+    (campaign / "palette.toml").write_bytes(b"")
+    found = replace(examples["rate"], unit_of=(), palette="lab", palette_sha256="0" * 64)
+    monkeypatch.setattr("planner.diagnose", lambda *_, **__: found)
+    run(["gap", "diagnose", "lab", "-o", "out"])
+    assert " --palette lab/palette.toml " in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_another_unit_is_named_in_the_next_command(
+    campaign, monkeypatch, capsys, examples: Examples
+) -> None:
+    units = (UnitOf("force", "lbf", ("A",)),)
+    stub(monkeypatch, replace(examples["rate"], unit_of=units))
+    run(["gap", "diagnose", "lab"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"next: planner gap diagnose lab --unit-of {units[0].text}"
+
+
+def test_of_nothing_no_command_follows(campaign, monkeypatch, capsys, examples: Examples) -> None:
+    for name in ("none", "unknown"):
+        stub(monkeypatch, replace(examples[name], unit_of=()))
+        run(["gap", "diagnose", "lab", "-o", f"out-{name}"])
+        assert "next: planner" not in capsys.readouterr().out

@@ -11,6 +11,8 @@ import pytest
 import planner
 from planner.errors import OutputError
 from planner.gap.diagnosis import Diagnosis, read_diagnosis
+from planner.gap.summary import percent, probability
+from planner.report.gap_figures import figures_of
 from planner.report.gap_page import write_diagnosis
 
 Examples = dict[str, Diagnosis]
@@ -100,3 +102,25 @@ def test_the_next_specimens_are_read_back(examples: Examples, tmp_path: Path) ->
         6.0, 0.5, 0.0, None,
     )  # fmt: skip
     assert first.strain.max() == pytest.approx(0.15)
+
+
+def test_the_head_has_the_verdict_in_figures_and_figures_come_first(
+    examples: Examples, tmp_path: Path
+) -> None:
+    """What a reader asks, in order: measured against predicted, the cause, where it lies."""
+    found = examples["rate"]
+    page = (write_diagnosis(found, tmp_path / "out") / "report.html").read_text(encoding="utf-8")
+    head, rest = page.split("</header>")
+    facts = dict(re.findall(r'<dt>(.*?)</dt><dd class="\w*">(.*?)</dd>', head))
+    gap = found.gap
+    assert facts == {
+        "verdict": "rate",
+        "probability": probability(found.ranking[0].probability),
+        "gap before": percent(gap.before),
+        "gap after": percent(gap.after),
+        "floor": percent(gap.floor),
+    }
+    figures = [rest.index(svg.decode().strip()) for svg in figures_of(found).values()]
+    assert list(figures_of(found))[-3:] == ["evidence", "residuals", "closure"][-3:]
+    assert figures == sorted(figures)
+    assert figures[-1] < rest.index("<h2>")

@@ -58,6 +58,12 @@ def _hinge(rng: np.random.Generator, design: Design) -> Shape:
     return {**_some(rng, design), "travel_mm": float(rng.uniform(3.0, 10.0))}
 
 
+def _of_batch(rng: np.random.Generator, design: Design) -> Shape:
+    """Of one batch, as if another lab had tested it."""
+    affected = design.batch == rng.choice(np.unique(design.batch))
+    return {"sign": sign(rng), "affected": [float(a) for a in affected]}
+
+
 EFFECT = Effect(
     "force-scale",
     stage=4,
@@ -76,4 +82,8 @@ EFFECT = Effect(
         "development": (Form("warming-gain", 0.04, 0.2, _time_gain, _warming),),
         "final": (Form("hinge-gain", 0.06, 0.3, _travel_gain, _hinge),),
     },
+    measured=(
+        Form("gain-of-batch", 0.15, 0.4, _gain, _of_batch),
+        Form("pounds-of-some", POUND_FORCE_N - 1.0, POUND_FORCE_N - 1.0, _gain, _units),
+    ),
 )

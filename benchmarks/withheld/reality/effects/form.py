@@ -71,6 +71,8 @@ class Effect:
         Axes of which the gap truly varies along at least one.
     library, other
         Forms as a textbook has them, and forms as it does not; by set.
+    measured
+        Forms as other labs' measurements have them, of any size within their range.
     stage
         Effects are applied from the printed composition (0) to the sensor (4).
     """
@@ -80,6 +82,7 @@ class Effect:
     where: tuple[str, ...]
     library: Mapping[Set, tuple[Form, ...]]
     other: Mapping[Set, tuple[Form, ...]]
+    measured: tuple[Form, ...] = ()
 
 
 def number(shape: Shape, name: str) -> float:

@@ -53,6 +53,24 @@ def _draw(rng: np.random.Generator, design: Design) -> Shape:
     return {"relative": [float(v) for v in np.exp(rng.normal(0.0, sd, len(design)))]}
 
 
+def _toe(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Strands are drawn taut one after the other, evenly up to twice the mean slack."""
+    return _taken_up(
+        bench, size, shape, lambda ratio: np.where(ratio < 2.0, ratio - 0.25 * ratio**2, 1.0)
+    )
+
+
+def _draw_quarter(rng: np.random.Generator, design: Design) -> Shape:
+    return {"relative": [float(v) for v in np.exp(rng.normal(0.0, 0.25, len(design)))]}
+
+
+def _draw_soft(rng: np.random.Generator, design: Design) -> Shape:
+    """Of the softer half of the grades alone; bars have none."""
+    relative = np.exp(rng.normal(0.0, 0.25, len(design)))
+    soft = design.coordinate <= np.nanmedian(np.unique(design.coordinate))
+    return {"relative": [float(v) for v in np.where(soft, relative, 0.0)]}
+
+
 EFFECT = Effect(
     "grip-slack",
     stage=3,
@@ -65,4 +83,8 @@ EFFECT = Effect(
         "development": (Form("two-grips", 0.003, 0.04, _two_grips, _draw),),
         "final": (Form("slow", 0.004, 0.05, _slow, _draw),),
     },
+    measured=(
+        Form("toe", 0.01, 0.02, _toe, _draw_quarter),
+        Form("toe-of-soft", 0.015, 0.03, _toe, _draw_soft),
+    ),
 )

@@ -36,6 +36,11 @@ def _encoder(bench: Bench, size: float, shape: Shape) -> Bench:
     )
 
 
+def _other_length(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Between other marks than was said, by any factor; its size is the factor's logarithm."""
+    return replace(bench, element_mm=bench.element_mm * np.exp(number(shape, "sign") * size))
+
+
 def _draw(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng)}
 
@@ -56,4 +61,5 @@ EFFECT = Effect(
         "development": (Form("fillets", 0.03, 0.2, _fillets),),
         "final": (Form("encoder", 0.04, 0.2, _encoder, _draw_encoder),),
     },
+    measured=(Form("other-length", 0.5, 1.2, _other_length, _draw),),
 )

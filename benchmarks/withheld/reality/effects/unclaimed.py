@@ -32,6 +32,12 @@ def _lamp(bench: Bench, size: float, shape: Shape) -> Bench:
     return bench.stiffened(1.0 + number(shape, "sign") * size * (along**2 - 1.0 / 3.0))
 
 
+def _fill(bench: Bench, size: float, shape: Shape) -> Bench:
+    """Ever less material is printed, from one end of the tray to the other."""
+    along = bench.design.tray_x_mm / _TRAY_MM
+    return replace(bench, gain=bench.gain * (1.0 - size * along)[:, None])
+
+
 def _draw(rng: np.random.Generator, design: Design) -> Shape:
     return {"sign": sign(rng)}
 
@@ -44,5 +50,10 @@ _BY_TRAY: dict[Set, tuple[Form, ...]] = {
     "development": (Form("tray", 0.06, 0.4, _tray, _draw),),
     "final": (Form("lamp", 0.06, 0.4, _lamp, _draw),),
 }
-OPERATOR = Effect("operator", 4, ("operator",), _BY_OPERATOR, _BY_OPERATOR)
-TRAY = Effect("tray", 1, ("tray_x_mm",), _BY_TRAY, _BY_TRAY)
+OPERATOR = Effect(
+    "operator", 4, ("operator",), _BY_OPERATOR, _BY_OPERATOR,
+    measured=(Form("operator", 0.002, 0.03, _operator, _draw),),
+)  # fmt: skip
+TRAY = Effect(
+    "tray", 1, ("tray_x_mm",), _BY_TRAY, _BY_TRAY, measured=(Form("fill", 0.4, 0.9, _fill, _draw),)
+)

@@ -1,0 +1,130 @@
+"""What measured campaigns have and made-up ones had not: strays, scatter, other lengths, three."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.gap.campaign import Campaign
+from planner.gap.diagnose import diagnose, prepared
+from planner.gap.effects import EFFECTS
+from planner.gap.evidence.posterior import evidence_of, ranking_of, verdict_of
+from planner.gap.evidence.problem import Problem, replicate_floor, set_up
+from planner.gap.evidence.surrogate import Candidate
+from planner.gap.evidence.weigh import Priors, _law_errors, weigh
+from planner.gap.noise import FIT_SD
+from planner.gap.observations import observation_model
+from planner.palette import Uncertainty
+
+
+def ready(campaign: Campaign, *effects: str) -> Problem:
+    return set_up(campaign, observation_model(campaign), [EFFECTS[id] for id in effects])
+
+
+def verdict(problem: Problem) -> tuple[str, ...]:
+    evidence = evidence_of(problem, weigh(problem, Priors()))
+    return verdict_of(ranking_of(evidence, Priors()))
+
+
+def stretched(campaign: Campaign, factor: float) -> Campaign:
+    """Say that the gauge was so many times as long as it was."""
+    specimens = tuple(replace(s, gauge_mm=s.gauge_mm * factor) for s in campaign.specimens)
+    return replace(campaign, specimens=specimens)
+
+
+def with_stray(campaign: Campaign, factor: float) -> Campaign:
+    first, *others = campaign.specimens
+    return replace(campaign, specimens=(replace(first, force_N=factor * first.force_N), *others))
+
+
+def test_a_stray_is_set_apart_and_moves_neither_scatter_nor_floor(planned, imitated) -> None:
+    plan = planned(4, batches=1, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 8.5])
+    made = imitated(plan)
+    clean, off = (prepared(c)[0] for c in (made, with_stray(made, 2.2)))
+    assert off.strays.tolist() == [True] + [False] * 15
+    assert not clean.strays.any()
+    # One of sixteen tells no more; what the others say is the same.
+    assert off.scatter.specimen == pytest.approx(clean.scatter.specimen, rel=0.15)
+    floors = [np.sqrt(np.nanmean(replicate_floor(p))) for p in (clean, off)]
+    assert floors[1] == pytest.approx(floors[0], rel=0.2)
+    assert np.isnan(replicate_floor(off)[0])
+
+
+def test_two_that_are_off_are_no_strays(planned, imitated) -> None:
+    made = imitated(planned(4, batches=1, material=["FLX9760", "TangoPlus"]))
+    specimens = [
+        replace(s, force_N=2.2 * s.force_N) if k in (0, 4) else s
+        for k, s in enumerate(made.specimens)
+    ]
+    assert not prepared(replace(made, specimens=tuple(specimens)))[0].strays.any()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_scatter_of_one_condition_is_no_effect(planned, imitated, seed: int) -> None:
+    """Levels that scatter by 28 %, on the exact law."""
+    made = imitated(planned(16, batches=1, material=["FLX9760"]))
+    levels = np.exp(0.28 * np.random.default_rng(seed).standard_normal(16))
+    specimens = tuple(
+        replace(s, force_N=s.force_N * x) for s, x in zip(made.specimens, levels, strict=True)
+    )
+    problem = ready(replace(made, specimens=specimens), "force-scale", "force-offset")
+    assert evidence_of(problem, weigh(problem, Priors())).within_floor
+    assert verdict(problem) == ()
+
+
+def test_a_gauge_that_is_off_by_no_units_factor_is_found(planned, imitated) -> None:
+    plan = planned(3, material=["FLX9760", "TangoPlus"], gauge_mm=[25.0, 40.0])
+    problem = ready(stretched(imitated(plan), 0.45), "strain-scale", "force-scale")
+    assert verdict(problem) == ("strain-scale",)
+
+
+def test_three_effects_are_found_together(planned, imitated) -> None:
+    plan = planned(
+        3, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 0.85, 8.5], soak_h=[0.0, 48.0]
+    )
+    made = imitated(
+        plan, "rate:rise=0.25,form=power-law", "moisture:softening=0.4", "grip-slack:slack=0.6"
+    )
+    found = weigh(ready(made, "rate", "moisture", "grip-slack"), Priors())
+    three = ("grip-slack", "moisture", "rate")
+    best = max(found.log_evidence, key=found.log_evidence.__getitem__)
+    assert best == (three, "")
+    assert len(found.best[three].branches) == 3
+
+
+def test_a_record_starts_as_it_was_read(planned, imitated) -> None:
+    made = imitated(planned(2, material=["FLX9760"]))
+    model = observation_model(made)
+    assert np.all(model.measured_N[:, 0] == [s.force_N[0] for s in made.specimens])
+    assert (model.table.step == 0).sum() == len(made.specimens)
+
+
+def test_laws_are_as_poor_as_the_palette_says_or_may_be(planned, imitated) -> None:
+    problem = ready(imitated(planned(2, material=["FLX9760"])), "rate")
+    assert _law_errors(problem) == (FIT_SD, 0.03)
+    palette = problem.campaign.palette
+    sure = Uncertainty(level=0.95, specimens=3, nrmse=0.05)
+    stated = replace(
+        palette, materials=tuple(replace(m, uncertainty=sure) for m in palette.materials)
+    )
+    told = replace(problem, campaign=replace(problem.campaign, palette=stated))
+    assert _law_errors(told) == (0.05,)
+
+
+def test_recalibration_is_that_of_the_world_of_the_verdict(rates, imitated) -> None:
+    """The laws of a campaign whose curves are off stand by less than exact models would say."""
+    problem = ready(imitated(rates, "rate:rise=0.3,form=power-law"))
+    found = weigh(problem, Priors())
+    none = Candidate(())
+    world = found.world_of(none)
+    assert world.discrepancy > 0.0
+    exact, own = (w.laws_off(none) for w in (found.plain, world))
+    assert np.all(np.diagonal(own[1]) >= np.diagonal(exact[1]) - 1e-12)
+    assert np.diagonal(own[1]).sum() > np.diagonal(exact[1]).sum()
+
+
+def test_a_diagnosis_of_a_stray_still_names_it(planned, imitated) -> None:
+    plan = planned(4, batches=1, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 0.85, 8.5])
+    found = diagnose(with_stray(imitated(plan, "rate:rise=0.2,form=power-law"), 3.0))
+    assert found.verdict == "rate"
+    assert found.data_quality[0].specimen == f"SIM-{plan.specimens[0].id}"
