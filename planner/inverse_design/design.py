@@ -1,5 +1,6 @@
 """Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -410,11 +411,16 @@ def design(
             "designed", tuple(unknowns.positions.tolist()),
             tuple(unknowns.modulus_MPa(values).tolist()), "log",
         )  # fmt: skip
-        return grade(
-            part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
-            printer=machine, palette=chosen, unit=unit, bodies=bodies, name=name,
-            force_oversize=force_oversize,
-        )  # fmt: skip
+        try:
+            plan = grade(
+                part, profile=profile, axis=axis, field=field, blend=blend, at_strain=at_strain,
+                printer=machine, palette=chosen, unit=unit, bodies=bodies, name=name,
+                force_oversize=force_oversize,
+            )  # fmt: skip
+        except ArgumentError as error:
+            raise ArgumentError(_own_advice(str(error))) from error
+        found = tuple(replace(f, message=_own_advice(f.message)) for f in plan.findings)
+        return replace(plan, findings=found, notes=_own_advice(plan.notes))
 
     def printed(values: FloatArray) -> "tuple[FloatArray, Plan, list[Solved]]":
         try:
@@ -563,6 +569,15 @@ def _intervals(
         )
         for goal in solved.goals
     ]  # fmt: skip
+
+
+_BANDS = re.compile(r"(?:--bands|`bands`) \d+ or fewer, (?:or )?a gentler profile(?: there)?")
+_ACCEPTED = re.compile(r"; --tolerance \S+ accepts it")
+
+
+def _own_advice(text: str) -> str:
+    """Give what `grade` advises as a design can follow it, whose bands come of its profile."""
+    return _ACCEPTED.sub("", _BANDS.sub("fewer --knots", text))
 
 
 def _findings(
