@@ -144,7 +144,8 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
             args=arguments or ["--help"], prog_name="planner", standalone_mode=False
         )
     except usage_error as error:
-        raise ArgumentError(f"{error.format_message()} (see planner --help)") from error
+        path = getattr(error.ctx, "command_path", "planner")
+        raise ArgumentError(f"{error.format_message()} (see {path} --help)") from error
     except typer.Abort:
         raise KeyboardInterrupt from None
     except SystemExit as error:

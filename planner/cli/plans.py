@@ -1,6 +1,7 @@
 """planner grade, view, check, diff, compare, slices: they make or take a plan."""
 
 import re
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -241,7 +242,10 @@ def _grade_report(
     if quiet:
         return
     remarks = (*map(Caution, plan.part.repairs), *plan.warnings)
-    tell_notes(type(remark)(f"{plan.part.file}: {remark}") for remark in remarks)
+    tell_notes(
+        Caution(f"{plan.part.file}: {remark}") if isinstance(remark, Caution) else remark
+        for remark in remarks
+    )
     _table(plan)
     for words in (error_words(plan), moved_words(plan)):
         if words:
@@ -346,7 +350,7 @@ def check(
     Example: [bold]planner check finger-graded[/bold]
     """
     import planner
-    from planner.cli.output import finding, print_document, print_table, progress, say, tell_notes
+    from planner.cli.output import finding, print_document, print_table, progress, say
 
     with progress(not quiet and not as_json) as stage:
         certificate = planner.check(folder, progress=stage)
@@ -363,7 +367,6 @@ def check(
             f"{certificate.shells} shells, {certificate.triangles} triangles",
             right=["value", "limit"],
         )
-        tell_notes(certificate.warnings)
         for problem in certificate.problems:
             finding(problem)
         for message in certificate.reported:
@@ -404,14 +407,15 @@ def diff(
     from dataclasses import asdict
 
     import planner
-    from planner.cli.output import print_document, print_table, say
+    from planner.cli.output import print_document, say, terminal_width
 
     found = planner.diff(before, after, tolerance=tolerance)
     rows = [asdict(difference) for difference in found]
     if as_json:
         print_document({"schema": 1, "equal": not found, "differences": rows})
     elif found and not quiet:
-        print_table(list(rows[0]), [list(row.values()) for row in rows])
+        for difference in found:
+            say(textwrap.fill(difference.text, terminal_width(), subsequent_indent="    "))
     elif not quiet:
         say("the plans mean the same")
     return 1 if found else 0

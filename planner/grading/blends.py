@@ -280,8 +280,7 @@ _MOST_MIXTURES = 99
 """Each is a file of its own."""
 
 MIXTURES_UNCALIBRATED = (
-    "mixtures are for a printer that jets them: whether {printer} does planner does not know, and "
-    "the ratios are places between catalogue materials, not calibrated on a machine"
+    "mixtures need a printer that jets them, as {printer} may not; their ratios are not calibrated"
 )
 
 _STEP = 1.2  # of the modulus from mixture to mixture: within 10 % of the target

@@ -36,7 +36,7 @@ from planner.voxels.columns import MOST_VOXELS, Grid, dense, grid_for, iterate_c
 __all__ = [
     "CellCounts",
     "DitherField",
-    "check_size",
+    "affordable_cells",
     "count_cells",
     "dither_pieces",
     "dither_regions",
@@ -380,22 +380,25 @@ _SAMPLES = 200_000
 _SURFACE_TRIANGLES = 20.0  # a square of the part's surface, at half the cells; measured
 
 
-def check_size(mesh: Mesh, dealt: DitherField) -> None:
-    """Refuse cells that are too small for a part.
+def affordable_cells(mesh: Mesh, dealt: DitherField, *, stated: bool) -> DitherField:
+    """Return cells whose shells can be computed with: those given, or larger ones.
 
     Raises
     ------
     ArgumentError
-        There would be more than `_MOST_TRIANGLES`; a cell that gives fewer is named.
+        There would be more than `_MOST_TRIANGLES` of cells whose size was stated; one that gives
+        fewer is named.
     """
     inner, surface = estimate_triangles(mesh, dealt)
     triangles = inner + surface
     if triangles <= _MOST_TRIANGLES:
-        return
+        return dealt
     larger = 1.0  # times the cell: inner ones fall with its cube, others with its square
     while inner / larger**3 + surface / larger**2 > _MOST_TRIANGLES:
         larger *= 1.01
     coarser = math.ceil(dealt.cell_mm * larger * 20.0) / 20.0
+    if not stated:
+        return replace(dealt, cell_mm=coarser)
     raise ArgumentError(
         f"`cell_mm` {dealt.cell_mm:g}: this part has {mesh.volume_mm3 / dealt.cell_mm**3:.2g} "
         f"cells of that size, whose shells would have some {triangles:.2g} triangles; up to "
@@ -471,8 +474,7 @@ def dither_regions(
                 continue
             band = Band(stretch.start, stretch.stop, grade, stretch.target_MPa)
             box = boxes[number, piece]
-            index = len(regions) + 1
-            region = region_of(index, band, printed[piece], volume_mm3, box, files)
+            region = region_of(band, printed[piece], volume_mm3, box, files)
             if stretch.lower < stretch.upper:
                 region = _blended(region, number, dealt, shares[number], scale)
             regions.append(region)
@@ -518,9 +520,14 @@ def _furthest_mm(pieces: Pieces, piece: int) -> FloatArray:
 
 
 def fraction_checks(
-    pieces: Pieces, dealt: DitherField, counted: CellCounts, scale: StiffnessScale
+    pieces: Pieces, dealt: DitherField, counted: CellCounts, scale: StiffnessScale, cure: str
 ) -> tuple[dict[str, Check], tuple[Finding, ...]]:
     """Hold achieved volume fractions against those wanted, over each stretch.
+
+    Parameters
+    ----------
+    cure
+        What to do where the cells are too large for the gradient.
 
     Returns
     -------
@@ -545,7 +552,7 @@ def fraction_checks(
                     message=f"between {lower} and {upper}, at field {stretch.start:.4g} .. "
                     f"{stretch.stop:.4g}, {100 * share.achieved:.1f} % is {upper} where "
                     f"{100 * share.wanted:.1f} % is wanted: the gradient is too steep for cells "
-                    f"of {dealt.cell_mm:g} mm; take a smaller --cell or a gentler profile",
+                    f"of {dealt.cell_mm:g} mm; {cure} or a gentler profile",
                     material=upper,
                     size_mm=dealt.cell_mm,
                 )

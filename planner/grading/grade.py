@@ -40,7 +40,7 @@ from planner.grading.coupons import coupons_beside
 from planner.grading.dither import (
     CellCounts,
     DitherField,
-    check_size,
+    affordable_cells,
     count_cells,
     dither_pieces,
     dither_regions,
@@ -310,6 +310,7 @@ class CellDesign:
     dealt: DitherField
     counted: CellCounts
     printed: tuple[Printed, ...]
+    stated: bool
 
     @property
     def says(self) -> Mapping[str, object]:
@@ -334,8 +335,11 @@ class CellDesign:
 
         Cells of two materials hold each other: only walls of the part can be too thin.
         """
-        checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale)
         cell_mm, least_mm = self.dealt.cell_mm, machine.minimum_feature_mm
+        smaller = f"take a smaller --cell, down to {least_mm:g}"
+        # One that is not stated is as small as it can be.
+        cure = smaller if self.stated and cell_mm > least_mm else "take --blend nearest"
+        checks, findings = fraction_checks(pieces, self.dealt, self.counted, scale, cure)
         fine = cell_mm >= least_mm * (1.0 - 1e-9)
         if not fine:
             message = (
@@ -348,7 +352,7 @@ class CellDesign:
             message = (
                 f"cells of {cell_mm:g} mm are thicker than the part, whose walls are "
                 f"{mean_wall_mm:.3g} mm on the mean: a place holds whichever cell happens to "
-                "be there, and stretches of the gradient may have none; take a smaller --cell"
+                f"be there, and stretches of the gradient may have none; {cure}"
             )
             findings = (Finding(kind="cell", message=message, size_mm=cell_mm), *findings)
         whole = CutPart(
@@ -370,7 +374,7 @@ def _design_pieces(
     bands
         Equal steps of the field, with ``nearest`` and ``mix``.
     cell_mm
-        Edge of a cell, with ``dither``; the printer's minimum feature by default.
+        Edge of a cell, with ``dither``.
 
     Raises
     ------
@@ -410,11 +414,11 @@ def _dithered(
 ) -> CellDesign:  # fmt: skip
     along = blend_segments(target, scale.moduli_MPa)
     pieces = dither_pieces(along)
-    cell_mm = machine.minimum_feature_mm if cell_mm is None else cell_mm
-    dealt = DitherField(field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0], cell_mm)
-    check_size(mesh, dealt)
+    least_mm = machine.minimum_feature_mm if cell_mm is None else cell_mm
+    dealt = DitherField(field, target, scale.moduli_MPa, along, pieces, mesh.bounds_mm[0], least_mm)
+    dealt = affordable_cells(mesh, dealt, stated=cell_mm is not None)
     printed = tuple(catalogue_material(scale, piece.grade, machine) for piece in pieces)
-    return CellDesign(dealt, count_cells(mesh, dealt), printed)
+    return CellDesign(dealt, count_cells(mesh, dealt), printed, cell_mm is not None)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -489,7 +493,8 @@ def grade(
         pairs of thinner bands take turns from one material to the next; ``mix`` records mixtures,
         for printers that jet them.
     cell_mm
-        Edge of the cells that ``dither`` deals; the printer's minimum feature by default.
+        Edge of the cells that ``dither`` deals; by default the printer's minimum feature, larger
+        where a large part would have more of them than can be computed with.
     snap_mm
         How far a cut may be moved so that no sliver is left between it and a face of the part
         that lies alongside; half the printer's minimum wall by default, 0 for not at all. Of
@@ -693,8 +698,7 @@ def _check_thickness(
         raise ThinBandError(
             f"a band of {1000 * thickness_mm:.3g} um at field {thinnest.start:.6g} is thinner than "
             f"a layer of {machine.title}, {1000 * machine.layer_mm:g} um, on a gradient of "
-            f"{span_mm:.4g} mm; "
-            + (unit or f"use fewer bands (up to {fit} can fit) or a gentler profile")
+            f"{span_mm:.4g} mm; {unit or f'take `bands` {fit} or fewer, or a gentler profile'}"
         )
 
 

@@ -25,7 +25,7 @@ from planner.materials.mixtures import (
 )
 from planner.notes import Caution
 from planner.numerics import FloatArray, IntArray
-from planner.palette import LawParameters, Material, Palette
+from planner.palette import Material, Palette
 from planner.printers import Printer, palette_of
 
 if TYPE_CHECKING:
@@ -398,25 +398,22 @@ class StiffnessScale:
         broken = [f"{m.id} ({m.elongation_at_break:.3g})" for m in shown if self.broken_at(m)]
         said: list[str] = []
         if broken:
-            past = f"the working strain {self.at_strain:g} is past the break of {', '.join(broken)}"
-            said.append(Caution(f"{past}; the stiffness there is the secant modulus at the break"))
-        readings: dict[str, list[str]] = {}
+            past = f"strain {self.at_strain:g} is past the break of {', '.join(broken)}"
+            said.append(Caution(f"{past}: stiffness there is the secant modulus at break"))
+        readings: dict[str, dict[str, float]] = {}
         for material in shown:
             held = min(self.at_strain, material.elongation_at_break)
             for reading in material.readings:
                 other = float(secant_modulus_MPa(make_law(reading.law), held))
-                readings.setdefault(reading.name, []).append(
-                    f"{material.id} {other:.4g} MPa (at rest {_at_rest(reading.law):.4g}, here "
-                    f"{_at_rest(material.law):.4g})"
-                )
+                by = readings.setdefault(reading.name, {})
+                by[material.id] = other / self.modulus_of(material.id)
         said += (*_unsound(shown), *self.model.remarks(ids))
         if ids is None:
             said += left_out_remark(self.palette)
         said += [
-            f"at strain {self.at_strain:g} others find, by {name}, {', '.join(rows)}; the "
-            "intervals hold both readings, and --palette chooses (planner printers lists the "
-            "palettes)"
-            for name, rows in readings.items()
+            f"by {name} {_first_to_last([*by])} are {_from_to([*by.values()])} times as stiff; "
+            "intervals hold both, --palette chooses"
+            for name, by in readings.items()
         ]
         return tuple(said)
 
@@ -463,8 +460,12 @@ def _unsound(materials: Sequence[Material]) -> list[str]:
     ]
 
 
-def _at_rest(law: LawParameters) -> float:
-    return float(secant_modulus_MPa(make_law(law), 0.0))
+def _first_to_last(ids: Sequence[str]) -> str:
+    return ids[0] if len(ids) == 1 else f"{ids[0]} to {ids[-1]}"
+
+
+def _from_to(values: Sequence[float]) -> str:
+    return " to ".join(dict.fromkeys(f"{value:.2g}" for value in (min(values), max(values))))
 
 
 def known_interval(interval: tuple[float, float]) -> list[float] | None:

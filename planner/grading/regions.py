@@ -161,20 +161,27 @@ def regions_of(
     regions: list[Region] = []
     for number, (band, what) in enumerate(zip(steps, printed, strict=True)):
         if volumes[number] > 0.0:
-            index, volume_mm3 = len(regions) + 1, float(volumes[number])
-            regions.append(region_of(index, band, what, volume_mm3, bounds[number], files))
+            regions.append(region_of(band, what, float(volumes[number]), bounds[number], files))
     return tuple(regions)
 
 
 def region_of(
-    index: int, band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
+    band: Band, what: Printed, volume_mm3: float, bounds_mm: FloatArray,
     files: Mapping[str, Shell],
 ) -> Region:  # fmt: skip
-    """Report a band that is printed in one material or mixture."""
+    """Report a band that is printed in one material or mixture.
+
+    Its number is that of its shell, from soft to hard, as in the shell's file name.
+
+    Parameters
+    ----------
+    files
+        The shells by material, from soft to hard.
+    """
     low, high = band.target_MPa
     shell = files[what.name]
     return Region(
-        index=index,
+        index=list(files).index(what.name) + 1,
         material=what.material,
         coordinate=what.coordinate,
         field=(band.start, band.stop),

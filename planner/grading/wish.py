@@ -150,9 +150,8 @@ class Earlier:
         if part_sha256 == self.plan.part.sha256:
             return ()
         return (
-            f"this is not the part of the plan that it follows ({self.plan.part.file}, sha256 "
-            f"{self.plan.part.sha256[:12]}): the gradient lies where it lay in that part's "
-            "coordinates; lay it anew with --axis or --field if the shape has changed along it",
+            f"not the part of the plan that it follows, {self.plan.part.file}: the gradient lies "
+            "where it lay there (else --axis or --field)",
         )
 
     def _refuse(self, stated: Wish) -> None:

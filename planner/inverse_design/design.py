@@ -1,5 +1,6 @@
 """Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -581,14 +582,21 @@ def design(
         held = TableFile(Path(_TABLE), "position", data)
         return Profile("designed", (0.0, 1.0), (low, high), "log"), held.field(setting), held
 
+    gentler = "a coarser --free" if along is None else "fewer --knots"
+
     def planned(values: FloatArray) -> tuple[Plan, Field]:
         profile, field_laid, held = laid(values)
-        plan = grade(
-            part, profile=profile, axis=axis, field=held or field, blend=blend,
-            at_strain=at_strain, printer=machine, palette=chosen, unit=unit, bodies=bodies,
-            name=name, force_oversize=force_oversize,
-        )  # fmt: skip
-        return plan, field_laid
+        try:
+            plan = grade(
+                part, profile=profile, axis=axis, field=held or field, blend=blend,
+                at_strain=at_strain, printer=machine, palette=chosen, unit=unit, bodies=bodies,
+                name=name, force_oversize=force_oversize,
+            )  # fmt: skip
+        except ArgumentError as error:
+            raise type(error)(_own_advice(str(error), gentler)) from error
+        advised = [replace(f, message=_own_advice(f.message, gentler)) for f in plan.findings]
+        notes = _own_advice(plan.notes, gentler)
+        return replace(plan, findings=tuple(advised), notes=notes), field_laid
 
     def solved_with(plan: Plan, follows: Field) -> "list[Solved]":
         if blend == "dither" or len(plan.regions) == 1:
@@ -874,6 +882,15 @@ def _intervals(
             goal.measure(solved.mechanics, solved.state) for goal in solved.goals
         )
     ]  # fmt: skip
+
+
+_BANDS = re.compile(r"(?:--bands|`bands`) \d+ or fewer, (?:or )?a gentler profile(?: there)?")
+_ACCEPTED = re.compile(r"; --tolerance \S+ accepts it")
+
+
+def _own_advice(text: str, gentler: str) -> str:
+    """Give what `grade` advises as a design can follow it, whose bands come of its profile."""
+    return _ACCEPTED.sub("", _BANDS.sub(gentler, text))
 
 
 def _findings(

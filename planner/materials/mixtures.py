@@ -656,12 +656,11 @@ def left_out_remark(palette: Palette) -> list[str]:
     if len(palette.materials) < 4:
         return []
     off = left_out_errors(palette)
-    words = {"hardness": "over hardness", "coordinate": "over m", "quadratic": "a quadratic of m"}
+    words = {"hardness": "over hardness", "coordinate": "over m"}
     used = min((way for way in off if way != "quadratic"), key=off.__getitem__)
-    each = ", ".join(f"{words[way]} {100 * error:.2g} %" for way, error in off.items())
     return [
-        f"between grades, each left out and predicted by the others: {each} of its largest stress "
-        f"off; a cubic {words[used]} is used"
+        f"between grades a cubic {words[used]} is used: a grade that is left out it misses by "
+        f"{100 * off[used]:.2g} % of its stress"
     ]
 
 

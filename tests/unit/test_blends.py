@@ -7,6 +7,7 @@ from pathlib import Path
 import lib3mf
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from manifold3d import Manifold
@@ -20,6 +21,7 @@ from planner.formats.threemf import read_threemf
 from planner.grading.blends import blend_segments
 from planner.grading.dither import (
     DitherField,
+    affordable_cells,
     blue_noise_ranks,
     count_cells,
     dither_cells,
@@ -371,3 +373,30 @@ def test_the_command_shows_the_blend(tmp_path, monkeypatch, capsys):
     assert "% FLX9770 in FLX9760" in capsys.readouterr().out
     assert run(["grade", part, "--from", "Tango", "--to", "Vero", "--blend", "mixt"]) == 2
     assert "did you mean mix" in capsys.readouterr().err
+
+
+def test_cells_that_are_not_stated_are_affordable_and_pass_their_own_checks() -> None:
+    """Half a litre in cells of 0.42 mm would have 10^8 triangles."""
+    ladder = Profile("log", (0.0, 1.0), (LADDER[0], LADDER[-1]), "log")
+    boxes = map(trimesh.creation.box, ((20.0, 10.0, 10.0), (120.0, 80.0, 50.0)))
+    small, mesh = (Mesh(box.vertices, box.faces.astype(np.int32)) for box in boxes)
+    cells = dealt(small, ladder, 0.42)
+    assert affordable_cells(small, cells, stated=False) is cells
+    large = dealt(mesh, ladder, 0.42)
+    fitting = affordable_cells(mesh, large, stated=False)
+    assert fitting.cell_mm > 0.42
+    assert affordable_cells(mesh, fitting, stated=True) is fitting
+    with pytest.raises(ArgumentError, match=f"take `cell_mm` {fitting.cell_mm:g} or larger"):
+        affordable_cells(mesh, large, stated=True)
+    # Where no smaller cell could print, none is advised.
+    thin = planner.grade(
+        trimesh.creation.box((4.0, 0.8, 0.9)), from_="Tango", to="Vero", blend="dither"
+    )
+    (found,) = (f for f in thin.findings if f.kind == "cell")
+    assert "take --blend nearest" in found.message
+    stated = planner.grade(
+        trimesh.creation.box((10.0, 2.0, 2.0)),
+        from_="Tango", to="Vero", blend="dither", cell_mm=1.5,
+    )  # fmt: skip
+    cells = [f.message for f in stated.findings if f.kind == "cell"]
+    assert any("take a smaller --cell, down to 0.42" in message for message in cells)

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from planner.cli import run
 from planner.grading.check import diff
 from planner.plan import (
     Check,
@@ -109,3 +110,15 @@ def test_tolerance_is_the_line_between_equal_and_not() -> None:
         "volume mm3",
         "material volume mm3",
     }
+
+
+def test_differences_fit_a_terminal(tmp_path, capsys) -> None:
+    long = {"name": "list", "positions": [i / 40 for i in range(41)]}
+    other = dataclasses.replace(PLAN, gradient=dataclasses.replace(PLAN.gradient, profile=long))
+    for name, plan in (("a", PLAN), ("b", other)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "plan.json").write_bytes(plan.json())
+    assert run(["diff", str(tmp_path / "a"), str(tmp_path / "b")]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("profile (plan): name log ->")
+    assert max(map(len, lines)) <= 80

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import planner
 from planner.cli import run
@@ -54,3 +55,33 @@ def test_quiet_says_neither(samples: Path, tmp_path: Path, capsys, command: str)
                "2", "--gauge-mm", "15", "-o", str(tmp_path / "out")]  # fmt: skip
     assert run([command, *options]) == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("palette", planner.load_printer("connex3").palettes)
+@pytest.mark.parametrize("at_strain", [0.01, 0.1, 0.3])
+def test_notes_on_a_palette_are_short(palette: str, at_strain: float) -> None:
+    for note in planner.list_materials(palette=palette, at_strain=at_strain).remarks():
+        assert len(note) <= 120, note
+
+
+def test_a_note_is_said_where_the_plan_is_made_and_not_again(tmp_path, capsys) -> None:
+    part = tmp_path / "bar.stl"
+    trimesh.creation.box((60.0, 10.0, 6.0)).export(part)
+    out = str(tmp_path / "out" / "graded")
+    assert run(["grade", str(part), "--from", "Tango", "--to", "Vero", "-o", out]) == 0
+    notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
+    assert len(notes) == 1
+    assert len(notes[0]) <= 120
+    assert run(["check", out]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_usage_errors_name_the_command_that_was_run(capsys) -> None:
+    for words, command in (
+        (["grade", "--bnads", "3"], "planner grade"),
+        (["gap", "design", "--bnads"], "planner gap design"),
+        (["gap", "desing"], "planner gap"),
+        (["grdae"], "planner"),
+    ):
+        assert run(words) == 2
+        assert capsys.readouterr().err.endswith(f"(see {command} --help)\n")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import planner
 from planner.cli import run
@@ -20,6 +21,7 @@ from planner.formats.markdown import to_html
 from planner.formats.outputs import seal
 from planner.plan import Finding
 from planner.report.display import colours_told_apart, shown
+from planner.report.plan_text import plan_table
 
 MOST_BESIDE_GEOMETRY = 1_000_000  # bytes
 
@@ -315,3 +317,22 @@ def test_every_kind_of_plan_has_a_page(samples: Path, wish: dict) -> None:
     page = planner.plan_page(plan).decode()
     assert "<svg" in page
     assert not re.search(r"\b(nan|inf)\b", page.split('id="geometry"')[0], re.IGNORECASE)
+
+
+def test_a_region_has_the_number_of_its_file_and_of_the_legend(tmp_path) -> None:
+    """From hard to soft, and there and back: the number counts materials from soft to hard."""
+    rows = [(0, "Vero"), (0.5, "Tango"), (1, "FLX9795")]
+    for name, wish in {"back": {"from_": "Vero", "to": "Tango"}, "both": {"profile": rows}}.items():
+        plan = planner.grade(trimesh.creation.box((60.0, 10.0, 6.0)), axis="x", **wish)
+        order = [shell.material for shell in plan.shells]
+        for region in plan.regions:
+            assert order[region.index - 1] == region.material
+            assert f"__{region.index:02d}_{region.material}.stl" in region.file
+        assert plan.regions[0].index == 10
+        table = plan_table(plan)
+        assert [row["#"] for row in table.rows] == [str(r.index) for r in plan.regions]
+        folder = plan.write(tmp_path / name, page=planner.plan_page(plan))
+        page = (folder / "plan.html").read_text(encoding="utf-8")
+        legend = re.findall(r'class="number">(\d+)</span><span class="name">(\w+)<', page)
+        assert [(int(number), name) for number, name in legend] == list(enumerate(order, 1))
+        assert planner.check(folder).ok
