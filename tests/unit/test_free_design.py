@@ -208,7 +208,7 @@ def test_the_gradient_is_a_table_that_grades_the_part_again(
     assert [r.volume_mm3 for r in again.regions] == pytest.approx(volumes, rel=1e-4)
     like = planner.grade(BEAM, like=folder)
     assert [r.volume_mm3 for r in like.regions] == pytest.approx(volumes, rel=1e-6)
-    softer = planner.grade(BEAM, like=folder, palette="agilus-vero")
+    softer = planner.grade(BEAM, like=folder, palette="connex3-agilus-vero")
     assert softer.palette.name != plan.palette.name
     digest = hashlib.sha256((folder / "field.vti").read_bytes()).hexdigest()
     assert plan.gradient.field["sha256"] == digest
