@@ -63,7 +63,7 @@ def _stl(file: Path, triangles: _Array) -> Path:
     return file
 
 
-_HELD = {"fix": "x=min", "load": "x=max: 0,0.02,-0.08 N"}
+_HELD = {"fix": "x=min", "load": "x=max: 0,0.3,-0.5 N"}
 _ENDS = {"from_": "Tango", "to": "FLX9795"}
 
 
@@ -88,10 +88,12 @@ def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[floa
     places = index.reshape(-1, 3) * spacing
     truth = controls.basis(places) @ rng.uniform(0.1, 0.9, len(controls.even))
     table = {"position": truth.reshape(steps + 1).astype(np.float32)}
-    (folder / "random.vti").write_bytes(encode_vti(np.zeros(3), spacing, table))
+    data = encode_vti(np.zeros(3), spacing, table)
+    (folder / "random.vti").write_bytes(data)
     part = _stl(folder / "block.stl", mesh.vertices[mesh.faces])
     field = f"table: {folder / 'random.vti'}, array=position, from=0, to=1"
-    planner.grade(part, field=field, blend="dither", **_ENDS).write(folder / "true")
+    plan = planner.grade(part, field=field, blend="dither", **_ENDS)
+    plan.write(folder / "true", beside={"random.vti": data})
     (bent,) = planner.simulate_part(
         folder / "true", planner.LoadCase(**_HELD), cell_mm=cell_mm / 1.3, steps=1,
         compare_cells=False,
