@@ -16,9 +16,11 @@ import planner
 from planner.formats.stl import encode_stl
 from planner.formats.vtu import encode_vti
 from planner.inverse_design.controls import lattice
+from planner.inverse_design.shape import carried_along
+from planner.mesh.distance import closest, triangle_tree
 from planner.mesh.mesh import Mesh
 
-__all__ = ["block", "manufactured", "main", "shape_after"]
+__all__ = ["block", "main", "manufactured", "shape_after"]
 
 SAMPLES = Path(__file__).parents[1] / "samples"
 _Array = NDArray[np.float64]
@@ -50,11 +52,10 @@ def block(x_mm: float, y_mm: float, z_mm: float, steps: tuple[int, int, int]) ->
 
 def shape_after(mesh: Mesh, made: planner.PartSimulation) -> _Array:
     """Return a mesh's triangles as a simulation deforms them."""
-    from scipy.spatial import KDTree
-
-    _, which = KDTree(made.cells.surface.vertices).query(mesh.vertices)
-    moved = mesh.vertices + made.steps.displacement_mm[-1][which]
-    return np.asarray(moved[mesh.faces])
+    surface = made.cells.surface
+    place, which = closest(triangle_tree(surface), mesh.vertices)
+    moved = (surface.vertices + made.steps.displacement_mm[-1])[surface.faces]
+    return carried_along(surface.triangles[which], moved[which], place)[mesh.faces]
 
 
 def _stl(file: Path, triangles: _Array) -> Path:

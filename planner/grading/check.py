@@ -394,7 +394,7 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     }
     for name in sorted(expected - found):
         yield f"{name}: the plan names it, but it is missing"
-    for name in sorted(found - expected - _EXTRA):
+    for name in sorted(found - expected - _EXTRA - set(plan.files_sha256)):
         yield f"{name}: no part of the plan; remove it"
 
 
