@@ -15,7 +15,6 @@ from planner.formats.stl import decode_stl
 from planner.formats.threemf import ThreemfObject, read_threemf
 from planner.formats.within import path_within
 from planner.glance import counted, one_line, outcome
-from planner.grading.coupons import COUPONS
 from planner.mesh.audit import JoinedShells, Measured, interfaces_cancel, join_shells
 from planner.mesh.mesh import Measures, Mesh
 from planner.numerics import FloatArray
@@ -395,8 +394,7 @@ def _misplaced(root: Path, plan: Plan) -> Iterator[str]:
     }
     for name in sorted(expected - found):
         yield f"{name}: the plan names it, but it is missing"
-    coupons = {name for name in plan.files_sha256 if name.startswith(COUPONS)}
-    for name in sorted(found - expected - _EXTRA - coupons):
+    for name in sorted(found - expected - _EXTRA - set(plan.files_sha256)):
         yield f"{name}: no part of the plan; remove it"
 
 

@@ -525,7 +525,7 @@ def design(
         body = Body(cells, table, np.full(len(cells.points), middle), densities=densities)
         made = cases_on(replace(body, stabiliser_MPa=body.cell_shear_MPa), before)
         normal = NormalDist().inv_cdf(0.5 + level / 2.0) if robust else 0.0
-        return Problem(stiffness, controls, made, limits, prefer, tolerance, normal)
+        return Problem(stiffness, controls, made, limits, prefer, 0.3 * tolerance, normal)
 
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
         def tell(tried: int, off: float) -> None:
@@ -616,7 +616,7 @@ def design(
             plan, follows = planned(values)
         return values, plan, solved_with(plan, follows)
 
-    aims_met = np.array([goal.kind == "target" for goal in problem.goals])
+    aims_met = np.array([goal.kind == "target" for goal in problem.goals], dtype=np.bool_)
 
     def offs(solved: "list[Solved]") -> FloatArray:
         """Return how far targets are off what the gradient comes to, relative to what is wanted."""
@@ -690,7 +690,7 @@ def design(
         notes.append(
             f"{counted(len(values), 'control')} on a lattice of {' x '.join(map(str, counts))}; "
             "smoothness (the sum of squared second differences) weighs 1, a target's relative miss "
-            "20, a shape's squared deviation over the tolerance 20"
+            "20, a shape's squared deviation over 0.3 of the tolerance 20"
         )
     if stopped:
         findings.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))

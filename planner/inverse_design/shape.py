@@ -16,7 +16,7 @@ from planner.simulation.element import shape_functions
 if TYPE_CHECKING:
     from planner.simulation.cut_cells import CutCells
 
-__all__ = ["ShapeGoal", "WantedShape", "wanted_shape"]
+__all__ = ["ShapeGoal", "WantedShape", "carried_along", "wanted_shape"]
 
 
 _SAME = 1e-4
@@ -170,7 +170,7 @@ class ShapeGoal:
         target = None
         if wanted.rest is not None and wanted.moved is not None:
             place, which = closest(triangle_tree(wanted.rest), surface.vertices)
-            target = _carried(wanted.rest.triangles[which], wanted.moved[which], place)
+            target = carried_along(wanted.rest.triangles[which], wanted.moved[which], place)
         a, b, c = wanted.surface.triangles.transpose(1, 0, 2)
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -212,7 +212,7 @@ class ShapeGoal:
         return f"{rms * self.wanted.greatest_mm:.3g} mm on the mean, {percent(rms)} of the way"
 
 
-def _carried(rest: FloatArray, moved: FloatArray, place: FloatArray) -> FloatArray:
+def carried_along(rest: FloatArray, moved: FloatArray, place: FloatArray) -> FloatArray:
     """Return where places of triangles, (n, 3), go as these are moved, (n, 3, 3)."""
     one, other, to = rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0], place - rest[:, 0]
     aa, ab, bb = (np.sum(p * q, axis=1) for p, q in ((one, one), (one, other), (other, other)))

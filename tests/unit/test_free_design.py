@@ -1,6 +1,7 @@
 """Gradients free in space: lattices of controls, wanted shapes, turns, distances, limits, cases."""
 
 import hashlib
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 import planner
-from planner.errors import ArgumentError, ThinBandError
+from benchmarks.shapes import block, manufactured
+from planner.cli import run
+from planner.errors import ArgumentError, PlannerError, ThinBandError
 from planner.formats.field_file import read_grid_table
+from planner.formats.stl import encode_stl
 from planner.grading.profile import stiffness_scale
+from planner.inverse_design import search
 from planner.inverse_design.controls import lattice, lattice_counts
 from planner.inverse_design.design import PartDesign
 from planner.inverse_design.goals import Limits, functionals, read_target
@@ -22,7 +27,7 @@ from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
 from planner.printers import load_printer, palette_of
 from planner.simulation.cut_cells import cut_cells
-from planner.simulation.loads import LoadCase, palette_densities, read_conditions
+from planner.simulation.loads import LoadCase, case_of, palette_densities, read_conditions
 from planner.simulation.solid import POISSON, Body
 from planner.simulation.sparse_cholesky import analyse
 
@@ -37,9 +42,9 @@ LOAD = "x=min: 0,0,-0.1 N"
 Array = NDArray[np.float64]
 
 
-def design(**options: Any) -> PartDesign:
+def design(part: object = BEAM, **options: Any) -> PartDesign:
     given = {"from_": "Tango", "to": "Vero", "fix": "x=max", "cell_mm": 2.5, **options}
-    return planner.design(BEAM, **given)
+    return planner.design(part, **given)
 
 
 # --- controls
@@ -134,10 +139,11 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> Problem:
     return Problem(stiffness, controls, [solved], limits, "smooth")
 
 
-def _bent(by: float = -0.005) -> Array:
-    away = np.zeros_like(MESH.triangles)
-    away[..., 2] = by * (40.0 - MESH.triangles[..., 0]) ** 2
-    return MESH.triangles + away
+def _bent(of: Array = MESH.triangles) -> Array:
+    """Along an arc of radius 100 mm, downwards from x=40."""
+    angle, radius = (40.0 - of[..., 0]) / 100.0, 97.5 + of[..., 2]
+    x, z = 40.0 - radius * np.sin(angle), radius * np.cos(angle) - 97.5
+    return np.stack([x, of[..., 1], z], axis=-1)
 
 
 @pytest.mark.parametrize("same", [True, False], ids=["its own triangles", "nearest"])
@@ -208,7 +214,7 @@ def test_the_gradient_is_a_table_that_grades_the_part_again(
     assert [r.volume_mm3 for r in again.regions] == pytest.approx(volumes, rel=1e-4)
     like = planner.grade(BEAM, like=folder)
     assert [r.volume_mm3 for r in like.regions] == pytest.approx(volumes, rel=1e-6)
-    softer = planner.grade(BEAM, like=folder, palette="agilus-vero")
+    softer = planner.grade(BEAM, like=folder, palette="connex3-agilus-vero")
     assert softer.palette.name != plan.palette.name
     digest = hashlib.sha256((folder / "field.vti").read_bytes()).hexdigest()
     assert plan.gradient.field["sha256"] == digest
@@ -229,3 +235,166 @@ def test_thin_bands_have_an_error_of_their_own() -> None:
     rows = [(0.0, "Tango"), (0.5, "Tango"), (0.50001, "Vero"), (1.0, "Vero")]
     with pytest.raises(ThinBandError, match="thinner than a layer"):
         planner.grade(BEAM, axis="x", profile=rows)
+
+
+# --- wanted shapes
+
+
+def _stl(file: Path, triangles: Array) -> Path:
+    corners = np.arange(triangles.size // 3, dtype=np.int32).reshape(-1, 3)
+    file.write_bytes(encode_stl(triangles.reshape(-1, 3).astype(np.float32), corners, file.stem))
+    return file
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_manufactured_shape_is_found_again_from_its_surface(seed: int, tmp_path: Path) -> None:
+    """2 % of the longest way are asked for; the true surface is that of other cells."""
+    rms, largest, correlation = manufactured(seed, tmp_path, cell_mm=4.0)
+    assert largest < 0.02
+    assert rms < 0.005
+    assert correlation > 0.5
+
+
+def test_a_shape_of_other_triangles_is_come_near_to_by_the_nearest_place(tmp_path: Path) -> None:
+    """Of a beam graded evenly and bent: within 2 % of its longest way, and it is told."""
+    plan = planner.grade(BEAM, from_="Tango", to="Vero", blend="mix", bands=8, axis="x")
+    bent = planner.simulate(plan, fix="x=max", load=LOAD, cell_mm=2.5, steps=1, compare_cells=False)
+    file = tmp_path / "bent.stl"
+    file.write_bytes(bent.deformed_stl())
+    made = design(load=LOAD, target=f"shape: {file}", blend="dither")
+    assert any("are not the part's 12" in note for note in made.notes)
+    (row,) = made.reached
+    assert row.error is not None
+    assert row.error < 0.01
+    assert made.free is not None
+
+
+def test_a_shape_may_be_wanted_of_some_faces_alone(tmp_path: Path) -> None:
+    """The tip is to be where a steeper bend has it, whatever is between."""
+    fine = block(40.0, 5.0, 5.0, (16, 2, 2))
+    file = _stl(tmp_path / "bent.stl", _bent(of=fine.triangles))
+    made = design(part=fine, load=LOAD, target=f"shape: {file} on x<5 weight 2", blend="dither",
+                  free="5x1x3")  # fmt: skip
+    (row,) = made.reached
+    assert row.largest is not None
+    assert row.error is not None
+    assert row.error < 0.03
+    with pytest.raises(PlannerError, match="from the part"):
+        design(load=LOAD, target=f"shape: {_stl(tmp_path / 'same.stl', MESH.triangles)}")
+
+
+# --- cases with limits, what stands against what
+
+
+SIDE = LoadCase(fix="x=max", load="x=min: 0,0.1,0 N", limit="x=min uy<5 mm", name="side")
+
+
+def test_a_limit_of_another_case_is_kept() -> None:
+    """Even, the square beam would bend to the side as far as down: by 8 mm."""
+    made = design(load=LOAD, target="x=min uz=-8 mm", cases=[SIDE], free="5x3x3", blend="dither")
+    down, side = made.reached
+    assert down.printed == pytest.approx(-8.0, rel=0.01)
+    assert side.kind == "<"
+    assert abs(side.printed) < 5.0 * 1.01
+    assert made.ok or {f.kind for f in made.findings} == set()
+
+
+def test_robust_limits_hold_at_the_worst_of_the_interval() -> None:
+    given = {"load": LOAD, "target": "x=min uz=-8 mm", "free": "5x3x3", "blend": "dither"}
+    side = replace(SIDE, limit="x=min uy<6 mm")
+    made = design(**given, cases=[side], robust=True)
+    row = made.reached[1]
+    assert row.interval is not None
+    assert max(np.abs(row.interval)) < 6.0 * 1.03
+    assert abs(row.continuous) < 6.0 / 1.1
+
+
+def test_what_stands_against_what_is_told_early_and_at_last() -> None:
+    """A profile along the beam, alike across it, bends both ways alike."""
+    said: list[str] = []
+    made = design(load=LOAD, target=["x=min uz=-8 mm", "x=min rx=20 deg"], cases=[SIDE], axis="x",
+                  knots=5, progress=said.append)  # fmt: skip
+    assert any("all in the stiffest" in words and "rx=20" in words for words in said)
+    assert not made.ok
+    told = " ".join(f.message for f in made.findings)
+    assert "stands against it" in told
+    assert "softest -" in told
+    shares = [getattr(words, "done", None) for words in said]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert shares[-1] >= 0.7
+
+
+# --- interrupted, and gone on with
+
+
+def test_an_interrupted_design_is_a_plan_and_goes_on(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part, folder = tmp_path / "beam.stl", tmp_path / "out"
+    part.write_bytes(encode_stl(BEAM[0].astype(np.float32), FACES, "beam"))
+    arguments = [
+        "design", str(part), "--from", "Tango", "--to", "Vero", "--free", "5x1x3", "--fix", "x=max",
+        "--load", LOAD, "--target", "x=min uz=-8 mm", "--case", "side; load x=min: 0,0.1,0 N; "
+        "limit x=min uy<12 mm", "--cell-mm", "2.5", "--no-page", "-o", str(folder),
+    ]  # fmt: skip
+    whole = search.evaluate
+    calls = 0
+
+    def ended(problem: Problem, values: Array) -> Any:
+        nonlocal calls
+        calls += 1
+        if calls == 3:
+            raise KeyboardInterrupt
+        return whole(problem, values)
+
+    monkeypatch.setattr(search, "evaluate", ended)
+    assert run(arguments) == 130
+    out = capsys.readouterr()
+    assert "interrupted after" in out.err
+    assert "nothing was left behind" not in out.err
+    first = json.loads((folder / "design.json").read_bytes())
+    assert first["interrupted"] is True
+    assert planner.check(folder).ok
+    monkeypatch.setattr(search, "evaluate", whole)
+    assert run(arguments) == 0
+    then = json.loads((folder / "design.json").read_bytes())
+    assert then["interrupted"] is False
+    assert [row["case"] for row in then["targets"]] == ["case 1", "side"]
+    assert then["targets"][0]["printed"] == pytest.approx(-8.0, rel=0.01)
+    assert run(arguments) == 2  # done, and not replaced without --force
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"free": "6x3"}, "6x3x3"),
+        ({"free": "4x1x1", "axis": "x"}, "not both"),
+        ({"symmetric": "y"}, "with `free`"),
+        ({"free": "4x1x1", "symmetric": "w"}, "x, y or z"),
+        ({"minutes": 1.0}, "not both"),
+        ({"minutes": 1e-6, "cell_mm": None}, "give more"),
+        ({"target": "x=min rx=3 mm"}, "deg and rad"),
+        ({"target": "x=min rx=200 deg"}, "below 180"),
+        ({"target": "x=min distance=3 mm"}, "between two places"),
+        ({"target": "x=min uz=-3 mm weight 0"}, "above 0"),
+        ({"limit": "x=min uy<-1 mm"}, "without its sign"),
+        ({"cases": [LoadCase(fix="x=max", load=LOAD, limit="slope<3 /mm")]}, "one limit for all"),
+        ({"start": "nowhere.json"}, "nowhere.json"),
+    ],
+)
+def test_bad_input_is_told_in_a_line(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(PlannerError) as told:
+        design(**{"load": LOAD, "target": "x=min uz=-8 mm", **options})
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_cases_are_read_from_a_line() -> None:
+    case = case_of(
+        "side; fix x=max; load x=min: 0,0.1,0 N; limit x=min uy<1 mm; limit x=min uz<2 mm"
+    )
+    assert case == LoadCase(fix="x=max", load="x=min: 0,0.1,0 N", name="side",
+                            limit=("x=min uy<1 mm", "x=min uz<2 mm"))  # fmt: skip
+    with pytest.raises(PlannerError, match="did you mean load"):
+        case_of("side; laod x=min: 0,0.1,0 N")

@@ -1,0 +1,137 @@
+"""Design towards shapes, checked: manufactured gradients, a strip that becomes an S, a finger.
+
+``python -m benchmarks.shapes`` runs all; ``... strip finger`` some. Every figure that is asked of
+the design is printed with what it came to.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import planner
+from planner.formats.stl import encode_stl
+from planner.formats.vtu import encode_vti
+from planner.inverse_design.controls import lattice
+from planner.inverse_design.shape import carried_along
+from planner.mesh.distance import closest, triangle_tree
+from planner.mesh.mesh import Mesh
+
+__all__ = ["block", "main", "manufactured", "shape_after"]
+
+SAMPLES = Path(__file__).parents[1] / "samples"
+_Array = NDArray[np.float64]
+
+
+def block(x_mm: float, y_mm: float, z_mm: float, steps: tuple[int, int, int]) -> Mesh:
+    """Return a block whose sides are divided into so many steps, two triangles each."""
+    corners: dict[tuple[int, int, int], int] = {}
+    faces = []
+
+    def at(place: tuple[int, int, int]) -> int:
+        return corners.setdefault(place, len(corners))
+
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for end in (0, steps[axis]):
+            for i in range(steps[u]):
+                for j in range(steps[v]):
+                    four = []
+                    for a, b in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                        place = [0, 0, 0]
+                        place[axis], place[u], place[v] = end, i + a, j + b
+                        four.append(at((place[0], place[1], place[2])))
+                    four = four if end else four[::-1]
+                    faces += [[four[0], four[1], four[2]], [four[0], four[2], four[3]]]
+    size = np.array([x_mm, y_mm, z_mm]) / steps
+    return Mesh(np.array(list(corners)) * size, np.array(faces, dtype=np.int32))
+
+
+def shape_after(mesh: Mesh, made: planner.PartSimulation) -> _Array:
+    """Return a mesh's triangles as a simulation deforms them."""
+    surface = made.cells.surface
+    place, which = closest(triangle_tree(surface), mesh.vertices)
+    moved = (surface.vertices + made.steps.displacement_mm[-1])[surface.faces]
+    return carried_along(surface.triangles[which], moved[which], place)[mesh.faces]
+
+
+def _stl(file: Path, triangles: _Array) -> Path:
+    corners = np.arange(triangles.size // 3, dtype=np.int32).reshape(-1, 3)
+    file.write_bytes(encode_stl(triangles.reshape(-1, 3).astype(np.float32), corners, file.stem))
+    return file
+
+
+_HELD = {"fix": "x=min", "load": "x=max: 0,0.3,-0.5 N"}
+_ENDS = {"from_": "Tango", "to": "FLX9795"}
+
+
+def manufactured(seed: int, folder: Path, *, cell_mm: float = 3.0) -> tuple[float, float, float]:
+    """Find a random gradient again from the surface that it bends a block to.
+
+    The wanted surface is that of smaller cells (by 1.3), which the search never sees.
+
+    Returns
+    -------
+    rms, largest : float
+        Deviation of the surface that the found gradient has, over its longest way.
+    correlation : float
+        Of ln(modulus), found against true, over the block.
+    """
+    mesh = block(40.0, 12.0, 6.0, (20, 6, 3))
+    rng = np.random.default_rng(seed)
+    controls = lattice(mesh.bounds_mm, (5, 3, 3), [], 0.5)
+    steps = np.array([24, 8, 8])
+    spacing = np.ptp(mesh.bounds_mm, axis=0) / steps
+    index = np.stack(np.meshgrid(*(np.arange(n + 1) for n in steps), indexing="ij"), axis=-1)
+    places = index.reshape(-1, 3) * spacing
+    truth = controls.basis(places) @ rng.uniform(0.1, 0.9, len(controls.even))
+    table = {"position": truth.reshape(steps + 1).astype(np.float32)}
+    data = encode_vti(np.zeros(3), spacing, table)
+    (folder / "random.vti").write_bytes(data)
+    part = _stl(folder / "block.stl", mesh.vertices[mesh.faces])
+    field = f"table: {folder / 'random.vti'}, array=position, from=0, to=1"
+    plan = planner.grade(part, field=field, blend="dither", **_ENDS)
+    plan.write(folder / "true", beside={"random.vti": data})
+    (bent,) = planner.simulate_part(
+        folder / "true", planner.LoadCase(**_HELD), cell_mm=cell_mm / 1.3, steps=1,
+        compare_cells=False,
+    )  # fmt: skip
+    wanted = _stl(folder / "bent.stl", shape_after(mesh, bent))
+    made = planner.design(
+        part, target=f"shape: {wanted}", free="6x3x3", cell_mm=cell_mm, blend="dither", **_HELD,
+        **_ENDS,
+    )  # fmt: skip
+    (row,) = made.reached
+    way = row.printed / (row.error or 1.0)
+    found = lattice(mesh.bounds_mm, made.free["counts"], [], 0.5).basis(places) @ made.values
+    return row.error or 0.0, (row.largest or 0.0) / way, float(np.corrcoef(truth, found)[0, 1])
+
+
+def _run_manufactured() -> bool:
+    ok = True
+    for seed in range(5):
+        begun = time.process_time()
+        with tempfile.TemporaryDirectory() as folder:
+            rms, largest, correlation = manufactured(seed, Path(folder))
+        ok &= largest < 0.02
+        print(
+            f"manufactured {seed}: off by {100 * rms:.2f} % of the longest way (rms), "
+            f"{100 * largest:.2f} % at most (2 % allowed); correlation of ln(modulus) "
+            f"{correlation:.2f}; {time.process_time() - begun:.0f} CPU s",
+            flush=True,
+        )
+    return ok
+
+
+def main(*names: str) -> None:
+    """Run the benchmarks of these names, or all; exit with 1 if a figure is missed."""
+    runs = {"manufactured": _run_manufactured}
+    ok = [runs[name]() for name in names or runs]
+    sys.exit(0 if all(ok) else 1)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
