@@ -1,6 +1,5 @@
 """planner gap diagnose, design, next, simulate and correct."""
 
-import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -220,8 +219,8 @@ def correct(
 
 
 def _correct_report(made: "Correction", output: Path, options: str) -> None:
+    import planner
     from planner.cli.output import finding, format_number, format_range, print_table, say, warn
-    from planner.materials.laws import make_law, secant_modulus_MPa
 
     if made.doubt:
         warn(made.doubt)
@@ -230,21 +229,22 @@ def _correct_report(made: "Correction", output: Path, options: str) -> None:
     if not made.corrected:
         say("there is nothing to correct the palette for; nothing was written")
         return
+    # As the list of materials and plans have them.
+    before, after = (planner.list_materials(palette=p) for p in (made.before, made.palette))
     rows = []
-    for old, new in zip(made.before.materials, made.palette.materials, strict=True):
-        at = min(0.1, 0.5 * old.elongation_at_break)
-        was, now = (float(secant_modulus_MPa(make_law(m.law), at)) for m in (old, new))
-        wide = math.exp(1.96 * new.modulus_log_sd)
-        moduli = [format_number(was), format_number(now), format_range((now / wide, now * wide))]
-        rows.append([old.id, *moduli, f"{now / was:.3f}", f"{100 * made.misfit[old.id]:.2f} %"])
+    for n, material in enumerate(made.palette.materials):
+        was, now = float(before.moduli_MPa[n]), float(after.moduli_MPa[n])
+        moduli = [format_number(was), format_number(now), format_range(after.intervals_MPa[n])]
+        misfit = f"{100 * made.misfit[material.id]:.2f} %"
+        rows.append([material.id, *moduli, f"{now / was:.3f}", misfit])
     right = ["before MPa", "after MPa", "factor", "misfit"]
+    at = f"secant modulus at strain {after.at_strain:g}"
     print_table(
         ["material", "before MPa", "after MPa", "95 % interval", "factor", "misfit"],
         rows,
-        title=f"Corrected for {' and '.join(made.corrected)}: secant modulus at strain 0.1",
+        title=f"Corrected for {' and '.join(made.corrected)}: {at}",
         right=right,
     )
-    say("(rigid grades: at half their break)")
     say(f"wrote {output} (next: planner grade PART --like OLD_PLAN --palette {output}{options})")
 
 

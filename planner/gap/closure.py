@@ -15,7 +15,6 @@ from planner.gap.evidence.problem import (
     specimen_forces_N,
     squared_errors,
 )
-from planner.gap.evidence.settle import resettled
 from planner.gap.evidence.surrogate import Candidate
 from planner.gap.evidence.weigh import Effects, Priors, Weighed, reweigh
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -302,10 +301,12 @@ class _Predictor:
         ]
         expected = np.zeros_like(self._measured)
         for share, candidate in likely:
-            chosen = resettled(world, candidate) if candidate.branches else candidate
+            chosen = Candidate(())
+            if candidate.branches:
+                chosen = self._weighed.settled_as(candidate).fitted(world)
             forces = specimen_forces_N(problem, replace(chosen, members=None), setup)
-            if chosen.members is not None:
-                forces = self._with_own_gain(forces, chosen.log_gain)
+            if candidate.members is not None:
+                forces = self._with_own_gain(forces, candidate.log_gain)
             expected += share * forces
         return squared_errors(problem, expected / sum(share for share, _ in likely))
 

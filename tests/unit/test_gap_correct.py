@@ -230,7 +230,15 @@ def test_the_command_writes_a_palette_that_reads_back(written, palette, tmp_path
     folder = written(found("temperature", slope=0.03))
     out = tmp_path / "warm.toml"
     assert run(["gap", "correct", str(folder), "--temperature-C", "33", "-o", str(out)]) == 0
-    assert "temperature" in capsys.readouterr().out
+    told, made_ids = capsys.readouterr().out, {m.id for m in load_palette(out).materials}
+    assert "temperature" in told
+    # A grade is the same number as in the list of materials.
+    assert run(["materials", "--palette", str(out)]) == 0
+    rows = [
+        {r[0]: r[2:6] for r in map(str.split, out.splitlines()) if r and r[0] in made_ids}
+        for out in (told, capsys.readouterr().out)
+    ]
+    assert rows[0] == rows[1] != {}
     data = out.read_bytes()
     made = parse_palette(data, name="warm")
     assert encode_palette(made) == data

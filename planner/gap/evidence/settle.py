@@ -12,7 +12,7 @@ from planner.gap.evidence.surrogate import Candidate, Elimination, integrated
 from planner.numerics import FloatArray
 from planner.simulation.bar_solver import Setup
 
-__all__ = ["Settled", "World", "joined", "resettled", "settle"]
+__all__ = ["Settled", "World", "joined", "settle"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -275,6 +275,14 @@ class Settled:
         gain = 0.5 * (world.left - float(elimination.products[0, 0]))
         return replace(self.candidate, gain=gain, log_evidence=elimination.none - world.none)
 
+    def fitted(self, world: World) -> Candidate:
+        """Return the candidate at its mode in another world, by this linear model."""
+        columns = np.concatenate([self.target[:, None], self.slopes], axis=1)
+        m = world.products(columns, self.own)
+        at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
+        move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)
+        return _moved(self.candidate, self.coordinates + move)
+
     def deviations(self) -> FloatArray:
         """Return the coordinates' posterior deviations, (p,)."""
         inner = self.world.products(self.slopes, self.own) + np.eye(self.slopes.shape[1])
@@ -336,9 +344,3 @@ def settle(worlds: Sequence[World], candidate: Candidate, start: World) -> Settl
 def _settled(world: World, point: _Point, own: FloatArray) -> Settled:
     at, slopes = point.coordinates, point.slopes
     return Settled(world, point.candidate, at, slopes, own, point.left + slopes @ at)
-
-
-def resettled(world: World, candidate: Candidate) -> Candidate:
-    """Return a candidate at its mode in a world, from where it is."""
-    point = _Point(world.problem, candidate, _coordinates(candidate))
-    return _mode(world, point, world.problem.own_sizes(candidate)).candidate
