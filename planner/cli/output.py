@@ -487,7 +487,7 @@ FixedFaces = Annotated[
     Option(
         "--fix",
         help="Faces of the whole part that do not move, as x=max; see "
-        "docs/how-to/simulate-a-part.md for what may stand there. Repeatable, as all of these.",
+        "docs/how-to/simulate-a-whole-part.md for what may stand there. Repeatable, as all of these.",
     ),
 ]
 Loads = Annotated[

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import re
-import shlex
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -389,18 +388,3 @@ def test_bad_input_is_one_line_and_code_2(arguments: list[str], reason: str, cap
     assert printed.err.count("\n") == 1
     assert printed.out == ""
     assert list(Path().iterdir()) == []
-
-
-@pytest.mark.usefixtures("_scratch")
-def test_the_how_to_runs_as_written(samples: Path) -> None:
-    page = (samples.parent / "docs" / "how-to" / "simulate-a-part.md").read_text(encoding="utf-8")
-    Path("samples").symlink_to(samples)
-    commands = re.findall(r"^\$ planner (.*)$", page.replace("\\\n", " "), re.MULTILINE)
-    # The bar breaks before 35 %, as the page says.
-    *of_bars, grade, whole = commands
-    assert [run(shlex.split(command)) for command in of_bars] == [0, 1, 0, 0]
-    assert ET.parse("pull.svg").getroot().tag.endswith("svg")
-    coarse = ["--cell", "8", "--steps", "1", "--no-compare-cells"]  # seconds, not minutes
-    assert run(shlex.split(grade)) == 0
-    assert run([*shlex.split(whole), *coarse]) == 0
-    assert Path("finger.html").is_file()
