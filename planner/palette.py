@@ -80,10 +80,16 @@ def law_schema() -> dict[str, Any]:
     def one(model: str) -> dict[str, Any]:
         lengths = _LENGTH.get(model, {})
         known = {name: values(lengths.get(name)) for name in LAW_PARAMETERS[model]}
-        known["model"] = {"const": model}
-        return {"properties": known, "required": list(known), "additionalProperties": False}
+        given = {"model": {"const": model}, **known}
+        takes = {"properties": given, "required": [*known], "additionalProperties": False}
+        return {"if": {"properties": {"model": {"const": model}}}, "then": takes}
 
-    return {"type": "object", "oneOf": [one(model) for model in LAW_PARAMETERS]}
+    return {
+        "type": "object",
+        "properties": {"model": {"enum": list(LAW_PARAMETERS)}},
+        "required": ["model"],
+        "allOf": [one(model) for model in LAW_PARAMETERS],
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -271,14 +271,16 @@ def _schema(kind: _Kind) -> bytes:
 
     files = {"printer": ProfileFile, "palette": PaletteFile, "campaign": CampaignFile}
     document = msgspec.json.schema(files[kind])
-    parts = document["$defs"]
-    for part in parts.values():
+    for part in document["$defs"].values():
         if "law" in part["properties"]:
             part["properties"]["law"] = law_schema()
+        for key in part["properties"].values():
+            if key.get("items") is False:  # of equal kinds, as drafts that editors know say it
+                key["items"] = key.pop("prefixItems")[0]
     if kind == "printer":  # what it need not say is as of the printer that it is like
-        whole = parts["ProfileFile"]
-        always = ["schema", "name"]
-        whole["anyOf"] = [{"required": ["like"]}, {"required": whole["required"]}]
-        whole["required"] = always
-    dialect = "https://json-schema.org/draft/2020-12/schema"
+        whole = document["$defs"]["ProfileFile"]
+        whole["if"] = {"not": {"required": ["like"]}}
+        whole["then"] = {"required": whole["required"]}
+        whole["required"] = ["schema", "name"]
+    dialect = "http://json-schema.org/draft-07/schema#"  # the newest that taplo follows
     return encode_document({"$schema": dialect, **document})

@@ -118,7 +118,7 @@ def test_strict_writes_nothing_when_something_was_found(finger: str, capsys) -> 
         ([*GRADIENT, "--printer", "conex3"], "did you mean connex3"),
         ([*GRADIENT, "--palette", "nothing.toml"], "cannot be read"),
         ([*GRADIENT, "--palette", "connex3-tango-verp"], "did you mean connex3-tango-vero"),
-        ([*GRADIENT, "-o", "finger.stl/below"], "folder"),
+        ([*GRADIENT, "-o", "/dev/null/below"], "folder"),
         (["--from", "Tango", "--to", "Vero", "--axis", "w"], "axis"),
         (["--from", "Tango", "--to", "Vero", "--axis", "0,0,0"], "axis"),
         (["--profile", "none.csv"], "cannot be read"),

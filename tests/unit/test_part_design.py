@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from typer.main import get_command
 
 import planner
-from planner.cli import run
-from planner.errors import PlannerError
+from planner.cli import app, run
+from planner.errors import ArgumentError, PlannerError
 from planner.formats.stl import encode_stl
+from planner.inverse_design.design import _own_advice
 
 BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
 FACES = np.array(
@@ -259,3 +262,19 @@ def test_case_files(tmp_path: Path, text: str, words: str) -> None:
     file.write_text("[[case]]\nname = 'a'\ntarget = 'x=min uz=1 mm'\nload = ['x=min: 0,0,1 N']\n")
     (case,) = read_cases(file)
     assert case.load == ("x=min: 0,0,1 N",)
+
+
+def test_what_grade_advises_is_told_as_a_design_can_follow_it() -> None:
+    """Of every option that is named, the command must have it, and mean the same by it."""
+    part = trimesh.creation.box((4.3, 0.8, 0.9))
+    plan = planner.grade(part, from_="Tango", to="Vero", tolerance=1.2)
+    told = [found.message for found in plan.findings]
+    with pytest.raises(ArgumentError) as thin:
+        planner.grade(part, from_="Tango", to="Vero", bands=200)
+    told.append(str(thin.value))
+    assert any("--bands" in message for message in told)
+    assert any("--tolerance" in message for message in told)
+    known = {name for p in get_command(app).commands["design"].params for name in p.opts}
+    for message in map(_own_advice, told):
+        assert {*re.findall(r"--[a-z-]+", message)} <= known - {"--tolerance"}, message
+        assert "`bands`" not in message
