@@ -174,7 +174,7 @@ def test_the_next_print_is_as_sure_as_the_level_where_nothing_else_scatters() ->
 
 def test_the_next_print_is_least_sure_where_the_law_is() -> None:
     """At rest, where noise leaves least to tell a law of two terms by."""
-    fit = fit_law(OGDEN[2], sample := synthetic("yeoh", 1, 5), starts=12)
+    fit = fit_law(OGDEN[2], sample := synthetic("yeoh", 1, 5, 0.005), starts=12)
     rest, small, middle = secant_intervals(fit, sample, (0.0, 0.1, 0.5))
     assert rest.next_log_sd > small.next_log_sd > middle.next_log_sd
     assert middle.next_log_sd > 0.9 * scatter_of_fit(fit, sample).log_sd
