@@ -24,7 +24,6 @@ from planner.materials.fit_intervals import (
     fit_material,
     intervals,
     loading,
-    scatter_of_fit,
     secant_intervals,
 )
 from planner.materials.laws import SeparableLaw, Yielding, candidate_laws, secant_modulus_MPa
@@ -110,7 +109,7 @@ def rigid_study(seed: int, specimens: int) -> dict[str, bool]:
         true, new = float(secant_modulus_MPa(RIGID, near)[0]), float(stress_MPa(near)[0]) / near[0]
         held[f"E({one.strain:g})"] = one.low_MPa <= true <= one.high_MPa
         off = abs(float(np.log(new / one.value_MPa)))
-        held[f"next({one.strain:g})"] = off <= 1.96 * fit.scatter.log_sd
+        held[f"next({one.strain:g})"] = off <= 1.96 * one.next_log_sd
     return held
 
 
@@ -127,14 +126,13 @@ def study(truth: Truth, seed: int, specimens: int) -> dict[str, bool]:
             zip(values, getattr(ends, symbol), strict=True)
         ):
             held[f"{symbol}{number + 1}"] = bool(low <= value <= high)
-    log_sd = scatter_of_fit(fit, sample).log_sd
     level, shape = LEVEL_SD * rng.standard_normal(), SHAPE_SD * rng.standard_normal()
     for one in secant_intervals(fit, sample, STRAINS):
         near = max(one.strain, 1e-6)
         true = float(truth.stress_MPa(np.array([near]))[0]) / near
         held[f"E({one.strain:g})"] = one.low_MPa <= true <= one.high_MPa
         next_print = np.log(true / one.value_MPa) + level + shape * one.strain
-        held[f"next({one.strain:g})"] = bool(abs(next_print) <= 1.96 * log_sd)
+        held[f"next({one.strain:g})"] = bool(abs(next_print) <= 1.96 * one.next_log_sd)
     return held
 
 

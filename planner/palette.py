@@ -164,6 +164,9 @@ class Uncertainty(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         Root mean square error over the largest stress.
     held_out_error
         Relative error on specimens that took no part in the fit.
+    strain, log_sd
+        Standard deviation of ln(secant modulus) of the next print at strains, straight between;
+        `Material.modulus_log_sd` where there are none.
     """
 
     specimens: int
@@ -174,6 +177,8 @@ class Uncertainty(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     r2: float | None = None
     nrmse: float | None = None
     held_out_error: float | None = None
+    strain: tuple[float, ...] = ()
+    log_sd: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -484,6 +489,13 @@ def _material(entry: _MaterialFile, name: str) -> Material:
     ):
         if not math.isfinite(value) or value <= low:
             raise PaletteError(f"{where}: {key} is {value}; it must be finite and above {low:g}")
+    at = entry.uncertainty or Uncertainty(0)
+    rising = all(a < b for a, b in itertools.pairwise((-1.0, *at.strain, math.inf)))
+    if not (len(at.strain) == len(at.log_sd) and rising and all(0.0 <= v < 9.0 for v in at.log_sd)):
+        raise PaletteError(
+            f"{where}: uncertainty: strain and log_sd must be lists of one length, strain rising, "
+            "log_sd from 0 to 9"
+        )
     colour = entry.colour
     if not re.fullmatch(r"#[0-9A-Fa-f]{6}", colour):
         raise PaletteError(f"{where}: colour is {colour!r}; write it as '#RRGGBB'")
@@ -671,6 +683,9 @@ def _uncertainty(uncertainty: Uncertainty) -> Iterator[str]:
             "held_out_error": uncertainty.held_out_error,
         }
     )
+    if uncertainty.strain:
+        yield f"strain = {_toml_list(uncertainty.strain)}"
+        yield f"log_sd = {_toml_list(uncertainty.log_sd)}"
     for key, ends in (("law_low", uncertainty.law_low), ("law_high", uncertainty.law_high)):
         if ends:
             yield f"[material.uncertainty.{key}]"

@@ -118,8 +118,7 @@ def scatter_of_levels(levels: Sequence[float], misfit: float) -> ParameterScatte
             count, spread, misfit, float(np.hypot(spread * np.sqrt(2.0), misfit))
         )
     between = float(np.std(levels, ddof=1))
-    widened = students_t(0.95, count) / NormalDist().inv_cdf(0.975)
-    predictive = between * widened * np.sqrt(1.0 + 1.0 / count)
+    predictive = between * _widened(count) * np.sqrt(1.0 + 1.0 / count)
     return ParameterScatter(count, between, misfit, float(np.hypot(predictive, misfit)))
 
 
@@ -191,12 +190,20 @@ class SecantInterval:
         Engineering strain; 0 stands for the initial modulus.
     low_MPa, high_MPa
         Ends of the interval of the specimens' mean; 0 and infinity where it is unknown.
+    next_log_sd
+        Standard deviation of ln(the next print's secant) about the law's.
     """
 
     strain: float
     value_MPa: float
     low_MPa: float
     high_MPa: float
+    next_log_sd: float
+
+
+def _widened(specimens: float) -> float:
+    """Return Student's t of so many specimens over the normal deviation."""
+    return students_t(0.95, specimens) / NormalDist().inv_cdf(0.975)
 
 
 def intervals(fit: LawFit, sample: Sample, level: float = 0.95) -> Intervals:
@@ -228,20 +235,39 @@ def _half_widths(own: FloatArray, level: float) -> FloatArray:
 def secant_intervals(
     fit: LawFit, sample: Sample, strains: Sequence[float], level: float = 0.95
 ) -> tuple[SecantInterval, ...]:
-    """Return the law's secant moduli at strains from 0 up to the largest that was tested."""
+    """Return the law's secant moduli at strains from 0 up to the largest that was tested.
+
+    The next print's is off by the scatter of prints, and by the law's own error at that strain,
+    which is largest at rest, where a record tells least of it.
+    """
     tested = np.array([e for e in strains if 1.0 + e <= sample.stretch.max()])
     # At rest the secant is the slope, which stress at a small strain gives to seven digits.
     strain = np.maximum(tested, 1e-7)
     columns = fit.law.evaluate(1.0 + strain, fit.a[None])
     derivative, stress = _derivatives(fit.law, fit.a, fit.c, columns)
+    value, scatter = stress / strain, scatter_of_fit(fit, sample)
+    half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
-        variance = _moves_variance(fit, sample, (derivative / stress[:, None]).T)
-        half = students_t(level, sample.specimens) * np.sqrt(variance)
-    else:
-        half = np.full(len(strain), np.inf)
-    value = stress / strain
-    rows = zip(tested, value, value * np.exp(-half), value * np.exp(half), strict=True)
+        own = np.sqrt(_moves_variance(fit, sample, (derivative / stress[:, None]).T))
+        half = students_t(level, sample.specimens) * own
+        next_ = _next_log_sds(scatter, own)
+    rows = zip(tested, value, value * np.exp(-half), value * np.exp(half), next_, strict=True)
     return tuple(SecantInterval(*(float(v) for v in row)) for row in rows)
+
+
+def _next_log_sds(scatter: ParameterScatter, own: FloatArray) -> FloatArray:
+    """Return the next print's deviations at strains, where the law's own are `own`.
+
+    The prints' scatter about their mean, and what the law is less sure of at a strain than the
+    mean's level. Both come of the same few specimens: Student's t with the degrees of freedom that
+    Welch and Satterthwaite give to a sum of two variances.
+    """
+    others = scatter.specimens - 1
+    level = scatter.between**2 * (1.0 + 1.0 / scatter.specimens)
+    more = np.maximum(own**2 - scatter.between**2 / scatter.specimens, 0.0)
+    freedom = others * (level + more) ** 2 / (level**2 + more**2)
+    wide = [_widened(1.0 + one) for one in freedom.tolist()]
+    return np.hypot(np.sqrt(level + more) * wide, scatter.misfit)
 
 
 def _scatter_known(sample: Sample) -> bool:
@@ -645,7 +671,7 @@ def fit_material(
         material,
         found,
         chosen.fit.parameters,
-        _uncertainty(chosen, ends, found.n, choice.scheme),
+        _uncertainty(chosen, ends, found.n, choice.scheme, secants),
         scatter_of_fit(chosen.fit, sample),
         choice,
         tuple(notes),
@@ -706,7 +732,13 @@ def _doubts(material: str, chosen: LawCandidate, secants: Sequence[SecantInterva
     return notes
 
 
-def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str) -> Uncertainty:
+def _uncertainty(
+    chosen: LawCandidate,
+    ends: Intervals,
+    count: int,
+    scheme: str,
+    secants: Sequence[SecantInterval],
+) -> Uncertainty:
     law = chosen.fit.law
     basis = f"profiles, by the scatter of {count} specimens" if ends.known else _unknown(count)
     return Uncertainty(
@@ -718,6 +750,8 @@ def _uncertainty(chosen: LawCandidate, ends: Intervals, count: int, scheme: str)
         r2=chosen.fit.r2,
         nrmse=chosen.fit.nrmse,
         held_out_error=float(f"{chosen.held_out_error:.3g}"),
+        strain=tuple(one.strain for one in secants),
+        log_sd=tuple(float(f"{one.next_log_sd:.4g}") for one in secants),
     )
 
 
@@ -742,13 +776,17 @@ def _plastic(
     """Fit a law that yields, with intervals of what the specimens' own laws say."""
     fit = fit_yielding(found, curves, weighting=weighting)
     own = np.array([logs(law) for law in fit.own])
-    half = _half_widths(own, level)
-    low, high = logs(fit.law) - half, logs(fit.law) + half
+    # The specimens' scatter tells how sure their mean is; the law through all of them at once has
+    # its hardening from the few that go on longest, and so less surely. The interval holds both.
+    half, middle = _half_widths(own, level), own.mean(axis=0)
+    low, high = np.minimum(middle - half, logs(fit.law)), np.maximum(middle + half, logs(fit.law))
     strains = [e for e in (0.0, *SECANT_STRAINS) if 1.0 + e <= fit.sample.stretch.max()]
     each = np.log([secant_modulus_MPa(law, strains) for law in fit.own])
     value = secant_modulus_MPa(fit.law, strains)
     wide = _half_widths(each, level)
-    ends = zip(strains, value, value * np.exp(-wide), value * np.exp(wide), strict=True)
+    scatter = _scatter_about(fit.law.nominal_stress_MPa(fit.sample.stretch), fit.sample)
+    next_ = np.full(len(strains), scatter.log_sd)
+    ends = zip(strains, value, value * np.exp(-wide), value * np.exp(wide), next_, strict=True)
     return MaterialFit(
         material=found.material,
         characteristics=found,
@@ -764,7 +802,7 @@ def _plastic(
             r2=fit.r2,
             nrmse=fit.nrmse,
         ),
-        scatter=_scatter_about(fit.law.nominal_stress_MPa(fit.sample.stretch), fit.sample),
+        scatter=scatter,
         choice=None,
         notes=notes,
         secants=tuple(SecantInterval(*(float(v) for v in row)) for row in ends),

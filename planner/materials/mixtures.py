@@ -393,8 +393,9 @@ class CoefficientModel:
     def own_log_sds(self, at_strain: ArrayLike, normal: float) -> FloatArray:
         """Return the grades' standard deviations of ln(modulus) downwards and upwards.
 
-        They are `Material.modulus_log_sd`, or so much more that `normal` of them reach what
-        `normal` deviations of another reading reach; shape (2, grades, ...).
+        They are those of `Material.uncertainty` at the strain, else `Material.modulus_log_sd`, or
+        so much more that `normal` of them reach what `normal` deviations of another reading reach;
+        shape (2, grades, ...).
         """
         moduli, strains = self.grade_moduli_MPa(at_strain), self._held(at_strain)
         sds = np.empty((2, *moduli.shape))
@@ -402,6 +403,8 @@ class CoefficientModel:
             zip(self.palette.materials, self.readings, strict=True)
         ):
             sds[:, k] = material.modulus_log_sd
+            if (known := material.uncertainty) is not None and known.strain:
+                sds[:, k] = np.interp(strains[k], known.strain, known.log_sd)
             for law, sd in readings:
                 higher = np.log(secant_modulus_MPa(law, strains[k]) / moduli[k]) / normal
                 sds[0, k] = np.maximum(sds[0, k], sd - higher)

@@ -160,6 +160,26 @@ def test_secants_beyond_the_tests_are_not_given() -> None:
     assert found[0].low_MPa < found[0].value_MPa < found[0].high_MPa
 
 
+def test_the_next_print_is_as_sure_as_the_level_where_nothing_else_scatters() -> None:
+    """Levels alone, without noise: Student's prediction, s sqrt(1 + 1/n), at every strain."""
+    strain, levels = np.linspace(0.0, 1.0, 61)[1:], np.array([-0.06, 0.0, 0.06])
+    stress = law_stress_MPa(NEO_HOOKEAN, np.array([]), np.array([0.4]), 1.0 + strain)
+    curves = [Curve(f"S{k}", strain, stress * np.exp(v)) for k, v in enumerate(levels)]
+    sample = sample_of(curves)
+    found = secant_intervals(fit_law(NEO_HOOKEAN, sample), sample, (0.0, 0.1, 0.5))
+    wide = 4.303 / 1.960 * 0.06 * np.sqrt(1.0 + 1.0 / 3.0)
+    # 1e-2: the weights of specimens on the mean follow their levels.
+    assert [one.next_log_sd for one in found] == pytest.approx([wide] * 3, rel=1e-2)
+
+
+def test_the_next_print_is_least_sure_where_the_law_is() -> None:
+    """At rest, where noise leaves least to tell a law of two terms by."""
+    fit = fit_law(OGDEN[2], sample := synthetic("yeoh", 1, 5, 0.005), starts=12)
+    rest, small, middle = secant_intervals(fit, sample, (0.0, 0.1, 0.5))
+    assert rest.next_log_sd > small.next_log_sd > middle.next_log_sd
+    assert middle.next_log_sd > 0.9 * scatter_of_fit(fit, sample).log_sd
+
+
 @pytest.mark.parametrize("specimens", [1, 3])
 def test_what_tells_no_scatter_leaves_intervals_open(specimens: int) -> None:
     """One specimen, or one record three times over, says nothing of the next."""

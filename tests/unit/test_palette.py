@@ -7,6 +7,7 @@ import pytest
 
 import planner
 from planner.errors import PaletteError, UnknownNameError
+from planner.materials.mixtures import CoefficientModel
 from planner.palette import Palette, load_palette, parse_palette
 from planner.printers import load_printer
 
@@ -104,6 +105,18 @@ def test_a_scale_of_hardness_rises_or_is_refused(lists: tuple[str, str]) -> None
     sound = parse(SOUND + table.format("[0.0, 1.0]", "[30.0, 60.0]"))
     assert sound.hardness == ((0.0, 30.0), (1.0, 60.0))
     with pytest.raises(PaletteError, match=r"two\.toml: hardness: .* both rising"):
+        parse(SOUND + table.format(*lists))
+
+
+@pytest.mark.parametrize(
+    "lists", [("[0.0, 0.5]", "[0.1]"), ("[0.5, 0.0]", "[0.1, 0.2]"), ("[0.0]", "[-0.1]"),
+              ("[nan]", "[0.1]"), ("[0.0]", "[nan]")],
+)  # fmt: skip
+def test_deviations_by_strain_rise_with_it_or_are_refused(lists: tuple[str, str]) -> None:
+    table = "\n[material.uncertainty]\nspecimens = 3\nstrain = {}\nlog_sd = {}\n"
+    sound = CoefficientModel(parse(SOUND + table.format("[0.0, 0.5]", "[0.2, 0.1]")))
+    assert sound.own_log_sds(0.05, 1.96)[:, 1] == pytest.approx([0.19, 0.19])
+    with pytest.raises(PaletteError, match=r"'Stiff': uncertainty: strain and log_sd must be"):
         parse(SOUND + table.format(*lists))
 
 

@@ -34,6 +34,7 @@ uncertainties = st.builds(
     Uncertainty, specimens=st.integers(1, 99), level=st.just(0.95), law_low=ends, law_high=ends,
     basis=texts, r2=st.none() | figures, nrmse=st.none() | figures,
     held_out_error=st.none() | figures,
+    strain=st.just((0.0, 0.5)), log_sd=st.just((0.1, 0.05)),
 )  # fmt: skip
 LENGTHS = {"yeoh": {"c_MPa": 3}, "ogden-thesis": {"c": 6}, "ogden": {"mu_MPa": 2, "alpha": 2}}
 
