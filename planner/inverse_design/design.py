@@ -828,7 +828,7 @@ def _reach(problem: "Problem") -> list[_Ends]:
         for case in problem.cases:
             case.state = None
             try:
-                each += case.solve(coordinate).values().tolist()
+                each += case.solve(coordinate, steps=4).values().tolist()
             except LostStabilityError:
                 each += [None] * len(case.goals)
         found.append(each)
@@ -983,7 +983,7 @@ def _findings(
             else f"the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
             f"materials follow in steps{closer}"
         )
-        ends = [f"{e:.4g}" if e is not None else "no stable shape" for e in row.reach]
+        ends = [f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach]
         stands = against.get((row.case, row.target), "")
         reasons = (
             f"{why}{stands}; softest {ends[0]}, stiffest {ends[1]} {row.unit}" if short else ""

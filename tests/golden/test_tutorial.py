@@ -18,7 +18,12 @@ def blocks(page: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(
-    "page", ["first-part.md", pytest.param("bend-a-finger.md", marks=pytest.mark.slow)]
+    "page",
+    [
+        "first-part.md",
+        pytest.param("bend-a-finger.md", marks=pytest.mark.slow),
+        pytest.param("strip-to-s.md", marks=pytest.mark.slow),
+    ],
 )
 def test_every_block_of_the_tutorial_runs(page: str, tmp_path: Path) -> None:
     assert len(blocks(page)) >= 5
