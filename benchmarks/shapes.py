@@ -126,9 +126,69 @@ def _run_manufactured() -> bool:
     return ok
 
 
+def strip(folder: Path) -> planner.PartDesign:
+    """Design a flat strip that becomes an S where its end is pulled: straight on, by 20 N.
+
+    Soft on one side and stiff on the other, a strip that is pulled bends until its stiff side lies
+    in the line of the pull. Where the sides change places, it goes from one line to the other.
+    """
+    mesh = block(100.0, 16.0, 10.0, (50, 4, 4))
+    places = mesh.triangles
+    x, z = places[..., 0], places[..., 2] - 5.0
+    wave = 2.0 * np.pi * x / 100.0
+    lift = 3.0 * (x / 100.0 - np.sin(wave) / (2.0 * np.pi))
+    turn = np.arctan(0.03 * (1.0 - np.cos(wave)))
+    bent = np.stack(
+        [1.05 * x - z * np.sin(turn), places[..., 1], 5.0 + lift + z * np.cos(turn)], axis=-1
+    )
+    _stl(folder / "strip.stl", places)
+    _stl(folder / "s.stl", bent)
+    return planner.design(
+        folder / "strip.stl", from_="Tango", to="Vero", fix="x=min", load="x=max: 20,0,0 N",
+        target=f"shape: {folder / 's.stl'}", free="8x1x3", cell_mm=4.0, tolerance=0.04, steps=4,
+    )  # fmt: skip
+
+
+def _run_strip() -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        made = strip(Path(folder))
+    (row,) = made.reached
+    print(
+        f"strip to an S: {row.printed:.3f} mm off (rms), {100 * (row.error or 0.0):.1f} % of the "
+        f"longest way, {row.largest:.3f} mm at most"
+    )
+    return made.ok
+
+
+def finger(*, cell_mm: float = 3.0) -> planner.PartDesign:
+    """Design the finger: 5 mm down under 20 kPa, and at most a tenth of that under a side load."""
+    side = planner.LoadCase(
+        fix="x=max", load="x=min: 0,0.02,0 N", limit="x=min uy<0.5 mm", name="side"
+    )
+    return planner.design(
+        SAMPLES / "finger.stl", from_="Tango", to="Vero", fix="x=max", pressure="cavity: 20 kPa",
+        target="x=min uz=-5 mm", cases=[side], free="8x3x3", symmetric="y", blend="dither",
+        cell_mm=cell_mm,
+    )  # fmt: skip
+
+
+def _run_finger() -> bool:
+    begun = time.process_time()
+    made = finger()
+    for row in made.reached:
+        print(
+            f"finger, {row.case}: {row.target}: {row.printed:.3f} {row.unit} printed, "
+            f"{row.continuous:.3f} wanted of the gradient; softest and stiffest {row.reach}"
+        )
+    for found in made.findings:
+        print(f"  {found.message}")
+    print(f"  {time.process_time() - begun:.0f} CPU s")
+    return made.ok
+
+
 def main(*names: str) -> None:
     """Run the benchmarks of these names, or all; exit with 1 if a figure is missed."""
-    runs = {"manufactured": _run_manufactured}
+    runs = {"manufactured": _run_manufactured, "strip": _run_strip, "finger": _run_finger}
     ok = [runs[name]() for name in names or runs]
     sys.exit(0 if all(ok) else 1)
 

@@ -156,15 +156,20 @@ def design(
             knots=knots, axis=axis, field=field, free=free, symmetric=symmetric, robust=robust,
             prefer=prefer, blend=blend, at_strain=at_strain, cell_mm=cell_mm, minutes=minutes,
             tolerance=tolerance, start=folder if goes_on else None, unit=unit, bodies=bodies,
-            printer=machine, palette=palette, force_oversize=force_oversize, progress=stage,
+            steps=0 if no_page else _STEPS, printer=machine, palette=palette,
+            force_oversize=force_oversize, progress=stage,
         )  # fmt: skip
         stage("writing the files")
-        made.write(folder, force=force, page=None if no_page else planner.plan_page(made.plan))
+        made.write(folder, force=force, page=None if no_page else planner.plan_page(made))
     if as_json:
         print_document(made.json())
     elif not quiet:
         _report(made, folder)
     return 130 if made.interrupted else 0 if made.ok else 1
+
+
+_STEPS = 4
+"""Of each load on the page: the view takes a second a step where there is no graphics card."""
 
 
 def _report(made: "PartDesign", folder: Path) -> None:

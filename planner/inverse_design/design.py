@@ -44,6 +44,7 @@ from planner.simulation.part import (
 
 if TYPE_CHECKING:
     from planner.inverse_design.search import Case, Problem, Solved, Stiffness, Tried
+    from planner.simulation.cut_cells import CutCells
 
 __all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
 
@@ -120,6 +121,49 @@ class DesignFinding:
     message: str
 
 
+class Course(NamedTuple):
+    """How a part deforms in a case, from rest to full load.
+
+    Attributes
+    ----------
+    share : (k,)
+        Of the load, from 0 to 1.
+    displacement_mm : (k, N, 3)
+        Of the cells' nodes.
+    wanted, off_mm
+        The shape that is wanted, and how far each vertex of the cells' surface is off it at last.
+    """
+
+    case: str
+    share: FloatArray
+    cells: "CutCells"
+    displacement_mm: FloatArray
+    wanted: Mesh | None
+    off_mm: FloatArray | None
+
+
+def _course(name: str, solved: "Solved", steps: int) -> Course:
+    """Load a solved part once more, in steps."""
+    from planner.simulation.solid import LostStabilityError
+
+    states = [solved.mechanics.at_rest()]
+    try:
+        for state, _ in solved.mechanics.follow(np.linspace(0.0, 1.0, steps + 1)[1:-1].tolist()):
+            states.append(state)
+    except LostStabilityError:
+        pass  # another way led to the last one
+    states.append(solved.state)
+    shapes, misses = solved.shapes, solved.deviations()
+    return Course(
+        name,
+        np.array([state.share for state in states]),
+        solved.mechanics.body.cells,
+        np.stack([state.displacement_mm for state in states]),
+        shapes[0].wanted.surface if shapes else None,
+        misses[0].off_mm if misses else None,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class PartDesign:
     """A gradient that was found, and the plan that prints it.
@@ -145,6 +189,8 @@ class PartDesign:
         Whether the search was ended before it was done.
     plan
         What is written: `PartDesign.write`.
+    courses
+        Of each case, if steps were asked for: what the slider of plan.html shows.
     """
 
     plan: Plan
@@ -161,6 +207,7 @@ class PartDesign:
     interrupted: bool = False
     findings: tuple[DesignFinding, ...] = ()
     notes: tuple[str, ...] = ()
+    courses: tuple[Course, ...] = ()
 
     _repr_html_ = html_of
 
@@ -308,6 +355,7 @@ def design(
     tolerance: float = 0.01,
     level: float = 0.95,
     start: "str | Path | PartDesign | None" = None,
+    steps: int = 0,
     printer: str | Printer | None = None,
     palette: str | Path | Palette | None = None,
     unit: str | None = None,
@@ -375,6 +423,8 @@ def design(
         How probably an interval holds what a print does.
     start
         An earlier design, or its folder, to go on from.
+    steps
+        Of each load, to show on plan.html: the printed part is solved for each of them.
     printer, palette, unit, bodies, name, force_oversize
         As `planner.grade`.
     progress
@@ -695,7 +745,14 @@ def design(
     if stopped:
         findings.insert(0, DesignFinding("interrupted", _INTERRUPTED.format(tried=tried)))
     profile, _, held = laid(values)
+    courses: list[Course] = []
+    if steps:
+        progress(DesignStage("from rest to full load, for the page", 0.9))
+        courses = [
+            _course(c.name, one, steps) for c, one in zip(problem.cases, solved, strict=True)
+        ]
     return PartDesign(
+        courses=tuple(courses),
         plan=plan,
         positions=profile.positions,
         moduli_MPa=profile.moduli_MPa,
@@ -779,7 +836,7 @@ def _reach(problem: "Problem") -> list[_Ends]:
         for case in problem.cases:
             case.state = None
             try:
-                each += case.solve(coordinate).values().tolist()
+                each += case.solve(coordinate, steps=4).values().tolist()
             except LostStabilityError:
                 each += [None] * len(case.goals)
         found.append(each)
@@ -943,7 +1000,7 @@ def _findings(
             else f"the gradient comes to {row.continuous:.4g} {row.unit}, which the printed "
             f"materials follow in steps{closer}"
         )
-        ends = [f"{e:.4g}" if e is not None else "no stable shape" for e in row.reach]
+        ends = [f"{e:.4g}" if e is not None else "nothing stable" for e in row.reach]
         stands = against.get((row.case, row.target), "")
         reasons = (
             f"{why}{stands}; softest {ends[0]}, stiffest {ends[1]} {row.unit}" if short else ""

@@ -84,23 +84,36 @@ class Case:
         moved = other.cells.interpolated(self.cells.node_mm, other.state.displacement_mm)
         self.mechanics, self.state = mechanics, mechanics.state_of(moved, 1.0)
 
-    def solve(self, coordinate: FloatArray) -> "Solved":
+    def solve(self, coordinate: FloatArray, *, steps: int = 0) -> "Solved":
         """Return the equilibrium with mixtures at the quadrature points.
+
+        Parameters
+        ----------
+        steps
+            Take so many equal ones from rest, and give up where one fails; by default from the
+            last equilibrium, else from rest by steps that are halved where they must be.
 
         Raises
         ------
         LostStabilityError
-            Neither from the last equilibrium nor from rest is there one.
+            There is none that way.
         """
         body = replace(self.body, coordinate=coordinate)
         mechanics = Mechanics(body, self.conditions, self.analysis, like=self.mechanics)
         self.mechanics = mechanics
+        state, factored = self.state, None
         try:
-            if self.state is None:
+            if steps:
+                state = mechanics.at_rest()
+            elif state is None:
                 raise LostStabilityError(0.0, None)
-            state, factored = mechanics.settle(self.state, 1.0)
+            for share in np.linspace(0.0, 1.0, max(steps, 1) + 1)[1:].tolist():
+                state, factored = mechanics.settle(state, share)
         except LostStabilityError:
+            if steps:
+                raise
             state, factored = list(mechanics.follow([1.0]))[-1]
+        assert factored is not None
         self.state = state
         if self.average is None:
             self.average = CellAverage(self.cells)

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from planner.formats.threemf import read_threemf
 from planner.formats.within import path_within
 from planner.numerics import Float32Array, FloatArray, IntArray
 from planner.plan import Plan, decode_plan, plan_file, read_plan, read_shells
+from planner.report.course_page import course_controls, course_data
 from planner.report.display import Shown, colours_told_apart, shown
 from planner.report.page import asset, begin, end
 from planner.report.plan_figure import stiffness_figure
@@ -29,6 +32,9 @@ from planner.report.plan_text import (
     plan_table,
     unreachable_words,
 )
+
+if TYPE_CHECKING:
+    from planner.inverse_design.design import Course, PartDesign
 
 __all__ = [
     "KEYS",
@@ -120,7 +126,7 @@ def _sha256_of(plan: Plan) -> str:
 # The page as bytes, and as a file beside plan.json.
 
 
-def plan_page(plan: Plan | str | Path) -> bytes:
+def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     """Return the page of a plan: the part in its materials, its figures, how to print it.
 
     It holds all that it needs, and loads nothing from anywhere.
@@ -128,8 +134,9 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     Parameters
     ----------
     plan
-        What `planner.grade` or `planner.read_plan` returns; or a folder that ``planner grade``
-        wrote, or its plan.json.
+        What `planner.grade` or `planner.read_plan` returns; a folder that ``planner grade``
+        wrote, or its plan.json; or what `planner.design` returns: with steps, a slider takes the
+        part from rest to its full load.
 
     Returns
     -------
@@ -146,7 +153,9 @@ def plan_page(plan: Plan | str | Path) -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    return seal("\n".join(_page(source_of(plan))).encode("utf-8"))
+    courses = getattr(plan, "courses", ())
+    source = source_of(getattr(plan, "plan", plan))
+    return seal("\n".join(_page(source, courses)).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:
@@ -213,12 +222,19 @@ def library() -> str:
     return f"/* three.js r187, bundled by esbuild.\n\n{licence}\n*/\n{asset('three.min.js')}\n"
 
 
-def _page(source: PlanSource) -> Iterator[str]:
+def _page(source: PlanSource, courses: "Sequence[Course]") -> Iterator[str]:
     """Yield the lines of the page."""
     plan = source.plan
     display = shown(source.shells)
+    more: dict[str, Any] = {}
+    shapes: list[dict[str, Any]] = []
+    frames = ""
+    if courses:
+        moved = plan.part.translation_mm
+        display, more["course"], shapes, frames = course_data(courses, display, moved)
     colours = colours_told_apart(source.colours)
-    own = "\n".join(map(asset, ("viewer.js", "page.js", "figure.js")))
+    names = ("viewer.js", "page.js", "figure.js", *(("course.js",) if courses else ()))
+    own = "\n".join(map(asset, names))
     scripts = (library(), f"{own}\n")
     yield from begin(
         f"{plan.part.file}: plan",
@@ -236,6 +252,8 @@ def _page(source: PlanSource) -> Iterator[str]:
     )
     yield '<div class="panel">'
     yield from _findings(plan)
+    if courses:
+        yield from course_controls(more["course"])
     yield from section_controls([name for name, *_ in _ways(plan)])
     yield from _materials(source, colours)
     yield KEYS
@@ -250,9 +268,11 @@ def _page(source: PlanSource) -> Iterator[str]:
     yield from _howto(source.howto)
     yield "</div>\n</main>"
     yield from _footer(source, display)
-    data = viewer_data(source, display, colours, _numbers(source))
+    data = viewer_data(source, display, colours, _numbers(source), shapes, more)
     yield f'<script type="application/json" id="data">{data}</script>'
     yield f'<script type="text/plain" id="geometry">{geometry(display)}</script>'
+    if courses:
+        yield f'<script type="text/plain" id="course-frames">{frames}</script>'
     yield end(scripts)
 
 
@@ -266,10 +286,16 @@ def _numbers(source: PlanSource) -> dict[str, int]:
 
 
 def viewer_data(
-    source: PlanSource, display: Shown, colours: Sequence[str], numbers: Mapping[str, int]
+    source: PlanSource,
+    display: Shown,
+    colours: Sequence[str],
+    numbers: Mapping[str, int],
+    shapes: Sequence[Mapping[str, Any]] = (),
+    more: Mapping[str, Any] = MappingProxyType({}),
 ) -> str:
-    """Return the JSON of the viewer, safe within a script element."""
-    points = np.concatenate([points for points, _ in display.shells])
+    """Return the JSON of the viewer, safe within a script element; `shapes` follow the shells."""
+    printed = display.shells[: len(source.names)]
+    points = np.concatenate([points for points, _ in printed])
     plan = source.plan
     document = {
         "origin": display.origin_mm.tolist(),
@@ -286,10 +312,9 @@ def viewer_data(
                 "faces": len(faces),
                 "wide": _wide(len(points)),
             }
-            for name, colour, (points, faces) in zip(
-                source.names, colours, display.shells, strict=True
-            )
-        ],
+            for name, colour, (points, faces) in zip(source.names, colours, printed, strict=True)
+        ]
+        + list(shapes),
         "sections": [
             {"name": name, "normal": normal, "zero": zero} for name, normal, zero in _ways(plan)
         ],
@@ -298,6 +323,7 @@ def viewer_data(
             for number, found in enumerate(plan.findings, start=1 + len(plan.unreachable))
             if found.place_mm is not None
         ],
+        **more,
     }
     return encode_document(document).decode().strip().replace("<", "\\u003c")
 

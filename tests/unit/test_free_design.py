@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -229,6 +230,27 @@ def test_paraview_opens_the_table(free: PartDesign, tmp_path: Path) -> None:
     reader.SetFileName(str(file))
     reader.Update()
     assert reader.GetOutput().GetDimensions() == (25, 9, 9)
+
+
+def test_the_page_shows_the_part_from_rest_to_full_load(tmp_path: Path) -> None:
+    fine = block(40.0, 5.0, 5.0, (8, 1, 1))
+    file = _stl(tmp_path / "bent.stl", _bent(of=fine.triangles))
+    made = design(part=fine, load=LOAD, target=f"shape: {file}", free="5x1x3", steps=2)
+    page = planner.plan_page(made)
+    assert page == planner.plan_page(made)
+    text = re.search(rb'id="data">(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    data = json.loads(text[1])
+    assert [frame["text"] for frame in data["course"]["frames"]] == ["load 0", "load 0.5", "load 1"]
+    printed = len(made.plan.regions)
+    assert data["course"]["printed"] == printed
+    assert [frame["shape"] for frame in data["course"]["frames"]] == [printed] * 3
+    assert len(data["shells"]) == printed + 1
+    assert data["course"]["top_mm"] == pytest.approx(made.reached[0].largest, rel=1e-6)
+    assert b'id="course-step"' not in planner.plan_page(made.plan)
+    moved = made.courses[0].displacement_mm
+    assert not moved[0].any()
+    assert np.abs(moved[2]).max() > 1.5 * np.abs(moved[1]).max()
 
 
 def test_thin_bands_have_an_error_of_their_own() -> None:
