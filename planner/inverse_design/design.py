@@ -328,7 +328,7 @@ def design(
     from planner.inverse_design.search import Case, Knots, ProfileProblem, search
     from planner.materials.marlow import marlow_table
     from planner.simulation.cut_cells import FEWEST_ALONG, cut_cells
-    from planner.simulation.solid import POISSON, Body, LostStabilityError
+    from planner.simulation.solid import Body, LostStabilityError
     from planner.simulation.sparse_cholesky import analyse
 
     ramp = np.linspace(0.0, 1.0, knots)
@@ -339,7 +339,7 @@ def design(
     low, high = sorted((ends.moduli_MPa[0], ends.moduli_MPa[-1]))
     model = scale.model
     unknowns = Knots(knots, (low, high), model, at_strain)
-    table = marlow_table(model, poisson=POISSON)
+    table = marlow_table(model)
 
     def cases_on(body: "Body") -> "list[Case]":
         cells, made = body.cells, []
