@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from planner.grading.warmed import at_temperature
     from planner.inverse_design.design import PartDesign, design
     from planner.materials.fit_tables import fit_tables
+    from planner.materials.law_blocks import law_block
     from planner.materials.palette_study import Characterisation, PaletteStudy, characterise, fit
     from planner.palette import Material, Palette, load_palette, write_palette
     from planner.plan import Plan, Region, read_plan
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from planner.report.svg import simulation_figure
     from planner.simulation.bar import Bar
     from planner.simulation.export import Export, ExportedMaterial, export
-    from planner.simulation.law_blocks import law_block
     from planner.simulation.loads import LoadCase
     from planner.simulation.part import PartSimulation, simulate_part
     from planner.simulation.simulate import Simulation, simulate, simulate_bar
@@ -151,7 +151,7 @@ _MODULES = {
     "planner.report.plan_page": "plan_page view",
     "planner.report.svg": "simulation_figure",
     "planner.simulation.bar": "Bar",
-    "planner.simulation.law_blocks": "law_block",
+    "planner.materials.law_blocks": "law_block",
     "planner.simulation.loads": "LoadCase",
     "planner.simulation.part": "PartSimulation simulate_part",
     "planner.simulation.export": "Export ExportedMaterial export",

@@ -24,7 +24,6 @@ from planner.numerics import FloatArray, IntArray
 from planner.palette import load_palette
 from planner.simulation.part_response import encode_response, read_response
 from planner.simulation.part_sensitivity import followed, loaded_part, response_of
-from planner.simulation.solid import POISSON
 
 ROOT = Path(__file__).resolve().parents[2]
 PALETTE = ROOT / "printers/connex3/palettes/connex3-tango-vero.toml"
@@ -111,7 +110,7 @@ def solve(plan: Path, folder: Path) -> None:
         ``planner grade samples/finger.stl --axis x --from FLX9740 --to FLX9785``.
     """
     palette = load_palette(PALETTE)
-    table = marlow_table(CoefficientModel(palette), poisson=POISSON)
+    table = marlow_table(CoefficientModel(palette))
     folder.mkdir(parents=True, exist_ok=True)
     truths: dict[str, list[list[float]]] = {}
     for name, (fix, move) in LOADED.items():

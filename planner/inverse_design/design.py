@@ -513,7 +513,7 @@ def design(
     from planner.inverse_design.shape import ShapeGoal, wanted_shape
     from planner.materials.marlow import marlow_table
     from planner.simulation.cut_cells import FEWEST_ALONG, cut_cells
-    from planner.simulation.solid import POISSON, Body, LostStabilityError
+    from planner.simulation.solid import Body, LostStabilityError
     from planner.simulation.sparse_cholesky import analyse
 
     shapes = [
@@ -526,7 +526,7 @@ def design(
     ]
     model = scale.model
     stiffness = Stiffness((low, high), model, at_strain)
-    table = marlow_table(model, poisson=POISSON)
+    table = marlow_table(model)
     span_mm, along = 1.0, None
     says: dict[str, Any] | None = None
     if free is not None:

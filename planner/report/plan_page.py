@@ -153,9 +153,9 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    courses = getattr(plan, "courses", ())
-    source = source_of(getattr(plan, "plan", plan))
-    return seal("\n".join(_page(source, courses)).encode("utf-8"))
+    if isinstance(plan, Plan | str | Path):
+        return seal("\n".join(_page(source_of(plan), ())).encode("utf-8"))
+    return seal("\n".join(_page(source_of(plan.plan), plan.courses)).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:

@@ -17,7 +17,7 @@ from planner.mesh.mesh import (
     sorted_corners,
     unite,
 )
-from planner.numerics import BoolArray, FloatArray, IntArray, kernel
+from planner.numerics import BoolArray, FloatArray, IntArray, inner_kernel, kernel
 from planner.simulation.cell_quadrature import quadrature
 from planner.simulation.element import shape_functions
 from planner.simulation.material_columns import SampledMaterial, column_place, sample
@@ -420,8 +420,8 @@ def _pieces(
     place = np.stack(np.unravel_index(cell, material.counts), axis=1)
     share = filled / (material.per_foot[cell // material.counts[2]] * material.voxels)
     thin = (material.frame[3] + material.frame[4]) * material.frame[2] / size
-    pairs = _touch_across(material, piece, np.zeros(3))
-    firm = _without_skins(pairs, _touch_across(material, piece, thin), place, np.ptp(ends, axis=1))
+    pairs, is_firm = _touch_across(material, piece, thin)
+    firm = _without_skins(pairs, is_firm, place, np.ptp(ends, axis=1))
     flat = np.stack([ends[:, 1] <= place + thin, ends[:, 0] >= place + 1 - thin], axis=2)
     into = _merge_skins(pairs, place, flat, share)
     meet, local, area = _NOWHERE
@@ -530,8 +530,8 @@ def _join_within(lines: Any, shell: Any, piece: Any) -> None:
 
 def _touch_across(
     material: SampledMaterial, piece: NDArray[np.int32], margin: FloatArray
-) -> NDArray[np.int32]:
-    """Find pairs of pieces of one shell that touch across a face, away from its edges.
+) -> tuple[NDArray[np.int32], BoolArray]:
+    """Find pairs of pieces of one shell that touch across a face, and which do away from its edges.
 
     Parameters
     ----------
@@ -539,16 +539,19 @@ def _touch_across(
         How far from the edges, in cells.
     """
     last = np.full((int(piece.max(initial=-1)) + 1, 10), -1, np.int32)
-    pairs = np.empty((0, 2), np.int32)
-    across = (material.lines, material.frame, material.shell, material.counts[1], piece, margin)
-    many = _pairs_across(*across, last.copy(), pairs)
-    pairs = np.empty((many, 2), np.int32)
-    _pairs_across(*across, last, pairs)
-    return np.unique(pairs, axis=0)
+    # Two rows of m and n segments overlap in less than m + n places, and each has four beside it:
+    # room for all, of which little is written.
+    found = np.empty((5 * len(piece), 3), np.int32)
+    many = _pairs_across(
+        material.lines, material.frame, material.shell, material.counts[1], piece, margin, last,
+        found,
+    )  # fmt: skip
+    pairs, at = np.unique(found[:many, :2], axis=0, return_inverse=True)
+    return pairs, np.bincount(at, found[:many, 2], len(pairs)) > 0
 
 
 def _without_skins(
-    pairs: NDArray[np.int32], firm: NDArray[np.int32], place: IntArray, span: FloatArray
+    pairs: NDArray[np.int32], is_firm: BoolArray, place: IntArray, span: FloatArray
 ) -> NDArray[np.int32]:
     """Leave out pairs that touch only in a skin along an edge, and beyond that edge firmly.
 
@@ -559,10 +562,9 @@ def _without_skins(
     """
     from scipy.sparse import coo_array
 
-    n, ends = len(place), np.concatenate([firm, firm[:, ::-1]])
+    n, firm, loose = len(place), pairs[is_firm], pairs[~is_firm]
+    ends = np.concatenate([firm, firm[:, ::-1]])
     beside = coo_array((np.ones(len(ends), np.float32), tuple(ends.T)), (n, n)).tocsr()
-    is_firm = np.isin(pairs @ np.array([n, 1]), firm @ np.array([n, 1]))
-    loose = pairs[~is_firm]
     one, other = loose.T
     around = (beside[one] @ beside).multiply(beside[other]).sum(axis=1) > 0
     along = place[one] == place[other]
@@ -573,11 +575,12 @@ def _without_skins(
 @kernel
 def _pairs_across(
     lines: Any, frame: Any, shell: Any, cells_y: Any, piece: Any, margin: Any, last: Any,
-    pairs: Any,
+    found: Any,
 ) -> Any:  # fmt: skip
     offsets, start, stop, first, foot, nu, voxels = lines
-    # Pairs of pieces of one shell that touch across cells, as many as there is room for; how many.
-    # `last` is what each piece was paired with last on each side, which spares most repeats.
+    # Pairs of pieces of one shell that touch across cells, with 1 where they do so off the margin;
+    # how many. `last` is what each piece was paired with last on each side, twice its number and
+    # that 1, which spares most repeats.
     n, flat = 0, int(margin[2] * voxels)
     for c in range(foot.size):
         if foot[c] < 0:
@@ -587,21 +590,14 @@ def _pairs_across(
         off_y = margin[1] <= y - np.floor(y) <= 1.0 - margin[1]
         for r in range(offsets[c], offsets[c + 1]):
             for s in range(first[r], first[r] + (stop[r] - 1) // voxels - start[r] // voxels):
-                p, q = piece[s], piece[s + 1]
-                if off_x and off_y and last[p, 9] != q:
-                    last[p, 9] = q
-                    if n < pairs.shape[0]:
-                        pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)
-                    n += 1
+                n = _note(piece[s], piece[s + 1], 9, off_x and off_y, last, found, n)
         for side in range(2):
             d = c + (nu if side else 1)
             if d >= foot.size or (not side and d % nu == 0) or foot[d] < 0 or foot[d] == foot[c]:
                 continue
             dx = foot[d] // cells_y - foot[c] // cells_y
             dy = foot[d] % cells_y - foot[c] % cells_y
-            way = 3 * dx + dy + 4
-            if (dx == 0 and not off_x) or (dy == 0 and not off_y):
-                continue
+            off = (dx != 0 or off_x) and (dy != 0 or off_y)
             r, s = offsets[c], offsets[d]
             while r < offsets[c + 1] and s < offsets[d + 1]:
                 low, high = max(start[r], start[s]), min(stop[r], stop[s])
@@ -610,16 +606,22 @@ def _pairs_across(
                         p = piece[first[r] + k - start[r] // voxels]
                         q = piece[first[s] + k - start[s] // voxels]
                         away = high > k * voxels + flat and low < (k + 1) * voxels - flat
-                        if away and last[p, way] != q:
-                            last[p, way] = q
-                            if n < pairs.shape[0]:
-                                pairs[n, 0], pairs[n, 1] = min(p, q), max(p, q)
-                            n += 1
+                        n = _note(p, q, 3 * dx + dy + 4, off and away, last, found, n)
                 if stop[r] < stop[s]:
                     r += 1
                 else:
                     s += 1
     return n
+
+
+@inner_kernel
+def _note(p: Any, q: Any, way: Any, firm: Any, last: Any, found: Any, n: Any) -> Any:
+    mark = 2 * q + (1 if firm else 0)
+    if last[p, way] >> 1 == q and last[p, way] >= mark:
+        return n
+    last[p, way] = mark
+    found[n, 0], found[n, 1], found[n, 2] = min(p, q), max(p, q), mark & 1
+    return n + 1
 
 
 @kernel

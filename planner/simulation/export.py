@@ -15,6 +15,7 @@ from planner.formats.outputs import check_absent, write_whole
 from planner.formats.vtu import HEXAHEDRON, encode_vtu
 from planner.glance import counted, one_line
 from planner.materials.hardening import hardening
+from planner.materials.marlow import POISSON
 from planner.materials.mixtures import CoefficientModel
 from planner.materials.stable_yeoh import StableYeoh, stable_yeoh
 from planner.mesh.halve import halve_long_edges
@@ -391,8 +392,6 @@ class _Law:
 
 
 def _law(model: CoefficientModel, coordinate: float, to: str, to_strain: float) -> _Law:
-    from planner.simulation.solid import POISSON
-
     materials, at = model.palette.materials, model.coordinates
     end = float(np.interp(coordinate, at, [m.elongation_at_break for m in materials]))
     # Closer at rest, where the curve bends most.
@@ -472,8 +471,6 @@ def _inp(
     part_mm3: float,
     on: tuple[Mesh, Conditions] | None,
 ) -> InpModel:
-    from planner.simulation.solid import POISSON
-
     remarks = [
         f"{name}: {len(mesh.nodes)} cells of "
         + " x ".join(f"{edge:.4g}" for edge in mesh.cell_mm)

@@ -722,11 +722,11 @@ def simulate_part(
     progress("loading the solver")
     from planner.materials.marlow import marlow_table
     from planner.simulation.response import respond
-    from planner.simulation.solid import POISSON, Body, Mechanics
+    from planner.simulation.solid import Body, Mechanics
     from planner.simulation.sparse_cholesky import analyse
 
     model = CoefficientModel(solid.palette)
-    table = marlow_table(model, poisson=POISSON)
+    table = marlow_table(model)
 
     def prepared(edge_mm: float, shift: float = 0.0) -> "list[Mechanics]":
         progress(f"cutting the part into cells of {edge_mm:.3g} mm; all takes {effort}")

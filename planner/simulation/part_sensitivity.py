@@ -20,7 +20,6 @@ from planner.simulation.loads import Conditions, LoadCase, read_conditions
 from planner.simulation.part import COARSER, Solid, open_solid
 from planner.simulation.part_response import PartResponse
 from planner.simulation.solid import (
-    POISSON,
     Body,
     Equilibrium,
     LostStabilityError,
@@ -291,7 +290,7 @@ def part_response(
     """
     solid = open_solid(source, None, None, None, palette)
     part = _cut(solid, fix, move, load, cell_mm)
-    table = marlow_table(CoefficientModel(palette), poisson=POISSON)
+    table = marlow_table(CoefficientModel(palette))
     moved = followed(part, table, _STEPS)
     log_sd = _HELD
     if compare_cells and len(moved.force_N) > 1:

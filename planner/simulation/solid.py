@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.materials.marlow import MarlowTable
+from planner.materials.marlow import POISSON, MarlowTable
 from planner.numerics import BoolArray, FloatArray, IntArray
 from planner.simulation.element import (
     add_push,
@@ -36,10 +36,6 @@ __all__ = [
     "spread",
 ]
 
-
-POISSON = 0.49
-"""Of every mixture; rubbers have 0.4999, which makes no visible difference to a part that bends,
-rigid grades 0.38 to 0.4, where the difference is one of per cents in what hardly deforms."""
 
 _PENALTY = 1e6
 """Stiffness of a support over that of a cell of the material held: what it yields is 1e-6 of a

@@ -21,10 +21,9 @@ from planner.simulation.part_sensitivity import (
     part_response,
     response_of,
 )
-from planner.simulation.solid import POISSON
 
 PALETTE = load_printer("connex3").palette()
-TABLE = marlow_table(CoefficientModel(PALETTE), poisson=POISSON)
+TABLE = marlow_table(CoefficientModel(PALETTE))
 BOX = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], float)
 FACES = np.array(
     [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],

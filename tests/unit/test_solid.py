@@ -798,7 +798,7 @@ def test_calculix_pulls_a_graded_bar_alike(tmp_path):
     cells = lattice((28.0, 4.0, 4.0), (14, 2, 2))
     of_layer = np.repeat([m.coordinate for m in made.materials], [m.cells for m in made.materials])
     coordinate = of_layer.reshape(14, 4)[(places(cells)[:, 0] / 2.0).astype(int), 0]
-    table = marlow_table(CoefficientModel(palette), poisson=solid.POISSON)
+    table = marlow_table(CoefficientModel(palette))
     problem = mechanics(
         Body(cells, table, coordinate),
         [(on(cells, 0, 0.0), (0.0, 0.0, 0.0)), (on(cells, 0, 28.0), (4.0, 0.0, 0.0))],

@@ -7,9 +7,9 @@ import numpy as np
 from planner.errors import ArgumentError, did_you_mean
 from planner.materials.hardening import hardening
 from planner.materials.laws import make_law
+from planner.materials.marlow import POISSON
 from planner.numerics import FloatArray
 from planner.palette import Material
-from planner.simulation.solid import POISSON
 
 __all__ = ["PROGRAMS", "law_block"]
 
