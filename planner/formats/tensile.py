@@ -1399,10 +1399,6 @@ def _advice(option: str, example: str) -> str:
     return f"name the columns by position, for example {option} {example}{left_out}"
 
 
-_EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "stress": "stress_",
-             "strain": "strain_"}  # fmt: skip
-
-
 def _example(headings: _Headings, *, twice: bool = False) -> str:
     """Return names by position: what is understood, and what units tell of the others.
 
