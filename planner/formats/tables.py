@@ -57,8 +57,10 @@ Record = dict[str | Any, str | Any]
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
 _BY_THOUSANDS = {
-    ".": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+"), ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+"),
-}  # fmt: skip
+    ".": (",", re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")),
+    ",": (".", re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")),
+}
+"""By the decimal sign: what stands between thousands, and how."""
 _BY_BLANKS = re.compile(r"[+-]?[1-9]\d{0,2}( \d{3})+([.,]\d*)?")
 _GROUPED = str.maketrans({"\N{NO-BREAK SPACE}": "", "\N{NARROW NO-BREAK SPACE}": "", "'": "",
                           "\N{MINUS SIGN}": "-"})  # fmt: skip
@@ -247,10 +249,11 @@ def number(cell: str, separator: str) -> float | None:
     with ";,".
     """
     cell = cell.translate(_GROUPED)
-    if _BY_BLANKS.fullmatch(cell):
+    if " " in cell and _BY_BLANKS.fullmatch(cell):
         cell = cell.replace(" ", "")
-    if separator[1:] in (".", ",") and _BY_THOUSANDS[separator[1:]].fullmatch(cell):
-        return float(re.sub("[.,]", "", cell))
+    between, groups = _BY_THOUSANDS.get(separator[1:], ("", None))
+    if groups is not None and between in cell and groups.fullmatch(cell):
+        return float(cell.replace(between, ""))
     if "," in cell:
         if separator[0] == ",":
             if not _THOUSANDS.fullmatch(cell):

@@ -432,10 +432,12 @@ def _numbers_below(
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
-        name_alone = any(_cell(cells, i) for i in named) and head_text(cells[0]) != "specimen"
         if not any(cells):
             gap = True
-        elif _sums_up(grid, place) or (words == filled and (filled or not found or not name_alone)):
+        elif _sums_up(grid, place) or (
+            words == filled
+            and (filled or not found or not _names_alone([_cell(cells, i) for i in named], cells))
+        ):
             if found or not headed or _headings(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
@@ -448,11 +450,17 @@ def _numbers_below(
     return found, len(grid.rows)
 
 
+def _names_alone(names: Iterable[str], cells: Sequence[str]) -> bool:
+    return any(names) and head_text(cells[0]) != "specimen"
+
+
 def _sums_up(grid: _Grid, place: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
-    rows = [grid.rows[at][1] for at in range(max(place - 1, 0), min(place + 2, len(grid.rows)))]
-    label, *others = (next(filter(None, cells), "") for cells in (grid.rows[place][1], *rows))
-    return len(label) > 1 and others.count(label) == 1 and _is_statistic(label)
+    label = next(filter(None, grid.rows[place][1]), "")
+    if len(label) < 2 or _is_figure(label) or not _is_statistic(label):
+        return False
+    near = grid.rows[max(place - 1, 0) : place + 2]
+    return sum(next(filter(None, cells), "") == label for _, cells in near) == 1
 
 
 _SEGMENT = "Channels"
@@ -1397,10 +1405,6 @@ def _advice(option: str, example: str) -> str:
         )
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"
-
-
-_EXAMPLES = {"time": "time_", "length": "displacement_", "force": "force_", "stress": "stress_",
-             "strain": "strain_"}  # fmt: skip
 
 
 def _example(headings: _Headings, *, twice: bool = False) -> str:

@@ -102,7 +102,8 @@ def test_crossing_laws_leave_the_quadratics_alone(ladder: Path) -> None:
     fitted = planner.fit([ladder], law="neo-hookean", compare=False)
     a, b, c, d, e = fitted.palette.materials
     equal = (a, replace(b, law=a.law), c, d, replace(e, law=d.law))
-    equal = tuple(replace(one, modulus_log_sd=0.0) for one in equal)  # which no scatter excuses
+    # Which no scatter excuses.
+    equal = tuple(replace(one, modulus_log_sd=0.0, uncertainty=None) for one in equal)
     crossing = replace(fitted.palette, materials=equal)
     assert "makes no mixtures" in quadratic_study(crossing, fitted.fits).remarks()[0]
 
