@@ -153,9 +153,10 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    courses = getattr(plan, "courses", ())
-    source = source_of(getattr(plan, "plan", plan))
-    return seal("\n".join(_page(source, courses)).encode("utf-8"))
+    courses: tuple[Course, ...] = ()
+    if not isinstance(plan, (Plan, str, Path)):
+        plan, courses = plan.plan, plan.courses
+    return seal("\n".join(_page(source_of(plan), courses)).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:
