@@ -155,7 +155,7 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     """
     courses: tuple[Course, ...] = ()
     if not isinstance(plan, (Plan, str, Path)):
-        plan, courses = plan.plan, plan.courses
+        courses, plan = plan.courses, plan.plan
     return seal("\n".join(_page(source_of(plan), courses)).encode("utf-8"))
 
 
