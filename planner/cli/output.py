@@ -279,7 +279,7 @@ def long_progress(enabled: bool) -> Iterator[Callable[[str], None]]:
             nonlocal said
             now = time.monotonic()
             spent, done = now - begun, float(getattr(stage, "done", 0.0))
-            if done > 0.05 and spent > _PAUSE_S:
+            if done >= 0.1 and spent > _PAUSE_S:
                 left = spent * (1.0 - done) / done
                 stage += f"; about {f'{left / 60:.0f} min' if left > 90 else f'{left:.0f} s'} left"
             show(stage)

@@ -586,12 +586,12 @@ def design(
 
     longest_mm = float(np.ptp(mesh.bounds_mm, axis=0).max())
     larger_mm = max(edge, min(COARSER * edge, longest_mm / FEWEST_ALONG))
-    near_share = 0.6 / (1.0 + (larger_mm / edge) ** 4)  # of the work, in the larger cells
+    near_share = 0.25  # of the work is done in the larger cells
     problem = problem_on(larger_mm, 0.0)  # to come near
-    progress(DesignStage("larger cells: the softest and the stiffest that is allowed", 0.02))
+    progress(DesignStage("larger cells: the softest and the stiffest that is allowed", 0.05))
     reach = _reach(problem)
     for words in _out_of_reach(problem, reach):
-        progress(DesignStage(words, 0.05))
+        progress(DesignStage(words, 0.1))
     if free is not None:
         controls = freed(_even(problem, reach))
         problem = replace(problem, controls=controls)
@@ -601,7 +601,7 @@ def design(
             first = np.maximum(controls.even, stiffer) if begun is None else begun
             found = search(
                 problem, first, tolerance=max(0.02, tolerance),
-                progress=told("larger cells", 0.05, near_share),
+                progress=told("larger cells", 0.1, near_share),
             )  # fmt: skip
             break
         except LostStabilityError:
@@ -683,7 +683,7 @@ def design(
     base, way = values, np.ones(len(values))
     trail = [_Try(0.0, _signed(misses, best.slopes, way), plan)]
     for _ in range(8 if len(misses) and not stopped else 0):
-        if least <= 0.2 * tolerance:
+        if least <= 0.5 * tolerance:
             break
         jumped = None if limits.slope is not None or free is not None else _jump(trail)
         if jumped is not None:

@@ -153,9 +153,10 @@ def plan_page(plan: "Plan | PartDesign | str | Path") -> bytes:
     >>> plan = planner.grade("finger.stl", from_="Tango", to="Vero")  # doctest: +SKIP
     >>> plan.write("finger-graded", page=planner.plan_page(plan))  # doctest: +SKIP
     """
-    if isinstance(plan, Plan | str | Path):
-        return seal("\n".join(_page(source_of(plan), ())).encode("utf-8"))
-    return seal("\n".join(_page(source_of(plan.plan), plan.courses)).encode("utf-8"))
+    courses: tuple[Course, ...] = ()
+    if not isinstance(plan, (Plan, str, Path)):
+        courses, plan = plan.courses, plan.plan
+    return seal("\n".join(_page(source_of(plan), courses)).encode("utf-8"))
 
 
 def view(plan: str | Path | Plan) -> Path:
