@@ -209,14 +209,22 @@ class Solid:
     shell_coordinate: FloatArray | None = None
 
     def cut(self, cell_mm: float, *, shift: float = 0.0) -> tuple[CutCells, FloatArray]:
-        """Return cells, as `cut_cells`, and the coordinate at their quadrature points."""
+        """Return cells, as `cut_cells`, and the coordinate at their quadrature points.
+
+        What a cell has joined are layers of like moduli, softer or stiffer than the rest of the
+        cell. An isotropic law cannot be both what they are along them, the arithmetic mean, and
+        in shear across them and along their normal, in series, the harmonic. It is the harmonic:
+        where it matters much, stiffer pieces bear what is along the layers. A stack of six in a
+        cell is 3 % too soft then at most, and 5 to 10 % too stiff with the geometric mean (tests).
+        """
         cells = cut_cells(self.surface, cell_mm, shells=self.shells, shift=shift)
         if self.shells is None or self.shell_coordinate is None:
             return cells, self.filling(cells.points_mm)
-        # What is joined has the mixture whose modulus is the geometric mean.
-        by_modulus = np.argsort(self.shells.modulus_MPa)
-        log = np.log(self.shells.modulus_MPa)
-        each = np.interp(cells.shares @ log, log[by_modulus], self.shell_coordinate[by_modulus])
+        moduli = self.shells.modulus_MPa
+        joined = 1.0 / (cells.shares @ (1.0 / moduli))
+        by_modulus = np.argsort(moduli)
+        log = np.log(moduli[by_modulus])
+        each = np.interp(np.log(joined), log, self.shell_coordinate[by_modulus])
         return cells, np.repeat(each, np.diff(cells.offsets))
 
 
@@ -913,8 +921,8 @@ def _notes(body: "Body") -> Iterator[str]:
     if joined > 0.0:
         yield (
             f"{100.0 * joined:.2g} % of the part stands where more than four materials share a "
-            "cell; those of like modulus are joined there, into their geometric mean: smaller "
-            "cells tell them apart"
+            "cell; those of like modulus are joined there, in series: smaller cells "
+            "tell them apart"
         )
     if cells.dropped_mm3 > 0.0:
         yield f"{cells.dropped_mm3:.2g} mm3 of specks that hang on nothing are left out"
