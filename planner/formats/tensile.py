@@ -1311,8 +1311,9 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
     units: dict[str, str] = {}
     for line, cells in grid.rows[: block.place]:
         told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
-        meaning = told and (_heading(told[1]).meaning if told[1] else "force")
         unit = told[2] if told else ""
+        of_load = "force" if "force" in quantities_of(unit) else ""
+        meaning = _heading(told[1]).meaning if told and told[1] else of_load
         if meaning and is_unit(unit) and units.setdefault(meaning, unit) != unit:
             raise FileError(
                 f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "

@@ -16,6 +16,7 @@ from planner.materials.mixtures import (
     CoefficientModel,
     coordinate_for,
     gent_modulus_MPa,
+    left_out_errors,
     nearest,
     pchip_slopes,
 )
@@ -283,6 +284,20 @@ def test_wiener_variance_is_that_of_the_model_without_each_grade() -> None:
         before, after = np.diff(CONNEX3.places)[k - 1 : k + 1]
         squares.append(off**2 * (before + after) / (before * after))
     assert float(CONNEX3.wiener_variance(0.1)) == pytest.approx(np.mean(squares), rel=1e-12)
+
+
+def test_left_out_over_m_is_pchip_of_the_logarithm_of_stress() -> None:
+    """At one strain ln(stress) is ln(secant) and a constant."""
+    materials, off = CONNEX3.palette.materials, []
+    for k in range(1, len(materials) - 1):
+        strain = np.linspace(0.0, materials[k].elongation_at_break, 41)[1:]
+        held = [np.minimum(strain, one.elongation_at_break) for one in materials]
+        rows = zip(CONNEX3.laws, held, strict=True)
+        stress = np.stack([strain * secant_modulus_MPa(law, e) for law, e in rows])
+        others = np.delete(CONNEX3.coordinates, k), np.log(np.delete(stress, k, axis=0))
+        found = np.exp(PchipInterpolator(*others)(CONNEX3.coordinates[k]))
+        off.append(np.sqrt(np.mean((found - stress[k]) ** 2)) / stress[k].max())
+    assert left_out_errors(CONNEX3.palette)["coordinate"] == pytest.approx(np.mean(off), rel=1e-9)
 
 
 def test_an_even_ladder_leaves_no_doubt_between_grades() -> None:
