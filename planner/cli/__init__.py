@@ -52,14 +52,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:
     """Run the command line, or other commands than planner's, and return the exit code."""
-    from planner.cli.output import complain
+    from planner.cli.output import Kept, complain
     from planner.errors import PlannerError
 
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments), commands or app)
         if sys.stdout is not None:
             sys.stdout.flush()
-        return code
+        if code != INTERRUPTED or isinstance(code, Kept):
+            return int(code)
     except PlannerError as error:
         complain(_with_options(str(error), commands or app))
         return BAD_INPUT
@@ -144,8 +145,8 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
         )
     except usage_error as error:
         raise ArgumentError(f"{error.format_message()} (see planner --help)") from error
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
     except SystemExit as error:
         # rich exits by itself where the reader of its output went away.
         raise BrokenPipeError from error

@@ -34,6 +34,7 @@ __all__ = [
     "ForceOversize",
     "GaugeMm",
     "Gravity",
+    "Kept",
     "LoadingMode",
     "Loads",
     "MaterialName",
@@ -58,6 +59,7 @@ __all__ = [
     "format_interval",
     "format_number",
     "format_range",
+    "long_progress",
     "print_document",
     "print_table",
     "progress",
@@ -134,6 +136,10 @@ def terminal_width() -> int:
 def finding(message: str) -> None:
     """Say on stderr what will not come out as planned."""
     _stderr_line("finding", "red", message)
+
+
+class Kept(int):
+    """Exit code of a command that was interrupted, and has kept what it had."""
 
 
 def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:

@@ -36,6 +36,7 @@ OF_THE_COMMAND = {
     "page",
     "as_json",
     "quiet",
+    "case",  # beside `cases`
 }
 
 
