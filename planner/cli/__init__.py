@@ -1,8 +1,8 @@
 """The command line: the commands, and `main`, which turns errors into exit codes.
 
 Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, nothing written;
-130 interrupted (Ctrl-C), 143 told to end (SIGTERM), nothing left behind (a design leaves the best so
-far); 70 an internal error.
+130 interrupted (Ctrl-C), 143 told to end (SIGTERM), nothing left behind (by a design the best
+so far); 70 an internal error.
 """
 
 import contextlib
