@@ -1,7 +1,8 @@
 """The command line: the commands, and `main`, which turns errors into exit codes.
 
 Exit codes: 0 done; 1 done, but with a finding; 2 wrong usage or bad input, nothing written;
-130 interrupted (Ctrl-C), 143 told to end (SIGTERM), nothing left behind; 70 an internal error.
+130 interrupted (Ctrl-C), 143 told to end (SIGTERM), nothing left behind (by a design the best
+so far); 70 an internal error.
 """
 
 import contextlib
@@ -53,14 +54,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str] | None = None, commands: typer.Typer | None = None) -> int:
     """Run the command line, or other commands than planner's, and return the exit code."""
-    from planner.cli.output import complain
+    from planner.cli.output import Kept, complain
     from planner.errors import PlannerError
 
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments), commands or app)
         if sys.stdout is not None:
             sys.stdout.flush()
-        return code
+        if code != INTERRUPTED or isinstance(code, Kept):
+            return int(code)
     except PlannerError as error:
         complain(_with_options(str(error), commands or app))
         return BAD_INPUT
@@ -146,8 +148,8 @@ def _dispatch(arguments: list[str], commands: typer.Typer) -> int:
     except usage_error as error:
         path = getattr(error.ctx, "command_path", "planner")
         raise ArgumentError(f"{error.format_message()} (see {path} --help)") from error
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
     except SystemExit as error:
         # rich exits by itself where the reader of its output went away.
         raise BrokenPipeError from error

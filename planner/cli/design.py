@@ -135,7 +135,7 @@ def design(
     "x=min: 0,0,-0.5 N" --target "x=min uz=-12 mm"[/bold]
     """
     import planner
-    from planner.cli.output import long_progress, print_document
+    from planner.cli.output import Kept, long_progress, print_document
     from planner.inverse_design.design import interrupted_design
     from planner.simulation.loads import case_of, read_cases
 
@@ -165,7 +165,7 @@ def design(
         print_document(made.json())
     elif not quiet:
         _report(made, folder)
-    return 130 if made.interrupted else 0 if made.ok else 1
+    return Kept(130) if made.interrupted else 0 if made.ok else 1
 
 
 _STEPS = 4

@@ -36,6 +36,7 @@ __all__ = [
     "ForceOversize",
     "GaugeMm",
     "Gravity",
+    "Kept",
     "LeaveOut",
     "LoadingMode",
     "Loads",
@@ -65,6 +66,7 @@ __all__ = [
     "format_number",
     "format_range",
     "limited_printer",
+    "long_progress",
     "print_document",
     "print_table",
     "progress",
@@ -141,6 +143,10 @@ def terminal_width() -> int:
 def finding(message: str) -> None:
     """Say on stderr what will not come out as planned."""
     _stderr_line("finding", "red", message)
+
+
+class Kept(int):
+    """Exit code of a command that was interrupted, and has kept what it had."""
 
 
 def print_document(document: dict[str, Any] | list[Any] | bytes) -> None:

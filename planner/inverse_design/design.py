@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from planner.materials.mixtures import CoefficientModel
 from planner.mesh.halve import halve_long_edges
 from planner.mesh.mesh import Mesh
 from planner.mesh.part import place
-from planner.numerics import FloatArray, one_blas_thread
+from planner.numerics import FloatArray, interrupted, one_blas_thread
 from planner.palette import Palette
 from planner.plan import Plan
 from planner.printers import Printer, load_printer, palette_of
@@ -43,12 +43,14 @@ from planner.simulation.part import (
 )
 
 if TYPE_CHECKING:
-    from planner.inverse_design.search import Case, Problem, Solved, Stiffness, Tried
+    from planner.inverse_design.search import Case, Found, Problem, Solved, Stiffness, Tried
     from planner.simulation.cut_cells import CutCells
 
 __all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
 
 _MOST_KNOTS = 40
+
+_Made = TypeVar("_Made")
 
 _NUDGE = 1e-3
 """Of the range of ln(modulus): a profile that cuts a band thinner than a layer is moved by it."""
@@ -612,13 +614,20 @@ def design(
             "take smaller loads"
         )
     tried, best, stopped = found.tried, found.best, found.stopped
-    if not stopped:
-        problem = problem_on(edge, near_share, problem.cases)
-        found = search(
-            problem, best.values, tolerance=0.3 * tolerance, radius=0.1,
+
+    def refined() -> "tuple[Problem, Found]":
+        finer = problem_on(edge, near_share, problem.cases)
+        return finer, search(
+            finer, best.values, tolerance=0.3 * tolerance, radius=0.1,
             progress=told("cells asked for", near_share, 0.7),
         )  # fmt: skip
-        tried, best, stopped = tried + found.tried, found.best, found.stopped
+
+    if not stopped:
+        after = _unless_stopped(refined)
+        stopped = after is None
+        if after is not None:
+            problem, found = after
+            tried, best, stopped = tried + found.tried, found.best, found.stopped
 
     progress(DesignStage("planning the print", 0.7))
 
@@ -675,7 +684,9 @@ def design(
         missed = np.array([goal.off(now) - goal.off(aim) for goal, now, aim in each])
         return np.asarray(missed[aims_met])
 
-    values, plan, solved = printed(best.values)
+    laid_out = _unless_stopped(lambda: printed(best.values))
+    stopped = stopped or laid_out is None
+    values, plan, solved = printed(best.values) if laid_out is None else laid_out
     tried += 1
     misses = offs(solved)
     least, kept = float(np.abs(misses).max(initial=0.0)), (values, plan, solved, misses)
@@ -697,7 +708,12 @@ def design(
         if shift in [t.shift for t in trail] or np.array_equal(values, kept[0]):
             break
         progress(DesignStage(f"printed materials: off by {percent(least)}", 0.8))
-        values, plan, solved = printed(values)
+        aimed = values
+        laid_out = _unless_stopped(lambda aimed=aimed: printed(aimed))  # type: ignore[misc]
+        if laid_out is None:
+            stopped = True
+            break
+        values, plan, solved = laid_out
         tried += 1
         misses = offs(solved)
         trail.append(_Try(shift, _signed(misses, best.slopes, way), plan))
@@ -772,6 +788,16 @@ def design(
             "tells how far they depend on the cells",
         ),
     )
+
+
+def _unless_stopped(work: Callable[[], _Made]) -> _Made | None:
+    """Return what work returns, or None where the user interrupts it."""
+    try:
+        return work()
+    except (KeyboardInterrupt, SystemError) as error:
+        if not interrupted(error):
+            raise
+        return None
 
 
 _INTERRUPTED = (

@@ -300,6 +300,10 @@ class Tried:
     shape: float
 
 
+_STRAIGHT = 0.2
+"""Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
+
+
 def evaluate(problem: Problem, values: FloatArray) -> Tried:
     """Return what a gradient comes to.
 
@@ -334,12 +338,15 @@ def evaluate(problem: Problem, values: FloatArray) -> Tried:
                 squares += ((figure - goal.wanted) / goal.scale) ** 2 * 3.0 / points
                 scale = problem.tolerance * goal.scale * np.sqrt(points / 3.0 / goal.weight)
                 rows["near"].append(((figure - goal.wanted) / scale, row / scale))
-            elif goal.wanted and figure / goal.wanted > 0.0:
-                off = goal.weight * float(np.log(figure / goal.wanted))
-                rows["off"].append((off, goal.weight * row / figure))
+            elif goal.wanted:
+                # ln(figure / wanted), and its tangent below: figures may be 0 or of the other sign
+                ratio = figure / goal.wanted
+                bent = max(ratio, _STRAIGHT)
+                off = float(np.log(bent)) + (ratio - bent) / bent
+                rows["off"].append((goal.weight * off, goal.weight * row / (bent * goal.wanted)))
             else:
-                scale = (abs(goal.wanted) if goal.wanted else goal.scale) / goal.weight
-                rows["off"].append(((figure - goal.wanted) / scale, row / scale))
+                scale = goal.scale / goal.weight
+                rows["off"].append((figure / scale, row / scale))
         worst = max(worst, float(np.sqrt(squares)))
         if limit is not None:
             seen = solved.over_break()

@@ -37,6 +37,7 @@ OF_THE_COMMAND = {
     "page",
     "as_json",
     "quiet",
+    "case",  # beside `cases`
 }
 
 
