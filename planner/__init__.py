@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from planner.gap.design import CampaignDesign, design_campaign
     from planner.gap.diagnose import diagnose
     from planner.gap.diagnosis import Diagnosis, read_diagnosis
+    from planner.gap.standing import Standing, campaign_standing
     from planner.gap.virtual import synthesise_campaign
     from planner.grading.check import Certificate, Difference, check, diff
     from planner.grading.grade import grade
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from planner.simulation.simulate import Simulation, simulate, simulate_bar
     from planner.slices.slices import Layer, iterate_layers
     from planner.slices.write import SliceStack, write_slices
+    from planner.testing import file_schema
 
 __version__ = "0.1.0"
 
@@ -79,8 +81,10 @@ __all__ = [
     "Region",
     "Simulation",
     "SliceStack",
+    "Standing",
     "StiffnessScale",
     "at_temperature",
+    "campaign_standing",
     "characterisation_figure",
     "characterise",
     "check",
@@ -91,6 +95,7 @@ __all__ = [
     "diagnose",
     "diff",
     "export",
+    "file_schema",
     "fit",
     "fit_figure",
     "fit_tables",
@@ -130,6 +135,7 @@ _MODULES = {
     "planner.gap.design": "CampaignDesign design_campaign",
     "planner.gap.diagnose": "diagnose",
     "planner.gap.diagnosis": "Diagnosis read_diagnosis",
+    "planner.gap.standing": "Standing campaign_standing",
     "planner.gap.virtual": "synthesise_campaign",
     "planner.grading.check": "Certificate Difference check diff",
     "planner.grading.grade": "grade",
@@ -158,6 +164,7 @@ _MODULES = {
     "planner.simulation.simulate": "Simulation simulate simulate_bar",
     "planner.slices.slices": "Layer iterate_layers",
     "planner.slices.write": "SliceStack write_slices",
+    "planner.testing": "file_schema",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 

@@ -1,4 +1,4 @@
-"""What tests of other projects call: golden plans, and a check for printer plugins.
+"""What tests of other projects call: golden plans, a check for printer plugins, files' schemas.
 
 >>> from planner.testing import assert_golden
 >>> assert_golden("finger-graded", "golden/finger.json")  # doctest: +SKIP
@@ -8,16 +8,21 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import msgspec
+
+from planner.errors import ArgumentError
 from planner.formats.files import encode_document
 from planner.formats.threemf import threemf_xml_hashes
+from planner.gap.campaign_folder import CampaignFile
 from planner.grading.check import diff
 from planner.grading.profile import stiffness_scale
+from planner.palette import PaletteFile, law_schema
 from planner.plan import Plan, plan_file
-from planner.printers import Printer
+from planner.printers import Printer, ProfileFile
 
-__all__ = ["assert_golden", "assert_same_plan", "check_printer", "golden_record"]
+__all__ = ["assert_golden", "assert_same_plan", "check_printer", "file_schema", "golden_record"]
 
 
 def golden_record(folder: str | Path) -> dict[str, Any]:
@@ -121,6 +126,50 @@ def check_printer(printer: object) -> None:
         problems.append("job_notes() is empty; tell the operator how to print the files")
     if problems:
         raise AssertionError("\n".join(problems))
+
+
+def file_schema(kind: Literal["printer", "palette", "campaign"]) -> dict[str, Any]:
+    """Return the JSON Schema by which an editor checks a file (TOML) that planner reads.
+
+    It is derived from the types that the file's reader converts to. What no schema can say, planner
+    checks on reading.
+
+    Parameters
+    ----------
+    kind
+        ``printer``, ``palette`` or ``campaign``.
+
+    Returns
+    -------
+    dict
+        Of draft 7, the newest that editors of TOML follow.
+
+    Raises
+    ------
+    ArgumentError
+        Another kind.
+
+    Examples
+    --------
+    >>> planner.file_schema("campaign")["$ref"]  # doctest: +SKIP
+    '#/$defs/CampaignFile'
+    """
+    files = {"printer": ProfileFile, "palette": PaletteFile, "campaign": CampaignFile}
+    if kind not in files:
+        raise ArgumentError(f"`kind` {kind}: it may be {', '.join(files)}")
+    document = msgspec.json.schema(files[kind])
+    for part in document["$defs"].values():
+        if "law" in part["properties"]:
+            part["properties"]["law"] = law_schema()
+        for key in part["properties"].values():
+            if key.get("items") is False:  # of equal kinds, as that draft says it
+                key["items"] = key.pop("prefixItems")[0]
+    if kind == "printer":  # what it need not say is as of the printer that it is like
+        whole = document["$defs"]["ProfileFile"]
+        whole["if"] = {"not": {"required": ["like"]}}
+        whole["then"] = {"required": whole["required"]}
+        whole["required"] = ["schema", "name"]
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **document}
 
 
 def _length(value: object) -> bool:

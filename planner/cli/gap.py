@@ -376,11 +376,11 @@ def next_(
 
     Example: [bold]planner gap next lab[/bold]
     """
+    import planner
     from planner.cli.output import print_document, say
     from planner.gap.campaign import named
-    from planner.gap.standing import standing_of
 
-    found = standing_of(campaign)
+    found = planner.campaign_standing(campaign)
     if as_json:
         print_document(found.document())
         return 0

@@ -221,8 +221,8 @@ def test_it_is_a_printer() -> None:
     return {
         **{path: text.encode() for path, text in texts.items()},
         f"{package}/palettes/{palette.name}.toml": written,
-        f"{package}/printer.schema.json": _schema("printer"),
-        f"{package}/palette.schema.json": _schema("palette"),
+        f"{package}/printer.schema.json": _encoded("printer"),
+        f"{package}/palette.schema.json": _encoded("palette"),
     }
 
 
@@ -253,34 +253,15 @@ def schema(
 
     check_targets(context, force=force, output=output)
     if output is None:
-        print_document(_schema(kind))
+        print_document(_encoded(kind))
         return 0
-    write_whole(output, _schema(kind))
+    write_whole(output, _encoded(kind))
     say(f"wrote {output} (first line of your file: #:schema ./{output.name})")
     return 0
 
 
-def _schema(kind: _Kind) -> bytes:
-    """Derive a schema from the types that the file's reader converts to."""
-    import msgspec
-
+def _encoded(kind: _Kind) -> bytes:
+    import planner
     from planner.formats.files import encode_document
-    from planner.gap.campaign_folder import CampaignFile
-    from planner.palette import PaletteFile, law_schema
-    from planner.printers import ProfileFile
 
-    files = {"printer": ProfileFile, "palette": PaletteFile, "campaign": CampaignFile}
-    document = msgspec.json.schema(files[kind])
-    for part in document["$defs"].values():
-        if "law" in part["properties"]:
-            part["properties"]["law"] = law_schema()
-        for key in part["properties"].values():
-            if key.get("items") is False:  # of equal kinds, as drafts that editors know say it
-                key["items"] = key.pop("prefixItems")[0]
-    if kind == "printer":  # what it need not say is as of the printer that it is like
-        whole = document["$defs"]["ProfileFile"]
-        whole["if"] = {"not": {"required": ["like"]}}
-        whole["then"] = {"required": whole["required"]}
-        whole["required"] = ["schema", "name"]
-    dialect = "http://json-schema.org/draft-07/schema#"  # the newest that taplo follows
-    return encode_document({"$schema": dialect, **document})
+    return encode_document(planner.file_schema(kind))

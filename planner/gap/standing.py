@@ -11,8 +11,9 @@ from planner.formats.tensile import SPECIMEN_COLUMNS, read_tensile
 from planner.formats.within import path_within
 from planner.gap.campaign_folder import CURVES, SPECIMENS, read_campaign_file, read_list
 from planner.gap.diagnosis import read_diagnosis
+from planner.glance import one_line
 
-__all__ = ["Standing", "standing_of"]
+__all__ = ["Standing", "campaign_standing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,21 +40,41 @@ class Standing:
     verdict: str | None
     next: str
 
+    @one_line
+    def __repr__(self) -> str:
+        measured = len(self.listed) - len(self.missing)
+        return f"{self.campaign}: {measured} of {len(self.listed)} specimens measured; {self.next}"
+
     def document(self) -> dict[str, Any]:
         """Return it as ``--json`` prints it."""
         return {"schema": 1, **{name: getattr(self, name) for name in self.__dataclass_fields__}}
 
 
-def standing_of(folder: str | Path) -> Standing:
-    """Look at a campaign's folder.
+def campaign_standing(campaign: str | Path) -> Standing:
+    """Say where a campaign stands: what is measured, what is missing, and what comes next.
+
+    Parameters
+    ----------
+    campaign
+        Its folder, with campaign.toml and specimens.csv.
+
+    Returns
+    -------
+    Standing
+        With the next command.
 
     Raises
     ------
     FileError
         No campaign, or a list or curves that cannot be read.
+
+    Examples
+    --------
+    >>> planner.campaign_standing("lab").missing  # doctest: +SKIP
+    ('D03a', 'D03b')
     """
-    folder = Path(folder)
-    campaign = read_campaign_file(folder).name
+    folder = Path(campaign)
+    name = read_campaign_file(folder).name
     rows, _, _ = read_list(path_within(folder, SPECIMENS))
     listed = tuple(row.specimen for row in rows)
     curves = _with_curve(folder)
@@ -64,15 +85,15 @@ def standing_of(folder: str | Path) -> Standing:
     )
     conditions = [name for name, column in SPECIMEN_COLUMNS.items() if not column.is_size]
     empty = {
-        name: tuple(row.specimen for row in rows if getattr(row, name) is None)
-        for name in conditions
+        column: tuple(row.specimen for row in rows if getattr(row, column) is None)
+        for column in conditions
     }
-    diagnosis, verdict = _diagnosis_of(folder, campaign, len(listed) - len(missing))
+    diagnosis, verdict = _diagnosis_of(folder, name, len(listed) - len(missing))
     return Standing(
-        campaign=campaign,
+        campaign=name,
         listed=listed,
         missing=missing,
-        unknown={name: ids for name, ids in empty.items() if ids},
+        unknown={column: ids for column, ids in empty.items() if ids},
         diagnosis=None if diagnosis is None else str(diagnosis),
         verdict=verdict,
         next=_next(folder, bool(missing), diagnosis, verdict),

@@ -594,7 +594,10 @@ def grade(
         mesh, along, pieces, shells, pitch_mm, scale, machine, point(translation)
     )
     known = _remarks(scale, regions)
-    others = alternatives(regions, target, scale, equal_bands=wish.bands is not None)
+    others = alternatives(
+        regions, target, scale, equal_bands=wish.bands is not None,
+        moved=bool(moved) and choice.kind == "nearest",
+    )  # fmt: skip
     stiffness, off = stiffness_check(regions, limit, others)
     followed = () if earlier is None else earlier.remarks(source.sha256)
     unsure: tuple[str, ...] = ()

@@ -84,8 +84,9 @@ def stiffness_check(
 
 
 def alternatives(
-    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool
-) -> dict[str, float]:
+    regions: Iterable[Region], target: Profile, scale: StiffnessScale, *, equal_bands: bool,
+    moved: bool,
+) -> dict[str, float]:  # fmt: skip
     """Return the worst ratio that other options would leave, where it is smaller.
 
     Of cells of two materials it is the error of their homogenised modulus; each cell by itself is
@@ -95,6 +96,8 @@ def alternatives(
     ----------
     equal_bands
         Whether the regions are bands of equal steps, in place of the nearest materials.
+    moved
+        Whether cuts between the nearest materials were moved off faces of the part.
     """
     ratio = max(region_error(region) for region in regions)
     moduli = scale.moduli_MPa
@@ -103,7 +106,8 @@ def alternatives(
         (1.0 / (1.0 - dither_table().error_at(moduli[s.upper] / moduli[s.lower])) for s in between),
         default=1.0,
     )
-    nearest = {"without --bands": _of_nearest(target, scale)} if equal_bands else {}
+    option = "without --bands" if equal_bands else "with --snap 0" if moved else ""
+    nearest = {option: _of_nearest(target, scale)} if option else {}
     found = {**nearest, "with --blend dither": cells}
     return {option: error for option, error in found.items() if error < ratio * (1.0 - 1e-6)}
 

@@ -968,12 +968,12 @@ def _intervals(
 
 
 _BANDS = re.compile(r"(?:--bands|`bands`) \d+ or fewer, (?:or )?a gentler profile(?: there)?")
-_ACCEPTED = re.compile(r"; --tolerance \S+ accepts it")
+_OF_GRADE = re.compile(r"; (?:--tolerance \S+ accepts it|with --snap 0 it is [^;]*)")
 
 
 def _own_advice(text: str, gentler: str) -> str:
     """Give what `grade` advises as a design can follow it, whose bands come of its profile."""
-    return _ACCEPTED.sub("", _BANDS.sub(gentler, text))
+    return _OF_GRADE.sub("", _BANDS.sub(gentler, text))
 
 
 def _findings(

@@ -26,6 +26,9 @@ OF_THE_COMMAND = {
     "no_page",
     "slicer",
     "no_open",
+    "tray",  # of the printer, as load_printer takes it
+    "minimum_wall_mm",
+    "minimum_feature_mm",
     "field",
     "names",
     "as_program",

@@ -43,6 +43,7 @@ def test_a_sliver_beside_a_step_is_gone(cut_mm, beside_mm) -> None:
     before, after = (p.checks["worst_stiffness_error"].value for p in (as_asked, plan))
     slope = np.log(as_asked.regions[-1].target_modulus_MPa[1] / as_asked.regions[0].modulus_MPa)
     assert after <= before * np.exp(slope * moved["by_mm"] / 80.0) * (1.0 + 1e-9)
+    assert plan.stiffness.alternatives.get("with --snap 0", after) == pytest.approx(before)
 
 
 def test_a_cut_where_nothing_lies_alongside_stays(cut_mm) -> None:
