@@ -412,8 +412,8 @@ FixedFaces = Annotated[
     list[str] | None,
     Option(
         "--fix",
-        help="Faces of the whole part that do not move, as x=max; see "
-        "docs/how-to/simulate-a-whole-part.md for what may stand there. Repeatable, as all of these.",
+        help="Faces of the whole part that do not move, as x=max; for what may stand there see "
+        "docs/how-to/simulate-a-whole-part.md. Repeatable, as all of these.",
     ),
 ]
 Loads = Annotated[
