@@ -434,13 +434,16 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
     leading = max(both, key=odds, default=None)
     if leading is None or odds(leading) < max(map(odds, settled)):
         return [*settled, *both]
-    forms = [
-        c
+    forms = {
+        frozenset(b.number for b in c.branches): c
         for id, other in (leading.candidate.effects, leading.candidate.effects[::-1])
         if (id,) in best
         for c in _partners(problem, best[id,], logs, of=(other,))
-    ]
-    both += [settle(worlds, c, world) for c in forms]
+    }
+    # Each once, or the pair would count so many times.
+    for one in both:
+        forms.pop(frozenset(b.number for b in one.candidate.branches), None)
+    both += [settle(worlds, c, world) for c in forms.values()]
     leading = max(both, key=odds)
     thirds = _partners(problem, leading, logs)[: _SINGLES // 4]
     return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
