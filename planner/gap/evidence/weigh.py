@@ -14,7 +14,16 @@ from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray
 
-__all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "reweigh", "weigh"]
+__all__ = [
+    "ANY",
+    "Effects",
+    "HypothesisKey",
+    "Priors",
+    "Weighed",
+    "in_another_unit",
+    "reweigh",
+    "weigh",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -255,7 +264,7 @@ def _offer_some(
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
     assert found.members is not None
-    if _in_another_unit(found):
+    if in_another_unit(found):
         _offer(result, found, world, logs)
         return
     evidence = result.relative(found, world)
@@ -287,7 +296,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     return None
 
 
-def _in_another_unit(candidate: Candidate) -> bool:
+def in_another_unit(candidate: Candidate) -> bool:
     """Return whether a gain of some specimens is one of a unit's."""
     return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
