@@ -60,6 +60,7 @@ def collected(folder: Path, without: tuple[str, ...] = ()) -> dict[str, Any]:
         "specimens": found.specimens,
         "within_floor": found.within_floor,
         "scatter_like": sorted(found.scatter_like),
+        "of_unlike": sorted(map(list, found.of_unlike)),
         "closes": sorted([list(effects), closes] for effects, closes in found.closes.items()),
         "priors": asdict(Priors()),
     }
@@ -86,6 +87,7 @@ def _case(truth: Truth, name: str, without: tuple[str, ...], document: Mapping[s
         specimens=document["specimens"],
         within_floor=document["within_floor"],
         scatter_like=frozenset(document["scatter_like"]),
+        of_unlike=frozenset(map(tuple, document["of_unlike"])),
         closes={tuple(effects): closes for effects, closes in document["closes"]},
     )
     tier = LEFT_OUT if without else entry.tier

@@ -303,7 +303,8 @@ class _Predictor:
         for share, candidate in likely:
             chosen = Candidate(())
             if candidate.branches:
-                chosen = self._weighed.settled_as(candidate).fitted(world)
+                settled = self._weighed.settled_as(candidate)
+                chosen = settled.fitted(world, problem.gain_of(candidate))
             forces = specimen_forces_N(problem, replace(chosen, members=None), setup)
             if candidate.members is not None:
                 forces = self._with_own_gain(forces, candidate.log_gain)

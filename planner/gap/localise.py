@@ -12,19 +12,13 @@ from planner.formats.tensile import SPECIMEN_COLUMNS
 from planner.gap.campaign import TOLERANCES, Campaign, Specimen, levels
 from planner.gap.diagnosis import SIGNIFICANT, Location
 from planner.gap.localise_tests import (
-    FEWEST_TO_FLIP,
-    Column,
-    SpecimenScores,
     Whitening,
+    axis_p,
     family_wise,
-    least_permutation_p,
     orthonormal,
     outlying_replicates,
-    permuted,
     rank_p,
     tail_p,
-    varies_within,
-    within_p,
 )
 from planner.gap.observations import BRANCHES, FeatureTable
 from planner.numerics import BoolArray, FloatArray, IntArray
@@ -98,6 +92,37 @@ def _hold_columns(table: FeatureTable) -> FloatArray:
 # Columns of specimens.csv as axes: their levels, and a few coordinates along each.
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Column:
+    """A column that takes more than one value.
+
+    Attributes
+    ----------
+    values
+        Of each specimen with features; None where unknown.
+    level : (n,)
+        Number of each specimen's level, -1 where unknown.
+    coordinates : (n, m)
+        Orthonormal and of mean zero over the specimens that are known, zero at the others:
+        numbers as polynomials on the column's usual scale, text as levels.
+    """
+
+    name: str
+    values: tuple[str | float | None, ...]
+    level: IntArray
+    coordinates: FloatArray
+
+    @property
+    def known(self) -> BoolArray:
+        """Which specimens' values are known."""
+        return np.asarray(self.level >= 0)
+
+    @property
+    def is_number(self) -> bool:
+        """Whether its values are numbers."""
+        return not any(isinstance(v, str) for v in self.values)
+
+
 _DEGREE = 2
 """Of polynomials along a column of numbers. Chosen: a trend and a bend; a step or a peak still
 shows in these."""
@@ -111,7 +136,7 @@ _MOST_COORDINATES = 8
 of freedom, and rare levels show little."""
 
 
-def _campaign_columns(campaign: Campaign) -> tuple[Column, ...]:
+def _campaign_columns(campaign: Campaign) -> tuple[_Column, ...]:
     """Return the columns that vary over the specimens; material first.
 
     A column whose text is another for nearly every specimen tells them apart, but not why, and is
@@ -134,7 +159,7 @@ def _size(specimen: Specimen, name: str) -> float | None:
     return value
 
 
-def _column(name: str, values: Sequence[str | float | None]) -> Column | None:
+def _column(name: str, values: Sequence[str | float | None]) -> _Column | None:
     """Return a column by its levels; None where it does not vary."""
     if any(isinstance(v, str) for v in values):
         cells: list[str | float | None] = [
@@ -160,7 +185,7 @@ def _column(name: str, values: Sequence[str | float | None]) -> Column | None:
     kept = singular > 1e-6 * max(float(singular[0]), 1e-12)
     if not kept.any():
         return None
-    return Column(name, tuple(cells), level, np.where(known[:, None], basis[:, kept], 0.0))
+    return _Column(name, tuple(cells), level, np.where(known[:, None], basis[:, kept], 0.0))
 
 
 def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) -> FloatArray:
@@ -180,16 +205,12 @@ def _powers(name: str, values: FloatArray, level: IntArray, known: BoolArray) ->
 
 
 # ------------------------------------------------------------------------------------------------
-# The place along graded bars: smooth patterns, steps between materials, clusters of places.
+# The place along graded bars: smooth patterns, and steps between materials.
 
 
 _KNOTS = 6
 """Of the smooth pattern along a bar. Chosen: a fifth of the gauge apart; what is narrower shows at
-steps or as a cluster."""
-
-_HIGH = 2.0
-"""Standard deviations above which neighbouring places join a cluster. Convention: as usual for
-clusters; the p-value is of draws that are treated alike, whatever it is."""
+steps."""
 
 _STEEP_PER_MM = 0.15
 """Change of a design's coordinate from which it is a step. Chosen: a ramp over a whole gauge of 25
@@ -281,70 +302,25 @@ def _bar_scale(table: FeatureTable, y: FloatArray, basis: FloatArray) -> float:
     return max(1.0, float(np.sqrt(squares / freedom)))
 
 
-@dataclass(frozen=True, slots=True)
-class Cluster:
-    """Neighbouring places of one design that are off to one side."""
-
-    design: ProfileDesign
-    from_mm: float
-    to_mm: float
-    peak_mm: float
-    mass: float
-    rows: IntArray
-
-
-def _cluster(campaign: Campaign, table: FeatureTable, y: FloatArray) -> Cluster | None:
-    """Return the heaviest cluster of places, by how far its places are off together.
+def _farthest_place(
+    campaign: Campaign, table: FeatureTable, y: FloatArray
+) -> tuple[ProfileDesign, float, IntArray]:
+    """Return the place along which bar the local strain is farthest off, and its rows.
 
     Parameters
     ----------
     y : (N,)
         Whitened.
     """
-    best: Cluster | None = None
+    best, found = -1.0, None
     for rows, design in _rows_by_design(campaign, table).values():
-        at, place, scores = _scores_by_place(table.x_mm[rows], y[None, rows])
-        mass, start, stop = (found[0] for found in _heaviest(scores))
-        if mass > (0.0 if best is None else best.mass):
-            peak = start + int(np.argmax(np.abs(scores[0, start:stop])))
-            inside = rows[(place >= start) & (place < stop)]
-            ends = float(at[start]), float(at[stop - 1])
-            best = Cluster(design, *ends, float(at[peak]), float(mass), inside)
-    return best
-
-
-def _cluster_draws(campaign: Campaign, table: FeatureTable, drawn: FloatArray) -> FloatArray:
-    """Return the mass of the heaviest cluster of draws, (P,), of whitened features (P, N)."""
-    heaviest = np.zeros(len(drawn))
-    for rows, _ in _rows_by_design(campaign, table).values():
-        scores = _scores_by_place(table.x_mm[rows], drawn[:, rows])[2]
-        heaviest = np.maximum(heaviest, _heaviest(scores)[0])
-    return heaviest
-
-
-def _scores_by_place(
-    x_mm: FloatArray, values: FloatArray
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return the places, that of each value, and the standardised sum at each, (P, places)."""
-    at, place = np.unique(np.round(x_mm, 3), return_inverse=True)
-    place = place.reshape(-1)
-    return at, place, values @ np.eye(len(at))[place] / np.sqrt(np.bincount(place))
-
-
-def _heaviest(scores: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return of each row the heaviest run of one sign above `_HIGH`: mass, begin and end, (P,)."""
-    mass = np.zeros(len(scores))
-    begin, end = np.zeros(len(scores), dtype=np.intp), np.zeros(len(scores), dtype=np.intp)
-    for sign in (1.0, -1.0):
-        run, since = np.zeros(len(scores)), np.zeros(len(scores), dtype=np.intp)
-        for i, column in enumerate((sign * scores).T):
-            high = column > _HIGH
-            run = np.where(high, run + column - _HIGH, 0.0)
-            since = np.where(high, since, i + 1)
-            heavier = run > mass
-            mass, begin = np.where(heavier, run, mass), np.where(heavier, since, begin)
-            end = np.where(heavier, i + 1, end)
-    return mass, begin, end
+        at, place = np.unique(np.round(table.x_mm[rows], 3), return_inverse=True)
+        score = np.abs(np.bincount(place, y[rows]) / np.sqrt(np.bincount(place)))
+        peak = int(np.argmax(score))
+        if score[peak] > best:
+            best, found = float(score[peak]), (design, float(at[peak]), rows[place == peak])
+    assert found is not None
+    return found
 
 
 # ------------------------------------------------------------------------------------------------
@@ -365,8 +341,6 @@ class Axis:
         The same of each draw without a gap.
     detail
         One sentence.
-    least
-        The chance that is left to a draw to show the very same, which `drawn_p` is without.
     is_common
         Whether it is the gap that all specimens have in common, over strain.
     """
@@ -377,7 +351,6 @@ class Axis:
     drawn_p: FloatArray
     detail: str
     is_common: bool = False
-    least: float = 0.0
 
 
 # ------------------------------------------------------------------------------------------------
@@ -588,7 +561,7 @@ class Gaps:
         return "force " + ", ".join([told[0], *(t.replace(" prediction", "", 1) for t in told[1:])])
 
 
-def _column_parts(column: Column, force: BoolArray, of_row: IntArray) -> Iterator[_Part]:
+def _column_parts(column: _Column, force: BoolArray, of_row: IntArray) -> Iterator[_Part]:
     """Levels of a column, or thirds of one of many numbers."""
     known = SPECIMEN_COLUMNS.get(column.name)
     phrase = known.at if known else f"where {column.name} is {{}}"
@@ -597,7 +570,7 @@ def _column_parts(column: Column, force: BoolArray, of_row: IntArray) -> Iterato
         yield force & members[of_row], phrase.format(label), int(members.sum())
 
 
-def _groups(column: Column) -> Iterator[tuple[str, BoolArray]]:
+def _groups(column: _Column) -> Iterator[tuple[str, BoolArray]]:
     numbers = np.unique(column.level[column.known]).tolist()
     if not column.is_number:
         for k in numbers:
@@ -645,20 +618,16 @@ def _hold_parts(table: FeatureTable) -> Iterator[_Part]:
 
 
 def _position_sentence(
-    cluster: Cluster | None, palette: Palette, table: FeatureTable, gaps: Gaps
+    place: tuple[ProfileDesign, float, IntArray], palette: Palette, gaps: Gaps
 ) -> str:
     """Return where along which bar the local strain is farthest off."""
-    if cluster is None:
-        return "no place along the bars stands out"
-    rows = np.isin(np.arange(len(table)), cluster.rows)
-    near = rows & (np.abs(table.x_mm - cluster.peak_mm) < 1e-3)
-    mean = gaps.mean(near if near.any() else rows)
+    design, at_mm, rows = place
+    mean = gaps.mean(np.isin(np.arange(len(gaps.log)), rows))
     off = "off" if mean is None else _off(mean)
-    sentence = f"strain {off} near {cluster.peak_mm:.3g} mm along bar {cluster.design.name}"
-    reach = max(_STEP_REACH * cluster.design.length_mm, _STEP_REACH_mm)
-    steps = _steps_of(cluster.design)
-    step = min(steps, key=lambda s: abs(s.x_mm - cluster.peak_mm), default=None)
-    if step is not None and cluster.from_mm - reach <= step.x_mm <= cluster.to_mm + reach:
+    sentence = f"strain {off} near {at_mm:.3g} mm along bar {design.name}"
+    reach = max(_STEP_REACH * design.length_mm, _STEP_REACH_mm)
+    step = min(_steps_of(design), key=lambda s: abs(s.x_mm - at_mm), default=None)
+    if step is not None and abs(step.x_mm - at_mm) <= reach:
         grades = [
             min(palette.materials, key=lambda m: abs(m.coordinate - at)).id
             for at in (step.before, step.after)
@@ -699,10 +668,10 @@ _BOOTSTRAPS = 200
 """Resamples behind the interval of a share. Convention: ends of a 90 % interval are then known to
 5 % of its width."""
 
-_THINNEST_CLUSTER, _THINNEST_OUTLIER = 0.3, 0.1
-"""Mean excess, over a high threshold, of the heaviest cluster and of the logarithm of the farthest
-specimen, that is believed at least. Chosen: a third of a deviation and a tenth of the distance, so
-that a few draws that lie close together promise no certainty."""
+_THINNEST = 0.1
+"""Mean excess, over a high threshold, of the logarithm of how far the farthest specimen is off,
+that is believed at least. Chosen: a tenth of the distance, so that a few draws that lie close
+together promise no certainty."""
 
 _FEWEST_KNOWN = 4
 """Specimens whose value of a column is known, for it to be an axis. Numerical: three have six
@@ -734,8 +703,8 @@ class _Case:
         return orthonormal(self.whitening(columns), besides=self.excess.common)
 
     def flipped(self, basis: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
-        """Return the p-value of an axis within specimens, and that of each draw."""
-        return within_p(self.whitening, basis, y, self.signs, self.rng)
+        """Return the p-value of an axis, and that of each draw."""
+        return axis_p(self.whitening, basis, y, self.signs, self.rng)
 
 
 def localise(
@@ -793,7 +762,6 @@ def localise(
     p = family_wise(
         np.array([a.p for a in axes]),
         np.stack([a.drawn_p for a in axes]),
-        np.array([a.least for a in axes]),
     )
     order, adds = _ranked(axes, p, excess)
     weights = rng.multinomial(count, np.full(count, 1.0 / count), _BOOTSTRAPS).astype(np.float64)
@@ -808,24 +776,16 @@ def localise(
 
 
 def _column_axes(case: _Case) -> Iterator[Axis]:
-    """Material and the columns of specimens.csv: whole specimens' cells are permuted."""
-    whitening = case.whitening
-    shapes = _strain_shapes(case.table)
-    scores = SpecimenScores.of(whitening, shapes, case.excess.common, case.excess.varying)
-    batches = [s.batch for s in case.campaign.specimens]
-    names = list(dict.fromkeys(batches))
-    batch = np.array([names.index(b) for b in batches])
-    keys = case.rng.random(case.signs.shape)
+    """Material and the columns of specimens.csv."""
+    table, of_row = case.table, case.whitening.of_row
+    shapes = _strain_shapes(table)
     for column in _campaign_columns(case.campaign):
-        cells = column.coordinates[whitening.of_row]
+        cells = column.coordinates[of_row]
         basis = case.basis((cells[:, :, None] * shapes[:, None, :]).reshape(len(cells), -1))
-        if column.known.sum() < _FEWEST_KNOWN or not basis.shape[1]:
-            continue
-        within = batch if len(names) > 1 and varies_within(column, batch) else None
-        p, drawn = scores.p(column, permuted(keys, column, within))
-        parts = _column_parts(column, ~case.table.is_field, whitening.of_row)
-        least = least_permutation_p(column, within)
-        yield Axis(column.name, basis, p, drawn, case.gaps.sentence(parts), least=least)
+        if column.known.sum() >= _FEWEST_KNOWN and basis.shape[1]:
+            parts = _column_parts(column, ~table.is_field, of_row)
+            sentence = case.gaps.sentence(parts)
+            yield Axis(column.name, basis, *case.flipped(basis, case.excess.varying), sentence)
 
 
 def _within_axes(case: _Case) -> Iterator[Axis]:
@@ -845,7 +805,7 @@ def _within_axes(case: _Case) -> Iterator[Axis]:
 
 
 def _position_axes(case: _Case) -> Iterator[Axis]:
-    """Places along bars: the clearer of a smooth pattern with steps, and a cluster of places."""
+    """Places along bars: a smooth pattern, and steps between materials."""
     table, whitening, excess = case.table, case.whitening, case.excess
     if not table.is_field.any():
         return
@@ -857,19 +817,9 @@ def _position_axes(case: _Case) -> Iterator[Axis]:
         return
     y = excess.y - besides @ (besides.T @ excess.y)
     y = y / _bar_scale(table, y, basis)
-    found = _cluster(case.campaign, table, y)
-    p, drawn = case.flipped(basis, y)
-    if bars.shape[1] >= FEWEST_TO_FLIP:
-        noise = case.signs[:, whitening.of_row] * y
-    else:
-        noise = case.rng.standard_normal((len(case.signs), len(table)))
-        freedom = whitening.degrees_of_freedom
-        noise *= np.sqrt(freedom / case.rng.chisquare(freedom, len(noise)))[:, None]
-    masses = _cluster_draws(case.campaign, table, noise)
-    of_cluster = tail_p(0.0 if found is None else found.mass, masses, _THINNEST_CLUSTER)
-    either = 2.0 * np.minimum(drawn, rank_p(masses))
-    sentence = _position_sentence(found, case.campaign.palette, table, case.gaps)
-    yield Axis("position", basis, 2.0 * min(p, of_cluster), either, sentence)
+    place = _farthest_place(case.campaign, table, y)
+    sentence = _position_sentence(place, case.campaign.palette, case.gaps)
+    yield Axis("position", basis, *case.flipped(basis, y), sentence)
 
 
 def _outlying_axes(case: _Case) -> Iterator[Axis]:
@@ -882,6 +832,6 @@ def _outlying_axes(case: _Case) -> Iterator[Axis]:
         return
     basis = case.basis(np.where(whitening.of_row[:, None] == found.named, level[:, None], 0.0))
     ids = [case.campaign.specimens[i].id for i in found.named]
-    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), _THINNEST_OUTLIER)
+    p = tail_p(float(np.log(max(found.largest, 1e-9))), np.log(found.drawn), _THINNEST)
     sentence = _outliers_sentence(ids, found.shift)
     yield Axis("specimen", basis, p, rank_p(found.drawn), sentence)

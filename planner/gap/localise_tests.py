@@ -1,6 +1,5 @@
 """Permutation tests of where a gap lies, on whitened residuals, with their family-wise error."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,19 +9,13 @@ from planner.gap.noise import SpecimenNoise
 from planner.numerics import BoolArray, FloatArray, IntArray
 
 __all__ = [
-    "FEWEST_TO_FLIP",
-    "Column",
-    "SpecimenScores",
     "Whitening",
+    "axis_p",
     "family_wise",
-    "least_permutation_p",
     "orthonormal",
     "outlying_replicates",
-    "permuted",
     "rank_p",
     "tail_p",
-    "varies_within",
-    "within_p",
 ]
 
 
@@ -108,106 +101,12 @@ def orthonormal(columns: FloatArray, besides: FloatArray | None = None) -> Float
 
 
 # ------------------------------------------------------------------------------------------------
-# Cells of a column permuted among specimens.
-#
-# Whole specimens are permuted, never single features. Without a gap all of them are alike but for
-# noise, replicates too, so any of them may trade places. In a column that varies within batches
-# they trade places within a batch only, provided that leaves enough arrangements, so that batches
-# cannot pass for the column.
-
-
-_ENOUGH = 2000.0
-"""Arrangements within batches, that those alone are drawn. Numerical: twice the thousand draws, so
-that few of them repeat."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Column:
-    """A column that takes more than one value.
-
-    Attributes
-    ----------
-    values
-        Of each specimen with features; None where unknown.
-    level : (n,)
-        Number of each specimen's level, -1 where unknown.
-    coordinates : (n, m)
-        Orthonormal and of mean zero over the specimens that are known, zero at the others:
-        numbers as polynomials on the column's usual scale, text as levels.
-    """
-
-    name: str
-    values: tuple[str | float | None, ...]
-    level: IntArray
-    coordinates: FloatArray
-
-    @property
-    def known(self) -> BoolArray:
-        """Which specimens' values are known."""
-        return np.asarray(self.level >= 0)
-
-    @property
-    def is_number(self) -> bool:
-        """Whether its values are numbers."""
-        return not any(isinstance(v, str) for v in self.values)
-
-
-def varies_within(column: Column, batch: IntArray) -> bool:
-    """Return whether a column varies enough within batches to be permuted within them."""
-    return _log_arrangements(column, batch) > math.log(_ENOUGH)
-
-
-def least_permutation_p(column: Column, batch: IntArray | None) -> float:
-    """Return the chance of drawing the very cells that are seen, or the like of them.
-
-    Levels of as many specimens may change names; of numbers both ends may.
-    """
-    alone = np.zeros(len(column.level), dtype=np.intp)
-    log = _log_arrangements(column, alone if batch is None else batch)
-    sizes = np.bincount(column.level[column.known])
-    sizes = sizes[sizes > 0]
-    if column.coordinates.shape[1] == len(sizes) - 1:
-        log -= sum(math.lgamma(c + 1) for c in np.bincount(sizes).tolist())
-    else:
-        log -= math.log(2.0)
-    return min(1.0, math.exp(-log))
-
-
-def permuted(keys: FloatArray, column: Column, batch: IntArray | None) -> IntArray:
-    """Return whose cell each known specimen has in each draw, (P, n known).
-
-    Parameters
-    ----------
-    keys : (P, n)
-        Uniform on 0 to 1.
-    batch
-        Number of each specimen's batch, to permute within batches only.
-    """
-    drawn = keys[:, column.known]
-    if batch is None:
-        return np.argsort(drawn, axis=1)
-    number = batch[column.known]
-    places = np.empty(drawn.shape, dtype=np.intp)
-    places[:, np.argsort(number, kind="stable")] = np.argsort(drawn + 2.0 * number, axis=1)
-    return places
-
-
-def _log_arrangements(column: Column, batch: IntArray) -> float:
-    log = 0.0
-    for number in np.unique(batch[column.known]):
-        level = column.level[column.known & (batch == number)]
-        log += math.lgamma(len(level) + 1)
-        log -= sum(math.lgamma(c + 1) for c in np.bincount(level).tolist())
-    return log
-
-
-# ------------------------------------------------------------------------------------------------
 # P-values over a family of axes: how often the clearest of all is as clear without a gap.
 #
 # Westfall and Young's single-step minimum of p-values. The statistic of each axis is brought to one
 # scale by its own draws first, so that none dominates; the draws then say how often the smallest of
 # all is as small, whatever the axes have in common. An axis is never clearer than its own statistic
-# says, which is exact for normal noise even where draws trade what is not quite alike.
+# says.
 #
 # What draws cannot resolve follows from the tail of its logarithm, which is exponential (a
 # generalised Pareto tail of shape 0, fitted to the clearest tenth of draws, never thinner than that
@@ -221,7 +120,7 @@ _TIES = 1e-9
 """Relative difference below which a draw is as large as what is seen. Numerical: rounding."""
 
 
-def family_wise(p: FloatArray, drawn: FloatArray, least: FloatArray) -> FloatArray:
+def family_wise(p: FloatArray, drawn: FloatArray) -> FloatArray:
     """Return family-wise p-values of axes, (A,), from statistics like p-values.
 
     Parameters
@@ -229,13 +128,11 @@ def family_wise(p: FloatArray, drawn: FloatArray, least: FloatArray) -> FloatArr
     p : (A,)
     drawn : (A, P)
         Of draws without a gap, each draw the same for all axes.
-    least : (A,)
-        The chance of a draw that shows the very same, which `drawn` is without.
     """
     own = np.array(
         [
-            min(1.0, c + max(a, tail_p(-float(np.log(a)), -np.log(b), 1.0)))
-            for a, b, c in zip(np.minimum(p, 1.0), drawn, least, strict=True)
+            max(a, tail_p(-float(np.log(a)), -np.log(b), 1.0))
+            for a, b in zip(np.minimum(p, 1.0), drawn, strict=True)
         ]
     )
     clearest = -np.log(np.min([rank_p(-d) for d in drawn], axis=0))
@@ -286,140 +183,7 @@ def tail_p(seen: float, drawn: FloatArray, thinnest: float) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
-# Axes between specimens: what is seen is held against the same with the column's cells permuted.
-#
-# Each specimen is reduced to its scores along level, slope and bend of its curve; all that an axis
-# explains is a quadratic form of these. So a draw costs a few small matrices, not N features.
-
-
-_RIDGE = 1e-7
-_SAME = 1e-6
-_WHOLE = 1e-6
-"""Share below which a direction is none, two draws are the same, or nothing is left of a score.
-Numerical: above rounding, below anything that shows."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SpecimenScores:
-    """Scores of n specimens along s shapes.
-
-    Attributes
-    ----------
-    own : (n, s, s)
-        Information of each specimen's own features.
-    tied : (n, s, r)
-        What is lost of it to what specimens share and to the common gap: the information of
-        specimens i and j together is ``own_i (i = j) - tied_i tied_j'``.
-    score : (n, s)
-    """
-
-    own: FloatArray
-    tied: FloatArray
-    score: FloatArray
-
-    @classmethod
-    def of(
-        cls, whitening: Whitening, shapes: FloatArray, common: FloatArray, y: FloatArray
-    ) -> "SpecimenScores":
-        """Return the scores of whitened features from which the common gap has been taken.
-
-        Parameters
-        ----------
-        shapes : (N, s)
-            Not whitened.
-        common : (N, c)
-            Orthonormal, whitened.
-        y : (N,)
-            Whitened, without its part along `common`.
-        """
-        phi = whitening.noise.whiten(shapes)
-        own = whitening.summed(phi[:, :, None] * phi[:, None, :])
-        shrink = whitening.shrink
-        # (I - Q a Q')^2 = I - Q (2 a - a^2) Q'.
-        roots = np.sqrt(2.0 * shrink - shrink**2)
-        shared = whitening.directions * roots
-        columns = np.concatenate([shared, whitening.of_all(common)], axis=1)
-        tied = whitening.summed(phi[:, :, None] * columns[:, None, :])
-        score = whitening.summed(phi * whitening.of_all(y)[:, None])
-        return cls(own, tied, score)
-
-    def explained(self, coordinates: FloatArray) -> tuple[FloatArray, int]:
-        """Return what axes explain, (P,), and the degrees of freedom of the first.
-
-        Parameters
-        ----------
-        coordinates : (P, n, m)
-            Of each specimen along each axis.
-        """
-        draws, n, m = coordinates.shape
-        s = self.score.shape[1]
-        turned = np.ascontiguousarray(np.swapaxes(coordinates, 1, 2))
-        b = (turned @ self.score).reshape(draws, m * s)
-        pairs = (turned[:, :, None, :] * turned[:, None, :, :]).reshape(draws, m * m, n)
-        own = (pairs @ self.own.reshape(n, s * s)).reshape(draws, m, m, s, s)
-        inner = own.transpose(0, 1, 3, 2, 4).reshape(draws, m * s, m * s)
-        tied = (turned @ self.tied.reshape(n, -1)).reshape(draws, m * s, -1)
-        inner = inner - tied @ np.swapaxes(tied, 1, 2)
-        # One unit a column, from what a column has without the ties.
-        unit = np.sqrt(np.einsum("pmmss->pms", own).reshape(draws, m * s))
-        unit = np.maximum(unit, 1e-12 * max(float(unit.max()), 1e-150))
-        inner = inner / (unit[:, :, None] * unit[:, None, :])
-        b = b / unit
-        rank = int(np.sum(np.linalg.eigvalsh(inner[0]) > 1e-4))
-        inner += _RIDGE * np.eye(m * s)
-        solved = np.linalg.solve(inner, b[:, :, None])[:, :, 0]
-        return np.maximum(np.einsum("pk,pk->p", b, solved), 0.0), rank
-
-    def total(self, known: IntArray) -> tuple[float, int]:
-        """Return all that there is between specimens, and its degrees of freedom.
-
-        By Woodbury's identity: the ties are few.
-        """
-        s = self.score.shape[1]
-        values, vectors = np.linalg.eigh(self.own[known])
-        kept = values > _RIDGE * np.maximum(values[:, -1:], 1e-150)
-        roots = np.where(kept, 1.0 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
-        roots_of = vectors * roots[:, None, :]
-        score = np.einsum("isk,is->ik", roots_of, self.score[known]).reshape(-1)
-        tied = np.einsum("isk,isr->ikr", roots_of, self.tied[known]).reshape(len(known) * s, -1)
-        lost, along = np.linalg.eigh(tied.T @ tied)
-        # Of what the common gap takes whole, nothing is left in the scores either.
-        free = lost < 1.0 - _WHOLE
-        projected = along.T @ (tied.T @ score)
-        total = score @ score + np.sum(projected[free] ** 2 / (1.0 - lost[free]))
-        return float(total), int(kept.sum()) - int(np.sum(~free))
-
-    def p(self, column: Column, places: IntArray) -> tuple[float, FloatArray]:
-        """Return the p-value of a column, and that of each draw.
-
-        Noise is taken to be what specimens differ by beside the column, and no less than declared.
-        Draws that came upon the seen arrangement are replaced by others: how likely it is is known.
-
-        Parameters
-        ----------
-        places : (P, n known)
-            Whose cell each known specimen has, counted among the known.
-        """
-        known = np.flatnonzero(column.known)
-        total, freedom = self.total(known)
-        cells = column.coordinates[known]
-        coordinates = np.zeros((len(places) + 1, len(column.level), cells.shape[1]))
-        coordinates[0, known] = cells
-        coordinates[1:, known] = cells[places]
-        explained, k = self.explained(coordinates)
-        if k == 0 or freedom <= k:
-            return 1.0, np.ones(len(places))
-        left = np.maximum(total - explained, float(freedom - k))
-        values = _share_p(explained, left, k, freedom - k)
-        same = np.abs(explained[1:] - explained[0]) <= _SAME * explained[0]
-        drawn = values[1:]
-        if same.any() and not same.all():
-            drawn[same] = np.resize(drawn[~same], int(same.sum()))
-        return float(values[0]), drawn
-
-
-# ------------------------------------------------------------------------------------------------
-# Axes within specimens: what is seen is held against the same with specimens' signs drawn.
+# One axis: what is seen is held against the same with whole specimens' signs drawn.
 #
 # Without a gap a specimen's whitened features are as likely to lie above as below, all together,
 # and no specimen knows of another. The statistic is a one-sample F over specimens: what all of them
@@ -428,7 +192,7 @@ class SpecimenScores:
 # degrees of freedom. Noise is never taken to be less than declared.
 
 
-FEWEST_TO_FLIP = 11.0
+_FEWEST_TO_FLIP = 11.0
 """Specimens, for signs to be drawn. Numerical: 2**10 arrangements of signs, for a thousand
 draws."""
 
@@ -437,14 +201,14 @@ _SMALLEST_WEIGHT = 1e-2
 tells a hundredth as much."""
 
 
-def within_p(
+def axis_p(
     whitening: Whitening,
     basis: FloatArray,
     y: FloatArray,
     signs: FloatArray,
     rng: np.random.Generator,
 ) -> tuple[float, FloatArray]:
-    """Return the p-value of an axis within specimens, and that of each draw.
+    """Return the p-value of an axis, and that of each draw.
 
     Parameters
     ----------
@@ -465,7 +229,7 @@ def within_p(
     total_freedom = float(carries.sum())
     # As many specimens as if all that tell weighed alike.
     units = weight.sum(axis=0) ** 2 / np.sum(weight**2, axis=0)
-    if float(np.median(units)) >= FEWEST_TO_FLIP and total_freedom > k:
+    if float(np.median(units)) >= _FEWEST_TO_FLIP and total_freedom > k:
         total = float(np.sum((score / root) ** 2))
         explained = np.sum(np.concatenate([score.sum(axis=0)[None], signs @ score]) ** 2, axis=1)
         left = np.maximum(total - explained, total_freedom - k)
@@ -555,59 +319,37 @@ def outlying_replicates(
     phi = whitening.noise.whiten(level)
     information = whitening.summed(phi**2)
     seen = information > 0.0
-    scale = np.where(seen, information, 1.0)
-    shared = whitening.directions * np.sqrt(1.0 / (1.0 - whitening.shrink) ** 2 - 1.0)
-    height = whitening.summed(phi * whitening.noise.whiten(residual)) / scale
-    tied = whitening.summed(phi[:, None] * shared) / scale[:, None]
-    contrasts = _contrasts(test, seen)
-    compared = np.abs(contrasts).sum(axis=1) > 0.0
+    known = np.where(seen, information, 1.0)
+    height = whitening.summed(phi * whitening.noise.whiten(residual)) / known
+    alike = (test[:, None] == test) & seen[:, None] & ~np.eye(len(test), dtype=bool)
+
+    def differences(heights: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return those from replicates' means, and the same in deviations, (..., n)."""
+        others = np.where(alike & kept, 1.0, 0.0)
+        count = others.sum(axis=1, keepdims=True)
+        contrasts = np.where(count > 0.0, np.eye(len(test)) - others / np.maximum(count, 1.0), 0.0)
+        found = heights @ contrasts.T
+        return found, np.abs(found) / np.sqrt(np.maximum(contrasts**2 @ (1.0 / known), 1e-300))
+
+    compared = (alike & seen).any(axis=1)
     if compared.sum() < 2:
         return None
-    sd = np.where(seen, 1.0 / np.sqrt(scale), 0.0)
-    own = rng.standard_normal((draws, len(test)))
-    own /= np.sqrt(rng.chisquare(_TAIL_FREEDOM, own.shape) / _TAIL_FREEDOM)
-    drawn = own * sd + rng.standard_normal((draws, tied.shape[1])) @ tied.T
-    deviation = _deviation(contrasts, sd, tied)
-    farthest = _standing(drawn, contrasts, deviation, compared)[1].max(axis=1)
-    scale_of, standing = _standing(height[None], contrasts, deviation, compared)
-    cut = float(np.quantile(farthest, 0.95))
+    drawn = rng.standard_normal((draws, len(test)))
+    drawn /= np.sqrt(known * rng.chisquare(_TAIL_FREEDOM, drawn.shape) / _TAIL_FREEDOM)
+    off = differences(np.concatenate([height[None], drawn]), seen)[1][:, compared]
+    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
+    farthest = off.max(axis=1) / scale
+    cut = float(np.quantile(farthest[1:], 0.95))
     named: list[int] = []
     shift: list[float] = []
     left = seen.copy()
     for _ in range(max(1, len(test) // 3)):
-        contrasts = _contrasts(test, left)
-        difference = contrasts @ height
-        off = np.abs(difference) / _deviation(contrasts, sd, tied) / float(scale_of[0])
+        difference, away = differences(height, left)
         # Of two that differ from each other only, the one farther from what is predicted.
-        worst = int(np.argmax(off + 1e-6 * np.abs(height)))
-        if named and off[worst] < cut:
+        worst = int(np.argmax(np.where(left, away, 0.0) / scale[0] + 1e-6 * np.abs(height)))
+        if named and away[worst] < cut * scale[0]:
             break
         named.append(worst)
         shift.append(float(difference[worst]))
         left[worst] = False
-    return OutlyingReplicates(float(standing.max()), farthest, named, shift)
-
-
-def _contrasts(test: IntArray, seen: BoolArray) -> FloatArray:
-    """Of each specimen against the mean of its replicates, (n, n); zero without any."""
-    alike = (test[:, None] == test) & seen & seen[:, None]
-    others = np.where(alike & ~np.eye(len(test), dtype=bool), 1.0, 0.0)
-    count = others.sum(axis=1)
-    rows: FloatArray = -others / np.maximum(count, 1.0)[:, None]
-    rows[np.diag_indices(len(test))] = count > 0
-    return rows
-
-
-def _deviation(contrasts: FloatArray, sd: FloatArray, tied: FloatArray) -> FloatArray:
-    variance = (contrasts**2) @ sd**2 + np.sum((contrasts @ tied) ** 2, axis=1)
-    deviation: FloatArray = np.sqrt(np.maximum(variance, 1e-300))
-    return deviation
-
-
-def _standing(
-    height: FloatArray, contrasts: FloatArray, deviation: FloatArray, compared: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Scale of draws, (P,), and how far each compared specimen is off, (P, n)."""
-    off = np.abs(height @ contrasts.T / deviation)[:, compared]
-    scale = np.maximum(np.median(off, axis=1) / _NORMAL_MAD, 1e-9)
-    return scale, off / scale[:, None]
+    return OutlyingReplicates(float(farthest[0]), farthest[1:], named, shift)

@@ -14,7 +14,7 @@ from planner.errors import ArgumentError
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Location
 from planner.gap.localise import localise
-from planner.gap.localise_tests import SpecimenScores, Whitening, orthonormal, tail_p
+from planner.gap.localise_tests import Whitening, tail_p
 from planner.gap.noise import SpecimenNoise
 from planner.gap.observations import FeatureTable
 from planner.numerics import FloatArray
@@ -348,29 +348,6 @@ def test_whitened_noise_is_white() -> None:
     matrix = STAR.whitening(np.eye(len(STAR.table)))
     # Rounding times the covariance's condition, some 1e5.
     np.testing.assert_allclose(matrix @ covariance @ matrix.T, np.eye(len(matrix)), atol=1e-9)
-
-
-def test_scores_of_specimens_explain_what_features_do() -> None:
-    """A quadratic form of n times three scores against a projection of all N features."""
-    whitening, rng = STAR.whitening, np.random.default_rng(6)
-    u = np.log(STAR.table.strain)
-    shapes = np.stack([STAR.force, STAR.force * u, STAR.force * u**2], axis=1)
-    common = orthonormal(whitening(shapes))
-    y = whitening(STAR.scatter(np.random.default_rng(4)))
-    y = y - common @ (common.T @ y)
-    scores = SpecimenScores.of(whitening, shapes, common, y)
-    count = len(STAR.campaign.specimens)
-    axes = rng.standard_normal((8, count, 2))
-    axes -= axes.mean(axis=1, keepdims=True)
-    total, _ = scores.total(np.arange(count))
-    for value, axis in zip(scores.explained(axes)[0], axes, strict=True):
-        cells = axis[STAR.table.specimen]
-        columns = (cells[:, :, None] * shapes[:, None, :]).reshape(len(u), -1)
-        basis = orthonormal(whitening(columns), besides=common)
-        # The scores' ridge is 1e-7 of what is known without the ties, which leave 1e-2 of it at
-        # the least.
-        assert value == pytest.approx(np.sum((basis.T @ y) ** 2), rel=1e-3, abs=1e-4)
-        assert value <= total
 
 
 def test_p_values_by_the_tail_of_draws() -> None:

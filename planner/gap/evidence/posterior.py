@@ -23,7 +23,14 @@ from planner.gap.evidence.surrogate import (
     SignedForm,
     node_weights,
 )
-from planner.gap.evidence.weigh import ANY, Effects, HypothesisKey, Priors, Weighed
+from planner.gap.evidence.weigh import (
+    ANY,
+    Effects,
+    HypothesisKey,
+    Priors,
+    Weighed,
+    in_another_unit,
+)
 from planner.numerics import FloatArray
 
 __all__ = [
@@ -157,6 +164,8 @@ class Evidence:
     within_floor, scatter_like
         Whether the palette misses by no more than replicates differ by, and these along no column;
         and the effects that look like scatter then.
+    of_unlike
+        Effects with a gain of some specimens, but for a unit's, where replicates are not alike.
     closes
         Of the best effects of the library, whether errors fall with them, and with each of them.
     specimens
@@ -168,6 +177,7 @@ class Evidence:
     specimens: int = ENOUGH_SPECIMENS
     within_floor: bool = False
     scatter_like: frozenset[str] = frozenset()
+    of_unlike: frozenset[Effects] = frozenset()
     closes: Mapping[Effects, bool] = field(default_factory=dict)
 
     @property
@@ -193,6 +203,13 @@ def evidence_of(problem: Problem, weighed: Weighed) -> Evidence:
             b.effect.id
             for b in problem.branches
             if b.effect.stage == "sensor" and len(problem.model.tests) == 1
+        ),
+        of_unlike=frozenset(
+            effects
+            for effects, candidate in weighed.best.items()
+            if problem.scatter.heterogeneous
+            and candidate.members is not None
+            and not in_another_unit(candidate)
         ),
         closes=_closes(problem, weighed),
     )
@@ -282,8 +299,9 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
 
     Evidence counts the share of itself that `Priors` say. A gap no larger than what replicates
     differ by is no unknown one; a right effect may be smaller than that. What closes nothing is no
-    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Very few
-    specimens show a gap, not its cause: the rest of what they name is unknown.
+    explanation: of a gap that is larger it speaks for what closes it, or for an unknown. Where
+    replicates are not alike, a condition that nobody wrote down is as likely as a gain of some.
+    Very few specimens show a gap, not its cause: the rest of what they name is unknown.
     """
     found = evidence.log_evidence
     # Over no effect in models that are exact, or that all miss.
@@ -296,6 +314,7 @@ def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
         ranking = _given(ranking, dict.fromkeys(vain, 1.0), ())
     else:
         ranking = _of_what_closes(ranking, evidence.closes, evidence.vain)
+        ranking = _given(ranking, dict.fromkeys(evidence.of_unlike, 0.5), UNKNOWN)
     none = sum(h.probability for h in ranking if h.effects == ())
     named = sum(h.probability for h in ranking if h.effects not in ((), UNKNOWN))
     most = (evidence.specimens - 1) / (ENOUGH_SPECIMENS - 1) * (1.0 - none)

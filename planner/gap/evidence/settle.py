@@ -275,9 +275,15 @@ class Settled:
         gain = 0.5 * (world.left - float(elimination.products[0, 0]))
         return replace(self.candidate, gain=gain, log_evidence=elimination.none - world.none)
 
-    def fitted(self, world: World) -> Candidate:
-        """Return the candidate at its mode in another world, by this linear model."""
-        columns = np.concatenate([self.target[:, None], self.slopes], axis=1)
+    def fitted(self, world: World, beside: FloatArray) -> Candidate:
+        """Return the candidate at its mode in another world, by this linear model.
+
+        Parameters
+        ----------
+        beside : (N,)
+            The whitened change by a gain of some specimens beside it.
+        """
+        columns = np.concatenate([(self.target - beside)[:, None], self.slopes], axis=1)
         m = world.products(columns, self.own)
         at = np.linalg.solve(m[1:, 1:] + np.eye(len(m) - 1), m[1:, 0])
         move = np.clip(at - self.coordinates, -_LONGEST, _LONGEST)

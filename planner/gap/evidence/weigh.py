@@ -14,7 +14,16 @@ from planner.gap.evidence.surrogate import Candidate, Elimination
 from planner.gap.noise import FIT_SD, UNIT_GAINS
 from planner.numerics import BoolArray, FloatArray
 
-__all__ = ["ANY", "Effects", "HypothesisKey", "Priors", "Weighed", "reweigh", "weigh"]
+__all__ = [
+    "ANY",
+    "Effects",
+    "HypothesisKey",
+    "Priors",
+    "Weighed",
+    "in_another_unit",
+    "reweigh",
+    "weigh",
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -255,7 +264,7 @@ def _offer_some(
     cell or a slip of the pen that chose them, unless the gain is a unit's.
     """
     assert found.members is not None
-    if _in_another_unit(found):
+    if in_another_unit(found):
         _offer(result, found, world, logs)
         return
     evidence = result.relative(found, world)
@@ -287,7 +296,7 @@ def _telling_column(problem: Problem, members: BoolArray) -> int | None:
     return None
 
 
-def _in_another_unit(candidate: Candidate) -> bool:
+def in_another_unit(candidate: Candidate) -> bool:
     """Return whether a gain of some specimens is one of a unit's."""
     return bool(np.min(np.abs(np.abs(candidate.log_gain) - UNIT_GAINS)) < 1e-9)
 
@@ -434,13 +443,16 @@ def _settled(problem: Problem, worlds: Sequence[World], logs: _LogPriors) -> lis
     leading = max(both, key=odds, default=None)
     if leading is None or odds(leading) < max(map(odds, settled)):
         return [*settled, *both]
-    forms = [
-        c
+    forms = {
+        frozenset(b.number for b in c.branches): c
         for id, other in (leading.candidate.effects, leading.candidate.effects[::-1])
         if (id,) in best
         for c in _partners(problem, best[id,], logs, of=(other,))
-    ]
-    both += [settle(worlds, c, world) for c in forms]
+    }
+    # Each once, or the pair would count so many times.
+    for one in both:
+        forms.pop(frozenset(b.number for b in one.candidate.branches), None)
+    both += [settle(worlds, c, world) for c in forms.values()]
     leading = max(both, key=odds)
     thirds = _partners(problem, leading, logs)[: _SINGLES // 4]
     return [*settled, *both, *(settle(worlds, c, leading.world) for c in thirds)]
