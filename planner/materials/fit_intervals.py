@@ -250,7 +250,8 @@ def secant_intervals(
     if _scatter_known(sample):
         own = np.sqrt(_moves_variance(fit, sample, (derivative / stress[:, None]).T))
         half = students_t(level, sample.specimens) * own
-        next_ = _next_log_sds(scatter, own)
+        if scatter.specimens > 1:  # else one is so stiff that it hides all others
+            next_ = _next_log_sds(scatter, own)
     rows = zip(tested, value, value * np.exp(-half), value * np.exp(half), next_, strict=True)
     return tuple(SecantInterval(*(float(v) for v in row)) for row in rows)
 

@@ -143,7 +143,7 @@ def test_the_hardness_is_used_where_it_predicts_and_dropped_where_it_does_not() 
     assert off["hardness"] < off["coordinate"] < off["quadratic"]
     assert MODEL.palette == PALETTE
     (said,) = left_out_remark(PALETTE)
-    assert f"over hardness {100 * off['hardness']:.2g} %" in said
+    assert f"misses by {100 * off['hardness']:.2g} %" in said
     assert "a cubic over hardness is used" in said
     # Steep in hardness where the ladder is even over m, and even where it is steep.
     gaps = np.diff([shore for _, shore in PALETTE.hardness])[::-1]
