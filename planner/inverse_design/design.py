@@ -1,5 +1,6 @@
 """Design a part's gradient so that it deforms as wanted, and plan it in materials that print."""
 
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -915,11 +916,11 @@ def _signed(missed: FloatArray, slopes: FloatArray, way: FloatArray) -> float:
 
 
 def _bracket(trail: Sequence[_Try]) -> tuple[_Try, _Try] | None:
+    """Return the two tries nearest to one another that miss to either side."""
     above = [t for t in trail if t.miss > 0.0]
     below = [t for t in trail if t.miss <= 0.0]
-    if above and below:
-        return min(above, key=lambda t: t.miss), max(below, key=lambda t: t.miss)
-    return None
+    pairs = itertools.product(above, below)
+    return min(pairs, key=lambda pair: abs(pair[0].shift - pair[1].shift), default=None)
 
 
 _STEEP = 2.0
@@ -945,9 +946,11 @@ def _next_shift(trail: Sequence[_Try]) -> float:
     if within:
         a, b = within
         share = a.miss / (a.miss - b.miss)
-        return a.shift + min(max(share, 0.2), 0.8) * (b.shift - a.shift)
-    last = trail[-1]  # further the same way, by a little more than the slope says
-    return last.shift - 1.2 * last.miss
+        return a.shift + min(max(share, 0.1), 0.9) * (b.shift - a.shift)
+    last, best = trail[-1], min(trail, key=lambda t: abs(t.miss))
+    if abs(last.miss) > abs(best.miss):  # as cuts pass walls it may be the other way
+        return 2.0 * best.shift - last.shift
+    return last.shift - 1.2 * last.miss  # a little more than the slope says
 
 
 def _intervals(

@@ -57,7 +57,7 @@ class Writer:
     @property
     def name(self) -> str:
         first, second = self.words.split()[:2]
-        return f"{first} {second}" if first == "gap" else first
+        return f"{first} {second}" if first in ("gap", "printers") else first
 
 
 _ENDS = "--from Tango --to Vero"
@@ -94,6 +94,8 @@ WRITERS = (
         "--load 'x=max: 0,0,-0.01 N' --target 'x=max uz=-0.05 mm'",
         ("designed",), ("bar.stl",),
     ),
+    Writer("printers new myjet -o mine", ("mine",), (), force=False),
+    Writer("schema palette -o palette.schema.json", ("palette.schema.json",)),
 )  # fmt: skip
 QUICK = ("grade", "view", "materials", "gap simulate")
 

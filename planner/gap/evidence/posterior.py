@@ -292,8 +292,8 @@ def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
 
 
 NO_GAP = 1.02
-"""Error before over the floor, or over what an effect leaves, up to which nothing is closed. Chosen:
-the floor itself is known no better, and a share of nothing is none."""
+"""Error before over the floor, or over what an effect leaves, up to which nothing is closed.
+Chosen: the floor itself is known no better, and a share of nothing is none."""
 
 
 def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
