@@ -127,6 +127,7 @@ def printed(sample: str, *arguments: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_the_design_loop_runs() -> None:
     """On cells so large that it takes seconds; what is printed comes within 1 % all the same."""
     rows = [re.findall(r"[\d.]+", line) for line in printed("design_loop.py", "5")]
