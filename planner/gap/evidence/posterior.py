@@ -247,9 +247,7 @@ def _closes(problem: Problem, weighed: Weighed) -> Mapping[Effects, bool]:
         )
         fewer = [errors[e] for e, closes in found.items() if closes and set(e) < set(effects)]
         found[effects] = all(
-            falls(problem, one, errors[effects]) >= 0.5
-            and np.nanmean(one) > NO_GAP**2 * np.nanmean(errors[effects])
-            for one in (before, *fewer)
+            falls(problem, one, errors[effects]) >= 0.5 for one in (before, *fewer)
         )
     return found
 
@@ -292,8 +290,8 @@ def _telling(campaign: Campaign, tests: Sequence[Sequence[int]]) -> list[str]:
 
 
 NO_GAP = 1.02
-"""Error before over the floor, or over what an effect leaves, up to which nothing is closed.
-Chosen: the floor itself is known no better, and a share of nothing is none."""
+"""Error before over the floor up to which there is nothing to close. Chosen: the floor itself is
+known no better, and a share of nothing is none."""
 
 
 def ranking_of(evidence: Evidence, priors: Priors) -> tuple[Hypothesis, ...]:
