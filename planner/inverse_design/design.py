@@ -44,7 +44,14 @@ from planner.simulation.part import (
 )
 
 if TYPE_CHECKING:
-    from planner.inverse_design.search import Case, Found, Problem, Solved, Stiffness, Tried
+    from planner.inverse_design.search import (
+        Case,
+        DesignProblem,
+        Found,
+        Solved,
+        StiffnessRange,
+        Tried,
+    )
     from planner.simulation.cut_cells import CutCells
 
 __all__ = ["DesignFinding", "DesignStage", "PartDesign", "Reached", "design"]
@@ -512,7 +519,7 @@ def design(
 
     posed(halve_long_edges(mesh, 0.5 * edge)[0])  # what is wrong is told before the work
     progress(DesignStage("loading the solver", 0.0))
-    from planner.inverse_design.search import Case, Problem, Stiffness, search
+    from planner.inverse_design.search import Case, DesignProblem, StiffnessRange, search
     from planner.inverse_design.shape import ShapeGoal, wanted_shape
     from planner.materials.marlow import marlow_table
     from planner.simulation.cut_cells import FEWEST_ALONG, cut_cells
@@ -528,7 +535,7 @@ def design(
         for aims in wanted
     ]
     model = scale.model
-    stiffness = Stiffness((low, high), model, at_strain)
+    stiffness = StiffnessRange((low, high), model, at_strain)
     table = marlow_table(model)
     span_mm, along = 1.0, None
     says: dict[str, Any] | None = None
@@ -570,7 +577,7 @@ def design(
                 made[-1].begin_from(before[number])
         return made
 
-    def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> Problem:
+    def problem_on(size_mm: float, done: float, before: "Sequence[Case]" = ()) -> DesignProblem:
         words = f"cutting the part into cells of {size_mm:.3g} mm; all takes {effort}"
         progress(DesignStage(words, done))
         cells = cut_cells(mesh, size_mm)
@@ -578,7 +585,7 @@ def design(
         body = Body(cells, table, np.full(len(cells.points), middle), densities=densities)
         made = cases_on(replace(body, stabiliser_MPa=body.cell_shear_MPa), before)
         normal = NormalDist().inv_cdf(0.5 + level / 2.0) if robust else 0.0
-        return Problem(stiffness, controls, made, limits, prefer, 0.3 * tolerance, normal)
+        return DesignProblem(stiffness, controls, made, limits, prefer, 0.3 * tolerance, normal)
 
     def told(stage: str, first: float, last: float) -> Callable[[int, float], None]:
         def tell(tried: int, off: float) -> None:
@@ -616,7 +623,7 @@ def design(
         )
     tried, best, stopped = found.tried, found.best, found.stopped
 
-    def refined() -> "tuple[Problem, Found]":
+    def refined() -> "tuple[DesignProblem, Found]":
         finer = problem_on(edge, near_share, problem.cases)
         return finer, search(
             finer, best.values, tolerance=0.3 * tolerance, radius=0.1,
@@ -830,7 +837,7 @@ def _encoded(
     values: FloatArray,
     bounds_mm: FloatArray,
     counts: Sequence[int],
-    stiffness: "Stiffness",
+    stiffness: "StiffnessRange",
 ) -> bytes:
     """Return a lattice's gradient as a VTI file: eight steps between controls, and the box's ends.
 
@@ -852,7 +859,7 @@ def _encoded(
 _Ends = tuple[float | None, float | None]
 
 
-def _reach(problem: "Problem") -> list[_Ends]:
+def _reach(problem: "DesignProblem") -> list[_Ends]:
     """Return the figures of all goals in the softest and in the stiffest material."""
     from planner.simulation.solid import LostStabilityError
 
@@ -872,7 +879,7 @@ def _reach(problem: "Problem") -> list[_Ends]:
     return list(zip(*found, strict=True))
 
 
-def _out_of_reach(problem: "Problem", reach: Sequence[_Ends]) -> list[str]:
+def _out_of_reach(problem: "DesignProblem", reach: Sequence[_Ends]) -> list[str]:
     """Say which figures no even material gives."""
     out = []
     for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
@@ -887,7 +894,7 @@ def _out_of_reach(problem: "Problem", reach: Sequence[_Ends]) -> list[str]:
     return out
 
 
-def _even(problem: "Problem", reach: Sequence[_Ends]) -> float:
+def _even(problem: "DesignProblem", reach: Sequence[_Ends]) -> float:
     """Return the share of stiffness at which an even part comes nearest to the targets."""
     shares = []
     for goal, (soft, stiff) in zip(problem.goals, reach, strict=True):
@@ -985,7 +992,7 @@ def _findings(
     limit: float | None,
     tolerance: float,
     values: FloatArray,
-    problem: "Problem",
+    problem: "DesignProblem",
     best: "Tried",
     *,
     dithered: bool,
@@ -1052,7 +1059,9 @@ _OPPOSED = -0.5
 """Cosine between two derivatives from which targets are said to stand against each other."""
 
 
-def _against(problem: "Problem", best: "Tried", tolerance: float) -> dict[tuple[str, str], str]:
+def _against(
+    problem: "DesignProblem", best: "Tried", tolerance: float
+) -> dict[tuple[str, str], str]:
     """Say of each target and limit that is missed which other stands most against it."""
     named = [(case.name, goal.text, goal.kind) for case in problem.cases for goal in case.goals]
     off, over = (

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,11 +21,11 @@ if TYPE_CHECKING:
     from planner.simulation.loads import Conditions
     from planner.simulation.sparse_cholesky import Analysis, Factor
 
-__all__ = ["Case", "Found", "Problem", "Stiffness", "Tried", "evaluate", "search"]
+__all__ = ["Case", "DesignProblem", "Found", "StiffnessRange", "Tried", "evaluate", "search"]
 
 
 @dataclass(frozen=True, eq=False)
-class Stiffness:
+class StiffnessRange:
     """What a share of the way from ln(softest) to ln(stiffest) means.
 
     Attributes
@@ -50,11 +51,15 @@ class Stiffness:
 
     def coordinates(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mixtures' coordinates at shares, and their derivative over the share."""
-        nodes = np.linspace(0.0, 1.0, 2049)
-        known = coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
+        nodes, known = self._known
         step = nodes[1]
         cell = np.clip((share / step).astype(np.int64), 0, len(nodes) - 2)
         return np.interp(share, nodes, known), (known[cell + 1] - known[cell]) / step
+
+    @cached_property
+    def _known(self) -> tuple[FloatArray, FloatArray]:
+        nodes = np.linspace(0.0, 1.0, 2049)
+        return nodes, coordinate_for(self.model, self.modulus_MPa(nodes), self.at_strain)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -214,7 +219,7 @@ class OverBreak(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DesignProblem:
     """Controls to find.
 
     Attributes
@@ -232,7 +237,7 @@ class Problem:
         Of standard deviations of the palette by which limits are kept; 0 for its own figures.
     """
 
-    stiffness: Stiffness
+    stiffness: StiffnessRange
     controls: Controls
     cases: Sequence[Case]
     limits: Limits
@@ -304,7 +309,7 @@ _STRAIGHT = 0.2
 """Of what is wanted: below it a miss goes with the figure, no longer with its logarithm."""
 
 
-def evaluate(problem: Problem, values: FloatArray) -> Tried:
+def evaluate(problem: DesignProblem, values: FloatArray) -> Tried:
     """Return what a gradient comes to.
 
     Raises
@@ -403,7 +408,7 @@ to a small part of the tolerance."""
 
 
 def search(
-    problem: Problem,
+    problem: DesignProblem,
     start: FloatArray,
     *,
     tolerance: float,
@@ -473,14 +478,14 @@ def search(
     return Found(best, tried)
 
 
-def _enough(problem: Problem, at: Tried, tolerance: float) -> float:
+def _enough(problem: DesignProblem, at: Tried, tolerance: float) -> float:
     """Return which gain is not worth a further step."""
     if missed(at) >= tolerance:
         return (1e-3 if at.shape > tolerance else 1e-5) * _merit(problem, at)
     return max(_PLEASED * _merit(problem, at), _SLACK * tolerance * MISS_WEIGHT)
 
 
-def _tried(problem: Problem, values: FloatArray) -> Tried | None:
+def _tried(problem: DesignProblem, values: FloatArray) -> Tried | None:
     try:
         return evaluate(problem, values)
     except LostStabilityError:
@@ -493,18 +498,18 @@ def missed(candidate: Tried) -> float:
     return float(max([0.0, *off, *candidate.over.tolist(), candidate.shape]))
 
 
-def _merit(problem: Problem, candidate: Tried) -> float:
+def _merit(problem: DesignProblem, candidate: Tried) -> float:
     return _weighed(problem, candidate.values, candidate.off, candidate.over, candidate.near)
 
 
-def _foretold(problem: Problem, at: Tried, values: FloatArray) -> float:
+def _foretold(problem: DesignProblem, at: Tried, values: FloatArray) -> float:
     change = values - at.values
     each = ((at.off, at.slopes), (at.over, at.over_slopes), (at.near, at.near_slopes))
     return _weighed(problem, values, *(now + slopes @ change for now, slopes in each))
 
 
 def _weighed(
-    problem: Problem, values: FloatArray, off: FloatArray, over: FloatArray, near: FloatArray
+    problem: DesignProblem, values: FloatArray, off: FloatArray, over: FloatArray, near: FloatArray
 ) -> float:
     hessian, slope = problem.wish
     even = problem.controls.even
@@ -514,7 +519,7 @@ def _weighed(
     return float(MISS_WEIGHT * misses + SHAPE_WEIGHT * np.sum(near**2) + wish)
 
 
-def _step(problem: Problem, at: Tried, radius: float) -> FloatArray:
+def _step(problem: DesignProblem, at: Tried, radius: float) -> FloatArray:
     """Return the values that make the linear models' merit least within the radius and bounds."""
     hessian, slope = problem.wish
     near = at.near - at.near_slopes @ at.values

@@ -22,7 +22,7 @@ from planner.inverse_design import search
 from planner.inverse_design.controls import lattice, lattice_counts
 from planner.inverse_design.design import PartDesign
 from planner.inverse_design.goals import Limits, functionals, read_target
-from planner.inverse_design.search import Case, Problem, Stiffness, _quadratic, evaluate
+from planner.inverse_design.search import Case, DesignProblem, StiffnessRange, _quadratic, evaluate
 from planner.inverse_design.shape import ShapeGoal, wanted_shape
 from planner.materials.marlow import marlow_table
 from planner.mesh.mesh import Mesh
@@ -118,7 +118,7 @@ def test_the_step_solves_its_quadratic_programme() -> None:
 # --- derivatives
 
 
-def _problem(texts: list[str], shape: Array | None, limits: Limits) -> Problem:
+def _problem(texts: list[str], shape: Array | None, limits: Limits) -> DesignProblem:
     palette = palette_of(None, load_printer("connex3"))
     scale = stiffness_scale(palette, 0.1)
     cells = cut_cells(MESH, 2.7)
@@ -136,8 +136,8 @@ def _problem(texts: list[str], shape: Array | None, limits: Limits) -> Problem:
                   [ShapeGoal.on(one, cells, None) for one in wished])  # fmt: skip
     ends = scale.moduli_MPa[0], scale.moduli_MPa[-1]
     controls = lattice(MESH.bounds_mm, (5, 3, 3), [], 0.5)
-    stiffness = Stiffness(ends, scale.model, 0.1)
-    return Problem(stiffness, controls, [solved], limits, "smooth")
+    stiffness = StiffnessRange(ends, scale.model, 0.1)
+    return DesignProblem(stiffness, controls, [solved], limits, "smooth")
 
 
 def _bent(of: Array = MESH.triangles) -> Array:
@@ -363,7 +363,7 @@ def test_an_interrupted_design_is_a_plan_and_goes_on(
     whole = search.evaluate
     calls = 0
 
-    def ended(problem: Problem, values: Array) -> Any:
+    def ended(problem: DesignProblem, values: Array) -> Any:
         nonlocal calls
         calls += 1
         if calls == 3:
