@@ -6,7 +6,7 @@ import pytest
 from planner.errors import MeshError
 from planner.formats.mesh_file import read_mesh
 from planner.mesh.audit import audit
-from planner.mesh.part import make_part
+from planner.mesh.part import make_part, undersize
 
 TRAY_MM = (490.0, 390.0, 200.0)
 
@@ -50,7 +50,8 @@ def test_taken(shared_data, file, unit, faces, volume_mm3, repair):
 
 
 def test_unit_of_a_part_in_metres(shared_data):
-    assert "--unit m it is 44 x 14 x 47 mm" in load(shared_data, "ADIS16480.STL").warnings[0]
+    question = undersize(load(shared_data, "ADIS16480.STL").mesh)
+    assert question is not None and "in m it would be 44 x 14 x 47 mm: --unit m" in question
 
 
 @pytest.mark.parametrize(
