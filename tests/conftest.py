@@ -1,10 +1,15 @@
 """Where samples and shared data lie; small campaigns by planner's own forward model."""
 
 import itertools
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+# Where several processes share the processors, each computes on one; before numpy starts its own.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -21,6 +26,13 @@ USUAL: Mapping[str, Any] = {
     "temperature_C": 23.0, "soak_h": 0.0, "age_days": 9.0, "orientation": "x",
     "protocol": "monotonic",
 }  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give workers of pytest-xdist whole files where possible: their fixtures are made once."""
+    if config.getoption("numprocesses", None) and config.getoption("dist") == "load":
+        config.option.dist = "worksteal"
+
 
 Planned = Callable[..., Campaign]
 Imitated = Callable[..., Campaign]

@@ -321,7 +321,11 @@ def _states(bench: Bench, folder: Path) -> tuple[dict[str, Path], Content, int]:
     return states, first.found, first.steps
 
 
-@pytest.mark.parametrize("writer", [w for w in WRITERS if w.name in QUICK], ids=lambda w: w.name)
+@pytest.mark.parametrize(
+    "writer",
+    [pytest.param(w, id=w.name, marks=[pytest.mark.slow] * (w.name not in ("grade", "materials")))
+     for w in WRITERS if w.name in QUICK],
+)  # fmt: skip
 def test_a_step_of_quick_commands(
     writer: Writer, bench_of: Callable[[Writer], Bench], tmp_path: Path
 ) -> None:
@@ -366,7 +370,7 @@ def test_a_disk_that_takes_no_more(
     assert attacked.found == before
 
 
-@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("force", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("writer", [WRITERS[0], WRITERS[4]], ids=["folder", "files"])
 def test_two_runs_onto_one_target(
     writer: Writer, force: bool, bench_of: Callable[[Writer], Bench], tmp_path: Path
@@ -502,7 +506,7 @@ def test_an_output_on_every_kind_of_thing(
                 path.unlink(missing_ok=True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("writer", WRITERS, ids=lambda w: w.name)
 def test_killed_at_any_time(
     writer: Writer, bench_of: Callable[[Writer], Bench], tmp_path: Path
@@ -533,7 +537,7 @@ def test_killed_at_any_time(
     sys.stdout.write(f"{writer.name}, killed at any time: {len(outcomes)} runs, {counts}\n")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("writer", WRITERS, ids=lambda w: w.name)
 def test_every_step_of_every_command(

@@ -89,7 +89,7 @@ def test_without_replicates_nothing_wrong_is_named(planned, imitated, effect: st
     assert (found.gap.floor, found.gap.closed) == (None, None)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_without_replicates_nothing_is_named_where_there_is_nothing(
     planned, imitated, seed: int
 ) -> None:
