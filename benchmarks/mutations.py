@@ -14,7 +14,6 @@ of these notices, the slow ones.
 import argparse
 import ast
 import collections
-import importlib.util
 import json
 import os
 import random
@@ -266,11 +265,11 @@ def workplace(folder: Path) -> Path:
 def tests_run(there: Path, arguments: Sequence[str], **more: str) -> int:
     """Run tests in a copy; return pytest's exit code."""
     path = os.pathsep.join([str(there), str(there.parent / "plugin")])
-    more = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", **more}
+    usual = {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "mutations", *arguments]
     done = subprocess.run(
-        command, cwd=there, env=more, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT,
-        check=False,
+        command, cwd=there, env={**os.environ, **usual, **more},
+        stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, check=False,
     )  # fmt: skip
     if done.returncode in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
         raise SystemExit(f"pytest finds no such tests: {command}")
@@ -318,22 +317,26 @@ def outcome(there: Path, made: dict[str, dict[str, Any]], tests: list[str], limi
     return f"killed by {current.read_text()}" if code else f"survived {len(tests)} tests"
 
 
+def rewrite(path: Path, source: bytes) -> None:
+    """Write a module, and forget what was compiled of it: files of one size and second differ."""
+    path.write_bytes(source)
+    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+        compiled.unlink()
+
+
 def result(
     there: Path, mutation: Mutation, made: dict[str, dict[str, Any]], limit_s: float
 ) -> dict[str, Any]:
     """Run the tests on mutated code, the slow ones if no quick one notices."""
     path = there / mutation.file
-    compiled = Path(importlib.util.cache_from_source(str(path)))
     whole, start = path.read_bytes(), time.time()
-    path.write_bytes(whole[: mutation.start] + mutation.text.encode() + whole[mutation.end :])
-    compiled.unlink(missing_ok=True)
+    rewrite(path, whole[: mutation.start] + mutation.text.encode() + whole[mutation.end :])
     told: dict[str, Any] = {"name": mutation.name, "room": mutation.room, "in": mutation.function}
     for sort, slow in (("quick", False), ("slow", True)):
         told[sort] = outcome(there, made, tests_of(mutation, made, slow), limit_s)
         if told[sort].startswith("killed"):
             break
-    path.write_bytes(whole)
-    compiled.unlink(missing_ok=True)
+    rewrite(path, whole)
     return told | {"seconds": round(time.time() - start, 1)}
 
 
