@@ -135,7 +135,7 @@ def mutations_of(room: str, path: Path) -> list[Mutation]:
     return found
 
 
-def chosen(count: int, seed: int) -> list[Mutation]:
+def chosen(count: int, *, seed: int) -> list[Mutation]:
     """Draw mutations: as many of each room, each kind as likely, no function twice."""
     rng = random.Random(seed)
     drawn: list[Mutation] = []
@@ -262,7 +262,7 @@ def workplace(folder: Path) -> Path:
     return there
 
 
-def tests_run(there: Path, arguments: Sequence[str], **more: str) -> int:
+def run_tests(there: Path, arguments: Sequence[str], **more: str) -> int:
     """Run tests in a copy; return pytest's exit code."""
     path = os.pathsep.join([str(there), str(there.parent / "plugin")])
     usual = {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
@@ -280,7 +280,7 @@ def made_map(there: Path, path: Path, processes: int) -> dict[str, dict[str, Any
     """Return which functions each test enters; those that fail without mutations are left out."""
     if not path.exists():
         words = ["-n", str(processes), "-m", "not bench and not long"]
-        tests_run(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
+        run_tests(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
         made: dict[str, Any] = {}
         for part in path.parent.glob(f"{path.stem}.[ag]*"):  # all, gw0, gw1, ...
             made |= json.loads(part.read_text())
@@ -289,7 +289,7 @@ def made_map(there: Path, path: Path, processes: int) -> dict[str, dict[str, Any
     return dict(json.loads(path.read_text()))
 
 
-def tests_of(mutation: Mutation, made: dict[str, dict[str, Any]], slow: bool) -> list[str]:
+def noticing(mutation: Mutation, made: dict[str, dict[str, Any]], *, slow: bool) -> list[str]:
     """Return the tests that can notice a mutation, those that do most likely and soonest first."""
     file, function = f"{mutation.file}:", f"{mutation.file}:{mutation.function}"
     order = [
@@ -311,7 +311,7 @@ def outcome(there: Path, made: dict[str, dict[str, Any]], tests: list[str], limi
     run.write_text(json.dumps({"until_s": time.time() + limit_s, "seconds": seconds}))
     listed.write_text("\n".join(tests))
     words = ["-x", "-n", "0", "-m", "not bench and not long", f"@{listed}"]
-    code = tests_run(there, words, MUTATIONS_RUN=str(run))
+    code = run_tests(there, words, MUTATIONS_RUN=str(run))
     if code == OUT_OF_TIME:
         return f"out of time after {tests.index(current.read_text())} of {len(tests)} tests"
     return f"killed by {current.read_text()}" if code else f"survived {len(tests)} tests"
@@ -333,7 +333,7 @@ def result(
     rewrite(path, whole[: mutation.start] + mutation.text.encode() + whole[mutation.end :])
     told: dict[str, Any] = {"name": mutation.name, "room": mutation.room, "in": mutation.function}
     for sort, slow in (("quick", False), ("slow", True)):
-        told[sort] = outcome(there, made, tests_of(mutation, made, slow), limit_s)
+        told[sort] = outcome(there, made, noticing(mutation, made, slow=slow), limit_s)
         if told[sort].startswith("killed"):
             break
     rewrite(path, whole)
@@ -367,7 +367,7 @@ def main() -> None:
     given = parser.parse_args()
     results: Path = given.results.resolve()
     results.touch()
-    drawn = chosen(given.count, given.seed)
+    drawn = chosen(given.count, seed=given.seed)
     done = {one["name"]: one for one in map(json.loads, results.read_text().splitlines())}
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder:
         there = workplace(Path(folder))

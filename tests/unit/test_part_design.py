@@ -82,6 +82,7 @@ def test_soft_uses_less_of_what_is_stiff() -> None:
     assert means[0] < means[1]
 
 
+@pytest.mark.slow
 def test_stiffness_and_force_are_displacement_and_reaction() -> None:
     """0.0125 N/mm under 0.1 N is 8 mm; a support that moves by 2 mm pulls with what is wanted."""
     stiff = design(load=LOAD, target="x=min stiffness=0.0125 N/mm")
