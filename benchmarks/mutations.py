@@ -136,17 +136,22 @@ def mutations_of(room: str, path: Path) -> list[Mutation]:
 
 
 def chosen(count: int, *, seed: int) -> list[Mutation]:
-    """Draw mutations: as many of each room, each kind as likely, no function twice."""
+    """Draw mutations: the rooms in turn, each kind as likely, no function twice."""
     rng = random.Random(seed)
     drawn: list[Mutation] = []
-    for room, patterns in ROOMS.items():
-        files = sorted({path for pattern in patterns for path in ROOT.glob(pattern)})
-        every = [one for path in files for one in mutations_of(room, path)]
-        kinds = sorted({one.kind for one in every})
-        for _ in range(count // len(ROOMS)):
+    every = {
+        room: [
+            one
+            for path in sorted({path for pattern in patterns for path in ROOT.glob(pattern)})
+            for one in mutations_of(room, path)
+        ]
+        for room, patterns in ROOMS.items()
+    }
+    for _ in range(count // len(ROOMS)):
+        for found in every.values():
             seen = {(one.file, one.function) for one in drawn}
-            kind = rng.choice(kinds)
-            fresh = [x for x in every if x.kind == kind and (x.file, x.function) not in seen]
+            kind = rng.choice(sorted({one.kind for one in found}))
+            fresh = [x for x in found if x.kind == kind and (x.file, x.function) not in seen]
             drawn.append(rng.choice(fresh))
     return drawn
 
@@ -166,14 +171,13 @@ class Mapper:
 
     def names(self) -> set[str]:
         """Return what was entered since, and forget it."""
+        entered, self.entered = self.entered, set()  # this is traced too
         here = f"{ROOT_OF_TESTS}{os.sep}"
-        names = {
+        return {
             f"{code.co_filename.removeprefix(here)}:{code.co_qualname.split('.<locals>')[0]}"
-            for code in self.entered
+            for code in entered
             if code.co_filename.startswith(f"{here}planner{os.sep}") and code.co_name != "<module>"
         }
-        self.entered.clear()
-        return names
 
     def look(self, frame: FrameType, event: str, argument: object) -> None:
         """Note a call."""
@@ -276,10 +280,9 @@ def run_tests(there: Path, arguments: Sequence[str], **more: str) -> int:
     return done.returncode
 
 
-def made_map(there: Path, path: Path, processes: int) -> dict[str, dict[str, Any]]:
+def made_map(there: Path, path: Path, words: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return which functions each test enters; those that fail without mutations are left out."""
     if not path.exists():
-        words = ["-n", str(processes), "-m", "not bench and not long"]
         run_tests(there, words, MUTATIONS_MAP=str(path), MUTATIONS_TREE=str(there))
         made: dict[str, Any] = {}
         for part in path.parent.glob(f"{path.stem}.[ag]*"):  # all, gw0, gw1, ...
@@ -363,15 +366,17 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=80)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=300.0, help="for the tests of a mutation")
-    parser.add_argument("--processes", type=int, default=2, help="of the run that makes the map")
+    parser.add_argument("--tests", nargs="+", default=[], help="files of tests, if not all")
+    parser.add_argument("--processes", default="2", help="of the run that makes the map")
     given = parser.parse_args()
     results: Path = given.results.resolve()
     results.touch()
+    words = ["-n", given.processes, "-m", "not bench and not long", *given.tests]
     drawn = chosen(given.count, seed=given.seed)
     done = {one["name"]: one for one in map(json.loads, results.read_text().splitlines())}
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder:
         there = workplace(Path(folder))
-        made = made_map(there, results.with_suffix(".map.json"), given.processes)
+        made = made_map(there, results.with_suffix(".map.json"), words)
         for mutation in drawn:
             if mutation.name not in done:
                 done[mutation.name] = result(there, mutation, made, given.seconds)
