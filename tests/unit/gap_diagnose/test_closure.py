@@ -35,8 +35,8 @@ def scaled(campaign: Campaign, factors: list[float]) -> Campaign:
     ("columns", "held_out"),
     [
         ({"rate_mm_s": [0.085, 0.85, 8.5]}, "leave one condition out"),
-        ({"rate_mm_s": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "soak_h": [0.0, 24.0]},
-         "12 conditions left out, up to 2 at a time"),
+        pytest.param({"rate_mm_s": [0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "soak_h": [0.0, 24.0]},
+                     "12 conditions left out, up to 2 at a time", marks=pytest.mark.slow),
         ({}, "2 specimens left out one at a time"),
         # Without the other nothing is known of a direction: specimens have to do.
         ({"orientation": ["x", "z"]}, "4 specimens left out one at a time"),
@@ -148,6 +148,7 @@ def test_errors_fall_as_probably_as_students_t_says_of_tests(planned, imitated) 
     assert falls(problem, one, after) == 1.0
 
 
+@pytest.mark.slow
 def test_no_baseline_goes_beyond_what_was_measured_or_predicted(planned, imitated) -> None:
     """Forces in one file a thousand times too small: patterns would grow without an end."""
     plan = planned(3, material=["FLX9760", "TangoPlus"], rate_mm_s=[0.085, 0.85, 8.5])

@@ -23,7 +23,9 @@ def cells(planned):
     return planned(4, material=["TangoPlus", "FLX9760"], rate_mm_s=[0.85, 8.5])
 
 
-@pytest.mark.parametrize("scatter", [0.012, 0.03, 0.08])
+@pytest.mark.parametrize(
+    "scatter", [0.03, *(pytest.param(sd, marks=pytest.mark.slow) for sd in (0.012, 0.08))]
+)
 def test_a_known_scatter_is_estimated(cells, imitated, scatter: float) -> None:
     """Twelve degrees of freedom: each estimate within three of its own errors of 20 %.
 
@@ -105,7 +107,9 @@ def test_whitening_makes_replicates_differences_white(cells, imitated, seed: int
     assert 0.85 * low < squares < 1.15 * high
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+)
 def test_the_whole_residual_is_as_large_as_its_model_says(cells, imitated, seed: int) -> None:
     """With calibration and batches integrated over: no larger than noise; laws are exact here.
 
