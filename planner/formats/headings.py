@@ -5,20 +5,26 @@ import math
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 from planner.errors import FileError
-from planner.formats.tables import LONGEST_HEADING, is_unit, number, quantities_of, unit_factor
+from planner.formats.tables import LONGEST_HEADING, number
+from planner.formats.units import is_unit, quantities_of, unit_factor
 
 __all__ = [
+    "LENGTHS",
+    "LOADS",
     "MODES",
     "HeadedColumn",
     "Heading",
     "column_of",
     "head_text",
+    "heading_of",
+    "headings_of",
+    "is_figure",
     "is_of_crosshead",
     "marked_specimen",
     "may_be_nearer",
@@ -26,6 +32,7 @@ __all__ = [
     "parse_heading",
     "size_of",
     "split_value",
+    "suffice",
 ]
 
 
@@ -273,6 +280,35 @@ def column_of(heading: Heading, *, where: str) -> HeadedColumn:
             f"{where}: no unit; write it in the heading, as '{heading.text} ({_OF[quantity]})'"
         )
     return HeadedColumn(heading, name, unit_factor(quantity, unit or "", where=where))
+
+
+LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
+LOADS = {"force", "stress", "true stress"}
+"""What a record has one of each of."""
+
+
+def heading_of(cell: str) -> Heading:
+    """Take a heading apart; of a cell that is not understood the meaning is ""."""
+    return parse_heading(cell) or Heading(cell, "", None)
+
+
+def headings_of(cells: Sequence[str]) -> list[Heading] | None:
+    """Return the headings in a row that names a load and a length; None of any other row."""
+    if sum(map(bool, cells)) < 2:
+        return None
+    found = [heading_of("" if is_figure(cell) else cell) for cell in cells]
+    return found if suffice(found) else None
+
+
+def suffice(headings: Iterable[Heading]) -> bool:
+    """Say whether there are a load and a length among headings."""
+    meanings = {heading.meaning for heading in headings}
+    return bool(meanings & LENGTHS and meanings & LOADS)
+
+
+def is_figure(cell: str) -> bool:
+    """Say whether a cell begins as a number does."""
+    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
 
 
 # ------------------------------------------------------------------------------------------------

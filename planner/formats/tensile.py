@@ -1,25 +1,29 @@
-"""Tensile test files, and the list of specimens: its columns, and what an empty cell stands for."""
+"""Tensile test files: what a testing machine wrote, as one record a specimen."""
 
 import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, permutations
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args
 
 import numpy as np
 
 from planner.errors import ArgumentError, FileError
 from planner.formats.files import read_file
 from planner.formats.headings import (
+    LENGTHS,
+    LOADS,
     HeadedColumn,
     Heading,
     column_of,
     head_text,
+    heading_of,
+    headings_of,
+    is_figure,
     is_of_crosshead,
     marked_specimen,
     may_be_nearer,
@@ -27,32 +31,24 @@ from planner.formats.headings import (
     parse_heading,
     size_of,
     split_value,
+    suffice,
 )
 from planner.formats.tables import (
-    LARGEST_FIGURE,
     LONGEST_HEADING,
     TextRow,
     decode_text,
     finite_numbers,
-    is_unit,
+    is_workbook,
     number,
-    quantities_of,
-    read_rows,
+    read_sheets,
     split_rows,
-    unit_factor,
 )
-from planner.formats.workbook import is_workbook, read_sheets
+from planner.formats.units import is_unit, quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
 __all__ = [
-    "SPECIMEN_COLUMNS",
-    "SPECIMEN_TEXTS",
-    "ListedSpecimen",
     "NoRecordError",
-    "SpecimenConditions",
     "TensileTable",
-    "is_specimens_file",
-    "read_specimens",
     "read_tensile",
 ]
 
@@ -123,8 +119,6 @@ class TensileTable:
 
 
 _SEPARATORS = ("\t", ";", ",", "|", "  ", " ")
-_LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
-_LOADS = {"force", "stress", "true stress"}
 _LENGTH_COLUMNS = ("strain", "true_strain", "displacement_mm")
 _BLOCKS = ("join", "apart")
 
@@ -333,33 +327,12 @@ _DECIMAL_COMMA, _DECIMAL_DOT = (
 # Blocks: headings, and the numbers below.
 
 
-def _suffice(headings: Iterable[Heading]) -> bool:
-    meanings = {heading.meaning for heading in headings}
-    return bool(meanings & _LENGTHS and meanings & _LOADS)
-
-
-def _headings(cells: Sequence[str]) -> _Headings | None:
-    """Return the headings in a row that names a load and a length; None of any other row."""
-    if sum(map(bool, cells)) < 2:
-        return None
-    found = [_heading("" if _is_figure(cell) else cell) for cell in cells]
-    return found if _suffice(found) else None
-
-
-def _heading(cell: str) -> Heading:
-    return parse_heading(cell) or Heading(cell, "", None)
-
-
-def _is_figure(cell: str) -> bool:
-    return cell[:1].isdigit() or (cell[:1] in "+-.," and cell[1:2].isdigit())
-
-
 def _blocks(grid: _Grid) -> list[_Block]:
     rows, found = grid.rows, list[_Block]()
     headings = grid.by_position
     start = at = 0
     while at < len(rows):
-        own = _headings(rows[at][1]) if grid.by_position is None else None
+        own = headings_of(rows[at][1]) if grid.by_position is None else None
         place = at
         if grid.by_position is None and _cell(rows[at][1], 0) == _SEGMENT:
             headings = None
@@ -438,7 +411,7 @@ def _numbers_below(
             words == filled
             and (filled or not found or not _names_alone([_cell(cells, i) for i in named], cells))
         ):
-            if found or not headed or _headings(cells) is not None:
+            if found or not headed or headings_of(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
             return found, place + 1
@@ -457,7 +430,7 @@ def _names_alone(names: Iterable[str], cells: Sequence[str]) -> bool:
 def _sums_up(grid: _Grid, place: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
     label = next(filter(None, grid.rows[place][1]), "")
-    if len(label) < 2 or _is_figure(label) or not _is_statistic(label):
+    if len(label) < 2 or is_figure(label) or not _is_statistic(label):
         return False
     near = grid.rows[max(place - 1, 0) : place + 2]
     return sum(next(filter(None, cells), "") == label for _, cells in near) == 1
@@ -544,7 +517,7 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
     """
 
     def whole(places: Iterable[int]) -> bool:
-        return _suffice(headings[i] for i in places)
+        return suffice(headings[i] for i in places)
 
     def walk(places: Iterable[int]) -> list[list[int]]:
         walked: list[list[int]] = [[]]
@@ -592,7 +565,7 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
         return numbered
     walked = walk(known)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
-    kinds = {"time"} | (_LENGTHS if grid.by_position else set())
+    kinds = {"time"} | (LENGTHS if grid.by_position else set())
     once = [
         i for i in walked[0] if headings[i].meaning in kinds
         and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
@@ -650,7 +623,7 @@ def _marked(grid: _Grid, block: _Block) -> str:
     for _, cells in grid.rows[block.start : block.rows[0]]:
         filled = [cell for cell in cells if cell]
         if len(filled) > 1 and head_text(filled[0]) == "specimen":
-            found = found if _heading(filled[1]).meaning else filled[1]
+            found = found if heading_of(filled[1]).meaning else filled[1]
         elif len(filled) < 3 and (mark := marked_specimen(" ".join(filled))) is not None:
             found = mark
     return found
@@ -663,9 +636,7 @@ def _split(
     where, rows, headings = grid.where, grid.rows, block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
     alone = len(places) == sum(bool(h.meaning) for h in headings)
-    filled = [
-        i for i in places if headings[i].meaning in _LOADS | _LENGTHS or (alone and i == named)
-    ]
+    filled = [i for i in places if headings[i].meaning in LOADS | LENGTHS or (alone and i == named)]
     lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
     if not lined:
         return []
@@ -764,7 +735,7 @@ def _used_columns(
         if headings[i].meaning != "specimen"
     }
     cells = {i: column for i, column in cells.items() if any(column)}
-    if _suffice(headings[i] for i, column in cells.items() if "" not in column):
+    if suffice(headings[i] for i, column in cells.items() if "" not in column):
         for i, j in permutations(cells, 2):
             if "" in cells[i] and "" not in cells[j] and _same(headings[i], headings[j]):
                 raise FileError(
@@ -792,7 +763,7 @@ def _used_columns(
         try:
             column = column_of(heading, where=where)
         except FileError as error:
-            others = _suffice(headings[j] for j in cells if j != i and headings[j].unit)
+            others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
             if not is_time and not (heading.meaning in ("elongation", "position") and others):
                 if grid.by_position or (heading.unit is not None and not grid.option):
                     raise
@@ -867,7 +838,7 @@ def _refuse_far(
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
         blank = Heading("", "", None)
-        taken = [near.get(i, blank if h.meaning in _LENGTHS else h) for i, h in enumerate(headings)]
+        taken = [near.get(i, blank if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
         first, twice = next(iter(near.values())), len(near) > 1
         other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
         raise FileError(
@@ -885,7 +856,7 @@ def _refuse_two(
         factor * np.array([grid.number(_cell(grid.rows[r][1], i)) for r in lined], dtype=np.float64)
         for i, factor in factors.items()
     )
-    is_load = any(headings[i].meaning in _LOADS for i in factors)
+    is_load = any(headings[i].meaning in LOADS for i in factors)
     if not is_load:
         one, other = one - one[0], other - other[0]
     if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
@@ -1016,7 +987,7 @@ def _tables(
 
 
 def _written(heading: Heading) -> str:
-    inside = heading.unit is None or _heading(heading.text).unit == heading.unit
+    inside = heading.unit is None or heading_of(heading.text).unit == heading.unit
     return heading.text if inside else f"{heading.text} ({heading.unit})"
 
 
@@ -1069,7 +1040,7 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
         if row in data and row > beside:
             continue
         for at in range(data.get(row, 0), len(cells)):
-            if cells[at] and not _is_figure(cells[at]):
+            if cells[at] and not is_figure(cells[at]):
                 yield from _said_at(grid, row, at)
 
 
@@ -1313,7 +1284,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
         told = _UNIT_OF.fullmatch(" ".join(cell for cell in cells if cell))
         unit = told[2] if told else ""
         of_load = "force" if "force" in quantities_of(unit) else ""
-        meaning = _heading(told[1]).meaning if told and told[1] else of_load
+        meaning = heading_of(told[1]).meaning if told and told[1] else of_load
         if meaning and is_unit(unit) and units.setdefault(meaning, unit) != unit:
             raise FileError(
                 f"{grid.where}, line {line}: unit of {meaning} is {unit!r} here and "
@@ -1339,14 +1310,14 @@ _UNIT_OF = re.compile(r"(?:(\w+) )?units?\s*:?\s*[(\[]?([^\s()\[\]]+)[)\]]?", re
 
 
 def _by_position(columns: Sequence[str]) -> _Headings:
-    headings = [_heading("" if c.strip() == "-" else c.strip()) for c in columns]
+    headings = [heading_of("" if c.strip() == "-" else c.strip()) for c in columns]
     for heading in headings:
         if heading.text and not heading.meaning:
             raise FileError(
                 f"column {heading.text!r} is unknown; use time_s, displacement_mm, force_N, "
                 "strain, stretch, stress_MPa, specimen, or '-' for a column to leave out"
             )
-    if not _suffice(headings):
+    if not suffice(headings):
         raise FileError(
             f"columns {', '.join(columns)}: name one load (force_N, stress_MPa) and one length "
             "(displacement_mm, strain, stretch)"
@@ -1372,10 +1343,12 @@ def _not_understood(grid: _Grid) -> str:
             "(displacement, extension, travel, strain, stretch) above columns of numbers; export "
             "the raw data, headed as 'time_s,displacement_mm,force_N'"
         )
-    headings = [_heading(name) for name in names]
+    headings = [heading_of(name) for name in names]
     known = [f"{h.text!r} as {h.meaning}" for h in headings if h.meaning]
     unknown = [
-        repr(n if len(n) <= 30 else f"{n[:27]}...") for n in names if n and not _heading(n).meaning
+        repr(n if len(n) <= 30 else f"{n[:27]}...")
+        for n in names
+        if n and not heading_of(n).meaning
     ]
     missing = _missing(headings)
     said = (
@@ -1383,7 +1356,7 @@ def _not_understood(grid: _Grid) -> str:
         f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
     )
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
-    if example.split(",").count("?") < len(_missing(map(_heading, example.split(",")))):
+    if example.split(",").count("?") < len(_missing(map(heading_of, example.split(",")))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(grid.option, example)}"
 
@@ -1393,7 +1366,7 @@ def _missing(headings: Iterable[Heading]) -> list[str]:
     return [what for what, kinds in _SOUGHT.items() if kinds.isdisjoint(meanings)]
 
 
-_SOUGHT = {"load (force or stress)": _LOADS, "length (travel or strain)": _LENGTHS}
+_SOUGHT = {"load (force or stress)": LOADS, "length (travel or strain)": LENGTHS}
 
 
 def _advice(option: str, example: str) -> str:
@@ -1463,7 +1436,7 @@ def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
     if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
     line, names = rows[place - 1 - bool(below)]
-    units = [_heading(n).unit if _heading(n).meaning else _unit_at_end(n) for n in names]
+    units = [heading_of(n).unit if heading_of(n).meaning else _unit_at_end(n) for n in names]
     return line, names, [
         unit if unit and is_unit(unit) else _cell(below, i).strip("()[] ")
         for i, unit in enumerate(units)
@@ -1473,312 +1446,3 @@ def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
 def _unit_at_end(name: str) -> str:
     """Return the unit in a heading whose name is not known: "Gap (mm)", "Gap_mm", "Gap / mm"."""
     return re.split(r"[\s_(\[]", name.rstrip(")] "))[-1]
-
-
-# ------------------------------------------------------------------------------------------------
-# The list of specimens: what each one is, its size and how it was tested.
-
-
-_Orientation = Literal["x", "y", "z"]
-_Protocol = Literal["monotonic", "cyclic", "relaxation"]
-
-_MODES = frozenset({"tension", "tensile", "compression", "compressive"})
-"""Ways of loading that may stand beside a protocol."""
-
-
-@dataclass(frozen=True, slots=True)
-class SpecimenColumn:
-    """A condition or a size in specimens.csv; numbers are above 0 unless `between` says more.
-
-    Attributes
-    ----------
-    name
-        With its unit as suffix.
-    title
-        What it is, in words.
-    at
-        A sentence's end that tells a value.
-    label
-        The same beside a curve; "" where a curve is not named by it.
-    called
-        Headings of the same quantity that leave the unit open.
-    choices
-        What a cell may say; None for a number, none for any text.
-    between
-        Least and largest number.
-    plausible
-        What tensile specimens have, in mm: beyond, the cell is doubted.
-    tolerance
-        How far apart, absolute and relative, two specimens of one condition may be.
-    scale
-        On which a load's trend over the column is smooth.
-    usual
-        Stands in where neither specimen nor palette tells.
-    is_size
-        Whether it belongs to the specimen's size; the others are conditions of print and test.
-    """
-
-    name: str
-    title: str
-    at: str
-    label: str = ""
-    called: tuple[str, ...] = ()
-    choices: tuple[str, ...] | None = None
-    between: tuple[float, float] | None = None
-    plausible: tuple[float, float] = (0.0, math.inf)
-    tolerance: tuple[float, float] | None = None
-    scale: Callable[[FloatArray], FloatArray] = np.positive
-    usual: float | None = None
-    is_size: bool = False
-
-
-_WIDTHS_MM, _THICKNESSES_MM, _GAUGES_MM = (0.5, 100.0), (0.1, 50.0), (2.0, 500.0)
-"""ASTM D412 and D638, ISO 37 and 527 have widths of 2 to 25 mm, thicknesses of 0.5 to 14 mm and
-gauges of 4 to 80 mm; labs go further, but not beyond these."""
-
-_TEMPERATURES_C = (-100.0, 300.0)
-"""Beyond these every elastomer and jetted resin is glass, or decomposes."""
-
-SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
-    {
-        column.name: column
-        for column in (
-            SpecimenColumn(
-                "rate_mm_s", "crosshead speed", "at {} mm/s", "{:g} mm/s", ("rate",),
-                tolerance=(0.0, 0.05), scale=lambda speed: np.log(np.maximum(speed, 1e-9)),
-            ),
-            SpecimenColumn(
-                "temperature_C", "temperature", "at {} °C", "{:g} °C", ("temperature",),
-                between=_TEMPERATURES_C, tolerance=(1.0, 0.0), usual=23.0,
-            ),
-            SpecimenColumn(
-                "soak_h", "soaking time", "after {} h of soaking", "{:g} h soaked", ("soak",),
-                between=(0.0, math.inf), tolerance=(0.25, 0.05), usual=0.0,
-                scale=lambda hours: np.sqrt(np.maximum(hours, 0.0)),
-            ),
-            SpecimenColumn(
-                "age_days", "age at the test", "at an age of {} days", "{:g} d old", ("age",),
-                between=(0.0, math.inf), tolerance=(0.5, 0.1), usual=7.0,
-                scale=lambda days: np.log1p(np.maximum(days, 0.0)),
-            ),
-            SpecimenColumn(
-                "orientation", "orientation on the tray", "along {}", "{}",
-                choices=get_args(_Orientation),
-            ),
-            SpecimenColumn(
-                "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
-            ),
-            SpecimenColumn("batch", "batch", "in batch {}", choices=()),
-            SpecimenColumn(
-                "width_mm", "width", "at a width of {} mm", called=("width",),
-                plausible=_WIDTHS_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "thickness_mm", "thickness", "at a thickness of {} mm", called=("thickness",),
-                plausible=_THICKNESSES_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_width_mm", "measured width", "at a measured width of {} mm",
-                called=("measured width",), plausible=_WIDTHS_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_thickness_mm", "measured thickness", "at a measured thickness of {} mm",
-                called=("measured thickness",), plausible=_THICKNESSES_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "gauge_mm", "gauge length", "at a gauge of {} mm",
-                called=("gauge", "gauge length", "gage", "gage length"),
-                plausible=_GAUGES_MM, tolerance=(0.0, 0.1), is_size=True,
-            ),
-        )
-    }
-)  # fmt: skip
-"""What is known of a specimen besides what it is made of: conditions, then sizes, by name."""
-
-SPECIMEN_TEXTS = ("specimen", "material", "profile", "file")
-"""The columns that say which specimen it is, what it is made of and where its curve stands."""
-
-_PART_TEXTS = ("part", "fix", "move", "load")
-"""Those of whole parts. Without the first, the others are a lab's own columns."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SpecimenConditions:
-    """How a specimen was made and tested, and its section; None stands for what is unknown."""
-
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-    measured_width_mm: float | None = None
-    measured_thickness_mm: float | None = None
-    rate_mm_s: float | None = None
-    temperature_C: float | None = None
-    soak_h: float | None = None
-    age_days: float | None = None
-    orientation: _Orientation | None = None
-    protocol: _Protocol | None = None
-    batch: str | None = None
-
-    @property
-    def area_mm2(self) -> float | None:
-        """Undeformed section, from measured sizes where there are any; None where unknown."""
-        width = self.measured_width_mm or self.width_mm
-        thickness = self.measured_thickness_mm or self.thickness_mm
-        return None if width is None or thickness is None else width * thickness
-
-
-@dataclass(frozen=True, slots=True)
-class ListedSpecimen(SpecimenConditions):
-    """One row of specimens.csv; None or "" stands for an empty cell, which means unknown.
-
-    Attributes
-    ----------
-    material, profile, part
-        Exactly one is given: a material of one piece, the file of a graded bar's design, or the
-        plan of a whole part.
-    fix, move, load
-        How a part is held and loaded.
-    mode
-        How it was loaded, as a protocol such as "cyclic compression" says; "" where it does not.
-    covariates
-        Further columns as the lab wrote them, by name.
-    """
-
-    specimen: str
-    material: str = ""
-    profile: str = ""
-    part: str = ""
-    fix: str = ""
-    move: str = ""
-    load: str = ""
-    file: str = ""
-    gauge_mm: float | None = None
-    mode: str = ""
-    covariates: Mapping[str, str] = field(default_factory=dict)
-
-    def conditions(self) -> dict[str, Any]:
-        """Return what the row says in each of `SPECIMEN_COLUMNS`."""
-        return {name: getattr(self, name) for name in SPECIMEN_COLUMNS}
-
-
-def is_specimens_file(path: str | Path) -> bool:
-    """Say whether a file lists specimens: a column `specimen`, and what each is made of."""
-    data = read_file(path, advice="give the path of a tensile file")
-    if is_workbook(data):
-        return False
-    first = decode_text(data, Path(path)).lstrip("\n").splitlines()[0]
-    return any(
-        "specimen" in cells and not _MADE_OF.isdisjoint(cells) and _headings(cells) is None
-        for cells in ([c.strip().casefold() for c in first.split(s)] for s in ",;\t")
-    )
-
-
-def read_specimens(path: str | Path) -> tuple[ListedSpecimen, ...]:
-    """Read specimens.csv; the case of planner's own columns does not matter.
-
-    Raises
-    ------
-    FileError
-        A missing column, a size that is no positive number, a condition that no test has, an
-        unknown choice, neither or both of material and profile, or two rows of one specimen; the
-        message names line and column.
-    """
-    path = Path(path)
-    headings, separator, rows = read_rows(path)
-    texts: tuple[str, ...] = SPECIMEN_TEXTS
-    if "part" in (name.casefold() for name in headings):
-        texts += _PART_TEXTS
-    known = {name.casefold(): name for name in (*texts, *SPECIMEN_COLUMNS)}
-    columns = [known.get(name.casefold(), name) for name in headings]
-    for name in columns:
-        if columns.count(name) > 1:
-            raise FileError(f"{path.name}: two columns {name!r}; keep one")
-    if "specimen" not in columns or _MADE_OF.isdisjoint(columns):
-        raise FileError(
-            f"{path.name}: columns are {', '.join(columns)}; 'specimen' and 'material' (or "
-            "'profile', or 'part') are needed"
-        )
-    specimens: dict[str, tuple[int, ListedSpecimen]] = {}
-    for line, cells in rows:
-        where = f"{path.name}, line {line}"
-        if len(cells) > len(columns):
-            raise FileError(
-                f"{where}: {len(cells)} cells for {len(columns)} columns; a comma within a cell "
-                "needs quotes"
-            )
-        row = _listed(dict(zip(columns, cells, strict=False)), texts, separator, where)
-        before = specimens.setdefault(row.specimen, (line, row))[0]
-        if before != line:
-            raise FileError(
-                f"{where}: specimen {row.specimen!r} stands on line {before} already; give each "
-                "specimen its own id"
-            )
-    if not specimens:
-        raise FileError(f"{path.name}: no specimen; write one row a specimen")
-    return tuple(row for _, row in specimens.values())
-
-
-_MADE_OF = frozenset({"material", "profile", "part"})
-
-
-def _listed(
-    record: Mapping[str, str], names: Sequence[str], separator: str, where: str
-) -> ListedSpecimen:
-    texts: dict[str, Any] = {name: record.get(name, "") for name in names}
-    if not texts["specimen"]:
-        raise FileError(f"{where}: column 'specimen' is empty; give the specimen an id")
-    given = {name: texts[name] for name in ("material", "profile", "part") if name in texts}
-    if sum(map(bool, given.values())) != 1:
-        got = " and ".join(map(repr, given.values()))
-        raise FileError(
-            f"{where}: give exactly one of {' and '.join(map(repr, given))} (got {got})"
-        )
-    if not texts.get("part"):
-        loose = next((name for name in _PART_TEXTS[1:] if texts.get(name)), None)
-        if loose is not None:
-            raise FileError(f"{where}: {loose!r} goes with a part; give one, or leave it empty")
-    elif record.get("gauge_mm"):
-        raise FileError(f"{where}: a part has no 'gauge_mm'; leave it empty")
-    record, mode = _without_mode(record)
-    conditions: dict[str, Any] = {
-        column.name: _condition(record.get(column.name, ""), column, separator, where)
-        for column in SPECIMEN_COLUMNS.values()
-    }
-    known = {*names, *SPECIMEN_COLUMNS, ""}
-    others = {name: value for name, value in record.items() if name not in known}
-    return ListedSpecimen(**texts, **conditions, mode=mode, covariates=MappingProxyType(others))
-
-
-def _without_mode(record: Mapping[str, str]) -> tuple[Mapping[str, str], str]:
-    """Return a row whose protocol does not say how the specimen was loaded, and what it said.
-
-    Nothing more of a protocol is a monotonic test.
-    """
-    words = record.get("protocol", "").casefold().split()
-    mode = next((word for word in words if word in _MODES), "")
-    if not mode:
-        return record, ""
-    return {**record, "protocol": " ".join(w for w in words if w != mode) or "monotonic"}, mode
-
-
-def _condition(cell: str, column: SpecimenColumn, separator: str, where: str) -> str | float | None:
-    if not cell:
-        return None
-    if column.choices is not None:
-        if column.choices and cell.casefold() not in column.choices:
-            allowed = ", ".join(column.choices)
-            raise FileError(f"{where}: {column.name} is {cell!r}; it must be one of {allowed}")
-        return cell.casefold() if column.choices else cell
-    value = number(cell, separator)
-    hint = ""
-    measured = value is not None and abs(value) <= LARGEST_FIGURE
-    if value is None or not measured or (column.between is None and value <= 0):
-        must = "a number" if column.between else "a number above 0"
-    else:
-        low, high = column.between or (0.0, math.inf)
-        if low <= value <= high:
-            return value
-        must = f"from {low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
-        hint = "; kelvin or degrees Fahrenheit?" if column.name == "temperature_C" else ""
-    raise FileError(
-        f"{where}: {column.name} is {cell!r}; it must be {must}, or empty if unknown{hint}"
-    )

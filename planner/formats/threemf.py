@@ -2,28 +2,31 @@
 
 import ctypes
 import hashlib
+import io
 import re
+import struct
 import uuid
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import MeshError, OutputError
-from planner.formats.archive import LARGEST, canonical_archive, unpacked
-from planner.formats.files import read_file
-from planner.formats.slicers import (
-    BAMBU_PART,
-    CURA_NAMESPACE,
-    PRUSA_PART,
-    bambu_settings,
-    prusa_settings,
+from planner.errors import ArgumentError, MeshError, OutputError, did_you_mean
+from planner.formats.archive import (
+    LARGEST,
+    USUAL_LIMITS,
+    UnfoldingLimits,
+    check_structure,
+    deflated,
+    unpacked,
 )
-from planner.formats.threemf_structure import USUAL_LIMITS, UnfoldingLimits, check_structure
+from planner.formats.files import read_file
 from planner.numerics import Float32Array, FloatArray, IntArray
 
 __all__ = [
@@ -32,6 +35,7 @@ __all__ = [
     "composite_name",
     "decode_threemf",
     "mixed_colour",
+    "needs_one_mesh",
     "read_threemf",
     "threemf_xml_hashes",
     "write_threemf",
@@ -138,6 +142,10 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------------
 # 3MF read by lib3mf: every mesh where the build puts it.
 
+
+_BAMBU_PART = "/Metadata/model_settings.config"
+_PRUSA_PART = "/Metadata/Slic3r_PE_model.config"
+_CURA_NAMESPACE = "http://software.ultimaker.com/xml/cura/3mf/2015/10"
 
 _UNITS = {
     lib3mf.ModelUnit.MicroMeter: "um",
@@ -368,7 +376,7 @@ def _metadata(group: Any) -> dict[str, str]:
     return {
         entry.GetName(): entry.GetValue()
         for entry in entries
-        if entry.GetNameSpace() != CURA_NAMESPACE
+        if entry.GetNameSpace() != _CURA_NAMESPACE
     }
 
 
@@ -437,7 +445,7 @@ def encode_threemf(
     Each material is one ``<base>`` with its display colour, each mixture one ``<composite>`` of
     such materials with its mixing ratios (materials extension). The identifiers of objects,
     components, item and build are derived from the content (UUID version 5), so that equal
-    content gives equal bytes. Slicers' settings (`planner.formats.slicers`) number the materials
+    content gives equal bytes. Slicers' settings (`needs_one_mesh`) number the materials
     from 1, in the order of the objects.
 
     Parameters
@@ -462,7 +470,7 @@ def encode_threemf(
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
     # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
-    return canonical_archive(
+    return _canonical_archive(
         _model_written(objects, assembly_name, metadata or {}, thumbnail, one_mesh), _FIRST
     )
 
@@ -526,14 +534,14 @@ def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
         # Cura counts from 0, the others from 1.
         number = str(extruder - 1)
         mesh.GetMetaDataGroup().AddMetaData(
-            CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
+            _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
         )
         mesh.SetUUID(_identifier("object", place, shell.digest))
         mesh.SetObjectLevelProperty(*shell.material)
         component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
         component.SetUUID(_identifier("component", place, shell.digest))
         parts.append((mesh.GetModelResourceID(), _text(item.name), extruder))
-    _attach(model, BAMBU_PART, bambu_settings(assembly.GetModelResourceID(), name, parts))
+    _attach(model, _BAMBU_PART, _bambu_settings(assembly.GetModelResourceID(), name, parts))
     return assembly
 
 
@@ -561,7 +569,7 @@ def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
     )
     names = [_text(shell.item.name) for shell in shells]
     volumes = list(zip(counts, names, _extruders(shells), strict=True))
-    _attach(model, PRUSA_PART, prusa_settings(mesh.GetModelResourceID(), name, volumes))
+    _attach(model, _PRUSA_PART, _prusa_settings(mesh.GetModelResourceID(), name, volumes))
     return mesh
 
 
@@ -685,3 +693,147 @@ def _written(model: Any) -> bytes:
 
     writer.WriteToCallback(lib3mf.WriteCallback(write), lib3mf.SeekCallback(seek), None)
     return bytes(stream)
+
+
+_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
+_VERSION = 20  # deflate and folders, nothing newer
+_UNIX_FILE = 0o100644 << 16
+
+
+def _canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
+    """Rewrite an archive with fixed dates, permissions and order, and without zip64.
+
+    The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
+    nor a date of zero, both of which lib3mf writes.
+
+    Parameters
+    ----------
+    data
+        A zip archive whose members are stored or deflated.
+    first
+        Members to put first, in this order; the rest follow sorted by name.
+
+    Returns
+    -------
+    bytes
+        The archive.
+
+    Raises
+    ------
+    OutputError
+        A member or the whole is 4 GiB or more, which takes zip64.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {member.filename: member for member in archive.infolist()}
+    names = [name for name in first if name in members]
+    names += sorted(name for name in members if name not in first)
+    parts, offset, directory = list[bytes | memoryview](), 0, bytearray()
+    for name in names:
+        member = members[name]
+        if max(offset + member.compress_size, member.file_size) > LARGEST:
+            raise OutputError(
+                f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
+                "reduce the number of triangles"
+            )
+        path = name.encode("utf-8")
+        flags = 0 if name.isascii() else 0x800
+        facts = (
+            *(_VERSION, flags, member.compress_type, 0, _DATE),
+            *(member.CRC, member.compress_size, member.file_size, len(path), 0),
+        )
+        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, deflated(data, member)]
+        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
+        directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
+        directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
+        offset += len(parts[-2]) + len(parts[-1])
+    count = len(names)
+    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
+    return b"".join((*parts, directory, end))
+
+
+# ------------------------------------------------------------------------------------------------
+# What slicers read beside the specification: the extruder or filament of each shell.
+#
+# No slicer takes it from base materials. Bambu Studio and OrcaSlicer read
+# Metadata/model_settings.config, which numbers the parts of an assembly; Cura reads metadata of
+# each mesh; PrusaSlicer makes an object of each component of an assembly, and parts of one object
+# only from ranges of triangles of one mesh, which Metadata/Slic3r_PE_model.config tells.
+
+
+_ONE_MESH = {"prusaslicer": True, "bambu": False, "orca": False, "cura": False}
+
+
+def needs_one_mesh(slicer: str) -> bool:
+    """Tell whether a slicer takes one part of many materials only as one mesh.
+
+    Raises
+    ------
+    ArgumentError
+        No slicer that planner knows; the message says what is near.
+    """
+    try:
+        return _ONE_MESH[slicer.casefold()]
+    except KeyError:
+        raise ArgumentError(
+            f"slicer {slicer!r}: no such slicer; "
+            f"{did_you_mean(slicer, _ONE_MESH)}it may be {', '.join(_ONE_MESH)}"
+        ) from None
+
+
+def _bambu_settings(assembly: int, name: str, parts: Sequence[tuple[int, str, int]]) -> bytes:
+    """Return the part of a 3MF that gives each component of an assembly its filament.
+
+    Parameters
+    ----------
+    assembly, name
+        The assembly's identifier in the model, and what it is called.
+    parts
+        Identifier, name and filament (from 1) of each component's mesh.
+    """
+    lines = [
+        line
+        for id, part, filament in parts
+        for line in (
+            f'    <part id="{id}" subtype="normal_part">',
+            f'      <metadata key="name" value={quoteattr(part)}/>',
+            f'      <metadata key="extruder" value="{filament}"/>',
+            "    </part>",
+        )
+    ]
+    return _config(
+        f'  <object id="{assembly}">',
+        f'    <metadata key="name" value={quoteattr(name)}/>',
+        *lines,
+    )
+
+
+def _prusa_settings(mesh: int, name: str, volumes: Sequence[tuple[int, str, int]]) -> bytes:
+    """Return the part of a 3MF that cuts one mesh into volumes and gives each its extruder.
+
+    Parameters
+    ----------
+    mesh, name
+        The mesh's identifier in the model, and what it is called.
+    volumes
+        Number of triangles, name and extruder (from 1) of each volume, in the mesh's order.
+    """
+    lines, first = [], 0
+    for triangles, volume, extruder in volumes:
+        lines += [
+            f'    <volume firstid="{first}" lastid="{first + triangles - 1}">',
+            f'      <metadata type="volume" key="name" value={quoteattr(volume)}/>',
+            '      <metadata type="volume" key="volume_type" value="ModelPart"/>',
+            f'      <metadata type="volume" key="extruder" value="{extruder}"/>',
+            "    </volume>",
+        ]
+        first += triangles
+    return _config(
+        f'  <object id="{mesh}" instances_count="1">',
+        f'    <metadata type="object" key="name" value={quoteattr(name)}/>',
+        *lines,
+    )
+
+
+def _config(*lines: str) -> bytes:
+    head = '<?xml version="1.0" encoding="UTF-8"?>'
+    return "\n".join([head, "<config>", *lines, "  </object>", "</config>", ""]).encode("utf-8")

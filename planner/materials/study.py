@@ -9,18 +9,11 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import (
-    ListedSpecimen,
-    NoRecordError,
-    TensileTable,
-    is_specimens_file,
-    read_specimens,
-    read_tensile,
-)
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
+from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray

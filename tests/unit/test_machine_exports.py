@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from planner.cli import run
 from planner.errors import FileError, PlannerError
+from planner.formats.tables import read_sheets
 from planner.formats.tensile import TensileTable, read_tensile
-from planner.formats.workbook import read_sheets
 from planner.materials.study import Study, read_study
 
 DATA = Path(__file__).parents[1] / "data"

@@ -15,10 +15,10 @@ import pytest
 import trimesh
 
 from planner.errors import ArgumentError, FileError, MeshError
+from planner.formats.archive import UnfoldingLimits
 from planner.formats.mesh_file import EXTENSIONS, read_mesh, unit_scale_mm
 from planner.formats.stl import encode_stl
 from planner.formats.threemf import ThreemfObject, write_threemf
-from planner.formats.threemf_structure import UnfoldingLimits
 from planner.mesh.part import make_part
 
 

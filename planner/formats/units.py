@@ -1,0 +1,278 @@
+"""Units: what machines write, as factors; what a person states; what a factor hints at."""
+
+import math
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+
+__all__ = [
+    "OWN",
+    "QUANTITIES",
+    "QUANTITY_UNITS",
+    "UnitOf",
+    "factor_of",
+    "is_unit",
+    "parsed_unit",
+    "quantities_of",
+    "unit_factor",
+    "unit_near",
+]
+
+
+# ------------------------------------------------------------------------------------------------
+# Units that testing machines write, as factors to mm, N, MPa, s and fractions.
+#
+# Factors follow the international inch, the avoirdupois pound and standard gravity (NIST SP 811,
+# appendix B).
+
+
+_POUND_FORCE_N = 0.45359237 * 9.80665
+_PSI_MPA = _POUND_FORCE_N / 25.4**2
+
+QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "time": {
+            "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
+            "ms": 1e-3, "min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0,
+        },
+        "length": {
+            "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3,
+            "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "mil": 0.0254, "ft": 304.8,
+        },
+        "force": {
+            "N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "newton": 1.0, "newtons": 1.0,
+            "lbf": _POUND_FORCE_N, "lb": _POUND_FORCE_N, "lbs": _POUND_FORCE_N,
+            "klbf": 1e3 * _POUND_FORCE_N, "kip": 1e3 * _POUND_FORCE_N,
+            "ozf": _POUND_FORCE_N / 16, "oz": _POUND_FORCE_N / 16,
+            "kgf": 9.80665, "kg": 9.80665, "gf": 9.80665e-3, "g": 9.80665e-3,
+        },
+        "stress": {
+            "MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.1,
+            "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/m2": 1e-6, "N/m^2": 1e-6, "N/m²": 1e-6,
+            "psi": _PSI_MPA, "ksi": 1e3 * _PSI_MPA, "lbf/in2": _PSI_MPA, "lbf/in^2": _PSI_MPA,
+            "kgf/mm2": 9.80665, "kgf/mm^2": 9.80665,
+        },
+        "strain": {
+            "": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "fraction": 1.0,
+            "%": 0.01, "percent": 0.01, "per cent": 0.01, "pct": 0.01, "mm/mm %": 0.01,
+            "µε": 1e-6, "με": 1e-6, "microstrain": 1e-6,
+        },
+    }
+)  # fmt: skip
+"""Factors to s, mm, N, MPa and fractions, by quantity and unit."""
+
+_UNIT_WORDS = {
+    "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
+    "min": "minuten, minutes, minutos, minuti, 分",
+    "mm": "millimeter, millimeters, millimetre, millimetres, millimètres, milímetros, millimetri, "
+    "ミリ, 毫米",
+    "cm": "centimeter, centimeters, centimetre, centimetres",
+    "N": "牛, 牛顿",
+    "kN": "千牛",
+    "MPa": "兆帕",
+    "in": "zoll, pouce, pouces, pulg, pulgadas, pollici, インチ",
+    "%": "prozent, pour cent, por ciento, percento, パーセント",
+}
+"""Units as other languages spell them out, by planner's own word."""
+
+_READ_ALONE = {
+    "force": {"dan": 10.0, "dn": 0.1, "cn": 0.01, "kp": 9.80665},
+    "strain": {"‰": 1e-3, "mm/m": 1e-3, "\u03bcm/m": 1e-6, "um/m": 1e-6},
+}  # fmt: skip
+"""Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
+2 %, nearer than a load cell's gain is known."""
+
+_CASE_MATTERS = {"mN", "MN"}
+_FOLDED = {
+    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in _CASE_MATTERS}
+    | _READ_ALONE.get(quantity, {})
+    | {
+        word.casefold(): units[unit]
+        for unit, words in _UNIT_WORDS.items()
+        if unit in units
+        for word in words.split(", ")
+    }
+    for quantity, units in QUANTITY_UNITS.items()
+}
+_LENGTHS, _TIMES = _FOLDED["length"].items(), _FOLDED["time"].items()
+_FOLDED["area"] = {f"{unit}{two}": f * f for unit, f in _LENGTHS for two in ("2", "^2")}
+_FOLDED["stress"] |= {
+    f"{force}/{area}": newtons / mm2
+    for force, newtons in {**_FOLDED["force"], "mn": 1e-3}.items()
+    for area, mm2 in _FOLDED["area"].items()
+    if f"{force}/{area}" not in _FOLDED["stress"]
+}
+_FOLDED["speed"] = {f"{unit}/{time}": f / s for unit, f in _LENGTHS for time, s in _TIMES}
+
+
+def _find(quantity: str, unit: str) -> float | None:
+    # "sec.", "in."; the Japanese "％" and "㎜" are one character each.
+    unit = unicodedata.normalize("NFKC", unit).removesuffix(".")
+    if quantity == "stress" and unit.startswith("MN/"):
+        return _find("stress", unit[1:]) and 1e6 * _FOLDED["stress"][unit[1:].casefold()]
+    factor = QUANTITY_UNITS.get(quantity, {}).get(unit)
+    return _FOLDED[quantity].get(unit.casefold()) if factor is None else factor
+
+
+def is_unit(text: str) -> bool:
+    """Say whether `text` is a unit of any quantity that is known here."""
+    return bool(quantities_of(text))
+
+
+def quantities_of(unit: str) -> frozenset[str]:
+    """Return what has a unit: keys of `QUANTITY_UNITS`, "area", "speed"; none of an empty text."""
+    unit = unit.strip()
+    return frozenset(q for q in _FOLDED if unit and _find(q, unit) is not None)
+
+
+def unit_factor(quantity: str, unit: str, *, where: str) -> float:
+    """Return the factor from a unit to planner's own unit of that quantity.
+
+    Parameters
+    ----------
+    quantity
+        A key of `QUANTITY_UNITS`, "area" or "speed".
+    unit
+        As the file writes it; case is ignored, save between mN and MN.
+    where
+        What errors call the place: file and column.
+
+    Raises
+    ------
+    FileError
+        The unit is none of that quantity.
+    """
+    factor = _find(quantity, unit.strip())
+    if factor is None:
+        known = ", ".join(repr(u) for u in QUANTITY_UNITS.get(quantity, ()) if u.isascii() and u)
+        raise FileError(f"{where}: unknown unit {unit.strip()!r} of {quantity}; use one of {known}")
+    return factor
+
+
+# ------------------------------------------------------------------------------------------------
+# As a person states it: ``force=lbf:S1,S2``.
+
+
+@dataclass(frozen=True, slots=True)
+class UnitOf:
+    """A unit that force or travel is in, whatever the file says; no specimens means all.
+
+    Attributes
+    ----------
+    quantity
+        ``force`` or ``travel``; of tensile tests also ``stress`` or ``strain``.
+    unit
+        Or, where it has no name, how many newtons or millimetres it has.
+    """
+
+    quantity: str
+    unit: str
+    specimens: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """As ``--unit-of`` takes it."""
+        ids = f":{','.join(self.specimens)}" if self.specimens else ""
+        return f"{self.quantity}={self.unit}{ids}"
+
+
+QUANTITIES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "force": ("force_N", "force"),
+        "travel": ("displacement_mm", "length"),
+        "stress": ("stress_MPa", "stress"),
+        "strain": ("strain", "strain"),
+    }
+)
+"""Of each that may be in another unit: its column, and the kind of its unit."""
+
+_OF_ONE = {"force": "N", "travel": "mm", "stress": "MPa", "strain": "strain of 1"}
+
+
+def factor_of(stated: UnitOf) -> float:
+    """Return how much of planner's own unit the stated one has; it may be such a number itself.
+
+    Raises
+    ------
+    UnknownNameError
+        It is neither a unit of the quantity nor a number above 0.
+    """
+    units = QUANTITY_UNITS[QUANTITIES[stated.quantity][1]]
+    if stated.unit in units:
+        return units[stated.unit]
+    try:
+        factor = float(stated.unit)
+    except ValueError:
+        factor = math.nan
+    if 0.0 < factor < math.inf:
+        return factor
+    plain = [unit for unit in units if (unit.isascii() and unit.isalpha()) or unit == "%"]
+    raise UnknownNameError(
+        f"unit_of {stated.text}: no unit {stated.unit!r} of {stated.quantity}; "
+        f"{did_you_mean(stated.unit, plain)}there are {', '.join(plain)}, or how many "
+        f"{_OF_ONE[stated.quantity]} it has"
+    )
+
+
+def parsed_unit(text: str, quantities: Sequence[str]) -> UnitOf:
+    """Read QUANTITY=UNIT:ID,ID,...; without ids it holds for all specimens.
+
+    Raises
+    ------
+    ArgumentError
+        A text that is not of that form.
+    UnknownNameError
+        A quantity that is none of `quantities`, or an unknown unit.
+    """
+    head, _, ids = text.partition(":")
+    quantity, equals, unit = (part.strip() for part in head.partition("="))
+    if not equals or not unit:
+        raise ArgumentError(
+            f"unit_of {text!r}: write QUANTITY=UNIT:ID,ID,..., as in force=lbf:S1,S2; without "
+            "ids for all specimens"
+        )
+    if quantity not in quantities:
+        raise UnknownNameError(
+            f"unit_of {text}: no quantity {quantity!r}; {did_you_mean(quantity, quantities)}"
+            f"there are {' and '.join(quantities)}"
+        )
+    one = UnitOf(quantity, unit, tuple(id.strip() for id in ids.split(",") if id.strip()))
+    factor_of(one)
+    return one
+
+
+# ------------------------------------------------------------------------------------------------
+# As a factor hints: that between two units.
+
+
+OWN = 0.03
+"""ln factor that a load cell may be off besides. Chosen: as much as the effect's forms of known
+units allow."""
+
+
+def unit_near(kind: str, log: float, own: float, reach: float = OWN) -> str | None:
+    """Return the unit of a factor, or as a number the inverse of one; None where none is near.
+
+    A unit goes before an inverse that is nearer still, if it is as near as load cells are sure.
+
+    Parameters
+    ----------
+    kind
+        A key of `QUANTITY_UNITS`.
+    log
+        Of the factor to planner's own unit.
+    own
+        The factor of the unit in the file, which is not meant.
+    reach
+        How far a unit's logarithm may lie off.
+    """
+    units = {name: f for name, f in QUANTITY_UNITS[kind].items() if f != own}
+    inverse = {f"{own * own / f:.6g}": own * own / f for f in units.values()}
+    for choices, near in ((units, min(reach, OWN)), (units | inverse, reach)):
+        unit = min(choices, key=lambda name: abs(math.log(choices[name]) - log))
+        if abs(math.log(choices[unit]) - log) <= near:
+            return unit
+    return None
