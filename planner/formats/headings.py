@@ -18,9 +18,8 @@ __all__ = [
     "LENGTHS",
     "LOADS",
     "MODES",
-    "HeadedColumn",
+    "SIGNS",
     "Heading",
-    "column_of",
     "head_text",
     "heading_of",
     "headings_of",
@@ -29,7 +28,6 @@ __all__ = [
     "marked_specimen",
     "may_be_nearer",
     "mode_of",
-    "parse_heading",
     "size_of",
     "split_value",
     "suffice",
@@ -37,60 +35,11 @@ __all__ = [
 
 
 # ------------------------------------------------------------------------------------------------
-# The terms are data, in terms.toml; here stand the words and signs around them.
+# The terms are data, in terms.toml, and so are the words around them; here stand the signs.
 
 
-_SPECIMEN = r"(?:specimen|sample|probe|prüfling|eprouvette|echantillon|probeta|muestra|provino|"
-_SPECIMEN += r"campione|test ?piece|試験片|試料|试样|样品|试件)"
-_BEFORE = re.compile(
-    r"^(?:standard|tensile|compressive|axial|engineering|eng|nomin(?:al|ell?)e?|technische|nenn|zug|druck|"
-    r"引張|圧縮|公称|拉伸|压缩|工程|轴向|machine|primary|measured|actual|corrected|raw|applied|"
-    r"video|optical|instron|specimen|sample|proben|試験片|试样|test|avg|average|initial)\s*"
-)
-_BEHIND = re.compile(
-    r"\s(?:standard|estandar|axiale?|assiale|nominale?|conventionnelle|ingenieril|ingegneristica|"
-    r"absolute?|eprouvette|specimen|probe|provino|probeta|from preload|ab vorkraft|"
-    r"(?:de|en|a|por|di|in) (?:traction|traccion|tension|trazione|compression|compresion|"
-    r"compressione))$"
-)
-"""Words that tell nothing of the quantity; `engineering` is what a column is that is not `true`."""
-
-_COMPRESSIVE = re.compile(r"compress|compresion|^druck|stauch|圧縮|压缩")
-_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
-_CHANNEL = re.compile(
-    r"\d|ext|lvdt|channel|chan|kanal|canal|voie|load cell|clip|video|dic|sensor|aufnehmer|capteur|"
-    r"crosshead|traverse|machine|axial|auto|raw|eng",
-    re.IGNORECASE,
-)
-"""What a bracket without a unit names the source of a column by."""
-
-_NUMBERED_CHANNEL = re.compile(
-    r"(?:c|ch|chan|channel|kanal|canal|voie|canale|通道|チャンネル)(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+",
-    re.IGNORECASE,
-)
-_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
-_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
-_SPACED = re.compile(r"(.+)\s(\S+)")
-_NUMBERED = re.compile(
-    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:{_SPECIMEN}\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|(?P<number>\d+))",
-    re.IGNORECASE,
-)
-_TAG = re.compile(rf"(?:{_SPECIMEN}[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
-_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
-"""A size with its symbol in ISO 527: "Probendicke a0"."""
-
-_GAUGE = re.compile(
-    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
-)
-"""Which travel or strain it is of may stand behind."""
-
-_MARK = re.compile(
-    rf"[#*%\s]*(?:{_SPECIMEN}n?|(?P<test>test(?: run)?|prüfung|versuch|essai|ensayo|prova|kurve|"
-    r"curve))[\s-]*(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
-    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
-    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
-    re.IGNORECASE,
-)
+def _words(table: str, name: str) -> list[str]:
+    return [word.strip() for word in re.split(r",|\n", _TERMS[table][name]) if word.strip()]
 
 
 @functools.lru_cache(maxsize=8192)
@@ -105,16 +54,48 @@ _TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
     Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
 )
 _MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
-    {
-        _folded(term): meaning
-        for meaning, terms in _TERMS[table].items()
-        for term in re.split(r",|\n", terms)
-        if term.strip()
-    }
+    {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
     for table in ("columns", "sizes", "texts", "speeds", "modes")
 )
 MODES = tuple(_TERMS["modes"])
 """The ways of loading that are told apart."""
+
+_BEFORE, _BEHIND = (
+    re.compile(form % "|".join(sorted(map(_folded, _words("qualifiers", name)), key=len)[::-1]))
+    for name, form in (("before", r"^(?:%s)\s*"), ("behind", r"\s(?:%s)$"))
+)
+_ANY = {name: "|".join(_words("signs", name)) for name in _TERMS["signs"]}
+SIGNS = MappingProxyType({name: re.compile(f"(?:{any_})", re.I) for name, any_ in _ANY.items()})
+"""By what cells are known that are no terms; see terms.toml."""
+
+_BRACKET = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
+_NUMBERED_CHANNEL = re.compile(
+    rf"(?:{_ANY['channel']})(?=[\s_.:#\d])[\s_.:#]*\d*[\s_.:-]+", re.IGNORECASE
+)
+_SUFFIXED = re.compile(r"(.+)_([^_\s]+)")
+_JOINED = re.compile(r"(.+?)\s*(?:[/,;:]|\s(?:in|en)\s)\s*(.+)")
+_SPACED = re.compile(r"(.+)\s(\S+)")
+_NUMBERED = re.compile(
+    rf"(.+?)(?:[\s_.:#-]+(?P<tag>(?:(?:{_ANY['specimen']})\s*)?[A-Za-z]{{0,3}}-?\d+|[A-Z])|"
+    r"(?P<number>\d+))",
+    re.IGNORECASE,
+)
+_TAG = re.compile(rf"(?:(?:{_ANY['specimen']})[\s_]*)?[\w-]*\d[\w-]*", re.IGNORECASE)
+_SYMBOL = re.compile(r"(.+) (?:[abdhls]\s?[0o]|[abhtw])")
+"""A size with its symbol in ISO 527: "Probendicke a0"."""
+
+_GAUGE = re.compile(
+    r"(?:(?:anfangs)?messl(?:a|ae)nge|gau?ge length)\b(?!.*(?:bruch|break|final|end|after))"
+)
+"""Which travel or strain it is of may stand behind."""
+
+_MARK = re.compile(
+    rf"[#*%\s]*(?:(?:{_ANY['specimen']})n?|(?P<test>{_ANY['test']}))[\s-]*"
+    r"(?:(?P<counted>no|nr|n|number|nummer|n°|№)(?!\w)|(?:name|id)\b)?"
+    r"\s*(?:(?(test)(?(counted)[.:#]|[.#])|[.:#=_-])+\s*(?P<said>.{1,60})|"
+    r"(?P<number>[\w.-]*\d[\w.-]*|[A-Z])(?:\s*(?:of|von|sur|de|di|/)\s*\d+)?)",
+    re.IGNORECASE,
+)
 
 
 def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
@@ -133,28 +114,23 @@ def _looked_up(name: str, table: Mapping[str, str]) -> str | None:
 # A column's heading: which quantity, in which unit.
 
 
-_COLUMNS: Mapping[str, tuple[str, str]] = MappingProxyType(
+_COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
-        "time": ("time_s", "time"),
-        "force": ("force_N", "force"),
-        "displacement": ("displacement_mm", "length"),
-        "position": ("displacement_mm", "length"),
-        "strain": ("strain", "strain"),
-        "stress": ("stress_MPa", "stress"),
-        "stretch": ("stretch", "strain"),
-        "true strain": ("true_strain", "strain"),
-        "true stress": ("true_stress_MPa", "stress"),
+        "time": {"time": "time_s"},
+        "force": {"force": "force_N", "stress": "stress_MPa"},  # testXpert: "Standardkraft in MPa"
+        "displacement": {"length": "displacement_mm", "strain": "strain"},
+        "position": {"length": "displacement_mm"},
+        "elongation": {"length": "displacement_mm", "strain": "strain"},
+        "strain": {"strain": "strain", "length": "displacement_mm"},  # an extensometer's travel
+        "stress": {"stress": "stress_MPa"},
+        "stretch": {"strain": "stretch"},
+        "true strain": {"strain": "true_strain"},
+        "true stress": {"stress": "true_stress_MPa"},
     }
 )
+"""By meaning: the column, by the quantity that the unit is of; the first where none is stated."""
+
 _OF = {"time": "s", "force": "N", "length": "mm", "stress": "MPa"}
-_UNIT_OPTIONAL = {"strain", "stretch", "true strain"}
-_TOLD_BY_UNIT = {
-    ("strain", "length"): "displacement",  # an extensometer's travel
-    ("elongation", "length"): "displacement",
-    ("elongation", "strain"): "strain",
-    ("displacement", "strain"): "strain",
-    ("force", "stress"): "stress",  # testXpert: "Standardkraft in MPa"
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,42 +157,61 @@ class Heading:
     tag: str = ""
     compressed: bool = False
 
+    @property
+    def quantity(self) -> str:
+        """What the column is of: of several quantities the one that its unit is of."""
+        kinds = quantities_of(self.unit or "")
+        choices = _COLUMNS[self.meaning]
+        return next((kind for kind in choices if kind in kinds), next(iter(choices)))
 
-@dataclass(frozen=True, slots=True)
-class HeadedColumn:
-    """Canonical column name of a heading, and the factor to its unit."""
+    def column(self, where: str) -> tuple[str, float]:
+        """Return the name of the column, and the factor to its unit.
 
-    heading: Heading
-    name: str
-    factor: float
+        Raises
+        ------
+        FileError
+            The unit is missing where one is needed, or is unknown.
+        """
+        where, quantity = f"{where}, column {self.text!r}", self.quantity
+        if self.unit is None and quantity != "strain":
+            unsure = ", so that it may be a length or a strain" * (self.meaning == "elongation")
+            units = ("mm", "%") if unsure else (_OF[quantity],)
+            examples = " or ".join(f"'{self.text} ({unit})'" for unit in units)
+            raise FileError(f"{where}: no unit{unsure}; write it in the heading, as {examples}")
+        return _COLUMNS[self.meaning][quantity], unit_factor(quantity, self.unit or "", where=where)
 
 
 @functools.lru_cache(maxsize=8192)
-def parse_heading(text: str) -> Heading | None:
-    """Take a heading apart, or return None where it names nothing that is known.
+def heading_of(text: str) -> Heading:
+    """Take a heading apart; where it names nothing that is known the meaning is "".
 
     "Load (lbf)", "Load [lbf]", "force_N", "Load N", "Kraft in N", "Kraft / N", "C_1_Force[kN]",
     "Load (5 kN cell) [N]", "S1_force_N" and a bare "Load" are understood.
     """
-    if len(text) > LONGEST_HEADING:
-        return None
-    plain = " ".join(unicodedata.normalize("NFKC", text).split())
+    plain = _plain(text)
     brackets, name = list[str](), plain
     while inner := _BRACKET.findall(name):  # one within another, as WaveMatrix writes them
         brackets, name = inner + brackets, _BRACKET.sub(" ", name)
     name = " ".join(name.split()) or plain
     found = _parse(_NUMBERED_CHANNEL.sub("", name, count=1)) or _tagged(name)
     if found is None:
-        return None
+        return Heading(text, "", None)
     meaning, unit, tag = found
+    unitless = next(iter(_COLUMNS.get(meaning, ())), "") == "strain"
     for bracket in reversed(brackets):
-        stated = is_unit(bracket) and not (bracket.isdigit() and meaning not in _UNIT_OPTIONAL)
-        if stated or not (_CHANNEL.search(bracket) or _looked_up(bracket, _MEANING)):
+        stated = is_unit(bracket) and (unitless or not bracket.isdigit())
+        if stated or not (SIGNS["source"].search(bracket) or _looked_up(bracket, _MEANING)):
             unit = bracket
             if stated:
                 break
-    compressed = _COMPRESSIVE.search(_folded(name)) is not None
+    compressed = SIGNS["compressed"].search(_folded(name)) is not None
     return Heading(text, meaning, unit, tag, compressed)
+
+
+def _plain(text: str) -> str:
+    """Return a cell in one width, with single blanks; of what is too long for a heading ""."""
+    short = unicodedata.normalize("NFKC", text) if len(text) <= LONGEST_HEADING else ""
+    return " ".join(short.split())
 
 
 def _parse(name: str) -> tuple[str, str | None, str] | None:
@@ -226,7 +221,9 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
     suffixed = _SUFFIXED.fullmatch(name)
     if suffixed and not suffixed[2].isdigit():
         meaning = _looked_up(suffixed[1], _MEANING)
-        if meaning is not None and (is_unit(suffixed[2]) or not _CHANNEL.search(suffixed[2])):
+        if meaning is not None and (
+            is_unit(suffixed[2]) or not SIGNS["source"].search(suffixed[2])
+        ):
             return meaning, suffixed[2], ""
     for pattern in (_JOINED, _SPACED):
         match = pattern.fullmatch(name)
@@ -253,43 +250,9 @@ def _tagged(name: str) -> tuple[str, str | None, str] | None:
     return None
 
 
-def column_of(heading: Heading, *, where: str) -> HeadedColumn:
-    """Return the canonical column of a heading, with the factor to its unit.
-
-    Raises
-    ------
-    FileError
-        The unit is missing where one is needed, or is unknown.
-    """
-    where = f"{where}, column {heading.text!r}"
-    meaning, unit = heading.meaning, heading.unit
-    kinds = quantities_of(unit or "")
-    told = [other for (of, kind), other in _TOLD_BY_UNIT.items() if of == meaning and kind in kinds]
-    if told and not (meaning in _COLUMNS and _COLUMNS[meaning][1] in kinds):
-        meaning = told[0]
-    elif meaning == "elongation":
-        if unit is None:
-            raise FileError(
-                f"{where}: no unit, so that it may be a length or a strain; write it in the "
-                f"heading, as '{heading.text} (mm)' or '{heading.text} (%)'"
-            )
-        meaning = "displacement"
-    name, quantity = _COLUMNS[meaning]
-    if unit is None and meaning not in _UNIT_OPTIONAL:
-        raise FileError(
-            f"{where}: no unit; write it in the heading, as '{heading.text} ({_OF[quantity]})'"
-        )
-    return HeadedColumn(heading, name, unit_factor(quantity, unit or "", where=where))
-
-
 LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
 LOADS = {"force", "stress", "true stress"}
 """What a record has one of each of."""
-
-
-def heading_of(cell: str) -> Heading:
-    """Take a heading apart; of a cell that is not understood the meaning is ""."""
-    return parse_heading(cell) or Heading(cell, "", None)
 
 
 def headings_of(cells: Sequence[str]) -> list[Heading] | None:
@@ -329,9 +292,7 @@ def split_value(cell: str, separator: str) -> tuple[float, str] | None:
 
 def _names(cell: str) -> Iterator[tuple[str, str]]:
     """Yield the names that a cell such as "Dimension : Width (mm)" may mean, each with its unit."""
-    if len(cell) > LONGEST_HEADING:
-        return
-    plain = " ".join(unicodedata.normalize("NFKC", cell).split()).rstrip(" :=")
+    plain = _plain(cell).rstrip(" :=")
     unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
     for pattern in () if unit else (_SUFFIXED, _JOINED, _SPACED):
@@ -374,27 +335,13 @@ def size_of(cell: str) -> tuple[str | None, str, str]:
 
 def is_of_crosshead(heading: str) -> bool:
     """Say whether a column is the machine's own way, which a nearer sensor's goes before."""
-    return _CROSSHEAD.search(_folded(heading)) is not None
+    return SIGNS["crosshead"].search(_folded(heading)) is not None
 
 
 def may_be_nearer(heading: str) -> bool:
     """Say whether a column that is not understood may be a sensor's, or a strain of the gauge."""
-    folded = _folded(heading)
-    return _NEARER.search(folded) is not None and _OTHERWISE.search(folded) is None
-
-
-_NEARER = re.compile(
-    r"strain|dehn|exten|verlang|laser|video|\b(?:ave|dic|lve|d ?l)\b|[δ∆]l|\beps|ε|elong|deform|"
-    r"allong|allung|ひすみ|伸|应变"
-)
-_OTHERWISE = re.compile(
-    r"quer|lateral|transv|width|breite|rate\b|speed|soll|command|setpoint|target|plastic|shear|error|"
-    r"exx|epsx"
-)
-_CROSSHEAD = re.compile(
-    r"crosshead|travers|stroke|machine|maschine|actuator|cabezal|cruceta|kolben|ストローク|"
-    r"クロスヘット|横梁|夹头|十字头"
-)
+    nearer, otherwise = (SIGNS[n].search(_folded(heading)) for n in ("nearer", "otherwise"))
+    return nearer is not None and otherwise is None
 
 
 def head_text(cell: str) -> str | None:

@@ -312,7 +312,7 @@ def read_sheets(data: bytes, name: str) -> list[Sheet]:
             if sheet.total_height * sheet.total_width > _MOST_CELLS:
                 raise _too_many(f"{name}, sheet {called!r}")
             rows = sheet.to_python(skip_empty_area=False)
-            sheets.append((called, [[_text(cell) for cell in row] for row in rows]))
+            sheets.append((called or name, [[_text(cell) for cell in row] for row in rows]))
     except (FileError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # calamine is compiled: its panics are no Exception

@@ -4,11 +4,10 @@ import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice, permutations
+from itertools import permutations
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from planner.formats.files import read_file
 from planner.formats.headings import (
     LENGTHS,
     LOADS,
-    HeadedColumn,
+    SIGNS,
     Heading,
-    column_of,
     head_text,
     heading_of,
     headings_of,
@@ -28,7 +26,6 @@ from planner.formats.headings import (
     marked_specimen,
     may_be_nearer,
     mode_of,
-    parse_heading,
     size_of,
     split_value,
     suffice,
@@ -46,11 +43,7 @@ from planner.formats.tables import (
 from planner.formats.units import is_unit, quantities_of, unit_factor
 from planner.numerics import FloatArray, IntArray
 
-__all__ = [
-    "NoRecordError",
-    "TensileTable",
-    "read_tensile",
-]
+__all__ = ["NoRecordError", "TensileTable", "read_tensile"]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -134,8 +127,15 @@ _FEWEST_ROWS = 3
 _Headings = Sequence[Heading]
 """A row's; of a cell that is not understood the meaning is ""."""
 
+_BLANK = Heading("", "", None)
 
-@dataclass(frozen=True, slots=True)
+
+def _only(headings: _Headings, places: Collection[int]) -> _Headings:
+    """Return headings of which those at other places are blank."""
+    return [h if i in places else _BLANK for i, h in enumerate(headings)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
     """A sheet's cells, the separator of its numbers (see `number`), and how it is to be read."""
 
@@ -152,6 +152,10 @@ class _Grid:
     def is_number(self, cell: str) -> bool:
         return self.number(cell) is not None or _CLOCK.fullmatch(cell) is not None
 
+    def cell(self, row: int, at: int) -> str:
+        cells = self.rows[row][1]
+        return cells[at] if at < len(cells) else ""
+
 
 @dataclass(frozen=True, slots=True)
 class _Block:
@@ -162,6 +166,36 @@ class _Block:
     headings: _Headings
     rows: list[int]
 
+    @property
+    def is_headed(self) -> bool:
+        return self.place not in self.rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """The columns of a block that are one record's, by place, and the rows in which it goes on."""
+
+    grid: _Grid
+    headings: _Headings
+    places: Sequence[int]
+    rows: Sequence[int]
+
+    def cells(self, at: int) -> list[str]:
+        return [self.grid.cell(row, at) for row in self.rows]
+
+    def numbers(self, at: int) -> list[float | None]:
+        return [self.grid.number(cell) for cell in self.cells(at)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column that serves: its place and heading, planner's name, and the factor to its unit."""
+
+    at: int
+    heading: Heading
+    name: str
+    factor: float
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
@@ -171,7 +205,7 @@ class _Piece:
     grid: _Grid
     block: _Block
     columns: Mapping[str, FloatArray]
-    used: Sequence[HeadedColumn]
+    used: Sequence[_Column]
     lines: list[int]
     unused: tuple[str, ...]
     notes: tuple[str, ...]
@@ -216,51 +250,48 @@ def read_tensile(
         raise ArgumentError(f"blocks is {blocks!r}; it must be one of {', '.join(_BLOCKS)}")
     data = read_file(path, advice="give the path of a tensile file")
     by_position = None if columns is None else _by_position(columns)
-    grids, missed, pieces, notes = list[_Grid](), list[_Grid](), list[_Piece](), list[str]()
-    for sheet, text, rows in _sheets(data, path):
+    of_text = [] if is_workbook(data) else [("", decode_text(data, path))]
+    grids, pieces, notes = dict[_Grid, list[_Block]](), list[_Piece](), list[str]()
+    for sheet, cells in of_text or read_sheets(data, path.name):
         where = f"{path.name}, sheet {sheet!r}" if sheet else path.name
-        grid, found = _best_grid(_Grid(where, sheet, "", rows, by_position, option), text)
-        (grids if found else missed).append(grid)
+        grid, found = _best_grid(_Grid(where, sheet, "", [], by_position, option), cells)
+        grids[grid] = found
         pieces += _joined(_pieces(grid, found, notes), blocks, notes)
-    if not (grids or missed):
+    if not grids:
         raise NoRecordError(f"{path.name}: a workbook without sheets; export the test again")
     if not pieces:
-        longest = max(missed, key=_count_numbers)
+        longest = max(grids, key=_count_numbers)
         few = _count_numbers(longest) < _FEWEST_ROWS
         raise (NoRecordError if few else FileError)(_not_understood(longest))
-    notes += [f"{grid.where}: no record of a test" for grid in missed]
+    ordered = sorted(grids, key=lambda grid: not grids[grid])
+    notes += [f"{grid.where}: no record of a test" for grid in ordered if not grids[grid]]
     fewest = min(len(piece.lines) for piece in pieces)
-    for grid in (*grids, *missed):
+    for grid in ordered:
         read = {line for piece in pieces if piece.grid is grid for line in piece.lines}
         rest = replace(grid, rows=[row for row in grid.rows if row[0] not in read])
-        if _count_numbers(rest) * (1 if grid in missed else 4) >= fewest:
-            said = _not_understood(rest)
-            raise FileError(f"{said}; the rest of the file is understood")
-    return _tables(path, pieces, [*grids, *missed], notes)
+        if _count_numbers(rest) * (4 if grids[grid] else 1) >= fewest:
+            raise FileError(f"{_not_understood(rest)}; the rest of the file is understood")
+    return _tables(path, pieces, ordered, notes)
 
 
-def _sheets(data: bytes, path: Path) -> Iterator[tuple[str, str, list[TextRow]]]:
-    """Yield each sheet: its name, its text where it is one, and its rows where it is none."""
-    if is_workbook(data):
-        for name, rows in read_sheets(data, path.name):
-            yield name or path.name, "", list(enumerate(rows, start=1))
-    else:
-        yield "", decode_text(data, path), []
-
-
-def _best_grid(sheet: _Grid, text: str) -> tuple[_Grid, list[_Block]]:
+def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    separators = [s for s in _SEPARATORS if s in text or sheet.by_position] if text else []
-    for separator in separators or [";"]:
-        cells = split_rows(text, separator) if text else sheet.rows
+    separators = [s for s in _SEPARATORS if isinstance(content, str)]
+    for separator in [s for s in separators if s in content or sheet.by_position] or [";"]:
+        of_text = isinstance(content, str)
+        rows = (
+            split_rows(content, separator)
+            if isinstance(content, str)
+            else [*enumerate(content, start=1)]
+        )
         if separator == " " and sheet.by_position is None:
-            cells = _with_headings_of_words(cells)
-        grid = replace(sheet, separator=_decimals(cells, separator), rows=cells)
+            rows = _with_headings_of_words(rows)
+        grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
         found = _blocks(grid)
         if any(block.rows for block in found):
             return grid, [block for block in found if block.rows]
-        if found and text and separator.strip():
+        if found and of_text and separator.strip():
             raise FileError(
                 f"{grid.where}: headings but no numbers below them; export the raw data too"
             )
@@ -296,7 +327,7 @@ def _put_together_words(words: Sequence[str], step: int) -> list[str]:
     at = 0
     while at < len(words):
         ends = range(at + 1, min(len(words), at + 5) + 1)[::step]
-        end = next((e for e in ends if parse_heading(" ".join(words[at:e]))), at + 1)
+        end = next((e for e in ends if heading_of(" ".join(words[at:e])).meaning), at + 1)
         cells.append(" ".join(words[at:end]))
         at = end
     return cells
@@ -310,17 +341,16 @@ def _decimals(rows: Sequence[TextRow], separator: str) -> str:
     other stands between thousands.
     """
     cells = [cell for _, row in rows for cell in row if cell[:1].isdigit() or cell[:1] in "+-,."]
-    dots = any(_DECIMAL_DOT.fullmatch(cell) for cell in cells)
-    commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    dots, commas = (any(map(pattern.fullmatch, cells)) for pattern in _DECIMALS)
     if separator == ",":
         return ",." if dots else ";," if commas else separator
     return f"{separator}," if commas and not dots and separator.strip(" ") else separator
 
 
-_DECIMAL_COMMA, _DECIMAL_DOT = (
+_DECIMALS = [
     re.compile(rf"[+-]?(\d{{4,}}{sign}\d*|\d+{sign}(\d{{1,2}}|\d{{4,}})|0\d*{sign}\d+)")
-    for sign in (",", r"\.")
-)
+    for sign in (r"\.", ",")
+]
 
 
 # ------------------------------------------------------------------------------------------------
@@ -328,13 +358,13 @@ _DECIMAL_COMMA, _DECIMAL_DOT = (
 
 
 def _blocks(grid: _Grid) -> list[_Block]:
-    rows, found = grid.rows, list[_Block]()
+    found = list[_Block]()
     headings = grid.by_position
     start = at = 0
-    while at < len(rows):
-        own = headings_of(rows[at][1]) if grid.by_position is None else None
+    while at < len(grid.rows):
+        own = headings_of(grid.rows[at][1]) if grid.by_position is None else None
         place = at
-        if grid.by_position is None and _cell(rows[at][1], 0) == _SEGMENT:
+        if grid.by_position is None and grid.cell(at, 0) == _SEGMENT:
             headings = None
         if own is not None:
             headings, at = _with_units(own, grid, at)
@@ -359,30 +389,27 @@ def _with_units(headings: _Headings, grid: _Grid, place: int) -> tuple[_Headings
 
     The row is below, or, in what LabVIEW writes, above and says so.
     """
-    for row in range(place + 1, min(place + 4, len(grid.rows))):
-        cells = grid.rows[row][1]
+    for row, (_, cells) in enumerate(grid.rows[place + 1 : place + 4], start=place + 1):
         if any(grid.number(cell) is not None for cell in cells if cell not in ("", "1")):
             break
         units = [cell.strip("()[]{} ") for cell in cells]
-        known = [
+        known = any(
             h.meaning and unit and (is_unit(unit) or cell[0] in "([")
             for h, unit, cell in zip(headings, units, cells, strict=False)
-        ]
-        if any(known) and not all(unit.isdigit() for unit in units if unit):
+        )
+        if known and not all(unit.isdigit() for unit in units if unit):
             return _in_units(headings, units), row + 1
     for _, cells in grid.rows[max(place - _NEAR, 0) : place]:
-        if cells and _UNITS.search(cells[0]):
+        if cells and SIGNS["unit"].search(cells[0]):
             return _in_units(headings, cells), place + 1
     return headings, place + 1
 
 
-_UNITS = re.compile(r"\bunit|_unit_|einheit|unité|unidad|unità|単位|单位", re.IGNORECASE)
-
-
 def _in_units(headings: _Headings, units: Sequence[str]) -> _Headings:
+    filled = [*units, *[""] * len(headings)]
     return [
-        replace(h, unit=_cell(units, i)) if _cell(units, i) and not is_unit(h.unit or "") else h
-        for i, h in enumerate(headings)
+        replace(h, unit=unit) if unit and not is_unit(h.unit or "") else h
+        for h, unit in zip(headings, filled, strict=False)
     ]
 
 
@@ -401,16 +428,14 @@ def _numbers_below(
     gap = False
     for place in range(at, len(grid.rows)):
         cells = grid.rows[place][1]
-        if _cell(cells, 0) == _SEGMENT:
+        if grid.cell(place, 0) == _SEGMENT:
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
+        is_named = any(grid.cell(place, i) for i in named) and head_text(cells[0]) != "specimen"
         if not any(cells):
             gap = True
-        elif _sums_up(grid, place) or (
-            words == filled
-            and (filled or not found or not _names_alone([_cell(cells, i) for i in named], cells))
-        ):
+        elif _sums_up(grid, place) or (words == filled and (filled or not found or not is_named)):
             if found or not headed or headings_of(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
@@ -423,17 +448,17 @@ def _numbers_below(
     return found, len(grid.rows)
 
 
-def _names_alone(names: Iterable[str], cells: Sequence[str]) -> bool:
-    return any(names) and head_text(cells[0]) != "specimen"
-
-
 def _sums_up(grid: _Grid, place: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
-    label = next(filter(None, grid.rows[place][1]), "")
-    if len(label) < 2 or is_figure(label) or not _is_statistic(label):
-        return False
-    near = grid.rows[max(place - 1, 0) : place + 2]
-    return sum(next(filter(None, cells), "") == label for _, cells in near) == 1
+    label, *near = (
+        next(filter(None, grid.rows[row][1]), "")
+        for row in (place, *range(max(place - 1, 0), min(place + 2, len(grid.rows))))
+    )
+    return len(label) > 1 and _is_statistic(label) and near.count(label) == 1
+
+
+def _is_statistic(word: str) -> bool:
+    return not is_figure(word) and SIGNS["statistic"].fullmatch(word.strip(" .:")) is not None
 
 
 _SEGMENT = "Channels"
@@ -447,11 +472,11 @@ def _ends(grid: _Grid, wanted: Sequence[int], at: int) -> bool:
 
     No row of numbers alone comes before the next one of words alone.
     """
-    for _, cells in islice(grid.rows, at + 1, None):
-        numbers = [grid.is_number(_cell(cells, i)) for i in wanted]
+    for row in range(at + 1, len(grid.rows)):
+        numbers = [grid.is_number(grid.cell(row, i)) for i in wanted]
         if all(numbers):
             return False
-        if any(cells) and not any(numbers):
+        if any(grid.rows[row][1]) and not any(numbers):
             return True
     return True
 
@@ -472,13 +497,12 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
                 f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
                 f"{len(block.headings)}; a decimal comma needs quotes, or semicolons between cells"
             )
-        mark, headed = _marked(grid, block), block.place not in block.rows
-        if mark or headed or not groups:  # else it goes on with the names of the one before
+        mark = _marked(grid, block)
+        if mark or block.is_headed or not groups:  # else it goes on with the names before it
             groups, marked = _groups(grid, block), mark
         for name, places, material in groups:
             several = name if len(blocks) == 1 else f"{marked} {name}".strip()
-            label = marked if len(groups) == 1 else several
-            own = _split(grid, block, places, label, told)
+            own = _split(grid, block, places, marked if len(groups) == 1 else several, told)
             if material:
                 own = [replace(one, texts={"material": material, **one.texts}) for one in own]
             if own and not own[0].name and found and _goes_on(found[-1], own[0]):
@@ -488,11 +512,13 @@ def _pieces(grid: _Grid, blocks: Sequence[_Block], notes: list[str]) -> list[_Pi
         line = results[0].lines[0]
         notes.append(f"{grid.where}: from line {line} on a row a specimen, results of the others")
         found = [piece for piece in found if piece not in results]
-    longest = {p.block.place: len(p.lines) for p in sorted(found, key=lambda p: len(p.lines))}
+    longest = Counter[int]()
+    for piece in found:
+        longest[piece.block.place] = max(longest[piece.block.place], len(piece.lines))
     kept: list[_Piece] = []
     for at, piece in enumerate(found):
-        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name]
-        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near[:2])
+        near = [p for p in (*kept[::-1], *found[at + 1 :]) if p.name == piece.name][:2]
+        alone = not any(_goes_on(*sorted((p, piece), key=lambda p: p.lines[0])) for p in near)
         if alone and longest[piece.block.place] < _FEWEST_ROWS <= max(longest.values()):
             notes.append(f"{grid.where}: line {piece.lines[0]} is no part of a record")
         else:
@@ -542,52 +568,44 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
         if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
             continue
         if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
-            raise FileError(_two_axes(grid, headings, by_name))
+            axes = " and ".join(by_name)
+            said = f"{grid.where}: loads and lengths along {axes}, two axes of one test"
+            times = [i for i in known if headings[i].meaning == "time"]
+            ways = [_only(headings, [*at, *times]) for at in by_name.values()]
+            mode = "--mode equibiaxial" if grid.option else "the mode 'equibiaxial'"
+            raise _one_of(grid, said, ways, f", with {mode} if both are loaded alike")
         called = {
             name: " ".join(name.split()) if "" not in by_name else str(n)
             for n, name in enumerate(by_name, start=1)
         }
-        parts = {name: walk(places) for name, places in by_name.items()}
-        if any(len(walked) > 1 and all(map(whole, walked)) for walked in parts.values()):
-            if names is not tags:
-                above_of = above_of or {i: called[name] for name, at in by_name.items() for i in at}
-            numbered = numbered or [
-                (f"{called[name]} {n}", sorted(shared + places), above_of.get(places[0], ""))
-                for name, walked in parts.items()
-                for n, places in enumerate(walked, start=1)
-            ]
-            continue
-        return [
-            (called[name], sorted(shared + places), above_of.get(places[0], ""))
-            for name, places in by_name.items()
+        walked = {name: walk(places) for name, places in by_name.items()}
+        again = any(len(parts) > 1 and all(map(whole, parts)) for parts in walked.values())
+        if again and names is not tags and not above_of:
+            above_of = {i: called[name] for name, places in by_name.items() for i in places}
+        records = [
+            (f"{called[name]} {n}" if again else called[name], places)
+            for name in by_name
+            for n, places in enumerate(walked[name] if again else [by_name[name]], start=1)
         ]
+        found = [(name, sorted(shared + at), above_of.get(at[0], "")) for name, at in records]
+        if not again:
+            return found
+        numbered = numbered or found
     if numbered:
         return numbered
-    walked = walk(known)
+    parts = walk(known)
     # What comes once, as time does, belongs to all; a length too where a person headed the columns.
     kinds = {"time"} | (LENGTHS if grid.by_position else set())
     once = [
-        i for i in walked[0] if headings[i].meaning in kinds
-        and not all(any(_same(headings[i], headings[j]) for j in at) for at in walked[1:])
-    ]  # fmt: skip
-    found = [walked[0], *([*once, *places] for places in walked[1:])]
-    if len(found) < 2 or not all(map(whole, found)):
+        i
+        for i in parts[0]
+        if headings[i].meaning in kinds
+        and not all(any(_same(headings[i], headings[j]) for j in at) for at in parts[1:])
+    ]
+    parts[1:] = ([*once, *places] for places in parts[1:])
+    if len(parts) < 2 or not all(map(whole, parts)):
         return [("", known, "")]
-    return [(str(n), places, "") for n, places in enumerate(found, start=1)]
-
-
-def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> str:
-    """Return what is said of a test with a load and a length along each of two axes."""
-    said = f"{grid.where}: loads and lengths along {' and '.join(by_name)}, two axes of one test"
-    if not grid.option:
-        return f"{said}; keep one in the file, with the mode 'equibiaxial' if both are loaded alike"
-    examples = [
-        _example([h if i in at or h.meaning == "time" else Heading("", "", None)
-                  for i, h in enumerate(headings)], twice=True)
-        for at in by_name.values()
-    ]  # fmt: skip
-    choice = " or ".join(f"{grid.option} {example}" for example in examples)
-    return f"{said}; take one of them by {choice}, with --mode equibiaxial if both are loaded alike"
+    return [(str(n), places, "") for n, places in enumerate(parts, start=1)]
 
 
 def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
@@ -596,8 +614,8 @@ def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
     Figures are sizes; whole numbers may be those of specimens.
     """
     words, numbers = list[list[str]](), list[list[str]]()
-    for row in range(block.place - 1, max(block.place - 4, -1), -1):
-        cells = [*grid.rows[row][1], ""]
+    for _, above in grid.rows[max(block.place - 3, 0) : block.place][::-1]:
+        cells = [*above, ""]
         figures = [cell for cell in cells if grid.number(cell) is not None]
         if not figures:
             words.append(_carried(cells))
@@ -633,72 +651,49 @@ def _split(
     grid: _Grid, block: _Block, places: Sequence[int], label: str, told: Sequence[str]
 ) -> list[_Piece]:
     """Return the pieces of one group of columns: one, or as many as its column of specimens has."""
-    where, rows, headings = grid.where, grid.rows, block.headings
+    headings = block.headings
     named = next((i for i in places if headings[i].meaning == "specimen"), None)
     alone = len(places) == sum(bool(h.meaning) for h in headings)
     filled = [i for i in places if headings[i].meaning in LOADS | LENGTHS or (alone and i == named)]
-    lined = [r for r in block.rows if any(_cell(rows[r][1], i) for i in filled)]
+    lined = [r for r in block.rows if any(grid.cell(r, i) for i in filled)]
     if not lined:
         return []
-    used, notes = _used_columns(grid, headings, places, lined)
-    lines = [rows[r][0] for r in lined]
-    values: dict[str, FloatArray] = {}
-    for i, column in used.items():
-        line, short = next((rows[r] for r in lined if len(rows[r][1]) <= i), (0, []))
-        if line:
-            raise FileError(
-                f"{where}, line {line}: {len(short)} cells where the headings have "
-                f"{len(headings)}; complete or remove the line"
-            )
-        cells = [rows[r][1][i] for r in lined]
-        is_time, text = column.name == "time_s", column.heading.text
-        cells = [_seconds(cell) for cell in cells] if is_time else cells
-        try:
-            values[column.name] = finite_numbers(
-                cells, lines, grid.separator, where, text, column.factor
-            )
-        except FileError as error:
-            if not is_time or any(grid.number(cell) is not None for cell in cells):
-                raise
-            notes.append(f"{error}; time is optional and is left out")
-    kept = {i: column for i, column in used.items() if column.name in values}
+    group = _Group(grid, headings, places, lined)
+    used, notes = _used_columns(group)
+    values = _values(group, used, notes)
+    kept = [column for column in used if column.name in values]
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
-    heads = rows[block.place][1] if block.place not in block.rows else []
+    heads = grid.rows[block.place][1] if block.is_headed else []
     texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
+    read = {*(column.at for column in kept), *texts.values(), named}
     unused = tuple(
-        cell for i, cell in enumerate(heads)
-        if cell and i not in (*kept, *texts.values(), named) and size_of(cell)[0] is None
-        and (i in places or not headings[i].meaning) and _cell(rows[lined[0]][1], i)
-    )  # fmt: skip
-
-    def words(i: int) -> list[str]:
-        return _carried(_cell(rows[r][1], i) for r in lined)
-
+        cell
+        for i, cell in enumerate(heads)
+        if cell and i not in read and size_of(cell)[0] is None
+        if (i in places or not headings[i].meaning) and grid.cell(lined[0], i)
+    )
     if named is not None:
-        names = words(named)
+        names = _carried(group.cells(named))
         counts = len(set(names)) == len(lined)
         # Else a list of specimens beside their records.
         if (counts or not alone) and min(Counter(names).values()) < _FEWEST_ROWS <= len(lined):
             named = None
     if named is None:  # several materials, or modes, are several specimens
-        named = next((i for i in texts.values() if len({*words(i)} - {""}) > 1), None)
-    groups: dict[str, list[int]] = {}
-    for at, name in enumerate([""] * len(lined) if named is None else words(named)):
-        groups.setdefault(name, []).append(at)
+        several = (i for i in texts.values() if len({*group.cells(i)} - {""}) > 1)
+        named = next(several, None)
+    rows_of: dict[str, list[int]] = {}
+    for n, name in enumerate([""] * len(lined) if named is None else _carried(group.cells(named))):
+        rows_of.setdefault(name, []).append(n)
     return [
         _Piece(
             name or label, grid, block, {column: array[at] for column, array in values.items()},
-            tuple(kept.values()), [lines[n] for n in at], unused, (*told, *notes), bool(name),
-            {what: _cell(rows[lined[at[0]]][1], i) for what, i in texts.items() if what},
+            kept, [grid.rows[lined[n]][0] for n in at], unused, (*told, *notes), bool(name),
+            {what: grid.cell(lined[at[0]], i) for what, i in texts.items() if what},
         )
-        for name, at in groups.items()
+        for name, at in rows_of.items()
     ]  # fmt: skip
-
-
-def _cell(cells: Sequence[str], at: int) -> str:
-    return cells[at] if at < len(cells) else ""
 
 
 _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
@@ -713,9 +708,32 @@ def _seconds(cell: str) -> str:
     return f"{seconds:.15g}"
 
 
-def _used_columns(
-    grid: _Grid, headings: _Headings, places: Sequence[int], lined: Sequence[int]
-) -> tuple[dict[int, HeadedColumn], list[str]]:
+def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[str, FloatArray]:
+    """Return the numbers of columns, by name; without those of a time that has none."""
+    grid, found = group.grid, dict[str, FloatArray]()
+    lines = [grid.rows[r][0] for r in group.rows]
+    for column in used:
+        for row in group.rows:
+            line, cells = grid.rows[row]
+            if len(cells) <= column.at:
+                raise FileError(
+                    f"{grid.where}, line {line}: {len(cells)} cells where the headings have "
+                    f"{len(group.headings)}; complete or remove the line"
+                )
+        is_time, text = column.name == "time_s", column.heading.text
+        cells = [_seconds(cell) if is_time else cell for cell in group.cells(column.at)]
+        try:
+            found[column.name] = finite_numbers(
+                cells, lines, grid.separator, grid.where, text, column.factor
+            )
+        except FileError as error:
+            if not is_time or any(grid.number(cell) is not None for cell in cells):
+                raise
+            notes.append(f"{error}; time is optional and is left out")
+    return found
+
+
+def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
     """Return the columns that serve, by place: of each canonical name the first.
 
     A crosshead's absolute position serves only where nothing else tells the travel, an
@@ -727,105 +745,89 @@ def _used_columns(
     FileError
         A column without a unit, or two of one kind that differ.
     """
-    where, notes = grid.where, list[str]()
-    found: dict[int, HeadedColumn] = {}
-    cells = {
-        i: [_cell(grid.rows[r][1], i) for r in lined]
-        for i in places
-        if headings[i].meaning != "specimen"
-    }
+    grid, headings, where, notes = group.grid, group.headings, group.grid.where, list[str]()
+    cells = {i: group.cells(i) for i in group.places if headings[i].meaning != "specimen"}
     cells = {i: column for i, column in cells.items() if any(column)}
-    if suffice(headings[i] for i, column in cells.items() if "" not in column):
+    gaps = [i for i, column in cells.items() if "" in column]
+    if suffice(headings[i] for i in cells if i not in gaps):
         for i, j in permutations(cells, 2):
-            if "" in cells[i] and "" not in cells[j] and _same(headings[i], headings[j]):
+            if i in gaps and j not in gaps and _same(headings[i], headings[j]):
                 raise FileError(
                     f"{where}: column {headings[i].text!r} comes again, and what stands beside it "
                     f"is not understood; {_advice(grid.option, _example(headings, twice=True))}"
                 )
-        notes += [
-            f"{where}: column {headings[i].text!r} has empty cells; it is left out"
-            for i, column in cells.items()
-            if "" in column
-        ]
-        cells = {i: column for i, column in cells.items() if "" not in column}
+        for i in gaps:
+            notes.append(f"{where}: column {headings[i].text!r} has empty cells; it is left out")
+            del cells[i]
 
     def rank(i: int) -> tuple[bool, bool, bool, bool]:
         meaning, of_crosshead = headings[i].meaning, is_of_crosshead(headings[i].text)
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
-    doubles: list[tuple[int, int, float]] = []
+    found: dict[str, _Column] = {}
+    doubles: list[tuple[_Column, _Column]] = []
     for i in sorted(cells, key=rank):
         heading = headings[i]
         is_time = heading.meaning == "time"
         if is_time and _CLOCK.fullmatch(cells[i][0]):
             heading = replace(heading, unit="s")
         try:
-            column = column_of(heading, where=where)
+            column = _Column(i, heading, *heading.column(where))
         except FileError as error:
             others = suffice(headings[j] for j in cells if j != i and headings[j].unit)
-            if not is_time and not (heading.meaning in ("elongation", "position") and others):
-                if grid.by_position or (heading.unit is not None and not grid.option):
-                    raise
-                if heading.unit is not None:
-                    raise FileError(
-                        f"{error}, or name the columns with units that are known by {grid.option}"
-                    ) from error
-                example = _example(headings)
-                raise FileError(f"{error}, or {_advice(grid.option, example)}") from error
-            notes.append(f"{error}; {'time is optional and' if is_time else 'it'} is left out")
-            continue
-        same = next((j for j, m in found.items() if m.name == column.name), None)
-        if same is None:
-            found[i] = column
+            if is_time or (heading.meaning in ("elongation", "position") and others):
+                what = "time is optional and" if is_time else "it"
+                notes.append(f"{error}; {what} is left out")
+                continue
+            advice = _advice(grid.option, _example(headings))
+            if heading.unit is not None:
+                advice = f"name the columns with units that are known by {grid.option}"
+            if grid.by_position or (heading.unit is not None and not grid.option):
+                raise
+            raise FileError(f"{error}, or {advice}") from error
+        same = found.setdefault(column.name, column)
+        if same is column:
             continue
         notes.append(
             f"{where}: column {heading.text!r} left out; {column.name} is read from "
-            f"{found[same].heading.text!r}"
+            f"{same.heading.text!r}"
         )
-        if rank(i) == rank(same) and not is_time:
-            doubles.append((same, i, column.factor))
-    _refuse_ramp(grid, lined, headings)
-    _refuse_far(grid, lined, list(found.values()), headings)
-    strains = {"strain", "true_strain", "stretch"} & {column.name for column in found.values()}
-    for one, other, factor in doubles:
-        if not (strains and found[one].name == "displacement_mm"):
-            _refuse_two(grid, lined, {one: found[one].factor, other: factor}, headings)
-    return {i: found[i] for i in sorted(found)}, notes
+        if rank(i) == rank(same.at) and not is_time:
+            doubles.append((same, column))
+    _refuse_ramp(group)
+    _refuse_far(group, found)
+    strains = {"strain", "true_strain", "stretch"} & set(found)
+    for one, other in doubles:
+        if not (strains and one.name == "displacement_mm"):
+            _refuse_two(group, one, other)
+    return sorted(found.values(), key=lambda column: column.at), notes
 
 
 _ONE_TEMPERATURE_C = 4.0
 """From the lowest to the highest of a test at one temperature (ISO 23529: within 2 degrees)."""
 
 
-def _refuse_ramp(grid: _Grid, lined: Sequence[int], headings: _Headings) -> None:
+def _refuse_ramp(group: _Group) -> None:
     """Refuse a record through which the temperature goes, as a dynamic test's does."""
-    for i, heading in enumerate(headings):
-        if heading.meaning or not _TEMPERATURE.search(heading.text):
+    for i, heading in enumerate(group.headings):
+        if heading.meaning or not SIGNS["temperature"].search(heading.text):
             continue
-        found = [grid.number(_cell(grid.rows[r][1], i)) for r in lined]
-        known = [value for value in found if value is not None]
+        known = [value for value in group.numbers(i) if value is not None]
         if known and max(known) - min(known) > _ONE_TEMPERATURE_C:
             raise FileError(
-                f"{grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; a "
-                "law is of one temperature: give tests at one each, and what it was in the column "
-                "temperature_C of specimens.csv"
+                f"{group.grid.where}: {heading.text!r} goes from {min(known):g} to {max(known):g}; "
+                "a law is of one temperature: give tests at one each, and what it was in the "
+                "column temperature_C of specimens.csv"
             )
 
 
-_TEMPERATURE = re.compile(r"temp[eé]?rat|\btemp\b|温度|気温", re.IGNORECASE)
-
-
-def _refuse_far(
-    grid: _Grid, lined: Sequence[int], used: Sequence[HeadedColumn], headings: _Headings
-) -> None:
+def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
     """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
-    lengths = [column.heading for column in used if column.name in _LENGTH_COLUMNS]
-    if (
-        grid.by_position
-        or not lengths
-        or {h.meaning for h in lengths} - {"displacement", "position"}
-    ):
+    grid, headings = group.grid, group.headings
+    lengths = [column.heading for name, column in used.items() if name in _LENGTH_COLUMNS]
+    plain = {h.meaning for h in lengths} <= {"displacement", "position"}
+    if grid.by_position or not lengths or not plain:
         return
     near: dict[int, Heading] = {}
     for i, h in enumerate(headings):
@@ -833,12 +835,11 @@ def _refuse_far(
         kinds = quantities_of(unit) & {"length", "strain"}
         if h.meaning or unit.isdigit() or not kinds or not may_be_nearer(h.text):
             continue
-        numbers = {grid.number(_cell(grid.rows[r][1], i)) for r in lined}
+        numbers = {*group.numbers(i)}
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
-        blank = Heading("", "", None)
-        taken = [near.get(i, blank if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
+        taken = [near.get(i, _BLANK if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
         first, twice = next(iter(near.values())), len(near) > 1
         other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
         raise FileError(
@@ -848,31 +849,25 @@ def _refuse_far(
         )
 
 
-def _refuse_two(
-    grid: _Grid, lined: Sequence[int], factors: Mapping[int, float], headings: _Headings
-) -> None:
+def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
     """Refuse two columns of one kind that differ: of two sensors, or of two specimens."""
-    one, other = (
-        factor * np.array([grid.number(_cell(grid.rows[r][1], i)) for r in lined], dtype=np.float64)
-        for i, factor in factors.items()
+    first, second = (
+        column.factor * np.array(group.numbers(column.at), dtype=np.float64)
+        for column in (one, other)
     )
-    is_load = any(headings[i].meaning in LOADS for i in factors)
+    is_load = one.heading.meaning in LOADS or other.heading.meaning in LOADS
     if not is_load:
-        one, other = one - one[0], other - other[0]
-    if not float(np.max(np.abs(one - other))) > _SAME * float(np.ptp(one)):
+        first, second = first - first[0], second - second[0]
+    if not float(np.max(np.abs(first - second))) > _SAME * float(np.ptp(first)):
         return
-    first, second = (headings[i].text for i in factors)
+    grid, headings = group.grid, group.headings
     what = "loads over one length, of two load cells or of two specimens"
     what = what if is_load else "lengths of one record, of two sensors"
-    said = f"{grid.where}: {first!r} and {second!r} are two {what}"
-    if not grid.option:
-        raise FileError(f"{said}; keep one in the file")
-    examples = []
-    for left_out in (*reversed(factors), None):
-        kept = [Heading("", "", None) if i == left_out else h for i, h in enumerate(headings)]
-        examples.append(f"{grid.option} {_example(kept, twice=True)}")
-    both = f", or read two specimens by {examples[2]}" if is_load else ""
-    raise FileError(f"{said}; take one of them by {examples[0]} or {examples[1]}{both}")
+    said = f"{grid.where}: {one.heading.text!r} and {other.heading.text!r} are two {what}"
+    all_ = {*range(len(headings))}
+    both = f", or read two specimens by {grid.option} {_example(headings, twice=True)}"
+    ways = [_only(headings, all_ - {left_out.at}) for left_out in (other, one)]
+    raise _one_of(grid, said, ways, both if is_load and grid.option else "")
 
 
 _SAME = 0.02
@@ -893,9 +888,9 @@ def _joined(pieces: Sequence[_Piece], blocks: str | None, notes: list[str]) -> l
     """
     found: dict[str, _Piece] = {}
     for count, piece in enumerate(pieces, start=1):
+        if blocks == "apart" and not piece.name and len(pieces) > 1:
+            piece = replace(piece, name=str(count))
         name = piece.name
-        if blocks == "apart" and not name and len(pieces) > 1:
-            name, piece = str(count), replace(piece, name=str(count))
         last = found.get(name)
         if last is not None and blocks != "join" and not _goes_on(last, piece):
             who = f"specimen {name}" if name else "the block"
@@ -931,17 +926,13 @@ _STEP = 0.25
 
 
 def _put_together(one: _Piece, next_: _Piece, notes: list[str]) -> _Piece:
-    names = [c for c in one.columns if c in next_.columns]
-    lost = [c for c in {**one.columns, **next_.columns} if c not in names]
-    if lost:
+    a, b = one.columns, next_.columns
+    if lost := [c for c in {**a, **b} if c not in a or c not in b]:
         notes.append(
             f"{one.grid.where}: {', '.join(lost)} is not in all blocks of the record; left out"
         )
-    return replace(
-        one,
-        columns={c: np.concatenate([one.columns[c], next_.columns[c]]) for c in names},
-        lines=[*one.lines, *next_.lines],
-    )
+    joined = {c: np.concatenate([a[c], b[c]]) for c in a if c in b}
+    return replace(one, columns=joined, lines=[*one.lines, *next_.lines])
 
 
 def _tables(
@@ -969,20 +960,26 @@ def _tables(
         if name:
             metadata.pop("specimen", None)
         metadata |= piece.texts
-        if any(m.heading.compressed for m in piece.used if m.name != "time_s"):
+        if any(column.heading.compressed for column in piece.used if column.name != "time_s"):
             metadata.setdefault("mode", "compression")
         found.append(
             TensileTable(
-                path.name, MappingProxyType(dict(piece.columns)),
-                MappingProxyType({m.name: m.factor for m in piece.used}),
-                np.array(piece.lines, dtype=np.int64), name or str(metadata.get("specimen", "")),
-                MappingProxyType(metadata),
-                frozenset(m.name for m in piece.used if m.heading.unit is None) - {"stretch"},
-                (*piece.notes, *_behind(piece, pieces), *notes), piece.grid.sheet,
-                MappingProxyType({m.name: _written(m.heading) for m in piece.used}), piece.unused,
-                MappingProxyType(sources), MappingProxyType(unclear),
+                file=path.name,
+                columns=piece.columns,
+                factors={column.name: column.factor for column in piece.used},
+                lines=np.array(piece.lines, dtype=np.int64),
+                specimen=name or str(metadata.get("specimen", "")),
+                metadata=metadata,
+                without_unit=frozenset(c.name for c in piece.used if c.heading.unit is None)
+                - {"stretch"},
+                notes=(*piece.notes, *_behind(piece, pieces), *notes),
+                sheet=piece.grid.sheet,
+                headings={column.name: _written(column.heading) for column in piece.used},
+                unused=piece.unused,
+                sources=sources,
+                unclear=unclear,
             )
-        )  # fmt: skip
+        )
     return tuple(found)
 
 
@@ -1072,18 +1069,21 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     if not figures:
         figures, unit = _figures_below(grid, row, at, unit)
     if figures and not unit and row + 1 < len(grid.rows):
-        below = _cell(grid.rows[row + 1][1], at + 1)
+        below = grid.cell(row + 1, at + 1)
         unit = below if _is_of_size(below) else ""
+    unit = unit.strip("()[] ")
     if unit:
-        size = size_of(f"{key} [{unit.strip('()[] ')}]")[0] or size  # A0 in mm² is an area
-    factor = _factor(size, unit)
-    if factor is None and unit and len(figures) == 1 and size != "rate_mm_s":
+        size = size_of(f"{key} [{unit}]")[0] or size  # A0 in mm² is an area
+    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
+    known = quantity in quantities_of(unit)
+    if not known and unit and len(figures) == 1 and quantity != "speed":
         raise FileError(
             f"{grid.where}, line {grid.rows[row][0]}, {key!r}: unknown unit {unit!r} of "
             f"{size.split('_')[0]}; use one of 'mm', 'cm', 'in'"
         )
-    if figures and (factor is not None or not unit):
-        values = tuple((label, v * factor) for label, v in figures) if factor is not None else ()
+    if figures and (known or not unit):
+        factor = unit_factor(quantity, unit, where="") if known else 0.0
+        values = tuple((label, v * factor) for label, v in figures if known)
         yield _Said(grid, row, key, size, values, count)
 
 
@@ -1091,19 +1091,12 @@ def _is_of_size(unit: str) -> bool:
     return not {"length", "area", "speed"}.isdisjoint(quantities_of(unit.strip("()[] ")))
 
 
-def _factor(size: str, unit: str) -> float | None:
-    """Return the factor of a unit to that of a size; None where it is none of that kind."""
-    quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
-    unit = unit.strip("()[] ")
-    return unit_factor(quantity, unit, where="") if quantity in quantities_of(unit) else None
-
-
 def _label_above(grid: _Grid, row: int, at: int) -> str:
     """Return the specimen that heads a column of figures: the row of names near it."""
-    near = range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows)))
-    for cells in (grid.rows[other][1] for other in near if other != row):
-        if cells and cells[0] and head_text(cells[0]) == "specimen" and _cell(cells, at):
-            return cells[at]
+    for other in range(max(row - _NEAR, 0), min(row + _NEAR, len(grid.rows))):
+        label = grid.cell(other, at)
+        if other != row and label and head_text(grid.cell(other, 0)) == "specimen":
+            return label
     return ""
 
 
@@ -1115,8 +1108,8 @@ def _figures_below(
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
     named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
     figures: list[tuple[str, float]] = []
-    for _, cells in grid.rows[row + 1 :]:
-        cell = _cell(cells, at)
+    for below in range(row + 1, len(grid.rows)):
+        cells, cell = grid.rows[below][1], grid.cell(below, at)
         value = split_value(cell, grid.separator[0])
         if value is None:
             bare = cell.strip("()[] ")
@@ -1124,7 +1117,7 @@ def _figures_below(
                 break
             unit = bare
             continue
-        label = _cell(cells, named) if named != at else ""
+        label = grid.cell(below, named) if named != at else ""
         # "Mean" may stand before an empty label; an "x" beside one is an orientation.
         words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
         if any(map(_is_statistic, words)):
@@ -1134,16 +1127,6 @@ def _figures_below(
             figures.append((label, value[0]))
         unit = unit or value[1]
     return figures, unit
-
-
-def _is_statistic(word: str) -> bool:
-    return _STATISTIC.fullmatch(word.strip(" .:").casefold()) is not None
-
-
-_STATISTIC = re.compile(
-    r"mean|average|avg|median|maximum|minimum|max|min|range|s|sd|(?:std|standard)\W*(?:(?:dev|abw|err).*)?|"
-    r"coefficient.*|cv|n|x|x̄|ν|v|mittel.*|mw|moyenne|[eé]cart.*|media|promedio|desv.*|dev.*|平均.*|標準.*|标准.*"
-)
 
 
 _LENGTH_RANKS = ("gauge_mm", "height_mm", "length_mm", "grip_mm")
@@ -1162,74 +1145,79 @@ def _metadata(
     other sheets say.
     """
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
-    scopes: tuple[list[_Said], ...] = ([], [], [])
+    scopes = tuple[dict[str, list[_Said]], ...](({}, {}, {}))
     for one in said:
         if place not in labels[_series(one.grid)]:
             continue
         if one.grid is not piece.grid:
-            scopes[2].append(one)
+            scope = scopes[2]
         elif piece.block.start <= one.row <= piece.block.rows[-1]:
-            scopes[0].append(one)
+            scope = scopes[0]
         elif one.row < first or len(one.values) > 1:
-            scopes[1].append(one)
+            scope = scopes[1]
+        else:
+            continue
+        scope.setdefault(one.name, []).append(one)
     found: dict[str, tuple[float | str | None, str]] = {}
     for scope in scopes:
-        here: dict[str, dict[float | str | None, str]] = {}
-        open_: dict[str, str] = {}
-        readings_of: dict[str, dict[str, tuple[float, _Said]]] = {}
-        for one in scope:
-            beside = one.grid is piece.grid and one.row == piece.block.place
-            value = _value_for(one, place, labels[_series(one.grid)], beside)
-            of = here.setdefault(one.name, {})
-            if one.number and isinstance(value, float):
-                readings_of.setdefault(one.name, {})[one.number] = value, one
-            elif value is not None:
-                of.pop(value, None)  # the last place of a value is told
-                of[value] = one.place()
-            else:
-                readings = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
-                gives = f"gives {readings} of specimens" if one.values else "without a unit"
-                of[None] = f"{one.place()} {gives}"
-                if one.values:
-                    open_[one.name] = of[None]
-        for size, each in readings_of.items():
-            figures, told = zip(*each.values(), strict=True)
-            at = " and ".join(one.place() for one in told)
-            alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
-            if alone and len(told) > 1 and len({*figures}) > 1:  # or one of each specimen
-                here[size][None] = f"{at}, of one specimen or of {len(told)}"
-            else:
-                here[size][math.fsum(figures) / len(figures)] = at
-        for size, values in here.items():
-            known = [(v, at) for v, at in values.items() if v is not None]
-            if found.get(size, (None, ""))[0] is not None:
-                continue
-            several = [f"{v:g} ({at})" for v, at in known if isinstance(v, float)]
-            several += [open_[size]] if size in open_ and several else []
-            if len(several) > 1:
-                found[size] = None, " and ".join(several)
-            elif known or size not in found:
-                found[size] = known[-1] if known else (None, values[None])
-    compressed = any(column.heading.compressed for column in piece.used)
-    if not compressed and mode_of(str(found.get("mode", ("",))[0])) != "compression":
+        for name, of in scope.items():
+            if found.get(name, (None,))[0] is None:
+                value, where = _agreed(of, piece, place, labels)
+                if value is not None or name not in found:
+                    found[name] = value, where
+    mode = mode_of(str(found.get("mode", ("",))[0]))
+    if mode != "compression" and not any(column.heading.compressed for column in piece.used):
         found.pop("height_mm", None)  # a section's
     ranked = [found.pop(size) for size in _LENGTH_RANKS if size in found]
     if ranked:
         found["gauge_mm"] = ranked[0]
-    if mode_of(str(found.get("mode", ("",))[0])) is None:
+    if mode is None:
         found.pop("mode", None)  # "Test type: QA" is another matter
-    values_ = {size: value for size, (value, _) in found.items() if value is not None}
-    sources = {size: at for size, (_, at) in found.items() if size in values_}
-    return values_, sources, {size: at for size, (_, at) in found.items() if size not in values_}
+    values = {size: value for size, (value, _) in found.items() if value is not None}
+    sources = {size: at for size, (_, at) in found.items() if size in values}
+    return values, sources, {size: at for size, (_, at) in found.items() if size not in values}
+
+
+def _agreed(
+    said: Sequence[_Said], piece: _Piece, place: int, labels: Mapping[str, Mapping[int, str]]
+) -> tuple[float | str | None, str]:
+    """Return the value that all say, None where they differ, and where they say so."""
+    values: dict[float | str, str] = {}
+    readings: dict[str, tuple[float, _Said]] = {}
+    unclear = open_ = ""
+    for one in said:
+        names = labels[_series(one.grid)]
+        beside = one.grid is piece.grid and one.row == piece.block.place
+        value = _value_for(one, place, names, beside)
+        if one.number and isinstance(value, float):
+            readings[one.number] = value, one
+        elif value is not None:
+            values.pop(value, None)  # the last place of a value is told
+            values[value] = one.place()
+        else:
+            figures = ", ".join(f"{v:g}" for _, v in one.values if isinstance(v, float))
+            gives = f"gives {figures} of specimens" if one.values else "without a unit"
+            unclear = f"{one.place()} {gives}"
+            open_ = unclear if one.values else open_
+    if readings:
+        figures_, told = zip(*readings.values(), strict=True)
+        at = " and ".join(one.place() for one in told)
+        alone = len(told) == len(labels[_series(told[0].grid)]) and len(told[0].values) == 1
+        if alone and len(told) > 1 and len({*figures_}) > 1:  # or one of each specimen
+            unclear = f"{at}, of one specimen or of {len(told)}"
+        else:
+            values[math.fsum(figures_) / len(figures_)] = at
+    several = [f"{v:g} ({at})" for v, at in values.items() if isinstance(v, float)]
+    several += [open_] if open_ and several else []
+    if len(several) > 1:
+        return None, " and ".join(several)
+    return [*values.items()][-1] if values else (None, unclear)
 
 
 def _series(grid: _Grid) -> str:
     """Return the number of a series' sheet: the "2" of "Results Series 2"; "" of any other."""
-    match = _SERIES.search(grid.sheet)
+    match = SIGNS["series"].search(grid.sheet)
     return match[1] if match else ""
-
-
-_SERIES = re.compile(r"s[eé]rie[sn]?\s*(\d+)$", re.IGNORECASE)
 
 
 def _labels(series: str, pieces: Sequence[_Piece], names: Sequence[str]) -> dict[int, str]:
@@ -1251,16 +1239,14 @@ def _value_for(
     values = {value for _, value in one.values}
     if len(one.values) == 1 and (len(labels) == 1 or not one.values[0][0]):
         return one.values[0][1]
-    plain = labels[place]
-    told = [_plain_name(label) for label, _ in one.values]
-    named = {v for label, (_, v) in zip(told, one.values, strict=True) if plain and label == plain}
+    told = [(_plain_name(label), value) for label, value in one.values]
+    named = {value for label, value in told if label and label == labels[place]}
     if len(named) == 1:
         return named.pop()
-    if not beside and not set(labels.values()).isdisjoint({*told} - {""}):
-        return values.pop() if len(values) == 1 < len(one.values) else None
-    if len(one.values) == len(labels):
-        return one.values[[*labels].index(place)][1]
-    return values.pop() if len(values) == 1 else None
+    others = not beside and not {label for label, _ in told if label}.isdisjoint(labels.values())
+    if len(told) == len(labels) and not others:
+        return told[[*labels].index(place)][1]
+    return values.pop() if len(values) == 1 and not (others and len(told) == 1) else None
 
 
 @functools.lru_cache(maxsize=8192)
@@ -1292,10 +1278,7 @@ def _with_units_of_head(grid: _Grid, block: _Block) -> tuple[_Block, list[str]]:
             )
     if units:
         units["time"] = "s"
-    filled = [
-        replace(h, unit=units[h.meaning]) if h.unit is None and h.meaning in units else h
-        for h in block.headings
-    ]
+    filled = [replace(h, unit=h.unit or units.get(h.meaning)) for h in block.headings]
     if filled == [*block.headings]:
         return block, []
     stated = ", ".join(f"{meaning} in {unit}" for meaning, unit in units.items())
@@ -1336,27 +1319,23 @@ def _not_understood(grid: _Grid) -> str:
     if grid.by_position is not None:
         count = len(grid.by_position)
         return f"{grid.where}: no row with {count} columns of numbers; check the columns"
-    line, names, units = _nearest(grid)
-    if not names:
+    line, headings, units = _nearest(grid)
+    if not headings:
         return (
             f"{grid.where}: no row of headings with a load (force, load, stress) and a length "
             "(displacement, extension, travel, strain, stretch) above columns of numbers; export "
             "the raw data, headed as 'time_s,displacement_mm,force_N'"
         )
-    headings = [heading_of(name) for name in names]
     known = [f"{h.text!r} as {h.meaning}" for h in headings if h.meaning]
-    unknown = [
-        repr(n if len(n) <= 30 else f"{n[:27]}...")
-        for n in names
-        if n and not heading_of(n).meaning
-    ]
-    missing = _missing(headings)
+    unknown = [h.text for h in headings if h.text and not h.meaning]
+    shown = [repr(text if len(text) <= 30 else f"{text[:27]}...") for text in unknown[:8]]
     said = (
-        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(missing)}; understood: "
-        f"{', '.join(known) or 'none'}; not understood: {', '.join(unknown[:8]) or 'none'}"
+        f"{grid.where}, line {line}: no heading of a {' nor of a '.join(_missing(headings))}; "
+        f"understood: {', '.join(known) or 'none'}; not understood: {', '.join(shown) or 'none'}"
     )
     example = _example([replace(h, unit=u) for h, u in zip(headings, units, strict=True)])
-    if example.split(",").count("?") < len(_missing(map(heading_of, example.split(",")))):
+    named = example.split(",")
+    if named.count("?") < len(_missing(map(heading_of, named))):
         return f"{said}; export what is missing too"
     return f"{said}; {_advice(grid.option, example)}"
 
@@ -1379,6 +1358,14 @@ def _advice(option: str, example: str) -> str:
         )
     left_out = " (a '-' leaves a column out)" if "-" in example.split(",") else ""
     return f"name the columns by position, for example {option} {example}{left_out}"
+
+
+def _one_of(grid: _Grid, said: str, ways: Iterable[_Headings], end: str) -> FileError:
+    """Return the refusal of a file in which two columns may be meant, with a way to each."""
+    if not grid.option:
+        return FileError(f"{said}; keep one in the file{end}")
+    options = " or ".join(f"{grid.option} {_example(way, twice=True)}" for way in ways)
+    return FileError(f"{said}; take one of them by {options}{end}")
 
 
 def _example(headings: _Headings, *, twice: bool = False) -> str:
@@ -1417,11 +1404,10 @@ _BARE = {"time": "time_s", "force": "force_N", "displacement": "displacement_mm"
          "stress": "stress_MPa", "true_stress": "true_stress_MPa"}  # fmt: skip
 
 
-def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
-    """Return the row that comes nearest to one of headings: line, cells and units.
+def _nearest(grid: _Grid) -> tuple[int, _Headings, Sequence[str]]:
+    """Return the row that comes nearest to one of headings: its line, headings and units.
 
-    The row above the first row of numbers, or above a row of units there; no cells where there is
-    none.
+    The row above the first row of numbers, or above a row of units there; none where there is none.
     """
     rows = [(line, cells) for line, cells in grid.rows if any(cells)]
     for place, (_, cells) in enumerate(rows):
@@ -1436,10 +1422,12 @@ def _nearest(grid: _Grid) -> tuple[int, Sequence[str], Sequence[str]]:
     if not all(is_unit(cell.strip("()[]")) or cell[0] in "([" for cell in below if cell):
         below = []
     line, names = rows[place - 1 - bool(below)]
-    units = [heading_of(n).unit if heading_of(n).meaning else _unit_at_end(n) for n in names]
-    return line, names, [
-        unit if unit and is_unit(unit) else _cell(below, i).strip("()[] ")
-        for i, unit in enumerate(units)
+    headings = [heading_of(name) for name in names]
+    units = [h.unit if h.meaning else _unit_at_end(h.text) for h in headings]
+    under = [cell.strip("()[] ") for cell in (*below, *[""] * len(names))]
+    return line, headings, [
+        unit if unit and is_unit(unit) else other
+        for unit, other in zip(units, under, strict=False)
     ]  # fmt: skip
 
 

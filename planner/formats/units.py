@@ -1,10 +1,13 @@
 """Units: what machines write, as factors; what a person states; what a factor hints at."""
 
 import math
+import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
 
@@ -24,74 +27,22 @@ __all__ = [
 
 # ------------------------------------------------------------------------------------------------
 # Units that testing machines write, as factors to mm, N, MPa, s and fractions.
-#
-# Factors follow the international inch, the avoirdupois pound and standard gravity (NIST SP 811,
-# appendix B).
 
 
-_POUND_FORCE_N = 0.45359237 * 9.80665
-_PSI_MPA = _POUND_FORCE_N / 25.4**2
-
+_UNITS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("units.toml").read_text(encoding="utf-8")
+)
 QUANTITY_UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "time": {
-            "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0,
-            "ms": 1e-3, "min": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0,
-        },
-        "length": {
-            "mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3,
-            "in": 25.4, "inch": 25.4, "inches": 25.4, '"': 25.4, "mil": 0.0254, "ft": 304.8,
-        },
-        "force": {
-            "N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "newton": 1.0, "newtons": 1.0,
-            "lbf": _POUND_FORCE_N, "lb": _POUND_FORCE_N, "lbs": _POUND_FORCE_N,
-            "klbf": 1e3 * _POUND_FORCE_N, "kip": 1e3 * _POUND_FORCE_N,
-            "ozf": _POUND_FORCE_N / 16, "oz": _POUND_FORCE_N / 16,
-            "kgf": 9.80665, "kg": 9.80665, "gf": 9.80665e-3, "g": 9.80665e-3,
-        },
-        "stress": {
-            "MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.1,
-            "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/m2": 1e-6, "N/m^2": 1e-6, "N/m²": 1e-6,
-            "psi": _PSI_MPA, "ksi": 1e3 * _PSI_MPA, "lbf/in2": _PSI_MPA, "lbf/in^2": _PSI_MPA,
-            "kgf/mm2": 9.80665, "kgf/mm^2": 9.80665,
-        },
-        "strain": {
-            "": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "fraction": 1.0,
-            "%": 0.01, "percent": 0.01, "per cent": 0.01, "pct": 0.01, "mm/mm %": 0.01,
-            "µε": 1e-6, "με": 1e-6, "microstrain": 1e-6,
-        },
-    }
-)  # fmt: skip
+    {quantity: _UNITS[quantity] for quantity in ("time", "length", "force", "stress", "strain")}
+)
 """Factors to s, mm, N, MPa and fractions, by quantity and unit."""
 
-_UNIT_WORDS = {
-    "s": "sek, sekunden, seg, segundos, secondes, secondi, 秒",
-    "min": "minuten, minutes, minutos, minuti, 分",
-    "mm": "millimeter, millimeters, millimetre, millimetres, millimètres, milímetros, millimetri, "
-    "ミリ, 毫米",
-    "cm": "centimeter, centimeters, centimetre, centimetres",
-    "N": "牛, 牛顿",
-    "kN": "千牛",
-    "MPa": "兆帕",
-    "in": "zoll, pouce, pouces, pulg, pulgadas, pollici, インチ",
-    "%": "prozent, pour cent, por ciento, percento, パーセント",
-}
-"""Units as other languages spell them out, by planner's own word."""
-
-_READ_ALONE = {
-    "force": {"dan": 10.0, "dn": 0.1, "cn": 0.01, "kp": 9.80665},
-    "strain": {"‰": 1e-3, "mm/m": 1e-3, "\u03bcm/m": 1e-6, "um/m": 1e-6},
-}  # fmt: skip
-"""Units that files state and that no one is advised to try: a decanewton is a kilogram-force to
-2 %, nearer than a load cell's gain is known."""
-
-_CASE_MATTERS = {"mN", "MN"}
 _FOLDED = {
-    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in _CASE_MATTERS}
-    | _READ_ALONE.get(quantity, {})
+    quantity: {unit.casefold(): f for unit, f in units.items() if unit not in ("mN", "MN")}
+    | _UNITS["read-alone"].get(quantity, {})
     | {
-        word.casefold(): units[unit]
-        for unit, words in _UNIT_WORDS.items()
+        word: units[unit]
+        for unit, words in _UNITS["words"].items()
         if unit in units
         for word in words.split(", ")
     }
