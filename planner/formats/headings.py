@@ -53,9 +53,9 @@ def _folded(text: str) -> str:
 _TERMS: Mapping[str, Mapping[str, str]] = tomllib.loads(
     Path(__file__).with_name("terms.toml").read_text(encoding="utf-8")
 )
-_MEANING, _SIZE, _TEXT, _SPEED, _MODE = (
+_MEANING, _SIZE, _SYMBOLS, _TEXT, _SPEED, _MODE = (
     {_folded(word): meaning for meaning in _TERMS[table] for word in _words(table, meaning)}
-    for table in ("columns", "sizes", "texts", "speeds", "modes")
+    for table in ("columns", "sizes", "symbols", "texts", "speeds", "modes")
 )
 MODES = tuple(_TERMS["modes"])
 """The ways of loading that are told apart."""
@@ -124,6 +124,7 @@ _COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "strain": {"strain": "strain", "length": "displacement_mm"},  # an extensometer's travel
         "stress": {"stress": "stress_MPa"},
         "stretch": {"strain": "stretch"},
+        "lagrange strain": {"strain": "lagrange_strain"},
         "true strain": {"strain": "true_strain"},
         "true stress": {"stress": "true_stress_MPa"},
     }
@@ -250,7 +251,8 @@ def _tagged(name: str) -> tuple[str, str | None, str] | None:
     return None
 
 
-LENGTHS = {"displacement", "position", "elongation", "strain", "stretch", "true strain"}
+STRAINS = {"strain", "stretch", "true strain", "lagrange strain"}
+LENGTHS = {"displacement", "position", "elongation"} | STRAINS
 LOADS = {"force", "stress", "true stress"}
 """What a record has one of each of."""
 
@@ -312,13 +314,13 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
             yield part, unit
 
 
-def size_of(cell: str) -> tuple[str | None, str, str]:
+def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
     """Return the size that a cell beside the columns names, its unit or "", and its number or "".
 
     A size as width_mm, or rate_mm_s, the crosshead's speed. "Width 2" has the number 2: one of
-    several readings.
+    several readings. `symbols` takes "w" for a width too, if its unit is of length or not there.
     """
-    unit = ""
+    name = unit = ""
     for name, unit in _names(cell):
         numbered = _NUMBERED.fullmatch(_folded(name))
         stem, count = (numbered[1], numbered["tag"] or numbered["number"]) if numbered else ("", "")
@@ -330,7 +332,8 @@ def size_of(cell: str) -> tuple[str | None, str, str]:
         size = _looked_up(stem, _SIZE) if len(stem) > 1 and count.isdigit() else None
         if size in ("width_mm", "thickness_mm", "diameter_mm"):
             return size, unit, count
-    return None, unit, ""
+    is_symbol = symbols and (not unit or "length" in quantities_of(unit))
+    return _SYMBOLS.get(_folded(name)) if is_symbol else None, unit, ""
 
 
 def is_of_crosshead(heading: str) -> bool:

@@ -432,10 +432,11 @@ def _numbers_below(
             return found, place + (not found)
         filled = [cells[i] for i in wanted if i < len(cells) and cells[i]]
         words = [cell for cell in filled if not grid.is_number(cell)]
-        is_named = any(grid.cell(place, i) for i in named) and head_text(cells[0]) != "specimen"
         if not any(cells):
             gap = True
-        elif _sums_up(grid, place) or (words == filled and (filled or not found or not is_named)):
+        elif _sums_up(grid, place) or (
+            words == filled and (filled or not found or not _names_alone(grid, named, place))
+        ):
             if found or not headed or headings_of(cells) is not None:
                 return found, place if found or headed else place + 1
         elif not found and len(filled) - len(words) < least:
@@ -448,13 +449,18 @@ def _numbers_below(
     return found, len(grid.rows)
 
 
+def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
+    cells = grid.rows[place][1]
+    is_head = head_text(cells[0]) == "specimen" or headings_of(cells) is not None
+    return any(grid.cell(place, i) for i in named) and not is_head
+
+
 def _sums_up(grid: _Grid, place: int) -> bool:
-    """Say whether a row is one of statistics: "Mean" stands before it, and before no other."""
-    label, *near = (
-        next(filter(None, grid.rows[row][1]), "")
-        for row in (place, *range(max(place - 1, 0), min(place + 2, len(grid.rows))))
-    )
-    return len(label) > 1 and _is_statistic(label) and near.count(label) == 1
+    """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
+    near = range(max(place - 2, 0), min(place + 3, len(grid.rows)))
+    labels = {row: next(filter(None, grid.rows[row][1]), "") for row in near}
+    again = [*labels.values()].count(labels[place])
+    return len(labels[place]) > 1 and _is_statistic(labels[place]) and again < _FEWEST_ROWS
 
 
 def _is_statistic(word: str) -> bool:
@@ -664,6 +670,15 @@ def _split(
     kept = [column for column in used if column.name in values]
     if "stretch" in values:
         values.setdefault("strain", values.pop("stretch") - 1.0)
+    if "lagrange_strain" in values:
+        squares = 1.0 + 2.0 * values.pop("lagrange_strain")  # of the stretch
+        if float(squares.min()) <= 0.0:
+            raise FileError(
+                f"{grid.where}: Lagrange strain reaches {0.5 * (squares.min() - 1.0):.4g}; it is "
+                "above -0.5 at any stretch: check its unit"
+            )
+        values.setdefault("strain", np.sqrt(squares) - 1.0)
+        notes.append(f"{grid.where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
     heads = grid.rows[block.place][1] if block.is_headed else []
     texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
@@ -797,9 +812,9 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
             doubles.append((same, column))
     _refuse_ramp(group)
     _refuse_far(group, found)
-    strains = {"strain", "true_strain", "stretch"} & set(found)
+    is_strain = any(column.heading.quantity == "strain" for column in found.values())
     for one, other in doubles:
-        if not (strains and one.name == "displacement_mm"):
+        if not (is_strain and one.name == "displacement_mm"):
             _refuse_two(group, one, other)
     return sorted(found.values(), key=lambda column: column.at), notes
 
@@ -825,7 +840,7 @@ def _refuse_ramp(group: _Group) -> None:
 def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
     """Refuse a plain travel where a column that is not understood may be a nearer sensor's."""
     grid, headings = group.grid, group.headings
-    lengths = [column.heading for name, column in used.items() if name in _LENGTH_COLUMNS]
+    lengths = [column.heading for column in used.values() if column.heading.meaning in LENGTHS]
     plain = {h.meaning for h in lengths} <= {"displacement", "position"}
     if grid.by_position or not lengths or not plain:
         return
@@ -970,8 +985,11 @@ def _tables(
                 lines=np.array(piece.lines, dtype=np.int64),
                 specimen=name or str(metadata.get("specimen", "")),
                 metadata=metadata,
-                without_unit=frozenset(c.name for c in piece.used if c.heading.unit is None)
-                - {"stretch"},
+                without_unit=frozenset(
+                    column.name.removeprefix("lagrange_")
+                    for column in piece.used
+                    if column.heading.unit is None and column.name != "stretch"
+                ),
                 notes=(*piece.notes, *_behind(piece, pieces), *notes),
                 sheet=piece.grid.sheet,
                 headings={column.name: _written(column.heading) for column in piece.used},
@@ -1032,16 +1050,17 @@ def _said_sizes(grid: _Grid, pieces: Sequence[_Piece]) -> Iterator[_Said]:
     for piece in (p for p in pieces if p.grid is grid):
         width = 1 + max(i for i, h in enumerate(piece.block.headings) if h.meaning)
         data |= {row: max(width, data.get(row, 0)) for row in piece.block.rows}
+    heads = {piece.block.place for piece in pieces if piece.grid is grid}
     beside = min(data, default=0) + _BESIDE
     for row, (_, cells) in enumerate(grid.rows):
         if row in data and row > beside:
             continue
         for at in range(data.get(row, 0), len(cells)):
             if cells[at] and not is_figure(cells[at]):
-                yield from _said_at(grid, row, at)
+                yield from _said_at(grid, row, at, row not in heads)
 
 
-def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
+def _said_at(grid: _Grid, row: int, at: int, symbols: bool) -> Iterator[_Said]:
     """Yield what one cell says together with its neighbours: to its right, or below it."""
     cells = grid.rows[row][1]
     key, right = cells[at], [c for c in cells[at + 1 :] if c]
@@ -1051,7 +1070,7 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     text = head_text(key)
     if text and right and head_text(right[0]) is None and size_of(right[0])[0] is None:
         yield _Said(grid, row, key, text, (("", right[0]),))
-    size, unit, count = size_of(key)
+    size, unit, count = size_of(key, symbols=symbols)
     if size is None:
         return
     figures: list[tuple[str, float]] = []
@@ -1074,6 +1093,8 @@ def _said_at(grid: _Grid, row: int, at: int) -> Iterator[_Said]:
     unit = unit.strip("()[] ")
     if unit:
         size = size_of(f"{key} [{unit}]")[0] or size  # A0 in mm² is an area
+    elif size_of(key)[0] is None:
+        return  # a symbol without a unit may be anything
     quantity = {"rate_mm_s": "speed", "area_mm2": "area"}.get(size, "length")
     known = quantity in quantities_of(unit)
     if not known and unit and len(figures) == 1 and quantity != "speed":
@@ -1107,6 +1128,7 @@ def _figures_below(
     heads = grid.rows[row][1]
     counts = (i for i, c in enumerate(heads) if c.strip(" .").casefold() in ("no", "nr", "n°"))
     named = next((i for i, c in enumerate(heads) if head_text(c) == "specimen"), next(counts, 0))
+    is_named = size_of(heads[named])[0] is None  # no figure names a specimen
     figures: list[tuple[str, float]] = []
     for below in range(row + 1, len(grid.rows)):
         cells, cell = grid.rows[below][1], grid.cell(below, at)
@@ -1117,7 +1139,7 @@ def _figures_below(
                 break
             unit = bare
             continue
-        label = grid.cell(below, named) if named != at else ""
+        label = grid.cell(below, named) if named != at and is_named else ""
         # "Mean" may stand before an empty label; an "x" beside one is an orientation.
         words = [label] if re.search(r"\w", label) else [c for c in cells[:at] if c]
         if any(map(_is_statistic, words)):
@@ -1378,6 +1400,7 @@ def _example(headings: _Headings, *, twice: bool = False) -> str:
     told = Counter(kind for h in headings if not h.meaning for kind in quantities_of(h.unit or ""))
     for heading in headings:
         unit, name = heading.unit or "", _ALIKE.get(heading.meaning, heading.meaning)
+        unit = "mm/mm" if unit == "1" else unit
         kinds = quantities_of(unit)
         if not name and len(kinds) == 1 and told[min(kinds)] == 1 and not twice:
             name = _BY_KIND.get(min(kinds), "")

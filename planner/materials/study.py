@@ -861,10 +861,10 @@ def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: st
     """Return a table with columns in the units that were stated for it, which is noted."""
     for quantity, unit in units.items():
         column = QUANTITIES[quantity][0]
-        if column not in table.columns:
+        if column not in table.factors:
             raise FileError(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
-                f"{quantity}={unit.unit}; it has {', '.join(table.columns)}"
+                f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
         factor = factor_of(unit)
         values = table.columns[column] * (factor / table.factors[column])
