@@ -431,7 +431,7 @@ class Plan:
         import numpy as np
 
         from planner.formats.outputs import new_folder
-        from planner.formats.threemf import ThreemfObject, needs_one_mesh, write_threemf
+        from planner.formats.threemf import ThreemfObject, encode_threemf, needs_one_mesh
         from planner.mesh.mesh import Mesh
         from planner.voxels.picture import pictures_of
 
@@ -479,12 +479,8 @@ class Plan:
             )
             (scratch / "part.png").write_bytes(pictures.outside)
             (scratch / "section.png").write_bytes(pictures.section)
-            write_threemf(
-                scratch / f"{self.name}.3mf",
-                objects,
-                assembly_name=self.name,
-                thumbnail=pictures.thumbnail,
-                one_mesh=one_mesh,
+            (scratch / f"{self.name}.3mf").write_bytes(
+                encode_threemf(objects, self.name, thumbnail=pictures.thumbnail, one_mesh=one_mesh)
             )
             (scratch / "HOWTO.md").write_text(self.howto(), encoding="utf-8", newline="\n")
             if page is not None:

@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,6 @@ __all__ = [
     "read_records",
     "read_rows",
     "read_sheets",
-    "read_text",
     "split_rows",
 ]
 
@@ -51,8 +49,8 @@ LARGEST_FIGURE = 1e30
 LONGEST_HEADING = 200
 """Characters; programs write 80 at most, and searching a heading takes the square of them."""
 
-Record = dict[str | Any, str | Any]
-"""A row's cells by heading, None where the row ends before."""
+Record = dict[str, str]
+"""A row's cells by heading, as far as the row goes."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 _THOUSANDS_BY_DOTS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")
@@ -96,17 +94,6 @@ def _csv_cell(value: str | float | None, digits: int) -> str:
     return f'"{value.replace(chr(34), chr(34) * 2)}"' if re.search(r'[",\r\n]', value) else value
 
 
-def read_text(path: Path) -> str:
-    """Read a text file, see `decode_text`.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read, is empty, or is binary.
-    """
-    return decode_text(read_file(path, advice="give the path of a tensile file"), path)
-
-
 def decode_text(data: bytes, path: Path) -> str:
     """Return a text in UTF-8, UTF-16, GB 18030, Shift-JIS or Windows-1252, whichever it is in.
 
@@ -117,9 +104,9 @@ def decode_text(data: bytes, path: Path) -> str:
     """
     text = _decoded(data)
     if "\0" in text:
-        raise FileError(f"{path}: a binary file; export the test as CSV or text")
+        raise FileError(f"{path}: a binary file; export it as CSV or text")
     if not text.strip():
-        raise FileError(f"{path}: the file is empty; export the test again")
+        raise FileError(f"{path}: the file is empty; export it again")
     return text
 
 
@@ -182,7 +169,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
     FileError
         The file cannot be read, is empty, or is binary.
     """
-    text = read_text(path)
+    text = decode_text(read_file(path, advice="give a CSV file"), path)
     first = next(line for line in text.splitlines() if line.strip())
     separator = max(",;\t", key=first.count)
     rows = ((line, cells) for line, cells in _iterate_rows(text, separator) if any(cells))
@@ -190,7 +177,7 @@ def read_rows(path: Path) -> tuple[list[str], str, Iterator[TextRow]]:
 
 
 def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str, Record]]]:
-    """Read a file separated by commas: its headings, and each row by heading.
+    """Read a table: its headings, and each row by heading.
 
     Parameters
     ----------
@@ -205,20 +192,14 @@ def read_records(path: Path, what: str) -> tuple[tuple[str, ...], list[tuple[str
     Raises
     ------
     FileError
-        The file cannot be read, or is no CSV.
+        The file cannot be read, is empty, or is binary.
     """
     try:
-        text = read_file(path, advice="give a CSV file").decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileError(f"{what} {path}: cannot be read ({error}); give a CSV file") from error
+        headings, _, rows = read_rows(path)
+        records = [(line, dict(zip(headings, cells, strict=False))) for line, cells in rows]
     except FileError as error:
         raise FileError(f"{what} {error}") from error
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    try:
-        headings = tuple(reader.fieldnames or ())
-        return headings, [(f"{what} {path}, line {reader.line_num}", row) for row in reader]
-    except csv.Error as error:
-        raise FileError(f"{what} {path}: {error}; it is not a CSV file") from error
+    return tuple(headings), [(f"{what} {path}, line {line}", record) for line, record in records]
 
 
 def finite_number(text: str | None, where: str) -> float:
@@ -436,48 +417,41 @@ def read_columns(
     """
     where = path.name
     headings, separator, rows = read_rows(path)
-    places: dict[str, tuple[int, float]] = {}
-    named: int | None = None
-    for index, heading in enumerate(headings):
-        if heading == "specimen" and with_specimen:
-            named = index
-            continue
-        found = _column(heading, columns, where)
-        if found is None:
+    named: Mapping[str, str | None] = {"specimen": None, **columns} if with_specimen else columns
+    found: list[tuple[str, float]] = []
+    for heading in headings:
+        column = _column(heading, named, where)
+        if column is None:
             raise FileError(f"{where}: unknown column {heading!r}; it has {', '.join(columns)}")
-        if found[0] in places:
-            raise FileError(f"{where}: two columns {found[0]!r}; keep one")
-        places[found[0]] = (index, found[1])
-    missing = [c for c in columns if c not in places and c not in optional]
-    if with_specimen and named is None:
-        missing.insert(0, "specimen")
+        if column[0] in dict(found):
+            raise FileError(f"{where}: two columns {column[0]!r}; keep one")
+        found.append(column)
+    missing = [name for name in named if name not in dict(found) and name not in optional]
     if missing:
         raise FileError(
             f"{where}: no column {' nor '.join(map(repr, missing))}; its columns are "
             f"{', '.join(headings)}"
         )
-    columns_of_text: list[list[str]] = [[] for _ in headings]
-    lines: list[int] = []
+    lines, table = list[int](), list[list[str]]()
     for line, cells in rows:
         if len(cells) != len(headings):
             raise FileError(f"{where}, line {line}: {len(cells)} cells for {len(headings)} columns")
         lines.append(line)
-        for column, cell in zip(columns_of_text, cells, strict=True):
-            column.append(cell)
+        table.append(cells)
     if not lines:
         raise FileError(f"{where}: headings but no numbers below them; export the file again")
-    numbers = {
-        name: finite_numbers(columns_of_text[i], lines, separator, where, headings[i], factor)
-        for name, (i, factor) in places.items()
-        if name not in gaps
-    }
-    for name in gaps & set(places):
-        i, factor = places[name]
-        kept = [row for row, cell in enumerate(columns_of_text[i]) if cell]
-        cells, at = [columns_of_text[i][row] for row in kept], [lines[row] for row in kept]
-        numbers[name] = np.full(len(lines), np.nan)
-        numbers[name][kept] = finite_numbers(cells, at, separator, where, headings[i], factor)
-    return ColumnFile(numbers, () if named is None else tuple(columns_of_text[named]), tuple(lines))
+    numbers, texts = dict[str, FloatArray](), tuple[str, ...]()
+    for heading, (name, factor), of in zip(headings, found, zip(*table, strict=True), strict=True):
+        if name == "specimen":
+            texts = of
+            continue
+        filled = [row for row, cell in enumerate(of) if cell or name not in gaps]
+        numbers[name] = np.full(len(of), np.nan)
+        numbers[name][filled] = finite_numbers(
+            [of[row] for row in filled], [lines[row] for row in filled],
+            separator, where, heading, factor,
+        )  # fmt: skip
+    return ColumnFile(numbers, texts, tuple(lines))
 
 
 def _column(

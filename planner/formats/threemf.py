@@ -34,11 +34,11 @@ __all__ = [
     "ThreemfObject",
     "composite_name",
     "decode_threemf",
+    "encode_threemf",
     "mixed_colour",
     "needs_one_mesh",
     "read_threemf",
     "threemf_xml_hashes",
-    "write_threemf",
 ]
 
 
@@ -388,15 +388,10 @@ def _metadata(group: Any) -> dict[str, str]:
 _NAMESPACE = "urn:planner:mixture:1"
 """XML namespace of the metadata that the 3MF core specification has no name for."""
 
-_WELL_KNOWN: tuple[str, ...] = (
-    "Title",
-    "Designer",
-    "Description",
-    "Copyright",
-    "LicenseTerms",
-    "Rating",
+_WELL_KNOWN = (
+    *("Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating"),
+    *("CreationDate", "ModificationDate", "Application"),
 )
-_WELL_KNOWN += ("CreationDate", "ModificationDate", "Application")
 _SETTINGS = "urn:planner:slicer-settings:1"
 """Relationship from the model to what slicers read beside it."""
 
@@ -407,29 +402,6 @@ textures, and crashes (github.com/assimp/assimp/issues/5328); names of parts do 
 _UUIDS = uuid.uuid5(uuid.NAMESPACE_URL, _NAMESPACE)
 _FIRST = ("[Content_Types].xml", "_rels/.rels", "3D/3dmodel.model")
 _DECIMALS = 9  # from 1 mm up nothing moves by more than one unit in the last place; by 6, eight
-
-
-def write_threemf(
-    path: str | Path,
-    objects: Sequence[ThreemfObject],
-    assembly_name: str,
-    metadata: Mapping[str, str] | None = None,
-    *,
-    thumbnail: bytes | None = None,
-    one_mesh: bool = False,
-) -> None:
-    """Write the file that `encode_threemf` makes.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written, or the content cannot be said in 3MF.
-    """
-    data = encode_threemf(objects, assembly_name, metadata, thumbnail=thumbnail, one_mesh=one_mesh)
-    try:
-        Path(path).write_bytes(data)
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror or error}") from error
 
 
 def encode_threemf(
@@ -486,7 +458,12 @@ def _model_written(
     _add_metadata(model.GetMetaDataGroup(), {**heading, **metadata}, assembly_name)
     palette = _Materials(wrapper, model, model.AddBaseMaterialGroup())
     try:
-        shells = [_Shell(item, palette.property_of(item), _digest(item)) for item in objects]
+        materials = [palette.property_of(item) for item in objects]
+        extruders = {material: n for n, material in enumerate(dict.fromkeys(materials), start=1)}
+        shells = [
+            _Shell(item, material, extruders[material], _digest(item))
+            for item, material in zip(objects, materials, strict=True)
+        ]
         add = _add_one_mesh if one_mesh else _add_assembly
         whole = add(wrapper, model, shells, _text(assembly_name))
         layout = ("one mesh",) if one_mesh else ()
@@ -509,30 +486,26 @@ def _model_written(
 
 @dataclass(frozen=True, slots=True)
 class _Shell:
-    """An object to write, its material as group and entry of the model, and a hash of it all."""
+    """An object to write, its material as group and entry of the model, and a hash of it all.
+
+    Materials are counted from 1, in the order of the shells: that is the `extruder`.
+    """
 
     item: ThreemfObject
     material: tuple[int, int]
+    extruder: int
     digest: str
-
-
-def _extruders(shells: Sequence[_Shell]) -> list[int]:
-    """Return each shell's extruder: the materials counted from 1, in the order of the shells."""
-    materials = list(dict.fromkeys(shell.material for shell in shells))
-    return [materials.index(shell.material) + 1 for shell in shells]
 
 
 def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str) -> Any:
     assembly = model.AddComponentsObject()
     parts = []
-    for place, (shell, extruder) in enumerate(
-        zip(shells, _extruders(shells), strict=True), start=1
-    ):
+    for place, shell in enumerate(shells, start=1):
         item = shell.item
         mesh = _add_mesh(wrapper, model, item.name, item.vertices, item.faces)
         _add_metadata(mesh.GetMetaDataGroup(), item.metadata, item.name)
         # Cura counts from 0, the others from 1.
-        number = str(extruder - 1)
+        number = str(shell.extruder - 1)
         mesh.GetMetaDataGroup().AddMetaData(
             _CURA_NAMESPACE, "extruder_nr", number, "xs:integer", True
         )
@@ -540,8 +513,10 @@ def _add_assembly(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
         mesh.SetObjectLevelProperty(*shell.material)
         component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
         component.SetUUID(_identifier("component", place, shell.digest))
-        parts.append((mesh.GetModelResourceID(), _text(item.name), extruder))
-    _attach(model, _BAMBU_PART, _bambu_settings(assembly.GetModelResourceID(), name, parts))
+        opening = f'part id="{mesh.GetModelResourceID()}" subtype="normal_part"'
+        parts.append((opening, {"name": _text(item.name), "extruder": shell.extruder}))
+    opening = f'object id="{assembly.GetModelResourceID()}"'
+    _attach(model, _BAMBU_PART, _settings(opening, name, parts))
     return assembly
 
 
@@ -559,17 +534,15 @@ def _add_one_mesh(wrapper: Any, model: Any, shells: Sequence[_Shell], name: str)
     mesh.SetObjectLevelProperty(*shells[0].material)
     properties = np.array([(*s.material, s.material[1], s.material[1]) for s in shells], np.uint32)
     properties = np.repeat(properties, counts, axis=0)
-    wrapper.checkError(
-        mesh,
-        wrapper.lib.lib3mf_meshobject_setalltriangleproperties(
-            mesh._handle,
-            ctypes.c_uint64(len(properties)),
-            (lib3mf.TriangleProperties * len(properties)).from_buffer_copy(properties),
-        ),
-    )
-    names = [_text(shell.item.name) for shell in shells]
-    volumes = list(zip(counts, names, _extruders(shells), strict=True))
-    _attach(model, _PRUSA_PART, _prusa_settings(mesh.GetModelResourceID(), name, volumes))
+    _set(wrapper, mesh, "alltriangleproperties", (lib3mf.TriangleProperties, properties))
+    volumes, first = [], 0
+    for shell, count in zip(shells, counts, strict=True):
+        opening = f'volume firstid="{first}" lastid="{first + count - 1}"'
+        said = {"name": _text(shell.item.name), "volume_type": "ModelPart"}
+        volumes.append((opening, {**said, "extruder": shell.extruder}))
+        first += count
+    opening = f'object id="{mesh.GetModelResourceID()}" instances_count="1"'
+    _attach(model, _PRUSA_PART, _settings(opening, name, volumes, typed=True))
     return mesh
 
 
@@ -661,19 +634,20 @@ def _add_mesh(
         fault = "no triangles" if len(faces) == 0 else "a vertex that is not finite"
         raise OutputError(f"3MF object {name}: {fault}; leave it out or mend the mesh")
     mesh = model.AddMeshObject()
-    # lib3mf's own SetGeometry takes Python lists: 700 times slower on a million triangles.
-    wrapper.checkError(
-        mesh,
-        wrapper.lib.lib3mf_meshobject_setgeometry(
-            mesh._handle,
-            ctypes.c_uint64(len(vertices)),
-            (lib3mf.Position * len(vertices)).from_buffer_copy(vertices),
-            ctypes.c_uint64(len(faces)),
-            (lib3mf.Triangle * len(faces)).from_buffer_copy(faces),
-        ),
-    )
+    _set(wrapper, mesh, "geometry", (lib3mf.Position, vertices), (lib3mf.Triangle, faces))
     mesh.SetName(_text(name))
     return mesh
+
+
+def _set(wrapper: Any, mesh: Any, what: str, *arrays: tuple[Any, NDArray[Any]]) -> None:
+    """Give a mesh arrays at once; lib3mf's setters take lists: 700 times slower on a million."""
+    given = [
+        argument
+        for type_, array in arrays
+        for argument in (ctypes.c_uint64(len(array)), (type_ * len(array)).from_buffer_copy(array))
+    ]
+    call = getattr(wrapper.lib, f"lib3mf_meshobject_set{what}")
+    wrapper.checkError(mesh, call(mesh._handle, *given))
 
 
 def _written(model: Any) -> bytes:
@@ -780,60 +754,34 @@ def needs_one_mesh(slicer: str) -> bool:
         ) from None
 
 
-def _bambu_settings(assembly: int, name: str, parts: Sequence[tuple[int, str, int]]) -> bytes:
-    """Return the part of a 3MF that gives each component of an assembly its filament.
+def _settings(
+    opening: str,
+    name: str,
+    parts: Sequence[tuple[str, Mapping[str, str | int]]],
+    *,
+    typed: bool = False,
+) -> bytes:
+    """Return the part of a 3MF that says which part of an object has which extruder.
 
     Parameters
     ----------
-    assembly, name
-        The assembly's identifier in the model, and what it is called.
+    opening, name
+        The object's element with its attributes, and what it is called.
     parts
-        Identifier, name and filament (from 1) of each component's mesh.
+        The same of each component or volume, with what is said of it.
+    typed
+        Whether what is said has the element's name as its type.
     """
-    lines = [
-        line
-        for id, part, filament in parts
-        for line in (
-            f'    <part id="{id}" subtype="normal_part">',
-            f'      <metadata key="name" value={quoteattr(part)}/>',
-            f'      <metadata key="extruder" value="{filament}"/>',
-            "    </part>",
-        )
-    ]
-    return _config(
-        f'  <object id="{assembly}">',
-        f'    <metadata key="name" value={quoteattr(name)}/>',
-        *lines,
-    )
 
-
-def _prusa_settings(mesh: int, name: str, volumes: Sequence[tuple[int, str, int]]) -> bytes:
-    """Return the part of a 3MF that cuts one mesh into volumes and gives each its extruder.
-
-    Parameters
-    ----------
-    mesh, name
-        The mesh's identifier in the model, and what it is called.
-    volumes
-        Number of triangles, name and extruder (from 1) of each volume, in the mesh's order.
-    """
-    lines, first = [], 0
-    for triangles, volume, extruder in volumes:
-        lines += [
-            f'    <volume firstid="{first}" lastid="{first + triangles - 1}">',
-            f'      <metadata type="volume" key="name" value={quoteattr(volume)}/>',
-            '      <metadata type="volume" key="volume_type" value="ModelPart"/>',
-            f'      <metadata type="volume" key="extruder" value="{extruder}"/>',
-            "    </volume>",
+    def element(opening: str, said: Mapping[str, str | int], indent: str) -> list[str]:
+        of = f'type="{opening.partition(" ")[0]}" ' if typed else ""
+        return [f"{indent}<{opening}>"] + [
+            f'{indent}  <metadata {of}key="{key}" value={quoteattr(str(value))}/>'
+            for key, value in said.items()
         ]
-        first += triangles
-    return _config(
-        f'  <object id="{mesh}" instances_count="1">',
-        f'    <metadata type="object" key="name" value={quoteattr(name)}/>',
-        *lines,
-    )
 
-
-def _config(*lines: str) -> bytes:
-    head = '<?xml version="1.0" encoding="UTF-8"?>'
-    return "\n".join([head, "<config>", *lines, "  </object>", "</config>", ""]).encode("utf-8")
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<config>"]
+    lines += element(opening, {"name": name}, "  ")
+    for part, said in parts:
+        lines += [*element(part, said, "    "), f"    </{part.partition(' ')[0]}>"]
+    return "\n".join([*lines, "  </object>", "</config>", ""]).encode("utf-8")
