@@ -2,12 +2,9 @@
 
 import ctypes
 import hashlib
-import io
 import re
-import struct
 import uuid
-import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,15 +14,8 @@ import lib3mf
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ArgumentError, MeshError, OutputError, did_you_mean
-from planner.formats.archive import (
-    LARGEST,
-    USUAL_LIMITS,
-    UnfoldingLimits,
-    check_structure,
-    deflated,
-    unpacked,
-)
+from planner.errors import ArgumentError, FileError, MeshError, OutputError, did_you_mean
+from planner.formats.archive import USUAL_LIMITS, UnfoldingLimits, canonical_archive, unpacked
 from planner.formats.files import read_file
 from planner.numerics import Float32Array, FloatArray, IntArray
 
@@ -131,12 +121,177 @@ def threemf_xml_hashes(path: str | Path) -> dict[str, str]:
     """
     data = read_file(path)
     hashes = {}
-    for member, pieces in unpacked(data, str(path), LARGEST):
+    for member, pieces in unpacked(data, str(path)):
         digest = hashlib.sha256()
         for piece in pieces:
             digest.update(piece)
         hashes[member] = digest.hexdigest()
     return hashes
+
+
+# ------------------------------------------------------------------------------------------------
+# What the build of a file unfolds to, counted from its text before anything is unfolded.
+
+
+_Key = tuple[str, int]
+"""An object: the archive's member that holds it, and its number there."""
+
+
+@dataclass(slots=True)
+class _Object:
+    triangles: int = 0
+    components: list[_Key] = field(default_factory=list)
+
+
+def _check_structure(data: bytes, name: str, limits: UnfoldingLimits) -> None:
+    """Refuse a 3MF file that holds, or unfolds to, more than planner reads.
+
+    Nothing is built of it: members are unpacked piece by piece, and of their text only what
+    makes the structure is looked at (objects, components, build items, a triangle's first corner).
+    Each object is counted once, however often it is placed. Whatever else is wrong with the file
+    is left to its reader.
+
+    Parameters
+    ----------
+    data, name
+        The whole file, and what errors call it.
+
+    Raises
+    ------
+    MeshError
+        No zip archive, or one that does not hold what it promises; or more than a limit.
+    """
+    objects: dict[_Key, _Object] = {}
+    items: list[_Key] = []
+    try:
+        called = f"{name}: not a 3MF file that can be read"
+        for member, pieces in unpacked(data, called, limits.unpacked_bytes):
+            for _ in _scan(member, pieces, objects, items):
+                if len(objects) > limits.objects:
+                    raise _refusal(name, f"holds more than {limits.objects:,} objects")
+    except FileError as error:
+        raise MeshError(str(error)) from error
+    stored = sum(found.triangles for found in objects.values())
+    placed, triangles, depth = _unfold(objects, items)
+    for what, got, most in (
+        ("unfolds to {} objects, assemblies included", placed, limits.objects),
+        ("unfolds to {} triangles", triangles, max(limits.triangles, stored)),
+        ("nests components {} deep", depth, limits.depth),
+    ):
+        if got > most:
+            raise _refusal(
+                name, f"{what.format(_counted(got))}, more than the {most:,} that planner reads"
+            )
+
+
+def _refusal(name: str, what: str) -> MeshError:
+    return MeshError(
+        f"{name}: {what}; print fewer copies at once, export the part coarser, or read it from a "
+        "script with higher limits (planner.formats.mesh_file.read_mesh)"
+    )
+
+
+def _counted(count: int) -> str:
+    return f"{count:,}" if count < 10**15 else "over 10^15"
+
+
+_OPENING = re.compile(rb"<(?:!--|\?|(?:[\w.-]+:)?(object|component|item)(?=\s))")
+_REST = re.compile(rb"""(?:[^>"']|"[^"]*"|'[^']*')*+>""")
+_ATTRIBUTE = re.compile(rb"""([\w.-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_ENDS = {b"<!--": b"-->", b"<?": b"?>"}
+_CORNER = b"v1"
+"""Each triangle has this attribute once, whatever its prefix and blanks."""
+
+_LONGEST_TAG = 1 << 20
+
+
+def _scan(
+    member: str, pieces: Iterable[bytes], objects: dict[_Key, _Object], items: list[_Key]
+) -> Iterator[None]:
+    """Add what a member of the archive has of objects and build items, and yield at each piece."""
+    text, current = b"", _Object()
+    for piece in pieces:
+        text += piece
+        place = counted = 0
+        while opening := _OPENING.search(text, place):
+            current.triangles += text.count(_CORNER, counted, opening.start())
+            place = counted = opening.start()
+            if opening[1] is None:
+                end = text.find(_ENDS[opening[0]], opening.end())
+                closed = None if end < 0 else end + len(_ENDS[opening[0]])
+            else:
+                rest = _REST.match(text, opening.end())
+                closed = None if rest is None else rest.end()
+            if closed is None:  # goes on in the next piece
+                break
+            place = counted = closed
+            if opening[1] is not None:
+                found = _ATTRIBUTE.findall(text, opening.end(), closed)
+                said = {key: (double or single) for key, double, single in found}
+                current = _note(member, opening[1], said, objects, items, current)
+        else:
+            opened = text.rfind(b"<", place)
+            # A tag's beginning is kept; a text of any length may follow a whole one.
+            place = opened if opened >= 0 and len(text) - opened < 4096 else len(text)
+            current.triangles += text.count(_CORNER, counted, place)
+        text = text[place:]
+        if len(text) > _LONGEST_TAG:
+            raise FileError(f"{member}: has an XML element of more than {_LONGEST_TAG:,} bytes")
+        yield
+    current.triangles += text.count(_CORNER)
+
+
+def _note(
+    member: str,
+    tag: bytes,
+    said: dict[bytes, bytes],
+    objects: dict[_Key, _Object],
+    items: list[_Key],
+    current: _Object,
+) -> _Object:
+    """Take an element in, and return the object that what follows is of."""
+    key = _key(member, said.get(b"path"), said.get(b"id" if tag == b"object" else b"objectid"))
+    if key is None:  # the reader will say what is wrong
+        return current
+    if tag == b"object":
+        return objects.setdefault(key, _Object())
+    (current.components if tag == b"component" else items).append(key)
+    return current
+
+
+def _key(member: str, path: bytes | None, number: bytes | None) -> _Key | None:
+    where = member if path is None else path.decode("utf-8", "replace").lstrip("/")
+    try:
+        return where.casefold(), int(number or b"")
+    except ValueError:
+        return None
+
+
+def _unfold(objects: dict[_Key, _Object], items: list[_Key]) -> tuple[int, int, int]:
+    """Return how many objects and triangles the items place, and how deep components are nested.
+
+    Each object's own sum is made once, after those of its components. What refers to itself, or to
+    nothing, adds nothing: the reader refuses it.
+    """
+    known: dict[_Key, tuple[int, int, int]] = {}
+    begun: set[_Key] = set()
+    for start in objects:
+        waiting = [start]
+        while waiting:
+            key = waiting[-1]
+            own = objects[key]
+            if key in begun:
+                waiting.pop()
+                parts = (known[one] for one in own.components if one in known)
+                counts, triangles, depths = zip((0, 0, 0), *parts, strict=True)
+                sums = 1 + sum(counts), own.triangles + sum(triangles), 1 + max(depths)
+                known.setdefault(key, sums)
+                continue
+            begun.add(key)
+            waiting += [one for one in {*own.components} if one in objects and one not in begun]
+    placed = (known.get(key, (0, 0, 0)) for key in items)
+    counts, triangles, _ = zip((0, 0, 0), *placed, strict=True)
+    return sum(counts), sum(triangles), max((depth for *_, depth in known.values()), default=0)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -197,7 +352,7 @@ def decode_threemf(
         No 3MF, or more than `limits`; or it holds what is no mesh: a beam lattice, an implicit
         volume.
     """
-    check_structure(data, name, limits)
+    _check_structure(data, name, limits)
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     reader = model.QueryReader("3mf")
@@ -442,7 +597,7 @@ def encode_threemf(
     if not objects:
         raise OutputError(f"3MF of {assembly_name}: no objects; a file needs at least one")
     # The model is gone before the archive is copied: either takes a hundred MB a million triangles.
-    return _canonical_archive(
+    return canonical_archive(
         _model_written(objects, assembly_name, metadata or {}, thumbnail, one_mesh), _FIRST
     )
 
@@ -669,62 +824,6 @@ def _written(model: Any) -> bytes:
     return bytes(stream)
 
 
-_DATE = 0 << 9 | 1 << 5 | 1  # 1980-01-01, the earliest that a zip can say
-_VERSION = 20  # deflate and folders, nothing newer
-_UNIX_FILE = 0o100644 << 16
-
-
-def _canonical_archive(data: bytes, first: tuple[str, ...]) -> bytes:
-    """Rewrite an archive with fixed dates, permissions and order, and without zip64.
-
-    The members' deflated bytes are copied as they are. Some readers of 3MF take neither zip64
-    nor a date of zero, both of which lib3mf writes.
-
-    Parameters
-    ----------
-    data
-        A zip archive whose members are stored or deflated.
-    first
-        Members to put first, in this order; the rest follow sorted by name.
-
-    Returns
-    -------
-    bytes
-        The archive.
-
-    Raises
-    ------
-    OutputError
-        A member or the whole is 4 GiB or more, which takes zip64.
-    """
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = {member.filename: member for member in archive.infolist()}
-    names = [name for name in first if name in members]
-    names += sorted(name for name in members if name not in first)
-    parts, offset, directory = list[bytes | memoryview](), 0, bytearray()
-    for name in names:
-        member = members[name]
-        if max(offset + member.compress_size, member.file_size) > LARGEST:
-            raise OutputError(
-                f"{name}: {member.file_size} bytes, more than the 4 GiB that readers of 3MF take; "
-                "reduce the number of triangles"
-            )
-        path = name.encode("utf-8")
-        flags = 0 if name.isascii() else 0x800
-        facts = (
-            *(_VERSION, flags, member.compress_type, 0, _DATE),
-            *(member.CRC, member.compress_size, member.file_size, len(path), 0),
-        )
-        parts += [struct.pack("<4s5H3I2H", b"PK\x03\x04", *facts) + path, deflated(data, member)]
-        made_by = 3 << 8 | _VERSION  # Unix, so that the permissions count
-        directory += struct.pack("<4sH5H3I2H", b"PK\x01\x02", made_by, *facts)
-        directory += struct.pack("<3H2I", 0, 0, 0, _UNIX_FILE, offset) + path
-        offset += len(parts[-2]) + len(parts[-1])
-    count = len(names)
-    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, count, count, len(directory), offset, 0)
-    return b"".join((*parts, directory, end))
-
-
 # ------------------------------------------------------------------------------------------------
 # What slicers read beside the specification: the extruder or filament of each shell.
 #
@@ -757,7 +856,7 @@ def needs_one_mesh(slicer: str) -> bool:
 def _settings(
     opening: str,
     name: str,
-    parts: Sequence[tuple[str, Mapping[str, str | int]]],
+    parts: Sequence[tuple[str, Mapping[str, object]]],
     *,
     typed: bool = False,
 ) -> bytes:
@@ -773,7 +872,7 @@ def _settings(
         Whether what is said has the element's name as its type.
     """
 
-    def element(opening: str, said: Mapping[str, str | int], indent: str) -> list[str]:
+    def element(opening: str, said: Mapping[str, object], indent: str) -> list[str]:
         of = f'type="{opening.partition(" ")[0]}" ' if typed else ""
         return [f"{indent}<{opening}>"] + [
             f'{indent}  <metadata {of}key="{key}" value={quoteattr(str(value))}/>'
