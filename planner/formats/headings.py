@@ -24,9 +24,7 @@ __all__ = [
     "heading_of",
     "headings_of",
     "is_figure",
-    "is_of_crosshead",
     "marked_specimen",
-    "may_be_nearer",
     "mode_of",
     "size_of",
     "split_value",
@@ -165,6 +163,17 @@ class Heading:
         choices = _COLUMNS[self.meaning]
         return next((kind for kind in choices if kind in kinds), next(iter(choices)))
 
+    @property
+    def is_of_crosshead(self) -> bool:
+        """Whether it is of the machine's own way, which a nearer sensor's goes before."""
+        return SIGNS["crosshead"].search(_folded(self.text)) is not None
+
+    @property
+    def may_be_nearer(self) -> bool:
+        """Whether what is not understood may be of a sensor, or a strain of the gauge."""
+        nearer, otherwise = (SIGNS[n].search(_folded(self.text)) for n in ("nearer", "otherwise"))
+        return nearer is not None and otherwise is None
+
     def column(self, where: str) -> tuple[str, float]:
         """Return the name of the column, and the factor to its unit.
 
@@ -226,19 +235,22 @@ def _parse(name: str) -> tuple[str, str | None, str] | None:
             is_unit(suffixed[2]) or not SIGNS["source"].search(suffixed[2])
         ):
             return meaning, suffixed[2], ""
-    for pattern in (_JOINED, _SPACED):
-        match = pattern.fullmatch(name)
-        # Only a known unit: a "Load cell" and a "Time stamp" are no columns.
-        if match and is_unit(match[2]) and not match[2].isdigit():
-            inner = _parse(match[1])
-            if inner is not None:
-                return inner[0], match[2], inner[2]
+    for stem, unit in _apart(name, _JOINED, _SPACED):
+        if (inner := _parse(stem)) is not None:
+            return inner[0], unit, inner[2]
     numbered = _NUMBERED.fullmatch(name)
     if numbered:
         inner = _parse(numbered[1])
         if inner is not None and not inner[2]:
             return inner[0], inner[1], numbered["tag"] or numbered["number"]
     return None
+
+
+def _apart(name: str, *patterns: re.Pattern[str]) -> Iterator[tuple[str, str]]:
+    """Yield a name and the unit behind it, a known one: "Load cell", "Time stamp" have none."""
+    for match in (pattern.fullmatch(name) for pattern in patterns):
+        if match and is_unit(match[2]) and not match[2].isdigit():
+            yield match[1], match[2]
 
 
 def _tagged(name: str) -> tuple[str, str | None, str] | None:
@@ -297,11 +309,8 @@ def _names(cell: str) -> Iterator[tuple[str, str]]:
     plain = _plain(cell).rstrip(" :=")
     unit = next((b for b in reversed(_BRACKET.findall(plain)) if is_unit(b)), "")
     name = " ".join(_BRACKET.sub(" ", plain).split()).rstrip(" :=")
-    for pattern in () if unit else (_SUFFIXED, _JOINED, _SPACED):
-        match = pattern.fullmatch(name)
-        if match and is_unit(match[2]) and not match[2].isdigit():
-            name, unit = match[1], match[2]
-            break
+    if not unit:
+        name, unit = next(_apart(name, _SUFFIXED, _JOINED, _SPACED), (name, ""))
     yield name, unit
     group, _, last = name.rpartition(" : ")
     if group:
@@ -334,17 +343,6 @@ def size_of(cell: str, *, symbols: bool = False) -> tuple[str | None, str, str]:
             return size, unit, count
     is_symbol = symbols and (not unit or "length" in quantities_of(unit))
     return _SYMBOLS.get(_folded(name)) if is_symbol else None, unit, ""
-
-
-def is_of_crosshead(heading: str) -> bool:
-    """Say whether a column is the machine's own way, which a nearer sensor's goes before."""
-    return SIGNS["crosshead"].search(_folded(heading)) is not None
-
-
-def may_be_nearer(heading: str) -> bool:
-    """Say whether a column that is not understood may be a sensor's, or a strain of the gauge."""
-    nearer, otherwise = (SIGNS[n].search(_folded(heading)) for n in ("nearer", "otherwise"))
-    return nearer is not None and otherwise is None
 
 
 def head_text(cell: str) -> str | None:

@@ -22,9 +22,7 @@ from planner.formats.headings import (
     heading_of,
     headings_of,
     is_figure,
-    is_of_crosshead,
     marked_specimen,
-    may_be_nearer,
     mode_of,
     size_of,
     split_value,
@@ -575,7 +573,7 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
             continue
         if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
             axes = " and ".join(by_name)
-            said = f"{grid.where}: loads and lengths along {axes}, two axes of one test"
+            said = f"loads and lengths along {axes}, two axes of one test"
             times = [i for i in known if headings[i].meaning == "time"]
             ways = [_only(headings, [*at, *times]) for at in by_name.values()]
             mode = "--mode equibiaxial" if grid.option else "the mode 'equibiaxial'"
@@ -776,7 +774,7 @@ def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
             del cells[i]
 
     def rank(i: int) -> tuple[bool, bool, bool, bool]:
-        meaning, of_crosshead = headings[i].meaning, is_of_crosshead(headings[i].text)
+        meaning, of_crosshead = headings[i].meaning, headings[i].is_of_crosshead
         unmeasured = meaning not in ("elongation", "strain")
         return len(set(cells[i])) < 2, meaning == "position", unmeasured, of_crosshead
 
@@ -848,20 +846,16 @@ def _refuse_far(group: _Group, used: Mapping[str, _Column]) -> None:
     for i, h in enumerate(headings):
         unit = h.unit or _unit_at_end(h.text)
         kinds = quantities_of(unit) & {"length", "strain"}
-        if h.meaning or unit.isdigit() or not kinds or not may_be_nearer(h.text):
+        if h.meaning or unit.isdigit() or not kinds or not h.may_be_nearer:
             continue
         numbers = {*group.numbers(i)}
         if None not in numbers and len(numbers) > 1:
             near[i] = replace(h, meaning=_BY_KIND[min(kinds)], unit=unit)
     if near:
         taken = [near.get(i, _BLANK if h.meaning in LENGTHS else h) for i, h in enumerate(headings)]
-        first, twice = next(iter(near.values())), len(near) > 1
-        other = f", or leave it out by {grid.option} {_example(headings)}" if grid.option else ""
-        raise FileError(
-            f"{grid.where}: {first.text!r} is not understood, and may be nearer to the specimen "
-            f"than {lengths[0].text!r}; to take it, "
-            f"{_advice(grid.option, _example(taken, twice=twice))}{other}"
-        )
+        first = next(iter(near.values())).text
+        said = f"{first!r} is not understood, and may be nearer to the specimen than"
+        raise _one_of(grid, f"{said} {lengths[0].text!r}", [taken, headings])
 
 
 def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
@@ -878,7 +872,7 @@ def _refuse_two(group: _Group, one: _Column, other: _Column) -> None:
     grid, headings = group.grid, group.headings
     what = "loads over one length, of two load cells or of two specimens"
     what = what if is_load else "lengths of one record, of two sensors"
-    said = f"{grid.where}: {one.heading.text!r} and {other.heading.text!r} are two {what}"
+    said = f"{one.heading.text!r} and {other.heading.text!r} are two {what}"
     all_ = {*range(len(headings))}
     both = f", or read two specimens by {grid.option} {_example(headings, twice=True)}"
     ways = [_only(headings, all_ - {left_out.at}) for left_out in (other, one)]
@@ -1382,12 +1376,11 @@ def _advice(option: str, example: str) -> str:
     return f"name the columns by position, for example {option} {example}{left_out}"
 
 
-def _one_of(grid: _Grid, said: str, ways: Iterable[_Headings], end: str) -> FileError:
+def _one_of(grid: _Grid, said: str, ways: Iterable[_Headings], end: str = "") -> FileError:
     """Return the refusal of a file in which two columns may be meant, with a way to each."""
-    if not grid.option:
-        return FileError(f"{said}; keep one in the file{end}")
     options = " or ".join(f"{grid.option} {_example(way, twice=True)}" for way in ways)
-    return FileError(f"{said}; take one of them by {options}{end}")
+    one = f"take one of them by {options}" if grid.option else "keep one in the file"
+    return FileError(f"{grid.where}: {said}; {one}{end}")
 
 
 def _example(headings: _Headings, *, twice: bool = False) -> str:
