@@ -86,6 +86,19 @@ gauges of 4 to 80 mm; labs go further, but not beyond these."""
 _TEMPERATURES_C = (-100.0, 300.0)
 """Beyond these every elastomer and jetted resin is glass, or decomposes."""
 
+
+def _size(
+    what: str,
+    plausible: tuple[float, float],
+    tolerance: tuple[float, float] | None,
+    *called: str,
+) -> SpecimenColumn:
+    return SpecimenColumn(
+        f"{what.replace(' ', '_')}_mm", (called or (what,))[0], f"at a {what} of {{}} mm",
+        called=(what, *called), plausible=plausible, tolerance=tolerance, is_size=True,
+    )  # fmt: skip
+
+
 SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
     {
         column.name: column
@@ -116,27 +129,11 @@ SPECIMEN_COLUMNS: Mapping[str, SpecimenColumn] = MappingProxyType(
                 "protocol", "protocol", "in {} tests", "{}", choices=get_args(_Protocol)
             ),
             SpecimenColumn("batch", "batch", "in batch {}", choices=()),
-            SpecimenColumn(
-                "width_mm", "width", "at a width of {} mm", called=("width",),
-                plausible=_WIDTHS_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "thickness_mm", "thickness", "at a thickness of {} mm", called=("thickness",),
-                plausible=_THICKNESSES_MM, tolerance=(0.0, 0.02), is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_width_mm", "measured width", "at a measured width of {} mm",
-                called=("measured width",), plausible=_WIDTHS_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "measured_thickness_mm", "measured thickness", "at a measured thickness of {} mm",
-                called=("measured thickness",), plausible=_THICKNESSES_MM, is_size=True,
-            ),
-            SpecimenColumn(
-                "gauge_mm", "gauge length", "at a gauge of {} mm",
-                called=("gauge", "gauge length", "gage", "gage length"),
-                plausible=_GAUGES_MM, tolerance=(0.0, 0.1), is_size=True,
-            ),
+            _size("width", _WIDTHS_MM, (0.0, 0.02)),
+            _size("thickness", _THICKNESSES_MM, (0.0, 0.02)),
+            _size("measured width", _WIDTHS_MM, None),
+            _size("measured thickness", _THICKNESSES_MM, None),
+            _size("gauge", _GAUGES_MM, (0.0, 0.1), "gauge length", "gage length", "gage"),
         )
     }
 )  # fmt: skip

@@ -275,14 +275,14 @@ def read_tensile(
 def _best_grid(sheet: _Grid, content: str | list[list[str]]) -> tuple[_Grid, list[_Block]]:
     """Return the cells of a sheet, split so that headings stand above numbers, and its blocks."""
     tried: list[_Grid] = []
-    separators = [s for s in _SEPARATORS if isinstance(content, str)]
-    for separator in [s for s in separators if s in content or sheet.by_position] or [";"]:
-        of_text = isinstance(content, str)
-        rows = (
-            split_rows(content, separator)
-            if isinstance(content, str)
-            else [*enumerate(content, start=1)]
-        )
+    of_text = isinstance(content, str)
+    splits: Iterable[tuple[str, list[TextRow]]]
+    if isinstance(content, str):
+        in_it = [s for s in _SEPARATORS if s in content or sheet.by_position] or [";"]
+        splits = ((s, split_rows(content, s)) for s in in_it)
+    else:
+        splits = [(";", [*enumerate(content, start=1)])]
+    for separator, rows in splits:
         if separator == " " and sheet.by_position is None:
             rows = _with_headings_of_words(rows)
         grid = replace(sheet, separator=_decimals(rows, separator), rows=rows)
@@ -455,10 +455,14 @@ def _names_alone(grid: _Grid, named: Sequence[int], place: int) -> bool:
 
 def _sums_up(grid: _Grid, place: int) -> bool:
     """Say whether a row is one of statistics: "Mean" stands before it, and before no record."""
+    label = _first(grid, place)
     near = range(max(place - 2, 0), min(place + 3, len(grid.rows)))
-    labels = {row: next(filter(None, grid.rows[row][1]), "") for row in near}
-    again = [*labels.values()].count(labels[place])
-    return len(labels[place]) > 1 and _is_statistic(labels[place]) and again < _FEWEST_ROWS
+    is_label = len(label) > 1 and _is_statistic(label)
+    return is_label and sum(_first(grid, row) == label for row in near) < _FEWEST_ROWS
+
+
+def _first(grid: _Grid, row: int) -> str:
+    return next(filter(None, grid.rows[row][1]), "")
 
 
 def _is_statistic(word: str) -> bool:
