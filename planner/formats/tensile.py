@@ -670,17 +670,7 @@ def _split(
     used, notes = _used_columns(group)
     values = _values(group, used, notes)
     kept = [column for column in used if column.name in values]
-    if "stretch" in values:
-        values.setdefault("strain", values.pop("stretch") - 1.0)
-    if "lagrange_strain" in values:
-        squares = 1.0 + 2.0 * values.pop("lagrange_strain")  # of the stretch
-        if float(squares.min()) <= 0.0:
-            raise FileError(
-                f"{grid.where}: Lagrange strain reaches {0.5 * (squares.min() - 1.0):.4g}; it is "
-                "above -0.5 at any stretch: check its unit"
-            )
-        values.setdefault("strain", np.sqrt(squares) - 1.0)
-        notes.append(f"{grid.where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
+    values = _with_strain(values, grid.where, notes)
     heads = grid.rows[block.place][1] if block.is_headed else []
     texts = {head_text(cell): i for i, cell in enumerate(heads) if cell}
     texts = {what: i for what, i in texts.items() if what in ("material", "mode")}
@@ -748,6 +738,28 @@ def _values(group: _Group, used: Sequence[_Column], notes: list[str]) -> dict[st
                 raise
             notes.append(f"{error}; time is optional and is left out")
     return found
+
+
+def _with_strain(
+    values: dict[str, FloatArray], where: str, notes: list[str]
+) -> dict[str, FloatArray]:
+    """Return columns with the strain that a stretch, or else a Lagrange strain E, is of.
+
+    The squared stretch of a line along x is 1 + 2 Exx, however the specimen is sheared.
+    """
+    made = {name: values.pop(name) for name in ("stretch", "lagrange_strain") if name in values}
+    if "strain" in values or not made:
+        return values
+    if "stretch" in made:
+        return {**values, "strain": made["stretch"] - 1.0}
+    lagrange = made["lagrange_strain"]
+    if float(lagrange.min()) <= -0.5:
+        raise FileError(
+            f"{where}: Lagrange strain reaches {lagrange.min():.4g}; it is above -0.5 at any "
+            "stretch: check its unit"
+        )
+    notes.append(f"{where}: strain is sqrt(1 + 2 E) - 1 of Lagrange strain E")
+    return {**values, "strain": np.sqrt(1.0 + 2.0 * lagrange) - 1.0}
 
 
 def _used_columns(group: _Group) -> tuple[list[_Column], list[str]]:
