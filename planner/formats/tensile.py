@@ -543,51 +543,42 @@ def _results(pieces: Sequence[_Piece]) -> list[_Piece]:
     return [] if ends or any(len(piece.lines) <= rows for piece in others) else first
 
 
-def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
-    """Return the columns of each record that stands in a block, with its name and its material.
+_Records = list[tuple[str, list[int], str]]
+"""Of each its name, the places of its columns, and its material."""
+
+
+def _groups(grid: _Grid, block: _Block) -> _Records:
+    """Return the columns of each record that stands in a block.
 
     A row of names above the headings tells them apart, then a part of the headings ("S1_force_N"),
     then headings that come again. Names that come again are a material's, or a batch's.
     """
-
-    def whole(places: Iterable[int]) -> bool:
-        return suffice(headings[i] for i in places)
-
-    def walk(places: Iterable[int]) -> list[list[int]]:
-        walked: list[list[int]] = [[]]
-        for i in places:
-            if any(_same(headings[i], headings[j]) for j in walked[-1]) and whole(walked[-1]):
-                walked.append([])
-            walked[-1].append(i)
-        return walked
-
     headings = block.headings
     known = [i for i, h in enumerate(headings) if h.meaning]
     tags = [h.tag for h in headings]
     above_of: dict[int, str] = {}
-    numbered: list[tuple[str, list[int], str]] = []
+    numbered: _Records = []
     for names in (*_names_above(grid, block), tags):
         by_name: dict[str, list[int]] = {}
         for i in known:
             by_name.setdefault(names[min(i, len(names) - 1)], []).append(i)
-        shared = [] if whole(by_name.get("", [])) else by_name.pop("", [])
-        if any(len(name) < 2 and not whole(places) for name, places in by_name.items()):
+        shared = [] if _whole(headings, by_name.get("", [])) else by_name.pop("", [])
+        partial = [name for name, places in by_name.items() if not _whole(headings, places)]
+        if any(len(name) < 2 for name in partial):
             continue  # "Force 1" and "Force 2" may be load cells
-        if len(by_name) < 2 or not all(whole([*shared, *at]) for at in by_name.values()):
+        if len(by_name) < 2 or not all(_whole(headings, shared + by_name[n]) for n in partial):
             continue
-        if {name.upper() for name in by_name} == {"X", "Y"} and all(map(whole, by_name.values())):
-            axes = " and ".join(by_name)
-            said = f"loads and lengths along {axes}, two axes of one test"
-            times = [i for i in known if headings[i].meaning == "time"]
-            ways = [_only(headings, [*at, *times]) for at in by_name.values()]
-            mode = "--mode equibiaxial" if grid.option else "the mode 'equibiaxial'"
-            raise _one_of(grid, said, ways, f", with {mode} if both are loaded alike")
+        if {name.upper() for name in by_name} == {"X", "Y"} and not partial:
+            raise _two_axes(grid, headings, by_name)
         called = {
             name: " ".join(name.split()) if "" not in by_name else str(n)
             for n, name in enumerate(by_name, start=1)
         }
-        walked = {name: walk(places) for name, places in by_name.items()}
-        again = any(len(parts) > 1 and all(map(whole, parts)) for parts in walked.values())
+        walked = {name: _walked(headings, places) for name, places in by_name.items()}
+        again = any(
+            len(parts) > 1 and all(_whole(headings, part) for part in parts)
+            for parts in walked.values()
+        )
         if again and names is not tags and not above_of:
             above_of = {i: called[name] for name, places in by_name.items() for i in places}
         records = [
@@ -599,21 +590,47 @@ def _groups(grid: _Grid, block: _Block) -> list[tuple[str, list[int], str]]:
         if not again:
             return found
         numbered = numbered or found
-    if numbered:
-        return numbered
-    parts = walk(known)
-    # What comes once, as time does, belongs to all; a length too where a person headed the columns.
-    kinds = {"time"} | (LENGTHS if grid.by_position else set())
+    # A length belongs to all too where a person headed the columns.
+    alone = {"time"} | (LENGTHS if grid.by_position else set())
+    return numbered or _that_come_again(headings, known, alone)
+
+
+def _that_come_again(headings: _Headings, known: Sequence[int], alone: set[str]) -> _Records:
+    """Return the records whose headings come again; what comes once, as time, belongs to all."""
+    first, *others = _walked(headings, known)
     once = [
         i
-        for i in parts[0]
-        if headings[i].meaning in kinds
-        and not all(any(_same(headings[i], headings[j]) for j in at) for at in parts[1:])
+        for i in first
+        if headings[i].meaning in alone
+        and not all(any(_same(headings[i], headings[j]) for j in at) for at in others)
     ]
-    parts[1:] = ([*once, *places] for places in parts[1:])
-    if len(parts) < 2 or not all(map(whole, parts)):
-        return [("", known, "")]
-    return [(str(n), places, "") for n, places in enumerate(parts, start=1)]
+    found = [first, *([*once, *places] for places in others)]
+    if not others or not all(_whole(headings, places) for places in found):
+        return [("", list(known), "")]
+    return [(str(n), places, "") for n, places in enumerate(found, start=1)]
+
+
+def _whole(headings: _Headings, places: Iterable[int]) -> bool:
+    return suffice(headings[i] for i in places)
+
+
+def _walked(headings: _Headings, places: Iterable[int]) -> list[list[int]]:
+    """Cut columns where a heading comes again, and what stands before it is a record."""
+    walked: list[list[int]] = [[]]
+    for i in places:
+        again = any(_same(headings[i], headings[j]) for j in walked[-1])
+        if again and _whole(headings, walked[-1]):
+            walked.append([])
+        walked[-1].append(i)
+    return walked
+
+
+def _two_axes(grid: _Grid, headings: _Headings, by_name: Mapping[str, Sequence[int]]) -> FileError:
+    said = f"loads and lengths along {' and '.join(by_name)}, two axes of one test"
+    times = [i for i, h in enumerate(headings) if h.meaning == "time"]
+    mode = "--mode equibiaxial" if grid.option else "the mode 'equibiaxial'"
+    ways = [_only(headings, [*at, *times]) for at in by_name.values()]
+    return _one_of(grid, said, ways, f", with {mode} if both are loaded alike")
 
 
 def _names_above(grid: _Grid, block: _Block) -> list[list[str]]:
@@ -1177,7 +1194,7 @@ def _metadata(
     other sheets say.
     """
     first = min(p.block.place for p in pieces if p.grid is piece.grid)
-    scopes = tuple[dict[str, list[_Said]], ...](({}, {}, {}))
+    scopes: tuple[dict[str, list[_Said]], ...] = ({}, {}, {})
     for one in said:
         if place not in labels[_series(one.grid)]:
             continue
