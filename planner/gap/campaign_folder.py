@@ -15,22 +15,19 @@ import msgspec
 import numpy as np
 
 from planner.errors import FileError, UnknownNameError, did_you_mean, nearest_names
-from planner.formats.files import read_file
+from planner.formats.files import decode_toml, path_within, read_file
 from planner.formats.headings import mode_of
 from planner.formats.outputs import new_folder
-from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
-from planner.formats.tensile import (
+from planner.formats.specimens import (
     SPECIMEN_COLUMNS,
     SPECIMEN_TEXTS,
     SpecimenConditions,
-    TensileTable,
     read_specimens,
-    read_tensile,
 )
-from planner.formats.tensile import ListedSpecimen as Row
-from planner.formats.toml import decode_toml
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen as Row
+from planner.formats.tables import LONGEST_HEADING, encode_csv, number, read_columns
+from planner.formats.tensile import TensileTable, read_tensile
+from planner.formats.units import QUANTITIES, UnitOf, factor_of
 from planner.gap.campaign import Campaign, Specimen, StrainField, named
 from planner.gap.loading_direction import Mode, said_mode, turned
 from planner.gap.parts import PartReader

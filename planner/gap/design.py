@@ -12,7 +12,7 @@ import scipy.linalg
 from scipy.special import logsumexp, ndtr
 
 from planner.errors import ArgumentError, PaletteError
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.diagnosis import Experiment, Hypothesis
 from planner.gap.effect import Effect, stated, untestable

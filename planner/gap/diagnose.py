@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, UnknownNameError, did_you_mean
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import (
     TOLERANCES,
     Campaign,

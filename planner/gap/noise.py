@@ -10,7 +10,7 @@ import scipy.linalg
 import scipy.optimize
 import scipy.special
 
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.camera import SIDES
 from planner.gap.campaign import Campaign
 from planner.gap.observations import FeatureTable

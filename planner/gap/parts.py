@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from planner.errors import ArgumentError, FileError
-from planner.formats.tensile import ListedSpecimen
-from planner.formats.within import path_within
+from planner.formats.files import path_within
+from planner.formats.specimens import ListedSpecimen
 from planner.palette import Palette
 from planner.plan import plan_file
 from planner.simulation.part_response import PartResponse, read_response

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import SPECIMEN_COLUMNS
-from planner.formats.unit_of import QUANTITIES, UnitOf, unit_near
+from planner.formats.specimens import SPECIMEN_COLUMNS
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, unit_near
 from planner.gap.campaign import Campaign, Specimen, replicate_groups
 from planner.gap.diagnosis import QualityProblem
 from planner.gap.quality_records import (

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.errors import FileError
-from planner.formats.tensile import SPECIMEN_COLUMNS
+from planner.formats.specimens import SPECIMEN_COLUMNS
 from planner.gap.campaign import Campaign, Specimen
 from planner.gap.quality_records import BEARING_SHARE, speed_mm_s, turns, without_spikes
 from planner.materials.characterise import BROKEN_SHARE, Curve, noise_sd, without_tail

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from planner.errors import UnknownNameError, did_you_mean
-from planner.formats.unit_of import OWN, QUANTITIES, UnitOf, parsed_unit, unit_near
+from planner.formats.units import OWN, QUANTITIES, UnitOf, parsed_unit, unit_near
 from planner.gap.campaign import Specimen
 from planner.gap.diagnosis import FoundEffect
 

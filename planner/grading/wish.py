@@ -14,7 +14,7 @@ from planner.errors import ArgumentError, PlannerError, UnknownNameError, positi
 from planner.fields.basic import Field
 from planner.fields.parse import TableFile, field_of
 from planner.formats.mesh_file import MILLIMETRES
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.grading.profile import (
     Profile,
     StiffnessScale,

@@ -9,18 +9,11 @@ from types import MappingProxyType
 import numpy as np
 
 from planner.errors import ArgumentError, FileError, UnknownNameError, did_you_mean
+from planner.formats.files import path_within
 from planner.formats.headings import MODES, mode_of
-from planner.formats.tables import QUANTITY_UNITS
-from planner.formats.tensile import (
-    ListedSpecimen,
-    NoRecordError,
-    TensileTable,
-    is_specimens_file,
-    read_specimens,
-    read_tensile,
-)
-from planner.formats.unit_of import QUANTITIES, UnitOf, factor_of, parsed_unit
-from planner.formats.within import path_within
+from planner.formats.specimens import ListedSpecimen, is_specimens_file, read_specimens
+from planner.formats.tensile import NoRecordError, TensileTable, read_tensile
+from planner.formats.units import QUANTITIES, QUANTITY_UNITS, UnitOf, factor_of, parsed_unit
 from planner.materials.characterise import BROKEN_SHARE, MINIMUM_POINTS, Curve, without_tail
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
@@ -868,10 +861,10 @@ def _in_stated_units(table: TensileTable, units: Mapping[str, UnitOf], where: st
     """Return a table with columns in the units that were stated for it, which is noted."""
     for quantity, unit in units.items():
         column = QUANTITIES[quantity][0]
-        if column not in table.columns:
+        if column not in table.factors:
             raise FileError(
                 f"{where}: its file has no column of {quantity}, so it cannot be read as "
-                f"{quantity}={unit.unit}; it has {', '.join(table.columns)}"
+                f"{quantity}={unit.unit}; it has {', '.join(table.factors)}"
             )
         factor = factor_of(unit)
         values = table.columns[column] * (factor / table.factors[column])

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.errors import ArgumentError, FileError, UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign import Campaign
 from planner.gap.diagnosis import FoundEffect, UnitOf
 from planner.gap.unit_of import merged_units, stated_units, suggested_units

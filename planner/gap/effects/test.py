@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.diagnosis import FoundEffect
 from planner.gap.effect import Advice, Effect, Form, Parameter, Values, place_on_palette
 from planner.numerics import FloatArray

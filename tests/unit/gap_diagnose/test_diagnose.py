@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from planner.errors import UnknownNameError
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.campaign_folder import write_campaign
 from planner.gap.diagnose import diagnose
 from planner.gap.diagnosis import Diagnosis

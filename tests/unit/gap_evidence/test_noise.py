@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from planner.formats.tables import QUANTITY_UNITS
+from planner.formats.units import QUANTITY_UNITS
 from planner.gap.evidence.problem import Problem, replicate_floor, set_up
 from planner.gap.evidence.settle import World
 from planner.gap.noise import USUAL, unit_gains
