@@ -652,11 +652,13 @@ def fit_material(
     if limits := stability(make_law(chosen.fit.parameters), working).limits:
         notes.append(
             Caution(
-                f"material {material}: {chosen.fit.name} is stable (Drucker) "
-                f"{', '.join(limits)} only; held to be so further its error is "
-                f"{price:.2g} times as large"
+                f"{material}: {chosen.fit.name} is stable (Drucker) only at stretch "
+                f"{', '.join(limits)}"
             )
         )
+        if price > STABLE_WITHIN:
+            held = f"held to be stable to its break its error is {price:.2g} times as large"
+            choice = replace(choice, reason=f"{choice.reason}; {held}")
     if others:
         notes.append(_by_mode(material, chosen.fit, sample))
     secants = secant_intervals(chosen.fit, sample, (0.0, *SECANT_STRAINS), level)
@@ -664,9 +666,8 @@ def fit_material(
     ends = intervals(chosen.fit, sample, level)
     if ends.known and not others and np.isposinf(ends.c[:, 1]).any():
         notes.append(
-            f"material {material}: tension does not bound a modulus of {chosen.fit.name} from "
-            "above, nor would more of it: fit equibiaxial tests with it, or compression to stretch "
-            "0.6 (column mode); its secants are bounded as they are"
+            f"material {material}: tension bounds no modulus of {chosen.fit.name} from above: add "
+            "equibiaxial tests, or compression to stretch 0.6"
         )
     return MaterialFit(
         material,
@@ -684,7 +685,7 @@ def fit_material(
 def _by_mode(material: str, fit: LawFit, sample: Sample) -> str:
     """Say how the loadings weigh, and how far the law is off in each."""
     said = [f"{k} weighs {w:.3g}, {100 * off:.2g} % off" for k, (w, off) in by_mode(fit, sample)]
-    return f"material {material}: {'; '.join(said)} (RMS of the residual over its scale)"
+    return f"material {material}: {'; '.join(said)} (RMS)"
 
 
 def by_mode(fit: LawFit, sample: Sample) -> list[tuple[str, tuple[float, float]]]:
@@ -704,23 +705,22 @@ def _doubts(material: str, chosen: LawCandidate, secants: Sequence[SecantInterva
     notes: list[str] = []
     if not chosen.determined:
         notes.append(
-            f"material {material}: the tests do not determine the single terms of "
-            f"{chosen.fit.name}; read its secant moduli, not its coefficients"
+            f"material {material}: tests do not determine single terms of {chosen.fit.name}; read "
+            "its secant moduli, not its coefficients"
         )
     if len(secants) > 1 and secants[1].value_MPa > secants[0].value_MPa:
         # One Ogden term steepens from rest from an exponent of 6 on; elastomers have 1 to 4.
         notes.append(
             Caution(
                 f"material {material}: its stress steepens from rest on, as in compression or "
-                "behind slack; a rubber's in tension flattens at first: look at the tests"
+                "behind slack: look at the tests"
             )
         )
     if not convergence.ok:
         notes.append(
             Caution(
                 f"material {material}: {convergence.agreeing} of {convergence.starts} starts reach "
-                f"the best {chosen.fit.name}, whose gradient is {convergence.gradient:.1e}; a "
-                "better one may exist: try more --starts"
+                f"the best {chosen.fit.name}; a better one may exist: try more --starts"
             )
         )
     if convergence.at_bound:
@@ -830,6 +830,6 @@ def _falls(material: str, curves: Sequence[Curve]) -> list[str]:
     if max(falls) <= _NOTABLE_FALL:
         return []
     return [
-        f"material {material}: the stress falls by up to {100 * max(falls):.0f} % behind the "
-        "yield; a law that plans are made with must rise, so it runs through the middle there"
+        f"material {material}: stress falls by up to {100 * max(falls):.0f} % behind the yield; "
+        "the law must rise, and runs through the middle"
     ]

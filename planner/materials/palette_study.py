@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from statistics import NormalDist
@@ -36,7 +36,7 @@ from planner.materials.unit_slips import (
     along_ladder,
     among_replicates,
 )
-from planner.notes import Caution
+from planner.notes import Caution, listed
 from planner.palette import Material, Palette, Reference, Temperature
 from planner.printers import Printer, installed_printers, palette_of
 
@@ -498,9 +498,8 @@ def fit(
     single = [called for called, fitted in fits.items() if fitted.characteristics.n == 1]
     if single:
         notes.append(
-            f"one specimen of {', '.join(single)}: that tells nothing of the scatter between "
-            f"specimens; {100 * ASSUMED_LOG_SD:g} % is assumed, and laws are judged by blocks of "
-            "strain left out"
+            f"one specimen of {listed(single, 2)}: scatter of {100 * ASSUMED_LOG_SD:g} % is "
+            "assumed; laws are judged by blocks of strain"
         )
     places = _coordinates(study, fits, coordinate, order, notes, slips)
     ordered = sorted(places, key=places.__getitem__)
@@ -527,7 +526,7 @@ def fit(
         name or "palette", materials, _reference(study, notes), "planner fit", temperature=table
     )
     if table is not None:
-        notes.append(_warming(fitted_palette, table))
+        notes.extend(_warming(fitted_palette, table))
     by_id = {ids[called]: fits[called] for called in ordered}
     found = [_findings(fits[called], _names(slips, called)) for called in ordered]
     findings = (*study.findings(), *slips, *itertools.chain.from_iterable(found))
@@ -550,17 +549,18 @@ def _source(fit: MaterialFit, weighting: str) -> str:
     return said if found.ok else f"{said}; stable (Drucker) {', '.join(found.limits)} only"
 
 
-def _warming(palette: Palette, table: Temperature) -> str:
+def _warming(palette: Palette, table: Temperature) -> Iterator[str]:
     """Say what tests at two temperatures tell of grades."""
     called = {material.coordinate: material.id for material in palette.materials}
-    each = "; ".join(
-        f"{called[m]} {factor:.3g} from {low:g} to {high:g} degC (95 %: "
-        f"{factor * np.exp(-_NORMAL * sd):.3g} .. {factor * np.exp(_NORMAL * sd):.3g})"
-        for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True)
-    )
-    return (
-        f"laws are of {palette.reference.temperature_C:g} degC; warming multiplies stress by: "
-        f"{each}; planner materials --temperature-C tells the palette in between"
+    for m, low, high, factor, sd in zip(*msgspec.structs.astuple(table), strict=True):
+        ends = [f"{factor * np.exp(side * _NORMAL * sd):.3g}" for side in (-1.0, 1.0)]
+        yield (
+            f"warming multiplies stress of {called[m]} by {factor:.3g} from {low:g} to {high:g} "
+            f"degC (95 % {' .. '.join(ends)})"
+        )
+    yield (
+        f"laws are of {palette.reference.temperature_C:g} degC; planner materials --temperature-C "
+        "tells them at another"
     )
 
 
@@ -616,10 +616,10 @@ def _coordinates(
         )
     if not found:
         if len(ordered) > 1:
-            how = "given" if order else f"of the secant modulus at strain {_RANKING_STRAIN:g}"
+            how = "as given" if order else f"by the secant modulus at strain {_RANKING_STRAIN:g}"
+            more = "" if order else " or --order"
             notes.append(
-                f"coordinates go from 0 to 1 evenly in the order {how}; give --coordinate for "
-                f"others{'' if order else ', or --order'}"
+                f"coordinates go from 0 to 1 evenly, {how}; --coordinate{more} says others"
             )
         steps = np.linspace(0.0, 1.0, len(ordered))
         found = {material: float(m) for material, m in zip(ordered, steps, strict=True)}
@@ -652,8 +652,8 @@ def _densities(
     assumed = [material for material in ordered if material not in found]
     if assumed:
         notes.append(
-            f"density of {', '.join(assumed)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; give it by "
-            "--density or a column density_g_cm3 in specimens.csv"
+            f"density of {listed(assumed, 2)} assumed {_DEFAULT_DENSITY_G_CM3:g} g/cm3; --density "
+            "or a column density_g_cm3 says another"
         )
     return dict.fromkeys(assumed, _DEFAULT_DENSITY_G_CM3) | found
 
@@ -713,7 +713,7 @@ def _reference(study: Study, notes: list[str]) -> Reference:
             notes.append(
                 Caution(
                     f"{condition} differs between specimens ({min(found):g} to {max(found):g}); "
-                    "the laws and their scatter mix these conditions, and the mean is written"
+                    "laws and scatter mix them, and the mean is written"
                 )
             )
     unknown = [condition for condition, found in values.items() if not found]

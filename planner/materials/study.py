@@ -143,8 +143,7 @@ def _check_agreement(stated: float, derived: float, *, what: str, where: str) ->
         if abs(ratio / factor - 1.0) < 0.1:
             raise FileError(f"{where}: {what}: {stated:.4g} against {derived:.4g}; {advice}")
     if not 0.75 < ratio < 4.0 / 3.0:
-        said = f"{where}: {what}: {stated:.4g} against {derived:.4g}; check sizes and units"
-        return (Caution(said),)
+        return (Caution(f"{where}: {what}: {stated:.4g} to {derived:.4g}; check sizes, units"),)
     return ()
 
 
@@ -376,8 +375,8 @@ def _upright(
     if said != "compression":
         notes.extend(
             Caution(
-                f"{where}: {name} is negative and the other is not; taken as tension that counts "
-                "negative, its sign was turned: say --mode compression if it was compressed"
+                f"{where}: only {name} is negative; its sign was turned, as of tension: if it was "
+                "compressed, say --mode compression"
             )
             for name in negative
             if not both
@@ -392,8 +391,8 @@ def _compressed(strain: FloatArray, stress: FloatArray, where: str, notes: list[
         return 0
     count = int(below[-1]) + 1
     notes.append(
-        f"{where}: {count} points up to strain {strain[count]:.4g} are left out, for strain is "
-        f"negative there (from {strain[:count].min():.4g})"
+        f"{where}: {count} points up to strain {strain[count]:.4g} are left out: strain is "
+        f"negative there, from {strain[:count].min():.4g}"
     )
     return count
 
@@ -485,11 +484,11 @@ def _cross_check(
     gauge, area = dimensions.gauge_mm, dimensions.area_mm2
     if "strain" in columns and "displacement_mm" in columns and gauge is not None:
         travel = float(np.ptp(columns["displacement_mm"])) / gauge
-        what = "range of strain against displacement over gauge length"
+        what = "range of strain against travel over gauge length"
         notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
     elif time is not None and dimensions.rate_mm_s is not None and gauge is not None:
         travel = dimensions.rate_mm_s * float(time[-1] - time[0]) / gauge
-        what = "range of strain against crosshead rate times time over gauge length"
+        what = "range of strain against rate times time over length"
         notes += _check_agreement(float(np.ptp(strain)), travel, what=what, where=where)
     if "stress_MPa" in columns and "force_N" in columns and area is not None:
         nominal = float(np.max(columns["force_N"])) / area
@@ -666,7 +665,7 @@ def read_study(
             poor = isinstance(error, NoRecordError) and path.parent in paths
             if own or path.stem in rows or not (rows or poor):
                 raise
-            notes.append(Caution(f"{error}; left out"))
+            notes.append(Caution(f"{str(error).partition('; ')[0]}; left out"))
             if path.suffix.casefold() in _SUFFIXES and path.name not in _NO_RECORDS:
                 unlisted += [] if isinstance(error, NoRecordError) else [path.name]
             continue
@@ -698,7 +697,7 @@ def read_study(
     asked = {name for name, of in materials.items() if not {name, of}.isdisjoint(leave_out)}
     if asked:
         records |= {name: replace(used.pop(name), left_out="as asked") for name in sorted(asked)}
-        notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)))}")
+        notes.append(f"left out as asked: {listed(list(dict.fromkeys(leave_out)), 6)}")
     found: dict[str, Curve] = {}
     sizes: dict[str, Dimensions] = {}
     modes: dict[str, str] = {}
@@ -729,9 +728,7 @@ def read_study(
         notes.append(
             Caution(
                 f"strain of {_some(unstated)} has no unit; taken as a fraction, up to "
-                f"{' .. '.join(f'{v:.4g}' for v in ends)}, that is "
-                f"{' .. '.join(f'{100 * v:.4g}' for v in ends)} %; if it is in per cent, head the "
-                "column 'strain (%)' or give --unit-of strain=%"
+                f"{' .. '.join(f'{v:.4g}' for v in ends)}; if it is not, give --unit-of strain=%"
             )
         )
     order = {name: place for place, name in enumerate(rows)}
@@ -898,8 +895,8 @@ def _copies(curves: Sequence[Curve]) -> list[Caution]:
         if first != curve.specimen:
             said.append(
                 Caution(
-                    f"specimen {curve.specimen}: its record equals that of {first} in every "
-                    "number; leave a copy out, for scatter and intervals come out too small"
+                    f"specimen {curve.specimen}: its record equals that of {first}; leave a copy "
+                    "out, else scatter comes out too small"
                 )
             )
     return said
@@ -1023,9 +1020,10 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     if unknown:
         of = [by_name[told_by[name]] for name in unknown]
         count = {m: of.count(m) for m in of}
-        groups = ", ".join(m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items())
+        groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items()]
         notes.append(
-            f"materials by the files' names: {groups}; give --material or a {_SPECIMENS} for others"
+            f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "
+            "others"
         )
     return {name: known[name] or by_name[told_by[name]] for name in records}
 

@@ -192,11 +192,12 @@ def against_palette(study: Study, palette: Palette) -> Comparison:
         return Comparison()
     factor, way = math.exp(abs(batch.shift)), "above" if batch.shift > 0.0 else "below"
     of = f"{_some(inside)} {'is' if len(inside) == 1 else 'are'} {factor:.2g} times {way}"
-    agree = ""
-    if others:
-        agree = f", while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
-    said = f"{of} the palette {palette.name}{agree}: {advice}, or --no-compare if they are right"
-    return Comparison((said,)) if others and batch.sure else Comparison(cautions=(said,))
+    if not (others and batch.sure):
+        return Comparison(cautions=(f"{of} the palette: {advice}, or --no-compare",))
+    agree = f"while {_some(others)} {'is' if len(others) == 1 else 'are'} not"
+    return Comparison(
+        (f"{of} the palette {palette.name}, {agree}: {advice}, or --no-compare if they are right",)
+    )
 
 
 def _against(study: Study, called: str, material: Material) -> tuple[float, float, float]:

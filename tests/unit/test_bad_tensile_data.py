@@ -94,7 +94,7 @@ def test_replicates_in_stated_units_that_differ_agree(capsys) -> None:
 @pytest.mark.parametrize(("strain", "code", "said"), [
     (100.0, 2, "if it is in per cent, head the column 'strain (%)'"),
     # Silicones stretch as far: only the user knows.
-    (9.0, 0, "warning: strain of A has no unit; taken as a fraction, up to 9, that is 900 %; if"),
+    (9.0, 0, "warning: strain of A has no unit; taken as a fraction, up to 9; if"),
 ])  # fmt: skip
 def test_per_cent_without_a_unit(capsys, strain: float, code: int, said: str) -> None:
     write("A.csv", strain=strain, heads="strain,stress (MPa)")
