@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LAW_PARAMETERS",
+    "SAME_K",
     "LawParameters",
     "Material",
     "Palette",
@@ -112,6 +113,10 @@ class LawParameters:
         by = {name: factor if name.endswith("_MPa") else 1.0 for name in self.parameters}
         parameters = {name: tuple(by[name] * v for v in vs) for name, vs in self.parameters.items()}
         return LawParameters(self.model, MappingProxyType(parameters))
+
+
+SAME_K = 2.0
+"""Temperatures that near are one: the tolerance of a standard atmosphere (ISO 291, class 2)."""
 
 
 @dataclass(frozen=True, slots=True)

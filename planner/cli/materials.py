@@ -33,9 +33,9 @@ from planner.cli.output import (
 
 if TYPE_CHECKING:
     from planner.grading.invert import Mixture
+    from planner.materials.algorithm_one import QuadraticRow, QuadraticStudy
     from planner.materials.characterise import MaterialCharacteristics, Spread
     from planner.materials.palette_study import PaletteStudy
-    from planner.materials.quadratic_study import QuadraticRow, QuadraticStudy
     from planner.materials.study import ReadRecord
 
 # ------------------------------------------------------------------------------------------------

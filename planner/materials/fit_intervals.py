@@ -25,8 +25,11 @@ from planner.materials.fit import (
     LawCandidate,
     LawFit,
     Sample,
+    by_symbol,
     choose_law,
     fit_law,
+    fit_yielding,
+    logs,
     minimise,
     sample_columns,
     sample_of,
@@ -34,7 +37,6 @@ from planner.materials.fit import (
     students_t,
     unstable_strain,
 )
-from planner.materials.fit_yield import by_symbol, fit_yielding, logs
 from planner.materials.laws import SeparableLaw, make_law, secant_modulus_MPa, stability
 from planner.notes import Caution
 from planner.numerics import BoolArray, FloatArray, IntArray

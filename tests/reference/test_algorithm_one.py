@@ -17,8 +17,8 @@ from planner.materials.algorithm_one import (
     literal_stress_MPa,
     pooled_squared_error_MPa2,
     quadratics_through,
+    r_squared,
 )
-from planner.materials.quadratic_study import r_squared
 from printers.connex3.leave_one_out import published_curve
 from printers.connex3.thesis import load_thesis
 
