@@ -375,13 +375,7 @@ class _State(NamedTuple):
     broken: BoolArray
 
     def rows(self, index: IntArray) -> "_State":
-        return _State(
-            self.coefficients[index],
-            self.cost[index],
-            self.slope[index],
-            self.normal[index],
-            self.broken[index],
-        )
+        return _State(*(values[index] for values in self))
 
     def take(self, index: IntArray, other: "_State") -> None:
         for values, new in zip(self, other, strict=True):
@@ -463,7 +457,8 @@ class _Problem:
         across = turn.transpose(0, 2, 1) @ square
         gradient = np.einsum("sjk,sj->sk", turn, residual)
         by_columns = np.where(free[:, None, :], across[:, :, :p] / norm[:, None, :], 0.0)
-        matrix = _normal_matrix(square[:, :p, :p], norm, free)
+        matrix = square[:, :p, :p] / (norm[:, :, None] * norm[:, None, :])
+        matrix = _of_free(matrix, free, _RIDGE**2)
         solved = np.linalg.solve(matrix, by_columns.transpose(0, 2, 1))
         normal = across @ turn - by_columns @ solved
         return _State(c, np.maximum(cost, 0.0), gradient, normal, active)
@@ -519,25 +514,18 @@ def _solved(
     matrix: FloatArray, right: FloatArray, free: BoolArray, given: FloatArray
 ) -> FloatArray:
     """Return the minimum over the free coefficients of a quadratic form, given the held ones."""
-    p = free.shape[1]
     aim = np.where(free, right - np.einsum("sij,sj->si", matrix, given), given)
-    matrix = np.where(free[:, :, None] & free[:, None, :], matrix, 0.0)
-    diagonal = np.einsum("spp->sp", matrix)
-    # The last term is above the rounding of the first, so that no matrix is singular.
-    matrix[:, range(p), range(p)] += np.where(free, 1e-14 * diagonal, 1.0)
-    return np.asarray(np.linalg.solve(matrix, aim[:, :, None])[:, :, 0], dtype=np.float64)
+    found = np.linalg.solve(_of_free(matrix, free), aim[:, :, None])
+    return np.asarray(found[:, :, 0], dtype=np.float64)
 
 
-def _normal_matrix(
-    square: FloatArray, norm: FloatArray, free: BoolArray, extra: FloatArray | float = 0.0
-) -> FloatArray:
-    """Return the normal matrix of the free unit columns, with the ridge; one for those held."""
+def _of_free(matrix: FloatArray, free: BoolArray, ridge: float = 0.0) -> FloatArray:
+    """Return a normal matrix of the free coefficients alone, one for those held."""
     p = free.shape[1]
-    matrix = square / (norm[:, :, None] * norm[:, None, :]) + extra
     matrix = np.where(free[:, :, None] & free[:, None, :], matrix, 0.0)
     diagonal = np.einsum("spp->sp", matrix)
     # The last term is above the rounding of the first, so that no matrix is singular.
-    matrix[:, range(p), range(p)] += np.where(free, _RIDGE**2, 1.0) + 1e-14 * diagonal
+    matrix[:, range(p), range(p)] += np.where(free, ridge + 1e-14 * diagonal, 1.0)
     return matrix
 
 

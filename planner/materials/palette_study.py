@@ -30,12 +30,7 @@ from planner.materials.fit_intervals import ASSUMED_LOG_SD, MaterialFit, fit_mat
 from planner.materials.laws import candidate_laws, make_law, secant_modulus_MPa, stability
 from planner.materials.mixtures import CoefficientModel, left_out_remark
 from planner.materials.study import ReadRecord, Study, read_study
-from planner.materials.unit_slips import (
-    Comparison,
-    against_palette,
-    along_ladder,
-    among_replicates,
-)
+from planner.materials.unit_slips import unit_slips
 from planner.notes import Caution, listed
 from planner.numerics import FloatArray
 from planner.palette import SAME_K, Material, Palette, Reference, Temperature
@@ -236,7 +231,8 @@ def characterise(
         for name, curves in study.groups.items()
     ]
     against = _compared(palette, printer) if compare else None
-    slips, asked = _unit_slips(study, against, None)
+    stated = _by_material(study, tuple(study.groups), "coordinate", None)
+    slips, asked = unit_slips(study, against, stated)
     notes = (*study.notes, *_other_modes(study), *asked)
     return Characterisation(
         tuple(found), notes, slips, study.groups, study.records, study.findings()
@@ -266,21 +262,6 @@ def _compared(palette: str | Path | Palette | None, printer: str | Printer) -> P
     if palette is None and not installed_printers():
         return None
     return palette_of(palette, printer)
-
-
-def _unit_slips(
-    study: Study, against: Palette | None, coordinate: Mapping[str, float] | None
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return where a unit seems taken for another, and where one may be but need not."""
-    slips = among_replicates(study)
-    if slips:
-        # A material's mean says nothing while its specimens are in two units.
-        return slips, ()
-    compared = Comparison() if against is None else against_palette(study, against)
-    if not compared.findings:
-        places = _by_material(study, tuple(study.groups), "coordinate", coordinate)
-        return along_ladder(study, places), tuple(Caution(said) for said in compared.cautions)
-    return compared.findings, ()
 
 
 def _characteristics_document(material: MaterialCharacteristics) -> dict[str, Any]:
@@ -491,7 +472,8 @@ def fit(
     laws = candidate_laws(law)
     against = _compared(palette, printer) if compare else None
     study, elsewhere = _at_one_temperature(study)
-    slips, asked = _unit_slips(study, against, coordinate)
+    stated = _by_material(study, tuple(study.groups), "coordinate", coordinate)
+    slips, asked = unit_slips(study, against, stated)
     notes = [*study.notes, *_other_modes(study, study.groups), *asked]
     fits: dict[str, MaterialFit] = {}
     for called, curves in study.groups.items():
