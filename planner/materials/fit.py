@@ -41,6 +41,7 @@ __all__ = [
     "least_yielding",
     "logs",
     "minimise",
+    "rows_leant_on",
     "sample_columns",
     "sample_of",
     "sample_stress_MPa",
@@ -361,6 +362,16 @@ def minimise(
     return Solutions(a, state.coefficients, state.cost, gradient, converged)
 
 
+def rows_leant_on(
+    law: SeparableLaw, sample: Sample, a: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return columns and slopes, as `sample_columns`, of the `SoundRows` that hold a fitted law."""
+    problem = _Problem(law, sample)
+    state = problem.project(a[None], np.full((1, law.columns), np.nan))
+    rows = problem.weighed_rows(a[None])[:, state.broken[0]]
+    return rows[:, :, : law.columns], rows[:, :, law.columns :]
+
+
 class _State(NamedTuple):
     """What projecting at each candidate's a gives; one row a candidate.
 
@@ -400,6 +411,18 @@ class _Problem:
         self.weigh = self.stiffness * self.rows.matrix
         self.across = self.rows.principal if sample.across and isinstance(law, Ogden) else None
 
+    def weighed_rows(self, a: FloatArray) -> FloatArray:
+        """Return what `SoundRows` make of the columns and of their slopes, (s, m, p + q)."""
+        uniaxial = np.concatenate(self.law.evaluate(self.rows.uniaxial, a), axis=2)
+        planar = np.concatenate(self.law.evaluate(self.rows.planar, a, planar=True), axis=2)
+        rows = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
+        if self.across is None:
+            return rows
+        x = self.across[None, :, None]
+        power = x ** (a[:, None, :] - 2.0)
+        more = np.concatenate([power - _ROOM, power * np.log(x)], axis=2)
+        return np.concatenate([rows, self.stiffness * more], axis=1)
+
     def project(self, a: FloatArray, held_c: FloatArray, near: BoolArray | None = None) -> _State:
         """Solve for the free coefficients at each a, and differentiate the residual by a.
 
@@ -408,14 +431,7 @@ class _Problem:
         law, free = self.law, np.isnan(held_c)
         p, q = law.columns, law.nonlinear
         both = np.concatenate(sample_columns(law, self.sample, a), axis=2) * self.factor[:, None]
-        uniaxial = np.concatenate(law.evaluate(self.rows.uniaxial, a), axis=2)
-        planar = np.concatenate(law.evaluate(self.rows.planar, a, planar=True), axis=2)
-        rows = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
-        if self.across is not None:
-            x = self.across[None, :, None]
-            power = x ** (a[:, None, :] - 2.0)
-            more = np.concatenate([power - _ROOM, power * np.log(x)], axis=2)
-            rows = np.concatenate([rows, self.stiffness * more], axis=1)
+        rows = self.weighed_rows(a)
         if not free.all():
             # A held coefficient is the file's: its column carries the divisor.
             divisor, change = law.divisor(a)

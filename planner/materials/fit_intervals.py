@@ -31,6 +31,7 @@ from planner.materials.fit import (
     fit_yielding,
     logs,
     minimise,
+    rows_leant_on,
     sample_columns,
     sample_of,
     sample_stress_MPa,
@@ -250,10 +251,13 @@ def secant_intervals(
     value, scatter = stress / strain, scatter_of_fit(fit, sample)
     half, next_ = np.full(len(strain), np.inf), np.full(len(strain), scatter.log_sd)
     if _scatter_known(sample):
-        own = np.sqrt(_moves_variance(fit, sample, (derivative / stress[:, None]).T))
-        half = students_t(level, sample.specimens) * own
+        relative = (derivative / stress[:, None]).T
+        half = students_t(level, sample.specimens) * np.sqrt(_moves_variance(fit, sample, relative))
         if scatter.specimens > 1:  # else one is so stiff that it hides all others
-            next_ = _next_log_sds(scatter, own)
+            # What holds a law moves it to one side: the mean's interval lets go of that, but the
+            # law's error, beside prints' own scatter, is as small as it is held to.
+            held = _moves_variance(fit, sample, relative, held=True)
+            next_ = _next_log_sds(scatter, np.sqrt(held))
     rows = zip(tested, value, value * np.exp(-half), value * np.exp(half), next_, strict=True)
     return tuple(SecantInterval(*(float(v) for v in row)) for row in rows)
 
@@ -295,19 +299,27 @@ def _derivatives(
 
 
 def _linearised(
-    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample
+    law: SeparableLaw, a: FloatArray, c: FloatArray, sample: Sample, *, held: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return unit columns of the scaled residual's derivative, their sizes, and the residual."""
+    """Return unit columns of the scaled residual's derivative, their sizes, and the residual.
+
+    Of a law that is held (`held`) the columns go on behind the points: by `rows_leant_on`.
+    """
     derivative, stress = _derivatives(law, a, c, sample_columns(law, sample, a[None]))
     jacobian = sample.factor[:, None] * derivative
+    if held:
+        rows, _ = _derivatives(law, a, c, rows_leant_on(law, sample, a))
+        jacobian = np.concatenate([jacobian, rows])
     size = np.sqrt((jacobian**2).sum(axis=0))
     size = np.where(size > 0.0, size, 1.0)
     return jacobian / size, size, sample.factor * (stress - sample.stress_MPa)
 
 
-def _moves_variance(fit: LawFit, sample: Sample, directions: FloatArray) -> FloatArray:
+def _moves_variance(
+    fit: LawFit, sample: Sample, directions: FloatArray, *, held: bool = False
+) -> FloatArray:
     """Return the variance between specimens of linear forms (q + p, k) of the parameters."""
-    unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample)
+    unit, size, residual = _linearised(fit.law, fit.a, fit.c, sample, held=held)
     own = _own(sample)
     moves = np.stack([_without(unit, residual, i) for i in own]) / size @ directions
     count = len(own)
@@ -317,9 +329,10 @@ def _moves_variance(fit: LawFit, sample: Sample, directions: FloatArray) -> Floa
 
 def _without(unit: FloatArray, residual: FloatArray, own: BoolArray) -> FloatArray:
     """Return how far the linearised estimate moves when one specimen is left out."""
-    rest = unit[~own]
+    mine = unit[: len(own)][own]
+    rest = np.concatenate([unit[: len(own)][~own], unit[len(own) :]])
     normal = rest.T @ rest + _FLOOR * np.eye(unit.shape[1])
-    return np.asarray(np.linalg.solve(normal, unit[own].T @ residual[own]), dtype=np.float64)
+    return np.asarray(np.linalg.solve(normal, mine.T @ residual[own]), dtype=np.float64)
 
 
 def _own(sample: Sample) -> list[BoolArray]:
