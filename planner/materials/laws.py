@@ -552,8 +552,8 @@ def make_law(parameters: LawParameters) -> Law:
     if model not in _LAWS:
         names = ", ".join(name for name in LAW_PARAMETERS if name in _LAWS)
         raise ArgumentError(f"law {model!r}: it must be one of {names}")
-    of_terms = model in ("yeoh", "ogden")
-    return _LAWS[model](**{k: v if of_terms else v[0] for k, v in parameters.parameters.items()})
+    lengths, given = LAW_PARAMETERS[model], parameters.parameters
+    return _LAWS[model](**{k: v[0] if lengths[k] == 1 else v for k, v in given.items()})
 
 
 FITTED_MODELS: Mapping[str, tuple[SeparableLaw, ...]] = {
