@@ -32,7 +32,6 @@ __all__ = [
     "LawCandidate",
     "LawFit",
     "Sample",
-    "YieldFit",
     "by_symbol",
     "choose_law",
     "fit_law",

@@ -17,7 +17,6 @@ __all__ = [
     "Law",
     "Ogden",
     "SeparableLaw",
-    "Soundness",
     "Yielding",
     "candidate_laws",
     "law_name",
