@@ -385,7 +385,7 @@ class _State(NamedTuple):
     broken: BoolArray
 
     def rows(self, index: IntArray) -> "_State":
-        return _State(*(values[index] for values in self))
+        return _State._make(values[index] for values in self)
 
     def take(self, index: IntArray, other: "_State") -> None:
         for values, new in zip(self, other, strict=True):
@@ -414,7 +414,7 @@ class _Problem:
         """Return what `SoundRows` make of the columns and of their slopes, (s, m, p + q)."""
         uniaxial = np.concatenate(self.law.evaluate(self.rows.uniaxial, a), axis=2)
         planar = np.concatenate(self.law.evaluate(self.rows.planar, a, planar=True), axis=2)
-        rows = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
+        rows: FloatArray = self.weigh @ np.concatenate([uniaxial, planar], axis=1)
         if self.across is None:
             return rows
         x = self.across[None, :, None]
