@@ -590,12 +590,12 @@ class MaterialCharacteristics:
         return len(self.specimens)
 
 
-def toe_compensated(curve: Curve, part: LinearPart | None = None) -> Curve:
+def toe_compensated(curve: Curve) -> Curve:
     """Return the curve with strains counted from the end of its toe (ASTM D638, annex A1).
 
     Points before that origin are dropped; a curve without a toe comes back as it is.
     """
-    part = _linear_part(curve) if part is None else part
+    part = _linear_part(curve)
     if part.toe_strain == 0.0:
         return curve
     return curve.part(

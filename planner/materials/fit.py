@@ -11,6 +11,7 @@ from planner.errors import ArgumentError
 from planner.glance import brief
 from planner.materials.characterise import Curve, MaterialCharacteristics, toe_compensated
 from planner.materials.laws import (
+    LOWEST_STRETCH,
     NeoHookean,
     Ogden,
     SeparableLaw,
@@ -563,10 +564,6 @@ def _of_free(matrix: FloatArray, free: BoolArray, ridge: float = 0.0) -> FloatAr
 #    neo-Hooke's, lie within a factor of four of the uniaxial one, which is tested.
 
 
-LOWEST_STRETCH = 0.6
-"""Compression that a fitted law is sound to: the inner side of a finger that bends to a radius of
-1.25 times its thickness, with the neutral fibre in the middle."""
-
 COMPRESSION_FACTOR = 2.0
 """Two Mooney terms with positive coefficients lie at stretch 0.6 within 1 and 1.67 times the
 neo-Hookean stress, Ogden terms with exponents of 0 to 10 within 0.98 and 1.97."""
@@ -888,7 +885,7 @@ def unstable_strain(fit: LawFit, working_strain: float, margin: float = _MARGIN)
     strains = [] if rises.all() else [float(middle[int(np.argmin(rises))]) - 1.0]
     if margin:
         law = make_law(LawParameters(fit.law.model, fit.law.parameters(fit.a, fit.c)))
-        found = stability(law, working_strain, stretch_min=LOWEST_STRETCH)
+        found = stability(law, working_strain)
         strains += [
             end - 1.0
             for ends in found.sound.values()

@@ -41,9 +41,12 @@ def _ogden(material: Material) -> tuple[tuple[float, ...], tuple[float, ...]] | 
     return tuple(mu * _NEARLY for mu in found["mu_MPa"]), found["alpha"]
 
 
+def _at_rest_MPa(material: Material) -> float:
+    return float(make_law(material.law).tangent_MPa(1.0))
+
+
 def _bulk_MPa(material: Material) -> float:
-    at_rest = float(make_law(material.law).tangent_MPa(1.0))
-    return at_rest / (3.0 * (1.0 - 2.0 * POISSON))
+    return _at_rest_MPa(material) / (3.0 * (1.0 - 2.0 * POISSON))
 
 
 def _curve(material: Material) -> FloatArray:
@@ -56,9 +59,8 @@ def _flow(material: Material) -> FloatArray:
     """Return true stress and plastic strain; none of a law that stays straight."""
     if material.law.model == "linear":
         return np.empty((0, 2))
-    at_rest = float(make_law(material.law).tangent_MPa(1.0))
     strain, stress = _curve(material).T
-    rows = hardening(strain, stress, at_rest, POISSON)
+    rows = hardening(strain, stress, _at_rest_MPa(material), POISSON)
     return np.empty((0, 2)) if rows is None else rows
 
 
@@ -83,7 +85,7 @@ def _abaqus(material: Material) -> Iterator[str]:
         yield from (_listed(stress, strain) for strain, stress in _curve(material).tolist())
     else:
         yield "*ELASTIC"
-        yield _listed(float(make_law(material.law).tangent_MPa(1.0)), POISSON)
+        yield _listed(_at_rest_MPa(material), POISSON)
         rows = _flow(material).tolist()
         yield from ("*PLASTIC", *(_listed(*row) for row in rows)) if rows else ()
     yield "*DENSITY"
@@ -101,7 +103,7 @@ def _ansys(material: Material) -> Iterator[str]:
         yield "TB,HYPER,1,1,3,YEOH"
         values = [*(c * _NEARLY for c in material.law.parameters["c_MPa"]), d, 0.0, 0.0]
     elif material.law.model in ("linear", "yielding"):
-        yield f"MP,EX,1,{float(make_law(material.law).tangent_MPa(1.0)):.9g}"
+        yield f"MP,EX,1,{_at_rest_MPa(material):.9g}"
         yield f"MP,PRXY,1,{POISSON:g}"
         rows = _flow(material).tolist()
         yield from (f"TB,PLASTIC,1,1,{len(rows)},MISO",) if rows else ()
@@ -121,7 +123,7 @@ def _febio(material: Material) -> Iterator[str]:
     yield f'<material id="1" name="{material.id}" type="{kind}">'
     yield f"  <density>{1e-9 * material.density_g_cm3:.9g}</density>"
     if terms is None:
-        yield f"  <E>{float(make_law(material.law).tangent_MPa(1.0)):.9g}</E>"
+        yield f"  <E>{_at_rest_MPa(material):.9g}</E>"
         yield f"  <v>{POISSON:g}</v>"
     else:
         for number, (mu, alpha) in enumerate(zip(*terms, strict=True), start=1):

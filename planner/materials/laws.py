@@ -14,6 +14,7 @@ from planner.palette import LAW_PARAMETERS, LawParameters
 
 __all__ = [
     "FITTED_MODELS",
+    "LOWEST_STRETCH",
     "Law",
     "Ogden",
     "SeparableLaw",
@@ -634,8 +635,9 @@ def secant_modulus_MPa(law: Law, strain: ArrayLike) -> FloatArray:
 _SOUND_POINTS = 400
 """Stretches looked at on either side of rest. Numerical: 0.001 to 0.003 apart."""
 
-_SOUND_FROM = 0.6
-"""Stretch that laws are looked at down to. Chosen: 40 % compression, beyond most soft parts."""
+LOWEST_STRETCH = 0.6
+"""Compression that a law is to be sound to: the inner side of a finger that bends to a radius of
+1.25 times its thickness, with the neutral fibre in the middle."""
 
 _LOADINGS: Mapping[str, tuple[float, float]] = {
     "uniaxial": (-0.5, -0.5), "planar": (0.0, -1.0), "equibiaxial": (1.0, -2.0),
@@ -673,7 +675,7 @@ class Soundness:
         )
 
 
-def stability(law: Law, strain_max: float, *, stretch_min: float = _SOUND_FROM) -> Soundness:
+def stability(law: Law, strain_max: float, *, stretch_min: float = LOWEST_STRETCH) -> Soundness:
     """Return between which stretches a law is sound, in each loading it says anything of.
 
     A law is sound where it is stable in Drucker's sense, and its nominal stress rises in uniaxial
