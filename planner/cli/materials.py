@@ -216,9 +216,7 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
         [
             [
                 format_number(target, 4),
-                mixture.nearest,
-                format_number(mixture.nearest_modulus_MPa, 4),
-                f"{100 * (mixture.nearest_modulus_MPa / target - 1):+.1f} %",
+                *_nearest(mixture, target),
                 mixture.blend_text(),
                 f"{mixture.blend.coordinate:.4f}",
                 format_number(mixture.modulus_MPa, 4),
@@ -233,6 +231,13 @@ def _print_wanted(found: "Sequence[Mixture]", title: str) -> None:
     )
 
 
+def _nearest(mixture: "Mixture", wanted_MPa: float) -> tuple[str, str, str]:
+    """Return the cells of the nearest material: its name, modulus and error."""
+    modulus = mixture.nearest_modulus_MPa
+    error = f"{100 * (modulus / wanted_MPa - 1):+.1f} %"
+    return mixture.nearest, format_number(modulus, 4), error
+
+
 def _print_places(found: "Sequence[Mixture]", title: str) -> None:
     """Print what stands at coordinates: stiffness, nearest material, further strains, laws."""
     print_table(
@@ -243,9 +248,7 @@ def _print_places(found: "Sequence[Mixture]", title: str) -> None:
                 mixture.blend_text(),
                 format_number(mixture.modulus_MPa, 4),
                 format_interval(mixture.interval_MPa),
-                mixture.nearest,
-                format_number(mixture.nearest_modulus_MPa, 4),
-                f"{100 * (mixture.nearest_modulus_MPa / mixture.modulus_MPa - 1):+.1f} %",
+                *_nearest(mixture, mixture.modulus_MPa),
             ]
             for mixture in found
         ],
