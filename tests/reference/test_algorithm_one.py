@@ -116,7 +116,7 @@ def _powers(curve: LiteralCurve) -> np.ndarray:
 
 
 def test_a_curve_from_rest_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="strain 0; eq. 3.8 diverges"):
+    with pytest.raises(ArgumentError, match=r"strain 0; eq\. 3\.8 diverges"):
         LiteralCurve(0.5, np.array([0.0, 0.1]), np.array([0.0, 1.0]))
 
 
