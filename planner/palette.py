@@ -105,10 +105,6 @@ class LawParameters:
         return LawParameters(self.model, MappingProxyType(parameters))
 
 
-SAME_K = 2.0
-"""Temperatures that near are one: the tolerance of a standard atmosphere (ISO 291, class 2)."""
-
-
 @dataclass(frozen=True, slots=True)
 class Reference:
     """The conditions at which a palette's laws were measured."""
@@ -118,6 +114,10 @@ class Reference:
     soak_h: float | None = None
     age_days: float | None = None
     orientation: Literal["x", "y", "z"] | None = None
+
+
+SAME_K = 2.0
+"""Temperatures that near are one: the tolerance of a standard atmosphere (ISO 291, class 2)."""
 
 
 class Temperature(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
