@@ -386,8 +386,8 @@ class _Test:
             return slice(None)
         count = int(below[-1]) + 1
         self.notes.append(
-            f"{self.where}: {count} points up to strain {strain[count]:.4g} are left out: strain "
-            f"is negative there, from {strain[:count].min():.4g}"
+            f"{self.where}: {count} points up to strain {strain[count]:.4g} are left out, for "
+            f"strain is negative there (from {strain[:count].min():.4g})"
         )
         return slice(count, None)
 
@@ -1006,7 +1006,7 @@ def _materials(records: Mapping[str, _Record], given: str, notes: list[str]) -> 
     by_name = _materials_by_name(list(dict.fromkeys(told_by[name] for name in unknown)))
     if unknown:
         of = [by_name[told_by[name]] for name in unknown]
-        count = {m: of.count(m) for m in of}
+        count = dict(sorted({m: of.count(m) for m in of}.items(), key=lambda one: -one[1]))
         groups = [m if n == 1 else f"{m} ({n} specimens)" for m, n in count.items()]
         notes.append(
             f"materials by the files' names: {listed(groups, 2)}; --material or {_SPECIMENS} says "

@@ -37,7 +37,7 @@ def test_compression_by_both_signs_is_refused_in_one_line(capsys) -> None:
 def test_one_negative_channel_is_turned_with_a_warning(capsys) -> None:
     write("A.csv", strain=5.0, stress=-6.0, heads="Travel (mm),Load (N)")
     assert run(["characterise", "A.csv", *SIZES]) == 0
-    assert "warning: specimen A: force_N is negative and the other is" in capsys.readouterr().err
+    assert "warning: specimen A: only force_N is negative; its sign was" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["characterise", "fit"])
