@@ -743,8 +743,8 @@ def _offset_note(curve: Curve, part: LinearPart) -> list[str]:
         return []
     return [
         Caution(
-            f"specimen {curve.specimen}: begins as if from {at_rest:.3g} MPa at rest, "
-            f"{100 * at_rest / peak:.2g} % of its peak; was the load cell zeroed?"
+            f"specimen {curve.specimen}: its beginning points at {at_rest:.3g} MPa at rest, "
+            f"{100 * at_rest / peak:.2g} % of its peak; it may not have been zeroed"
         )
     ]
 
