@@ -27,8 +27,14 @@ from planner.gap.factors import (
 from planner.gap.noise import USUAL
 from planner.glance import one_line, outcome
 from planner.materials.characterise import Curve
-from planner.materials.fit import Sample, fit_law, law_stress_MPa, sample_of, unstable_strain
-from planner.materials.fit_yield import least_yielding
+from planner.materials.fit import (
+    Sample,
+    fit_law,
+    law_stress_MPa,
+    least_yielding,
+    sample_of,
+    unstable_strain,
+)
 from planner.materials.laws import FITTED_MODELS, SeparableLaw, make_law
 from planner.materials.mixtures import CoefficientModel
 from planner.numerics import FloatArray
