@@ -366,6 +366,7 @@ def _diagnose(
         tested=levels_tested(campaign),
         seed=seed,
         traces=_traces_of(problem, chosen),
+        own_palette=campaign.palette,
     )
     return replace(found, summary=summary_of(found))
 

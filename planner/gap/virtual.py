@@ -199,7 +199,11 @@ def single_tests(
 
 
 def read_design(
-    path: str | Path, palette: Palette, *, printer: str = "connex3", camera: bool = False
+    path: str | Path,
+    palette: str | Path | Palette | None = None,
+    *,
+    printer: str | Printer = "connex3",
+    camera: bool = False,
 ) -> Campaign:
     """Read which specimens are to be tested: a specimens.csv, or a campaign's folder.
 
@@ -210,7 +214,7 @@ def read_design(
     Parameters
     ----------
     palette, printer
-        Of a list without campaign.toml.
+        Of a list alone; without a palette that of the campaign.toml beside it, if there is one.
     camera
         Whether bars are seen along their axis.
 
@@ -222,8 +226,12 @@ def read_design(
         The palette, or a material that it does not have.
     """
     path = Path(path)
+    if path.is_file() and (palette is not None or not (path.parent / "campaign.toml").is_file()):
+        machine = load_printer(printer)
+        return _listed(path, path.stem, palette_of(palette, machine), machine.name, camera)
     if path.is_file():
-        return _listed(path, path.stem, palette, printer, camera)
+        file = read_campaign_file(path.parent)
+        return _listed(path, path.stem, campaign_palette(file, path.parent), file.printer, camera)
     if not path.is_dir():
         raise FileError(
             f"{path}: no such file or folder; give a specimens.csv or the folder of a campaign"
@@ -486,7 +494,7 @@ def synthesise_campaign(
     camera
         See the strain along planned bars, too.
     printer, palette
-        Of a list without campaign.toml, by name, file or value.
+        Of a list alone, by name, file or value; by default those of the campaign.toml beside it.
 
     Returns
     -------
@@ -509,9 +517,7 @@ def synthesise_campaign(
     >>> planner.diagnose(made).verdict  # doctest: +SKIP
     'rate'
     """
-    machine = load_printer(printer)
-    own = palette_of(palette, machine)
-    plan = read_design(design, own, printer=machine.name, camera=camera)
+    plan = read_design(design, palette, printer=load_printer(printer), camera=camera)
     stated = [effect] if isinstance(effect, str) else effect
     effects = [stated_effect(text, plan.palette) for text in stated]
     rng = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from pathlib import Path
 from planner import __version__
 from planner.formats.outputs import new_folder
 from planner.formats.tables import encode_csv
-from planner.gap.diagnosis import Diagnosis
+from planner.gap.diagnosis import PALETTE_FILE, Diagnosis
 from planner.gap.summary import (
     axis_words,
     best_of,
@@ -18,6 +18,7 @@ from planner.gap.summary import (
     summary_of,
     title,
 )
+from planner.palette import encode_palette
 from planner.report.gap_figures import figures_of
 from planner.report.gap_text import (
     Table,
@@ -262,6 +263,7 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
     """Return the content of each file by its path; the same diagnosis gives the same bytes."""
     figures = figures_of(diagnosis)
     listed = any(x.row for x in diagnosis.next_experiments)
+    palette = diagnosis.own_palette
     return {
         "diagnosis.json": diagnosis.json(),
         "report.html": "\n".join(_page(diagnosis, figures)).encode("utf-8"),
@@ -269,12 +271,13 @@ def diagnosis_files(diagnosis: Diagnosis) -> dict[str, bytes]:
         "ranking.csv": _ranking_csv(diagnosis),
         **({"next-specimens.csv": _next_csv(diagnosis)} if listed else {}),
         **_next_profiles(diagnosis),
+        **({PALETTE_FILE: encode_palette(palette)} if palette is not None else {}),
         **{f"figures/{name}.svg": svg for name, svg in figures.items()},
     }
 
 
 def write_diagnosis(diagnosis: Diagnosis, output: str | Path, *, force: bool = False) -> Path:
-    """Write diagnosis.json, report.html, CSV tables, the next specimens and figures, or nothing.
+    """Write diagnosis.json, its palette, report.html, CSV tables and figures whole, or nothing.
 
     Parameters
     ----------
